@@ -10,12 +10,12 @@ from pathlib import Path
 
 from app.settings import is_every_address
 
-# Bridges of containers and virtual machines, at which no other computer is.
+# Interface prefixes of containers and virtual machines, which no other computer can reach.
 _VIRTUAL = ("docker", "br-", "veth", "virbr", "podman", "cni", "lxc", "vmnet", "vboxnet", "bridge")
-# Written by Docker, and by Podman; and from which networks they give addresses to containers.
+# Files written by Docker and by Podman, and the networks in which they place containers.
 _CONTAINER_FILES = (Path("/.dockerenv"), Path("/run/.containerenv"))
 _CONTAINER_NETWORKS = tuple(map(ipaddress.ip_network, ("172.16.0.0/12", "10.88.0.0/16")))
-# Reserved for documentation: no packet is sent there, but the system says from where it would be.
+# Reserved for documentation: nothing is sent there, but the system names the source address.
 _FAR = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
 
 
@@ -46,7 +46,7 @@ class ServerAddress:
         """
         named = [self._named(name) for name in self.allowed_hosts]
         if is_every_address(self.host):
-            # Who listens on :: takes IPv4 as well.
+            # A socket that listens on :: accepts IPv4 as well.
             both = ipaddress.ip_address(self.host).version == 6
             numbers = [each for each in network_addresses() if both or ":" not in each]
         else:
@@ -54,7 +54,7 @@ class ServerAddress:
         return tuple(dict.fromkeys([*named, *map(self._url, numbers)]))
 
     def _named(self, name: str) -> str:
-        # A name that was allowed with its port says where a proxy listens.
+        # A name allowed with a port says where a proxy listens.
         host, colon, port = name.rpartition(":")
         if colon and port.isdecimal() and ":" not in host:
             return self._url(host, int(port))
@@ -66,7 +66,7 @@ class ServerAddress:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether who listens there is reached from the same computer only."""
+    """Return whether a server there can be reached from the same computer only."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -76,11 +76,11 @@ def is_loopback(host: str) -> bool:
 def network_addresses() -> tuple[str, ...]:
     """Return this computer's addresses in its networks, IPv4 first, the likeliest first of each.
 
-    Addresses of containers' bridges and those that hold on one cable only (link-local: browsers
-    cannot open them) are left out; in a container also those of its own network, which hold on its
-    computer only.
+    Addresses of container bridges and link-local ones (valid on one cable only; browsers cannot
+    open them) are left out; in a container also those of its own network, which are valid on its
+    host only.
     """
-    # Imported here: only who shares a link needs it.
+    # Imported here: only sharing a link needs it.
     import psutil
 
     states = psutil.net_if_stats()

@@ -34,7 +34,7 @@ def default_data_folder() -> Path:
 
 
 def is_every_address(host: str) -> bool:
-    """Return whether who listens there listens on every address, as on 0.0.0.0 or ::."""
+    """Return whether a host means every address, as 0.0.0.0 and :: do."""
     try:
         return ipaddress.ip_address(host).is_unspecified
     except ValueError:
@@ -46,7 +46,7 @@ class Settings(BaseSettings):
 
     Attributes:
         source: what is opened first.
-        truth: live motion capture to listen to; without it what was chosen last.
+        truth: live motion capture to listen to; default: the last choice.
         host, port: where to listen; port 0 takes a free one.
         data: folder of database, recordings and truths. database: the URL of another database,
             a PostgreSQL server's for example; recordings and truths stay in the folder.
@@ -54,8 +54,8 @@ class Settings(BaseSettings):
         allowed_hosts: further names under which browsers may reach the server; a name with a
             port is allowed with this port only.
         tls_cert, tls_key: PEM files; both or neither.
-        session_unused_hours: a browser is signed out after so long without an open page; three
-            days last over a weekend. session_days: it signs in again after so long at the latest.
+        session_unused_hours: a browser is signed out after this long without an open page; three
+            days outlast a weekend. session_days: it must sign in again after this long.
         viewer_points, viewer_rate_hz: the 3D scene's cloud: points drawn, updates per second.
         strict: whether to end at the start if something configured cannot be used, instead of
             serving with a warning.

@@ -5,7 +5,7 @@ Frames (``T_target_source`` maps source coordinates into the target frame):
 =========  =====================================================================
 camera     rectified left camera's optical frame: x right, y down, z forward
 base       the robot: x forward, y left, z up (REP-103)
-world      the camera frame at a segment's first valid pose; obstacles are given in it
+world      the camera frame at a segment's first valid pose; obstacles are expressed in it
 image      pixels: u right, v down, the upper left pixel's centre is (0, 0)
 =========  =====================================================================
 
@@ -53,7 +53,7 @@ __all__ = [
     "open",
 ]
 
-# Imported when first used: whoever uses a part of the library alone waits for no other.
+# Imported on first use, so that using one part of the library does not load the others.
 _HOMES = {
     "Observer": "observer.observer",
     "Parameters": "observer.parameters",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, is_rotation
 
-# Outside these a "stereo camera" is almost certainly in other units.
+# Metres: a baseline outside these limits is almost certainly in other units.
 MIN_BASELINE_M = 0.001
 MAX_BASELINE_M = 2.0
 
@@ -28,14 +28,14 @@ class StereoCalibration:
     Attributes:
         width, height: image size in pixels, the same for both cameras.
         K1, K2: (3, 3) float64 camera matrices, pixels.
-        D1, D2: (N,) float64 distortion k1 k2 p1 p2 [k3 ...]; all zero for rectified images; of a
-            fisheye lens k1 k2 k3 k4.
+        D1, D2: (N,) float64 distortion k1 k2 p1 p2 [k3 ...], for a fisheye lens k1 k2 k3 k4; all
+            zero for rectified images.
         R: (3, 3) rotation ``R_right_left``.
         T: (3,) metres: the left camera's origin in the right camera's frame (T[0] < 0).
         distortion_model: of both lenses.
 
     Raises:
-        CalibrationError: naming the key and the reason.
+        CalibrationError: a value is invalid; the message names the key and the reason.
     """
 
     width: int
@@ -114,7 +114,7 @@ class StereoCalibration:
         """Refuse a right camera that is not to the right of the left one.
 
         Raises:
-            CalibrationError: saying where it stands, and to swap the two where that helps.
+            CalibrationError: says where it is, and to swap the two if that helps.
         """
         # The right camera's centre in the left camera's frame; T itself is in the right camera's.
         x, y, z = -self.R.T @ self.T
@@ -160,13 +160,13 @@ class StereoCalibration:
 
 
 def _unit_hint(baseline: float) -> str:
-    """Say in which units a baseline of this number is plausible, as the rest of a sentence."""
+    """Return in which units this baseline would be plausible, as the rest of a sentence."""
     fitting = [
         f"if T is in {unit}, divide it by {divisor} ({baseline / divisor:.3g} m)"
         for unit, divisor in (("millimetres", 1000), ("centimetres", 100))
         if MIN_BASELINE_M <= baseline / divisor <= MAX_BASELINE_M
     ]
-    # A square of a board is a few centimetres, and a baseline seldom longer than 50 of them.
+    # A calibration board's square is a few centimetres; few baselines exceed 50 squares.
     if MAX_BASELINE_M < baseline <= 50:
         fitting.append(
             "if T is in squares of the board, multiply it by the side of a square in metres"
@@ -176,7 +176,7 @@ def _unit_hint(baseline: float) -> str:
 
 @dataclass(frozen=True)
 class StereoCamera:
-    """A rectified pair: what every stage behind rectification needs of the cameras.
+    """A rectified pair, as every stage after rectification needs it.
 
     Frame: the rectified left camera's optical frame, x right, y down, z forward, metres.
     Pixels: u right, v down, the centre of the upper left pixel is (0, 0).

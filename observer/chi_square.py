@@ -1,6 +1,6 @@
-"""The chi-square distribution, by the functions of which ``scipy.stats`` makes it.
+"""The chi-square distribution, from the functions on which ``scipy.stats`` builds it.
 
-Importing ``scipy.stats`` takes a third of the time in which an engine starts.
+Importing ``scipy.stats`` itself would take a third of an engine's start-up time.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from scipy.special import chdtrc, chdtri, gammaincinv
 
 
 def quantile(probability: float, df: int) -> float:
-    """The value below which a share ``probability`` lies, for ``df`` degrees of freedom."""
+    """Return the value below which a share ``probability`` lies, for ``df`` degrees of freedom."""
     return float(2 * gammaincinv(df / 2, probability))
 
 
 def upper_quantile(probability: float, df: int) -> float:
-    """The value above which a share ``probability`` lies; exact also for very small shares."""
+    """Return the value above which a share ``probability`` lies; exact even for tiny shares."""
     return float(chdtri(df, probability))
 
 
 def log_share_above(value: float, df: int) -> float:
-    """Natural logarithm of the share that lies above; -inf where that is too small a number."""
+    """Return the natural logarithm of the share above ``value``; -inf if the share underflows."""
     with np.errstate(divide="ignore"):
         return float(np.log(chdtrc(df, value)))

@@ -12,7 +12,7 @@ from observer.types import Image, MotionState, TrackState, Unseen
 
 Color = tuple[int, int, int]
 
-# Of obstacles that move, move in place, stand now, and are not seen at present.
+# Colours of obstacles that are moving, moving in place, stopped, and coasting.
 _MOVING: Color = (0, 235, 255)
 _IN_PLACE: Color = (120, 220, 120)
 _STOPPED: Color = (255, 170, 80)
@@ -21,10 +21,10 @@ _COASTING: Color = (160, 160, 160)
 _TINT = 0.25
 TEXT_SCALE = 0.45
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-# Pixels between an obstacle's box and the text above it, and from the image's upper border to the
-# text's foot, in letters of scale 1.
+# Pixels between an obstacle's box and the text above it, and least distance of the text's baseline
+# from the image's upper border at text scale 1.
 _ABOVE_PX, _LETTER_PX = 6, 28
-# A thin stroke from edge to edge of each cell, mixed with the picture.
+# Colour of a thin stroke across each cell, and its share when blended with the image.
 _HATCH, _HATCH_SHARE = (200, 120, 200), 0.5
 
 
@@ -52,7 +52,7 @@ def draw_obstacle(
     color: Color,
     scale: float = TEXT_SCALE,
 ) -> None:
-    """Draw an obstacle's silhouette, tinted within, its box, and a text above; in view only.
+    """Draw an obstacle's tinted silhouette, its box, and a text above it, if it is in view.
 
     Args:
         canvas: (H, W, 3). box_px, silhouette: as of ``Obstacle``. scale: of the text.
@@ -71,7 +71,7 @@ def draw_text(
     canvas: Image, text: str, at: tuple[int, int], color: Color, scale: float = TEXT_SCALE
 ) -> None:
     """Write a text with a dark border; its lower left corner is at a pixel (u, v)."""
-    # OpenCV's font ends with ASCII: of a plus-minus sign it has the plus, and the line is added.
+    # OpenCV's font has only ASCII: a plus-minus sign is drawn as a plus with a line added below.
     shown = text.replace("±", "+")
     lines = [_line_below(shown, at, place, scale) for place, c in enumerate(text) if c == "±"]
     for thickness, ink in ((3, (0, 0, 0)), (1, color)):
@@ -98,7 +98,7 @@ def silhouette_mask(
 
     Args:
         silhouette: as of ``Obstacle``. shape: H, W. reduction: pixels of the silhouette's image
-            along one of these.
+            per pixel of the mask.
     """
     mask = np.zeros(shape, np.uint8)
     cv2.fillPoly(mask, _corners(silhouette, reduction), 1)
@@ -117,7 +117,7 @@ def tint(canvas: Image, mask: NDArray[np.bool_], color: Color, share: float) -> 
 
 
 def hatch_unseen(canvas: Image, unseen: Unseen) -> None:
-    """Hatch where motion could not be noticed, on a BGR canvas of the left image's size."""
+    """Hatch where motion would go unnoticed, on a BGR canvas of the left image's size."""
     side = unseen.cell_px
     corners = [
         (side * column, side * row)

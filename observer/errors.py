@@ -1,7 +1,7 @@
-"""The library's errors: one root, and one class for each kind of answer a caller can give.
+"""The library's errors: one root, and one class for each way a caller can react.
 
 Every message is one sentence that names what is wrong and what would be right.
-Only the command line exits and only the web layer maps these to HTTP.
+Only the command line exits on them, and only the web layer maps them to HTTP.
 """
 
 
@@ -9,7 +9,7 @@ class DynamicObserverError(Exception):
     """Root of every error that this library raises on purpose."""
 
     def __str__(self) -> str:
-        """Return the message on one line: what it quotes of a file or a path may break lines."""
+        """Return the message on one line: text quoted from a file or path may contain newlines."""
         text = super().__str__()
         if text.isprintable():
             return text

@@ -1,7 +1,7 @@
-"""Appearance and output of figures: the same bytes from the same data, on paper and on a page.
+"""Appearance and output of figures, for print and web pages: equal data give equal bytes.
 
-No pyplot state is used. Text and axes are drawn in one ink, which a page replaces with its own
-colour, so that charts are legible on light and dark backgrounds.
+No pyplot state is used. Text and axes are drawn in one ink colour, which a page replaces with its
+own, so that charts are legible on light and dark backgrounds.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from observer.types import Image
 
 INK = "#1b1d21"
 GRID = "#dfe2e6"
-# The same for a dark ground.
+# The same for a dark background.
 _LIGHT_INK, _DARK_GRID = "#e5efeb", "#33413d"
 GREEN, YELLOW, RED, GREY = "#2bd42b", "#ffd800", "#e5261f", "#9aa0a6"
-# After Okabe and Ito: distinguishable with colour-blind eyes, and on a dark background.
+# After Okabe and Ito: distinguishable to colour-blind people, and on a dark background.
 BLUE, ORANGE, PURPLE, TEAL, SKY = "#1f7fc4", "#D55E00", "#CC79A7", "#009E73", "#56B4E9"
 FORMATS = ("png", "svg", "pdf")
 _DPI = 150
@@ -78,7 +78,7 @@ def show_stars(axes: Axes, px: Float64Array) -> None:
 def show_flow(
     axes: Axes, start: NDArray[Any], end: NDArray[Any], color: str, marker_size: float = 1.5
 ) -> None:
-    """Draw the ways of points (N, 2), pixels, each from a dot at its start."""
+    """Draw the paths of points (N, 2), pixels, each from a dot at its start."""
     segments = np.stack([start, end], axis=1)
     axes.add_collection(LineCollection(list(segments), colors=color, linewidths=1.2))
     axes.plot(*np.asarray(start).T, "o", color=color, markersize=marker_size, linestyle="none")
@@ -127,7 +127,7 @@ def themed_svg(figure: Figure, name: str) -> str:
 
 
 def dark_svg(figure: Figure, name: str) -> bytes:
-    """Return the file of an SVG for a dark ground, which shows through."""
+    """Return the file of a transparent SVG for a dark background."""
     return (
         _transparent_svg(figure, name).replace(INK, _LIGHT_INK).replace(GRID, _DARK_GRID).encode()
     )

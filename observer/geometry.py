@@ -29,7 +29,7 @@ class Pose:
         translation: (3,) float64, metres: the source frame's origin in the target frame.
 
     Raises:
-        ValueError: the shapes are wrong, a number is not finite or the matrix is no rotation.
+        ValueError: the shapes are wrong, a number is not finite or the matrix is not a rotation.
     """
 
     rotation: Float64Array
@@ -54,10 +54,9 @@ class Pose:
 
     @staticmethod
     def _trusted(rotation: Float64Array, translation: Float64Array) -> Pose:
-        """Make a pose of new float64 arrays (3, 3) and (3,) that follow from poses, unchecked.
+        """Make a pose, without checks, of new float64 arrays (3, 3), (3,) computed from poses.
 
-        The checks cost more than what is computed here, and poses are made dozens of times a
-        frame.
+        The checks cost more than the computation, and poses are made dozens of times per frame.
         """
         rotation.setflags(write=False)
         translation.setflags(write=False)
@@ -120,7 +119,7 @@ class Pose:
         """(3,) rotation vector in radians."""
         w, x, y, z = _quaternion(self.rotation)
         sine = math.sqrt(x * x + y * y + z * z)
-        # The sine is that of half the angle; a small angle is twice the sine.
+        # ``sine`` is that of half the angle; for small angles the angle is twice the sine.
         scale = 2 * math.atan2(sine, w) / sine if sine > _SMALL_ANGLE**2 else 2.0
         return np.array([scale * x, scale * y, scale * z])
 
@@ -165,8 +164,8 @@ def is_rotation(matrix: ArrayLike, tolerance: float = _ROTATION_TOLERANCE) -> bo
     m = np.asarray(matrix, dtype=np.float64)
     if m.shape != (3, 3):
         return False
-    # By single numbers: for nine of them numpy's calls cost ten times the arithmetic. Comparisons
-    # with what is not finite are false.
+    # As scalars: for nine numbers numpy's calls cost ten times the arithmetic. Comparisons with
+    # NaN or infinity are false.
     (a, b, c), (d, e, f), (g, h, i) = m.tolist()
     return bool(
         abs(a * a + d * d + g * g - 1) <= tolerance
@@ -180,14 +179,14 @@ def is_rotation(matrix: ArrayLike, tolerance: float = _ROTATION_TOLERANCE) -> bo
 
 
 def rotation_matrix(rotvec: Float64Array) -> Float64Array:
-    """Rotations (..., 3, 3) by rotation vectors (..., 3), radians (Rodrigues' formula)."""
+    """Return rotations (..., 3, 3) for rotation vectors (..., 3), radians (Rodrigues' formula)."""
     v = np.asarray(rotvec, dtype=np.float64)
     angle2 = (v * v).sum(axis=-1)
     angle = np.sqrt(angle2)
     small = angle < _SMALL_ANGLE
     safe = np.where(small, 1.0, angle)
     sine = np.where(small, 1 - angle2 / 6, np.sin(safe) / safe)
-    # 1 - cos as a square, which keeps its digits for small angles.
+    # 1 - cos as a square, which keeps precision for small angles.
     half = np.where(small, 0.5 - angle2 / 24, 2 * (np.sin(safe / 2) / safe) ** 2)
     cross = cross_matrix(v)
     return np.asarray(
@@ -196,19 +195,19 @@ def rotation_matrix(rotvec: Float64Array) -> Float64Array:
 
 
 def orthonormal(rotation: Float64Array) -> Float64Array:
-    """The rotation (..., 3, 3) nearest to one that rounding has made slightly skew.
+    """Return the rotation (..., 3, 3) nearest to one that rounding has made slightly skew.
 
-    One step of Newton's iteration for the polar decomposition, whose error is the square of the
-    one before (Higham: Computing the Polar Decomposition, 1986).
+    One step of Newton's iteration for the polar decomposition, which converges quadratically
+    (Higham: Computing the Polar Decomposition, 1986).
     """
     skew = np.swapaxes(rotation, -1, -2) @ rotation
     return np.asarray(1.5 * rotation - 0.5 * (rotation @ skew), dtype=np.float64)
 
 
 def _quaternion(rotation: Float64Array) -> tuple[float, float, float, float]:
-    """Unit quaternion w x y z, w not negative, of a rotation (3, 3).
+    """Return the unit quaternion w x y z, w not negative, of a rotation (3, 3).
 
-    Divides by the largest of the four, so that no digits are lost (Shepperd, 1978).
+    Divides by the largest of the four, so that no precision is lost (Shepperd, 1978).
     """
     (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
     squares = (a + e + i, a - e - i, e - a - i, i - a - e)

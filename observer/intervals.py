@@ -1,8 +1,7 @@
-"""The 95 % interval, by which every uncertainty is shown to a person.
+"""The 95 % interval, in which every uncertainty is shown to people.
 
-Data files, REST and the library's results keep standard deviations; only what is read as text or
-seen in a picture is widened by this factor. The page takes it from here, see
-``app.contract.glossary``.
+Data files, REST and the library's results keep standard deviations; only texts and pictures for
+people use this factor. The page takes it from here, see ``app.contract.glossary``.
 """
 
 from __future__ import annotations

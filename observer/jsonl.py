@@ -1,4 +1,4 @@
-"""Observations as JSON lines, the way the command line writes and ``evaluate`` reads them."""
+"""Observations as JSON lines, as the command line writes and ``evaluate`` reads them."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class ObservationLine(FrameLine):
 
 
 def observation_line(observation: Observation, *, tentative: bool = False) -> ObservationLine:
-    """Return the plain dictionary of an observation's JSON line; no NaN, unknown is None.
+    """Return the plain dictionary of an observation's JSON line; unknown is None, never NaN.
 
     Args:
         tentative: include obstacles that are not confirmed yet.
@@ -122,7 +122,7 @@ def line_pose(line: Mapping[str, Any]) -> Pose | None:
     """``T_world_camera`` of a JSON line; None where the pose was unknown.
 
     Raises:
-        KeyError, TypeError, ValueError: the line is not as ``observation_line`` makes it.
+        KeyError, TypeError, ValueError: the line was not made by ``observation_line``.
     """
     pose = line["pose"]
     if pose is None:

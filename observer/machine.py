@@ -1,4 +1,4 @@
-"""The computer that devices are plugged into; tests put another one in its place."""
+"""The computer that devices are plugged into; tests substitute another one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Machine:
 
     Attributes:
         root: of the file system. access: the kernel, for device files.
-        user: whom advice on permissions is for; None for the user of this process.
+        user: the one that advice on permissions addresses; None for this process's user.
         ports: serial ports and their descriptions.
     """
 

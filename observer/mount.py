@@ -20,7 +20,7 @@ def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Ar
     """Return the rotation (3, 3) from a camera's axes to those it is mounted in (x forward, z up).
 
     Args:
-        pan_rad, tilt_rad, roll_rad: as ``CameraMount`` has them.
+        pan_rad, tilt_rad, roll_rad: as in ``CameraMount``.
     """
     pan = Pose.from_rotvec([0.0, 0.0, pan_rad], np.zeros(3)).rotation
     tilt = Pose.from_rotvec([0.0, tilt_rad, 0.0], np.zeros(3)).rotation
@@ -32,17 +32,17 @@ def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Ar
 class CameraMount:
     """The left camera on a robot that stands on flat ground.
 
-    The camera is level and looks ahead, then turns about its own axes: by ``pan_rad`` to the
-    left, by ``tilt_rad`` down, at last by ``roll_rad`` about the direction it looks in.
+    Starting level and looking ahead, the camera is turned about its own axes: by ``pan_rad`` to
+    the left, by ``tilt_rad`` down, and last by ``roll_rad`` about its optical axis.
 
     Attributes:
         height_m: of the camera above the ground. tilt_rad: angle by which it looks down from the
             horizontal.
         forward_m, left_m: of the camera from the middle of the axle about which the robot turns;
             None where unknown.
-        roll_rad: by which its right side hangs lower than its left one: clockwise as seen from
-            behind the camera. pan_rad: by which it looks to the left of where the robot drives.
-            Both 0 where nobody has measured them: a camera is put up straight.
+        roll_rad: positive if its right side is lower than its left one: clockwise as seen from
+            behind the camera. pan_rad: by which it looks to the left of the driving direction.
+            Both are 0 if not measured: cameras are usually mounted straight.
 
     Raises:
         ValueError: the height is not positive or the camera does not look ahead.
@@ -67,10 +67,12 @@ class CameraMount:
 
     @staticmethod
     def angles_of(down: Float64Array) -> tuple[float, float]:
-        """Return tilt and roll, radians, of a camera that has gravity in this direction.
+        """Return tilt and roll, radians, of a camera with this direction of gravity.
+
+        This is the inverse of the property ``down``.
 
         Args:
-            down: (3,) unit vector in the camera's axes; the inverse of ``down``.
+            down: (3,) unit vector in the camera's axes.
         """
         x, y, z = (float(value) for value in down)
         return math.atan2(z, math.hypot(x, y)), math.atan2(x, y)
@@ -83,16 +85,16 @@ class CameraMount:
 
     @property
     def T_base_camera(self) -> Pose:
-        """The camera on its robot; as if above the axle where its offset is unknown."""
+        """The camera's pose on its robot; above the axle if its offset is unknown."""
         offset = np.array([self.forward_m or 0.0, self.left_m or 0.0, self.height_m])
         return Pose(self.R_base_camera, offset)
 
     @property
     def T_level_camera(self) -> Pose:
-        """The camera in upright axes: z up from the ground below it, x to where it looks, y left.
+        """The camera's pose in level axes: z up from the ground below it, x where it looks, y left.
 
-        What ``T_base_camera`` is, but for pan and offset: all that levelling needs. Applied to
-        the world, which is a segment's first camera, it is the display's frame.
+        It is ``T_base_camera`` without pan and offset, which levelling does not need. Applied to
+        the world, which is a segment's first camera, it gives the display's frame.
         """
         level = R_base_camera(0.0, self.tilt_rad, self.roll_rad)
         return Pose(level, np.array([0.0, 0.0, self.height_m]))
@@ -112,6 +114,6 @@ def level_pose(mount: CameraMount | None) -> Pose:
     """Return ``T_level_camera``: z up, x to where the camera looks, the ground at z = 0.
 
     Args:
-        mount: where unknown, the camera is taken to be level and put at z = 0.
+        mount: None if unknown; the camera is then assumed to be level, at z = 0.
     """
     return _T_LEVEL_CAMERA if mount is None else mount.T_level_camera

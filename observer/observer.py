@@ -1,10 +1,10 @@
-"""The observer: what an observing robot does with each pair of images, from top to bottom.
+"""The observer: the whole processing of each pair of images, from rectification to result.
 
-How moving obstacles are found is a method: ``observer.methods.planar`` is the paper's,
-``observer.methods.rigid`` motion in space by stereo, ``observer.methods.monocular`` motion in space
-by the left camera alone; the parameter ``ego_motion.model`` chooses.
+Moving obstacles are found by one of three methods: ``observer.methods.planar`` is the paper's,
+``observer.methods.rigid`` uses 3D motion from stereo, ``observer.methods.monocular`` 3D motion from
+the left camera alone; the parameter ``ego_motion.model`` chooses.
 
-Names a trace receives (absent where a frame did not come that far, or the method has no such):
+Names a trace receives (absent if processing did not get that far, or the method has none):
 
 ====================  =========================================================================
 time                  t+dt, seconds on the source's clock
@@ -14,8 +14,8 @@ previous_time         t, seconds on the source's clock
 features_px           (N, 2) feature points at t
 matches               ``Matches`` between t and t+dt
 ego_motion            ``EgoMotion``; its inliers are aligned with the matches
-flow_px               (M, 2) features at t that could be followed
-flow_observed_px      (M, 2) where they are once the camera's own motion is taken out
+flow_px               (M, 2) features at t that could be tracked
+flow_observed_px      (M, 2) where they are once the camera's own motion is removed
 flow_residual_px      (M, 2) the difference
 dynamic               (M,) which of them are dynamic
 --------------------  planar only
@@ -26,17 +26,17 @@ warped_disparity      (H, W) of the transformed pair, computed around the dynami
 motions               ``PointMotions``: the dynamic features whose depth is known at both instants
 points_previous       (K, 3) metres, dynamic points at t, camera frame of t
 points_current        (K, 3) metres, the same points at t+dt, in the same frame
-detections            the obstacles of this frame before they get an identity
+detections            the obstacles of this frame before they are assigned to tracks
 --------------------  rigid only
-evidence              ``Evidence``: how every followed point moves, and how sure that is
-unseen                ``Unseen``: where motion could not be noticed
+evidence              ``PointEvidence``: how every tracked point moves, and how certain that is
+unseen                ``Unseen``: where motion would go unnoticed
 rows                  ``StereoRows``: where the points are in the right image; the inliers of
                       ``ego_motion`` are aligned with them
-disparity_bias        ``DisparityBias``: what all disparities lack, as far as known
-exposure_skew         ``ExposureSkew``: how much later the right camera exposes, where untold
+disparity_bias        ``DisparityBias``: estimated correction of all disparities
+exposure_skew         ``ExposureSkew``: how much later the right camera exposes, if not given
 --------------------  one camera only
-rays                  ``RayPoints``: all followed points, their lines of sight and depths
-ray_evidence          ``RayEvidence``: which of them cannot stand
+rays                  ``RayPoints``: all tracked points, their lines of sight and depths
+ray_evidence          ``RayEvidence``: which of them cannot be static
 ====================  =========================================================================
 """
 
@@ -86,7 +86,7 @@ class _StageTimer:
             self._ms[stage] = self._ms.get(stage, 0.0) + 1e3 * (self._clock() - begin)
 
     def finish(self) -> dict[str, float]:
-        """All stages' times, and ``total`` since the timer was made."""
+        """Return all stages' times, and ``total`` since the timer was created."""
         return self._ms | {"total": 1e3 * (self._clock() - self._begin)}
 
 
@@ -96,14 +96,14 @@ class Observer:
     It owns no thread or file. The first one in a process loads the compiled kernels; if they are
     not compiled for this processor yet, it waits until they are, and logs that.
 
-    Equal frames and parameters give equal results to the last digit; the clock is used for
-    ``timings_ms`` only.
+    Equal frames and parameters give bit-identical results; the clock is used for ``timings_ms``
+    only.
 
     **Loss.** A frame whose pose cannot be estimated (too few matches, no background with depth, an
     impossible jump) reports no world quantities, and later frames are not compared with it but
-    with the last good one. After ``ego_motion.recover_frames`` such frames, and when time runs
-    backwards or another kind of model is chosen, all tracks end and the current frame is the
-    first of a new segment, with a new world frame.
+    with the last good one. After ``ego_motion.recover_frames`` such frames, or when time runs
+    backwards or another method is chosen, all tracks end and the current frame is the first of a
+    new segment, with a new world frame.
 
     Attributes:
         camera: the rectified pair.
@@ -125,7 +125,7 @@ class Observer:
         mount: CameraMount | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        # No frame waits for a compiler.
+        # Now, so that no frame has to wait for the compiler.
         make_ready(_log.warning)
         self._rectification = Rectification(calibration)
         self.camera = self._rectification.camera
@@ -134,9 +134,9 @@ class Observer:
         self._mount = mount
         self._clock = clock
         self._method: Method | None = None
-        # An obstacle's number is not used again in a later segment.
+        # Obstacle ids are not reused in a later segment.
         self._numbers = count(1)
-        # What the pair's calibration lacks does not end with a segment either.
+        # Calibration errors of the pair persist across segments too.
         self._drift = StereoDrift(self.camera)
         self._health = ImageHealth(self.camera)
         self._newest: tuple[int, float] | None = None
@@ -155,7 +155,7 @@ class Observer:
         self._revision = revision
 
     def begin_segment(self) -> None:
-        """Forget all frames and tracks; the next frame is the first of a new world."""
+        """Forget all frames and tracks; the next frame starts a new world."""
         if self._method is not None:
             self._segment += 1
         self._method = None
@@ -166,8 +166,8 @@ class Observer:
         """Find what moves between an earlier frame and this one.
 
         Args:
-            frame: the newest pair. Times must increase: a frame as old as the last one is
-                answered with ``lost`` and skipped, an older one begins a new segment.
+            frame: the newest pair. Times must increase: a frame with the same time as the last one
+                is skipped and reported as ``lost``, an older one begins a new segment.
             trace: receives every intermediate image and number (see the module's table).
 
         Raises:
@@ -188,7 +188,7 @@ class Observer:
         if step.T_world_camera is not None:
             self._frames_lost = 0
         elif step.waiting:
-            # Nothing is lost: the method has not seen enough yet to tell the pose.
+            # Not lost: the method has not seen enough yet to determine the pose.
             pass
         elif self._frames_lost >= p.ego_motion.recover_frames:
             self.begin_segment()
@@ -216,7 +216,7 @@ class Observer:
         trace.keep("right", right)
         gray = as_gray(left)
         if _method_name(self.parameters) == "monocular":
-            # What the right camera sees must not matter.
+            # The right image must not influence the result.
             return View.of(frame, gray, gray)
         return View.of(frame, gray, as_gray(right))
 
@@ -238,7 +238,7 @@ class Observer:
     def _first(
         self, frame: StereoFrame, view: View, notes: tuple[str, ...], timer: _StageTimer
     ) -> Observation:
-        """The first frame of a segment: its camera is where the world begins."""
+        """Process the first frame of a segment, whose camera pose is the world's origin."""
         self._method = self._new_method(view)
         self._newest = (frame.index, frame.time)
         ills = self._health.look(view, self.parameters.stereo)

@@ -1,4 +1,4 @@
-"""Map of the ground around a robot: which cells are free, which blocked, and which unknown."""
+"""Map of the ground around a robot: which cells are free, blocked or unknown."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from observer.geometry import Pose
 # States of a cell, and how many there are.
 UNKNOWN, FREE, BLOCKED = range(3)
 STATES: Final = 3
-# A map counts until the next one, but no longer than this.
+# Seconds: a map is valid until the next one, but no longer than this.
 HELD_S: Final = 1.0
-# A larger map is an error.
+# A map with more cells is an error.
 _MOST_CELLS: Final = 1 << 20
 
 
@@ -25,11 +25,11 @@ class OccupancyMap:
     """Square grid of cells at one instant, in the frame of a robot's odometry.
 
     Attributes:
-        received: the host's monotonic clock at the reception of the newest frame it goes by.
-        x, y: corner of the grid where both are least, metres.
+        received: the host's monotonic clock at the reception of the newest frame used for it.
+        x, y: the grid's corner with the least coordinates, metres.
         cell_m: side of a cell. size: cells along each side of the grid.
-        runs: how many cells in a row are unknown, free, blocked, unknown and so on, 0 where one
-            of these is left out; y rises from cell to cell, and x from row to row.
+        runs: run-length encoding: numbers of consecutive cells that are unknown, free, blocked,
+            unknown and so on, 0 for an empty run; y rises from cell to cell, x from row to row.
         robot: x, y, yaw of the robot's base at that frame, metres and radians.
 
     Raises:
@@ -61,16 +61,16 @@ class OccupancyMap:
         robot: tuple[float, float, float],
         received: float,
     ) -> OccupancyMap:
-        """Return the map of cells (S, S), by x and y, each of them one of the states."""
+        """Return the map of cells (S, S), indexed by x and y, each one of the states."""
         return OccupancyMap(received, *corner, cell_m, len(cells), _runs(cells.ravel()), robot)
 
     def cells(self) -> NDArray[np.uint8]:
-        """(S, S) state of each cell, by x and y."""
+        """(S, S) state of each cell, indexed by x and y."""
         states = np.arange(len(self.runs)) % STATES
         return np.repeat(states, self.runs).astype(np.uint8).reshape(self.size, self.size)
 
     def placed(self, T_world_base: Pose) -> Pose:
-        """Return where the grid's corner is, its axes along x, y and up, as ``T_world_corner``.
+        """Return ``T_world_corner``: the grid's corner, with axes along x, y and up.
 
         Args:
             T_world_base: the robot at the instant of the map.
@@ -82,11 +82,11 @@ class OccupancyMap:
 
 
 def _runs(states: NDArray[np.uint8]) -> tuple[int, ...]:
-    """Return how long each state lasts, in turn."""
+    """Return the run lengths of the states, which take turns."""
     begins = np.flatnonzero(np.diff(states, prepend=STATES))
     lengths = np.diff(begins, append=len(states))
     of = states[begins].astype(np.intp)
-    # Between two runs a state may be left out.
+    # States skipped between two runs get a run of length 0.
     places = np.cumsum(np.concatenate([of[:1], np.diff(of) % STATES]))
     runs = np.zeros(int(places[-1]) + 1, np.intp)
     runs[places] = lengths

@@ -1,6 +1,6 @@
-"""Opening of the source that a text names and, where there is one, its ground truth.
+"""Opening of the source that a text names and, if there is one, its ground truth.
 
-This is the only place that knows every kind of source; the sources do not know each other.
+This is the only module that knows every kind of source; the sources do not know each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SCHEMES: tuple[SourceKind, ...] = ("simulated", "video", "camera", "coppeliasim
 
 # A scheme, even a mistyped one; a Windows drive letter is one character and stays a path.
 _SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
-# Of what is refused at most this much is repeated.
+# Characters: error messages quote at most this much of a refused text.
 _QUOTED = 80
 _NETWORK_KINDS = ("rtsp", "rtsps", "http", "https", "sbs", "sbs_swapped")
 
@@ -38,11 +38,11 @@ class OpenedSource:
     """A source and what belongs to it; the method only ever sees the source's frames.
 
     Attributes:
-        truth: about the same world, where somebody knows it.
-        truth_note: why a file that lies beside the images is not used as truth.
-        local_maps: recorded with the frames, by the position of each.
-        robots: that drive in the same world, where it has any of its own.
-        calibration_notes: what was decided while the source's own calibration was read.
+        truth: ground truth of the same world, if available.
+        truth_note: why a truth file beside the images is not used.
+        local_maps: recorded with the frames, by frame position.
+        robots: robots that drive in the source's own world, if it has any.
+        calibration_notes: decisions made while reading the source's own calibration.
     """
 
     source: Source
@@ -71,7 +71,7 @@ def open_source(spec: str) -> OpenedSource:
     try:
         return _opened(spec)
     except OSError as error:
-        # Of a name that is too long, say, or of a folder that may not be read.
+        # For example a name that is too long, or a folder without read permission.
         raise SourceError(
             f"{shown_spec(spec)[:_QUOTED]} cannot be opened: {error.strerror or error}"
         ) from error
@@ -108,9 +108,9 @@ def _opened(spec: str) -> OpenedSource:
 
 
 def shown_spec(spec: str) -> str:
-    """Return the text that names a source, without users and passwords, for people and logs."""
+    """Return the text that names a source, without users and passwords, for display and logs."""
     kind, rest = _split(spec)
-    # A mistyped scheme may be followed by a password, too.
+    # A password may also follow a mistyped scheme.
     if kind not in _NETWORK_KINDS and not (kind and "//" in rest):
         return spec
     from observer.sources.cameras.spec import without_password
@@ -118,7 +118,7 @@ def shown_spec(spec: str) -> str:
     try:
         return _parse_cameras(spec).text
     except SourceError:
-        # It will be refused; a possible password is left out all the same, of any address in it.
+        # It will be refused, but a possible password in any address must still be removed.
         scheme = spec.removesuffix(rest)
         with contextlib.suppress(ValueError):
             _, at, behind = rest.rpartition("@")
@@ -129,7 +129,7 @@ def shown_spec(spec: str) -> str:
 def live_devices(spec: str) -> tuple[str, ...]:
     """Return the names of the live cameras that ``spec`` names, as in ``SourceInfo.devices``.
 
-    Nothing is opened; empty for what names no live cameras.
+    Nothing is opened; empty if ``spec`` does not name live cameras.
     """
     if _split(spec)[0] not in ("camera", *_NETWORK_KINDS):
         return ()
@@ -140,7 +140,7 @@ def live_devices(spec: str) -> tuple[str, ...]:
 
 
 def source_kind(spec: str) -> SourceKind | None:
-    """Return the kind of source that ``spec`` names; None if there is none. Nothing is opened."""
+    """Return the kind of source that ``spec`` names, None if unknown. Nothing is opened."""
     kind, rest = _split(spec)
     if kind in _NETWORK_KINDS:
         return "network"
@@ -150,7 +150,7 @@ def source_kind(spec: str) -> SourceKind | None:
 
 
 def exclusive_world(spec: str) -> str | None:
-    """Return the world that ``spec`` names if it takes one source at a time; nothing is opened."""
+    """Return the world that ``spec`` names if it allows only one source; nothing is opened."""
     kind, rest = _split(spec)
     if kind != "coppeliasim":
         return None
@@ -163,7 +163,7 @@ def exclusive_world(spec: str) -> str | None:
 
 
 def _split(spec: str) -> tuple[str, str]:
-    """Return the kind of source, empty for a path, and what follows its colon."""
+    """Return the kind of source, empty for a path, and the text after its colon."""
     scheme = _SCHEME.match(spec)
     return (scheme.group(1).lower(), spec[scheme.end() :]) if scheme else ("", spec)
 
@@ -191,7 +191,7 @@ def _open_simulated(rest: str) -> OpenedSource:
         seed = int(value)
     world = World(load_scenario(name or "lab"), seed)
     source = SimulatedSource(world)
-    # Cameras must stand still while a board is shown to them.
+    # Cameras must not move while a calibration board is shown to them.
     robots = None if world.board else SimulatedRobots(world, source)
     return OpenedSource(source, SimulatedTruth(world), robots)
 
@@ -221,7 +221,7 @@ def _open_folder(path: Path) -> OpenedSource:
         try:
             truth = CsvTruth(truth_file)
         except TruthError as error:
-            # The images can be observed all the same.
+            # The images can still be observed.
             note = f"{error}; the images are observed without it"
     notes = source.calibration_notes
     return OpenedSource(source, truth, calibration_notes=notes, truth_note=note)

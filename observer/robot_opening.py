@@ -22,21 +22,21 @@ _FORMS = (
 def open_robot(
     port: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
 ) -> Robot:
-    """Open the robot at a port; it connects by itself from now on, with motors off.
+    """Open the robot at a port; from then on it connects by itself, with motors off.
 
     Args:
         port: a device's path or ``socket://HOST:PORT`` (ARCOS), ``external:HOST:PORT`` (a robot
             of your own connects there) or ``coppeliasim:HOST:PORT/OBJECT``.
-        model: of ``observer.robots.models``; None: as the robot calls itself.
+        model: one of ``observer.robots.models``; None: as the robot reports.
         clock: the host's monotonic clock.
 
     Raises:
-        InputError: the text names no port, or there is no such model.
+        InputError: the text does not name a port, or there is no such model.
     """
     check_port(port)
     if model is not None:
         robot_spec(model)
-    # Each knows the protocol, and the libraries, of its own kind of robot.
+    # Imported only when needed: each module loads the libraries of its own kind of robot.
     if port.startswith(EXTERNAL):
         from observer.robots.network.robot import ExternalRobot
 

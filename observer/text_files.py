@@ -1,8 +1,8 @@
-"""Text files that people write: YAML or JSON held to a pydantic model, refused in one sentence.
+"""Text files that people write: YAML or JSON, validated by a pydantic model.
 
-Every scalar stays the text it is until a model says what it means, so that ``no`` and ``12`` may
-be names and numbers keep their digits. What could grow beyond its text is refused before anything
-is built of it.
+Every scalar stays text until a model interprets it, so that ``no`` and ``12`` may be names and
+numbers keep their digits. Input that could expand beyond its text (YAML aliases) is refused before
+any data are built from it. Errors are one sentence.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ Location: TypeAlias = "tuple[int | str, ...]"
 
 MAX_BYTES = 1_000_000
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-# Such files nest two or three deep; more is either another kind of file or an attack.
+# Such files nest two or three levels; deeper nesting means another kind of file or an attack.
 MAX_DEPTH = 12
 
 
 def read_bytes(path: Path, what: str) -> bytes:
-    """Return the content of a file of at most ``MAX_BYTES``; ``what`` names what it holds.
+    """Return the content of a file of at most ``MAX_BYTES``; ``what`` names its content.
 
     Raises:
         InputError: the file cannot be read or is larger.
@@ -55,10 +55,10 @@ def read_bytes(path: Path, what: str) -> bytes:
 
 
 def read_text(path: Path, what: str) -> str:
-    """Return the text of a file of at most ``MAX_BYTES``; ``what`` names what it holds.
+    """Return the text of a file of at most ``MAX_BYTES``; ``what`` names its content.
 
     Raises:
-        InputError: the file cannot be read, is larger or is no text.
+        InputError: the file cannot be read, is larger or is not text.
     """
     return decoded(read_bytes(path, what), name=path.name)
 
@@ -72,7 +72,7 @@ def check_length(content: bytes, name: str, what: str) -> None:
 
 
 def decoded(content: bytes, *, name: str) -> str:
-    """Return the text that these bytes are; raise ``InputError`` where they are no UTF-8."""
+    """Return these bytes as text; raise ``InputError`` if they are not UTF-8."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -85,16 +85,17 @@ def parse_text(
     """Return the top-level mapping of a YAML or JSON text, every scalar as text.
 
     Args:
-        name: what the text is called in messages, mostly a file's name.
-        what: what it holds, as in ``a rig``. form: what it must be written as, as in ``YAML``.
-        most: characters it may have.
+        name: how messages call the text, usually a file's name.
+        what: its content, as in ``a rig``. form: its required notation, as in ``YAML``.
+        most: most characters allowed.
 
     Raises:
-        InputError: the text is too long, is not text, is cut off or otherwise malformed, uses
-            YAML aliases, repeats a key, or holds no mapping.
+        InputError: the text is too long, is not text, is truncated or otherwise malformed, uses
+            YAML aliases, repeats a key, or is not a mapping.
     """
     text = checked_text(text, name=name, what=what, form=form, most=most)
-    # OpenCV writes "%YAML:1.0", which is no directive of YAML. Blanked, so that lines still count.
+    # OpenCV writes "%YAML:1.0", which is not a valid YAML directive. The line is blanked, not
+    # removed, so that line numbers stay correct.
     text = re.sub(r"\A(\s*)%YAML[^\n]*", r"\1", text)
     try:
         data = _document(yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
@@ -102,11 +103,11 @@ def parse_text(
         raise InputError(f"{name}: {error}") from None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        # For libyaml a text that is cut off ends in the line behind its last.
+        # libyaml reports the end of a truncated text one line after its last.
         last = text.count("\n")
         where = f" in line {min(mark.line, last) + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or "it cannot be read"
-        # JSON is YAML, but who wrote JSON need not know.
+        # JSON is parsed as YAML, but authors of JSON need not know that.
         notation = "JSON" if text.lstrip().startswith("{") else "YAML"
         raise InputError(
             f"{name}: the file is truncated or not valid {notation}{where}: {problem}"
@@ -117,8 +118,8 @@ def parse_text(
 
 
 def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> str:
-    """Return a text without byte order mark; raise ``InputError`` for one that is none, empty or
-    too long."""
+    """Return a text without byte order mark; raise ``InputError`` if it is not text, empty or too
+    long."""
     if len(text) > most:
         raise InputError(f"{name}: {what} may have at most {most} characters, not {len(text)}")
     if re.search(r"[\ud800-\udfff]", text):
@@ -128,12 +129,12 @@ def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> st
     text = text.removeprefix("\ufeff")
     if not text.strip():
         raise InputError(f"{name}: the file is empty; it must be {form}")
-    # OpenCV escapes the apostrophe in strings, which neither YAML nor JSON knows.
+    # OpenCV escapes apostrophes in strings, which is invalid in both YAML and JSON.
     return re.sub(r"(\\\\)|\\'", lambda found: found.group(1) or "'", text)
 
 
 def _document(events: Iterator[Any]) -> PlainData:
-    """Return what the parser's events tell; comments alone are an empty mapping."""
+    """Return the data of the parser's events; comments alone are an empty mapping."""
     data: PlainData = {}
     for number, _ in enumerate(e for e in events if isinstance(e, yaml.DocumentStartEvent)):
         if number:
@@ -167,15 +168,15 @@ def _value(events: Iterator[Any], event: Any, depth: int) -> PlainData:
 
 
 class FileModel(BaseModel):
-    """A mapping of a file.
+    """A mapping in a file.
 
-    A validator raises ``ValueError`` with a message that goes on with its key ("must be ..."), or
-    with ``{at}`` where the key stands within it.
+    A validator raises ``ValueError`` with a message that continues after its key ("must be ..."),
+    or contains ``{at}`` where the key is to be inserted.
 
     Attributes:
-        noun: what it is; where it is given, keys that are not declared are refused.
-        form: what follows "must" where there is no mapping. missing: what is said of a key that
-            is not there. unset: texts of a key that is as one that is not there.
+        noun: what the mapping is; if given, undeclared keys are refused.
+        form: what follows "must" in the message if it is not a mapping. missing: message for a
+            missing key. unset: values for which a key counts as missing.
     """
 
     model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
@@ -187,7 +188,7 @@ class FileModel(BaseModel):
 
     @classmethod
     def unknown(cls, key: str) -> str:
-        """Return the message on a key that is not declared."""
+        """Return the message for an undeclared key."""
         near = difflib.get_close_matches(key, cls.model_fields, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(cls.model_fields)}"
         return f"is not a key of {cls.noun}; {hint}"
@@ -226,7 +227,7 @@ def validated(
     """Return the model of a file's data.
 
     Args:
-        name: what the file is called in messages.
+        name: how messages call the file.
         place: how messages call a place in it.
 
     Raises:
@@ -239,7 +240,7 @@ def validated(
 
 
 def problem(error: ValidationError, place: Callable[[Location], str] = dotted) -> str:
-    """Return what pydantic found first, as one sentence that names the place."""
+    """Return the first error that pydantic found, as one sentence that names the place."""
     first = error.errors(include_url=False)[0]
     location = first["loc"]
     if first["type"] == "key":
@@ -248,7 +249,7 @@ def problem(error: ValidationError, place: Callable[[Location], str] = dotted) -
 
 
 def sentence(where: str, message: str) -> str:
-    """Return the message on a place in a file, with the place."""
+    """Return the message with the place in the file that it is about."""
     if "{at}" in message:
         return message.replace("{at}", where)
     return with_name(where, message)
@@ -260,7 +261,7 @@ def shown(value: PlainData) -> str:
 
 
 def one_of(table: dict[str, Any], message: str) -> PlainValidator:
-    """Validate a word of a table, whose value is taken; ``message`` shows ``{given}``."""
+    """Validate a word by looking up its value in a table; ``message`` contains ``{given}``."""
 
     def look_up(value: PlainData) -> Any:
         if isinstance(value, str) and value in table:
@@ -271,7 +272,7 @@ def one_of(table: dict[str, Any], message: str) -> PlainValidator:
 
 
 def word(message: str) -> BeforeValidator:
-    """Validate a text; ``message`` is said of lists and mappings."""
+    """Validate a text; ``message`` is the error for lists and mappings."""
 
     def check(value: PlainData) -> str:
         if not isinstance(value, str):
@@ -284,7 +285,7 @@ def word(message: str) -> BeforeValidator:
 def _number(value: PlainData) -> float:
     if not isinstance(value, str) or NUMBER.fullmatch(value) is None:
         raise ValueError(f"must be a plain number, not {shown(value)}")
-    # Digits enough give infinity, which who takes the number refuses.
+    # Very large numbers become infinity, which the code that uses the number refuses.
     return float(value)
 
 

@@ -1,6 +1,6 @@
 """Data passed from stage to stage: frozen, checked on entry, with its validity.
 
-A value that is not known is ``None`` beside a status, never a zero or an identity.
+An unknown value is ``None`` with a status, never a zero or an identity.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Odometry:
 
 @dataclass(frozen=True, eq=False)
 class StereoFrame:
-    """One pair of images, as a source delivered it. It carries no ground truth.
+    """One pair of images as a source delivered it, without ground truth.
 
     Attributes:
         index: number of the frame within its source, counted from 0; gaps are dropped frames.
@@ -112,8 +112,8 @@ class Matches:
 class EgoMotion(Protocol):
     """The camera's own motion between t and t+dt, whatever its model.
 
-    ``predict`` tells where a *static* point seen at t must appear at t+dt; what is observed
-    minus what is predicted is the residual motion.
+    ``predict`` returns where a *static* point seen at t must appear at t+dt; observed minus
+    predicted position is the residual motion.
     """
 
     @property
@@ -144,7 +144,7 @@ class EgoMotion(Protocol):
 
     @property
     def T_current_previous(self) -> Pose | None:
-        """The camera's motion where the model knows it; None where it does not."""
+        """The camera's motion if the model provides it, otherwise None."""
         ...
 
     @property
@@ -169,9 +169,10 @@ class TrackState(StrEnum):
 
 
 class MotionState(StrEnum):
-    """Present motion of a dynamic obstacle.
+    """Current motion of a dynamic obstacle.
 
-    What moves in place, as a person who waves, does not travel: its velocity is that of its trunk.
+    An obstacle that moves in place, such as a waving person, does not travel: its velocity is that
+    of its trunk.
     """
 
     MOVING = "moving"
@@ -189,7 +190,7 @@ class Obstacle:
     Attributes:
         id: the track's number, unique within its segment: negative and provisional while it is
             tentative, positive and permanent from its confirmation on.
-        position_camera: (3,) metres, camera frame at this frame: the centre as far as known.
+        position_camera: (3,) metres, camera frame at this frame: the centre as far as it is known.
         velocity_camera: (3,) m/s, the obstacle's velocity over ground, in camera axes.
         position: (3,) metres, world. velocity: (3,) m/s, world.
         position_cov, velocity_cov: (3, 3) m^2 and (m/s)^2 in world axes, or None if unknown.
@@ -246,7 +247,7 @@ class Obstacle:
         return float(np.arctan2(self.position_camera[0], self.position_camera[2]))
 
 
-# Why motion could not be noticed in a cell, in words.
+# Why motion would go unnoticed in a cell, in words.
 UNSEEN_BECAUSE = {
     "plain": "too little texture",
     "dark": "too dark or saturated",
@@ -255,24 +256,24 @@ UNSEEN_BECAUSE = {
     "unmatched": "no match between left and right",
     "tentative": "something may have started to move, not certain yet",
 }
-# Smaller shares of the view are not worth a word.
+# Smaller shares of the view are not mentioned.
 _TOLD_SHARE = 0.005
 
 
 @dataclass(frozen=True)
 class Unseen:
-    """Regions of the rectified left image in which motion could not be noticed.
+    """Regions of the rectified left image in which motion would go unnoticed.
 
     Attributes:
-        share: of the image, but for what is tentative. causes: shares by cause, largest first:
+        share: of the image, without tentative cells. causes: shares by cause, largest first:
             ``plain`` (no texture), ``dark`` (too dark or saturated for an outline to stand out),
-            ``near`` (nearer than stereo searches), ``fast`` (the camera moves too fast for dense
-            depth), ``unmatched`` (textured, but left and right do not match), ``tentative`` (on a
-            body that may have begun to move).
+            ``near`` (nearer than the stereo search range), ``fast`` (the camera moves too fast for
+            dense depth), ``unmatched`` (textured, but left and right do not match), ``tentative``
+            (on a body that may have begun to move).
         cell_px: side of a cell, pixels.
-        rows: of cells, from the top, a letter for each cell from the left: the first one of its
-            cause, "." where motion could be noticed.
-        hides_person: a person could move in it without being noticed.
+        rows: of cells, from the top; in each row one letter per cell, from the left: the first
+            letter of its cause, "." where motion would be noticed.
+        hides_person: whether a person could move in these regions without being noticed.
     """
 
     share: float
@@ -283,7 +284,7 @@ class Unseen:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Sentences of why this degrades a frame; none where it does not."""
+        """Reasons why this degrades a frame, one sentence each; empty if it does not."""
         told = []
         if self.hides_person:
             causes = ", ".join(
@@ -300,7 +301,7 @@ class Unseen:
         return tuple(told)
 
     def cause_at(self, px: tuple[float, float]) -> str | None:
-        """Return the cause at a pixel u, v of the image; None where motion could be noticed."""
+        """Return the cause at a pixel u, v of the image; None where motion would be noticed."""
         row = min(max(0, int((px[1] + 0.5) // self.cell_px)), len(self.rows) - 1)
         column = min(max(0, int((px[0] + 0.5) // self.cell_px)), len(self.rows[0]) - 1)
         letter = self.rows[row][column]
@@ -312,9 +313,9 @@ class Observation:
     """Result of one call of ``Observer.observe``.
 
     Attributes:
-        frame, time, received: as of the frame that was observed.
-        segment: number of the stretch that shares one world frame, counted from 0.
-        status, reasons: how far this frame can be trusted, and why no further.
+        frame, time, received: of the observed frame.
+        segment: number of the run of frames that share one world frame, counted from 0.
+        status, reasons: how far this frame can be trusted, and why not further.
         parameters_revision: the revision of the parameters that were used.
         T_world_camera: the camera's pose; None where unknown.
         obstacles: all tracks, tentative ones included.
@@ -376,12 +377,12 @@ class FullTrace(Mapping[str, Any]):
         self._values[name] = value
 
     def keep_later(self, name: str, make: Callable[[], Any]) -> None:
-        """Remember how to make the value, which is done when somebody asks for it first."""
+        """Remember how to compute the value, which is done on first access."""
         self._later[name] = make
         self._values[name] = None
 
     def __getitem__(self, name: str) -> Any:
-        # Two threads that ask at once both make it.
+        # Two threads that ask at once both compute it, which is harmless.
         make = self._later.get(name)
         if make is not None:
             self._values[name] = make()
@@ -389,7 +390,7 @@ class FullTrace(Mapping[str, Any]):
         return self._values[name]
 
     def __contains__(self, name: object) -> bool:
-        # Mapping's own would make the value.
+        # Mapping's own __contains__ would compute the value.
         return name in self._values
 
     def __iter__(self) -> Iterator[str]:

@@ -1,6 +1,6 @@
-"""What pydantic finds wrong with a value, in words for people.
+"""Pydantic's validation errors in words for end users.
 
-Its own words ("String should have at least 1 character") are for developers.
+Its own messages ("String should have at least 1 character") are for developers.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-# How a message begins that can follow the name of a value.
+# Beginnings of messages that can directly follow the name of a value.
 _PREDICATES = ("must ", "is ", "has ", "gives ", "appears ")
 _SENTENCES: Mapping[str, str] = {
     "missing": "is missing",

@@ -8,7 +8,7 @@ import importlib.metadata
 
 @functools.cache
 def library_version() -> str:
-    """Return the installed version; ``source`` where the code runs from a bare source tree."""
+    """Return the installed version; ``source`` if the code runs from a bare source tree."""
     try:
         return importlib.metadata.version("dynamic-observer")
     except importlib.metadata.PackageNotFoundError:

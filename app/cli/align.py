@@ -1,4 +1,4 @@
-"""``dynamic-observer align``: lay motion capture over a recorded run."""
+"""``dynamic-observer align``: align motion capture with a recorded run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from app.cli.truth_options import (
 from observer.errors import InputError
 from observer.truth.files.known import names_in_words
 
-# Tolerance of the offset that a person expects.
+# Seconds: tolerance of the time offset given with --expect.
 _ROUGHLY_S = 2.0
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def align(
             comparison = Comparison(None, file)
         else:
             capture = recorded_capture(recording) if file is None else file.capture()
-            # Bodies that are ignored need not be in the file.
+            # Ignored bodies need not be in the file.
             ignored = [body for body in ignore or [] if body in capture.bodies]
             choices = _choices(
                 recording.facts, observer, ignored, match or [], expect, T_body_camera

@@ -14,7 +14,7 @@ def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameter
     Raises:
         InputError: an assignment has no ``=``, or the preset is unknown.
         ParameterError: a parameter was refused; the message names each with its range, or the
-            parameters that have no effect with the method in force.
+            parameters that have no effect with the current method.
     """
     return effective(preset(preset_name), changes_of(assignments))
 

@@ -89,7 +89,7 @@ def benchmark(
         )
         return
     figures_to = _figure_paths(figure, output)
-    # They bring OpenCV and the methods with them, which take seconds.
+    # Importing them loads OpenCV and the methods, which takes seconds.
     from observer.evaluation.benchmark import run_benchmark
     from observer.evaluation.machine import machine_facts, machine_line
     from observer.evaluation.report import benchmark_markdown
@@ -124,7 +124,7 @@ def benchmark(
 
 
 def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
-    """Return the paths of the figures; refuse bad ones before hours of work, not after."""
+    """Return the paths of the figures; reject bad ones before hours of work, not after."""
     paths = [] if figure is None else [figure]
     make_folder(output)
     if output is not None:

@@ -51,7 +51,7 @@ def calibrate(
     ] = False,
 ) -> None:
     """Calibrate a stereo camera from images of a board, and state what it can detect."""
-    # They bring OpenCV and SciPy with them, which take seconds.
+    # Importing them loads OpenCV and SciPy, which takes seconds.
     from observer.calibration.board import Board, parse_board_size
     from observer.calibration.board_images import find_boards, read_board_pairs
     from observer.calibration.fit import fit_stereo

@@ -54,7 +54,7 @@ def evaluate(
     angles: AnglesOption = None,
 ) -> None:
     """Compare tracks with ground truth: recall, false obstacles, position and velocity errors."""
-    # They bring SciPy with them, which takes a second.
+    # Importing them loads SciPy, which takes a second.
     from observer.evaluation.breakdown import break_down, breakdown_tables
     from observer.evaluation.evaluate import summarise
     from observer.evaluation.lines import read_both

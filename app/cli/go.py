@@ -48,8 +48,8 @@ def go(
     The robot drives around obstacles, and the guard limits it as when it is driven by hand. The
     command takes control of the observer, arms it, and confirms ten times a second that you are
     present: Ctrl-C, a closed terminal or a lost connection stop the robot within 300 ms. This
-    assists attentive operators and was tried in simulation only; keep the robot's own switch within
-    reach. Put two dashes before a negative number, as in: go -- 2.0 -0.5
+    assists attentive operators and was tested in simulation only; keep the robot's own switch
+    within reach. Put two dashes before a negative number, as in: go -- 2.0 -0.5
     """
     from app.client.goal_drive import GoalDrive, GoalRequest
     from app.client.server_api import ServerApi, read_token

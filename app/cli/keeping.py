@@ -55,7 +55,7 @@ class Keeper:
         return f"{self._video.pictures} frames as {self._video.codec}"
 
     def frame(self, frame: StereoFrame) -> None:
-        """Take a frame that is about to be observed."""
+        """Record a frame that is about to be observed."""
         if self._writer is not None:
             self._writer.frame(frame)
 
@@ -70,12 +70,12 @@ class Keeper:
             self._video.add(draw_overlay(left, line), frame.time)
 
     def skipped(self, skipped: SkippedFrame) -> None:
-        """Note a frame that could not be read."""
+        """Record that a frame could not be read."""
         if self._writer is not None:
             self._writer.skipped(skipped, time.monotonic())
 
     def waited(self) -> None:
-        """Note that a live source had no new frame."""
+        """Flush the recording: a live source had no new frame."""
         if self._writer is not None:
             self._writer.flush(time.monotonic())
 
@@ -117,7 +117,7 @@ def keeping(
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """Do as ``app.cli.output.whole_file`` does, for files that others write.
+    """Do as ``app.cli.output.whole_file`` does, for files that other code writes.
 
     An interrupt is the normal end of observing a live source, so the file so far is the result.
     """

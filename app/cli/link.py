@@ -11,7 +11,7 @@ import typer
 
 from app.cli.storage_options import DataOption, chosen_settings
 
-# White and black whatever colours the terminal has: not every phone reads a reversed code.
+# White on black whatever the terminal's colours: not every phone reads an inverted code.
 _WHITE_ON_BLACK = "\x1b[97;40m"
 _PLAIN = "\x1b[0m"
 
@@ -52,7 +52,7 @@ def link(
 
 
 def _drawn(text: str) -> str:
-    """Return a QR code in block characters; empty where the output does not take them."""
+    """Return a QR code in block characters; empty if the output cannot encode them."""
     import segno
 
     file = io.StringIO()

@@ -15,7 +15,7 @@ from app.cli.results import JsonOption, tell
 from observer.errors import InputError
 from observer.evaluation.navigation.parameters import crowd_parameters
 
-# Seeds below were used while the planner was made.
+# Lower seeds were used while the planner was developed.
 _FIRST_SEED = 1000
 _DENSITIES = (0.1, 0.2)
 _RISK = "navigation.risk_per_metre"
@@ -83,7 +83,7 @@ def navigate_benchmark(
     parameters = crowd_parameters(changes_of(assignments or []))
     for each in risk or []:
         parameters.changed({_RISK: each})
-    # They bring OpenCV and the methods with them, which take seconds.
+    # Importing them loads OpenCV and the methods, which takes seconds.
     from observer.evaluation.navigation.benchmark import Choice, measure
     from observer.evaluation.navigation.tables import navigation_markdown
 
@@ -112,7 +112,7 @@ def _each_once(given: list[float] | None, default: tuple[float, ...]) -> tuple[f
 
 
 def _refuse_bad(figure: Path) -> None:
-    """Refuse what cannot be written before the work, not after."""
+    """Reject a figure that cannot be written before the work, not after."""
     if figure.suffix.lower() not in FIGURE_SUFFIXES:
         raise InputError(
             f"the name of a figure must end in {', '.join(FIGURE_SUFFIXES)}, unlike {figure.name}"

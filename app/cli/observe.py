@@ -72,7 +72,7 @@ def observe(
             "--unit says what --calibration FILE is in; name the file, or leave it out"
         )
     with progress_bar(f"opening {source}") as progress:
-        # It brings OpenCV and the method with it, which take a second.
+        # Importing it loads OpenCV and the method, which takes a second.
         from app.cli.observing import Observing
 
         Observing(

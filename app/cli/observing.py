@@ -1,4 +1,4 @@
-"""What ``observe`` does once it has shown that it is at work: observing a source at full speed."""
+"""The work of ``observe``, once its progress bar is shown: observing a source at full speed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from observer.sources.contract import NoFrame, SkippedFrame, Source
 
 @dataclass(frozen=True, kw_only=True)
 class Observing:
-    """An observation that was asked for; the fields are the options of ``observe``."""
+    """Requested observation; the fields are the options of ``observe``."""
 
     source: str
     output: Path | None
@@ -44,7 +44,7 @@ class Observing:
     video: Path | None
 
     def run(self, progress: ProgressBar) -> None:
-        """Observe to the end and write what was asked for.
+        """Observe to the end and write the requested files.
 
         Raises:
             DynamicObserverError: one sentence; an input is wrong, or the work failed.
@@ -67,7 +67,7 @@ class Observing:
             ):
                 progress.begin(f"observing {self.source}")
                 if self.output is None and sys.stdout.isatty():
-                    # The lines themselves show how far it is.
+                    # The lines themselves show the progress.
                     progress.end()
                 skipped = _observe_all(
                     opened, observer, file, progress, self.frames, self.tentative, kept
@@ -142,7 +142,7 @@ def _observe_all(
             kept.skipped(frame)
             continue
         if isinstance(frame, NoFrame):
-            # Told once as long as it stays the same.
+            # Reported once as long as it stays the same.
             if frame.trouble not in (None, trouble):
                 typer.echo(frame.trouble, err=True)
             trouble = frame.trouble

@@ -34,13 +34,13 @@ def drawn_progress(*columns: ProgressColumn) -> Progress:
         console=console,
         disable=not console.is_terminal,
         transient=True,
-        # Data on stdout goes where it was sent, whatever is drawn on stderr.
+        # Data on stdout stays where it was redirected, whatever is drawn on stderr.
         redirect_stdout=False,
     )
 
 
 class ProgressBar:
-    """A bar that is being shown; call it with (done, total), total None if unknown."""
+    """Bar on display; call it with (done, total), total None if unknown."""
 
     def __init__(self, progress: Progress, title: str) -> None:
         self._progress = progress
@@ -50,11 +50,11 @@ class ProgressBar:
         self._progress.update(self._task, completed=done, total=total)
 
     def begin(self, title: str) -> None:
-        """Show what is done from now on."""
+        """Show this title from now on."""
         self._progress.update(self._task, description=title)
 
     def end(self) -> None:
-        """Take the bar away before the block ends: what follows is written to the terminal."""
+        """Remove the bar before the block ends: what follows is written to the terminal."""
         self._progress.stop()
 
 

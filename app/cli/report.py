@@ -1,4 +1,4 @@
-"""``dynamic-observer report``: redo the paper's figures from a run, on one page."""
+"""``dynamic-observer report``: reproduce the paper's figures from a run, on one page."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def report(
 ) -> None:
     """Write a self-contained report of a run: figures 9-17, errors, parameters, calibration.
 
-    Figures 9 to 16 show single frames of the run. For a figure that the recording does not allow,
-    the report states the reason. Figures 9 and 13 need a simulated source, 10 and 14 any other.
+    Figures 9 to 16 show single frames of the run. If the recording does not allow a figure, the
+    report states the reason. Figures 9 and 13 need a simulated source, 10 and 14 any other.
     """
     path, comparison = chosen_run(run, compared, data, database)
     # Imported late, so that a missing run is reported before the plotting code is loaded.

@@ -1,4 +1,4 @@
-"""``dynamic-observer reproduce``: redo the paper's figures from both simulated experiments."""
+"""``dynamic-observer reproduce``: reproduce the paper's figures from both simulated experiments."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def reproduce(
 
     A separate server drives and records them, which takes about a minute; then the same frames are
     re-run with the published method. The robots are stopped when frames come too late, as on a busy
-    computer: then both experiments are repeated, a limited number of times.
+    computer: both experiments are then repeated, a limited number of times.
     """
     from app.reports.experiments import observed_as_published
     from app.reports.page import report_html

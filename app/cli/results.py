@@ -18,7 +18,7 @@ _Figures = TypeVar("_Figures")
 
 
 def make_folder(output: Path | None) -> None:
-    """Make the folder of results; fail before hours of work, not after.
+    """Make the folder of results; call it before hours of work, so that it fails early.
 
     Raises:
         InputError: it cannot be made.
@@ -64,7 +64,7 @@ def tell_measured(
     Raises:
         InputError: the folder of results cannot be made.
     """
-    # This import brings OpenCV, which reads the environment when it is imported.
+    # This import loads OpenCV, which reads the environment when it is imported.
     from observer.evaluation.machine import load, machine_facts, machine_line
 
     make_folder(output)

@@ -1,4 +1,4 @@
-"""The run that a command works on, with the ground truth that was laid over it."""
+"""The run that a command works on, with the ground truth that is aligned with it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ComparedOption = Annotated[
 def chosen_run(
     run: str, compared: Path | None, data: Path | None, database: str | None
 ) -> tuple[Path, Comparison | None]:
-    """Return the recording and what it is compared with besides its own truth.
+    """Return the recording, and what it is compared with instead of its own truth.
 
     Args:
         run: an id or its beginning, a run's folder, or a recording file.

@@ -34,7 +34,7 @@ Takeover = Annotated[
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """End the drive in order on Ctrl-C, a closed terminal or SIGTERM."""
+    """End the drive in an orderly way on Ctrl-C, a closed terminal or SIGTERM."""
 
     def end(number: int, _: object) -> None:
         raise typer.Exit(_SIGNALLED + number)
@@ -55,11 +55,11 @@ def ended_by_signals() -> Iterator[None]:
 def summarized(
     summary: Callable[[], dict[str, Any]], done: str, *, as_json: bool
 ) -> Iterator[None]:
-    """Print one JSON object of the drive in the block, however it ends, if that is asked for.
+    """Print one JSON object about the drive in the block, however it ends, if ``as_json``.
 
     Args:
-        summary: of the drive. done: name of the fact that it came to its end; ``reason`` tells why
-            it did not.
+        summary: of the drive. done: name of the fact that it was completed; ``reason`` says why it
+            was not.
     """
     reason: str | None = "interrupted"
     try:

@@ -18,7 +18,7 @@ def simulate(
 ) -> None:
     """Render a scenario into left/, right/, times.txt, calibration.yaml and truth.csv."""
     with progress_bar(f"rendering {scenario}") as progress:
-        # It brings OpenCV with it, which takes a second.
+        # Importing it loads OpenCV, which takes a second.
         from observer.simulation.export import export_stereo_folder
 
         export_stereo_folder(scenario, seed, output, progress, frames)

@@ -37,5 +37,5 @@ def chosen_settings(**given: Any) -> Settings:
 
 def _problem(error: ErrorDetails) -> str:
     option = ".".join(map(str, error["loc"])).replace("_", "-")
-    # What concerns several options has no place.
+    # A problem that concerns several options has no location.
     return with_name(f"--{option}" if option else "", validation_words(error))

@@ -90,7 +90,7 @@ def sweep(
     and the grid then varies parameters of guard and navigation. Finished tasks are saved at once,
     so that an interrupted sweep continues when it is called again.
     """
-    # They bring OpenCV and the methods with them, which take seconds.
+    # Importing them loads OpenCV and the methods, which takes seconds.
     from observer.evaluation.sweep.cluster import ClusterChoice, cluster_missing
     from observer.evaluation.sweep.crowds import sweep_crowd
     from observer.evaluation.sweep.grid import read_grid
@@ -145,7 +145,7 @@ def sweep(
         )
         raise
     finally:
-        # Done for an interrupted sweep too: finished results are worth a look.
+        # Done for an interrupted sweep too: its finished results are worth seeing.
         result = run.result
         text = _write(result, output, by)
     typer.echo(text.rstrip())

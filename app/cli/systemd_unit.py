@@ -14,7 +14,7 @@ from app.cli.storage_options import DataOption, chosen_settings
 from app.settings import Settings
 from observer.errors import InputError
 
-# Those whose members may use cameras and serial ports, where the system has them.
+# Groups whose members may use cameras and serial ports, if the system has them.
 _DEVICE_GROUPS = ("video", "dialout")
 _FILE = "/etc/systemd/system/dynamic-observer.service"
 
@@ -51,7 +51,7 @@ def systemd_unit(
 
 
 def _data_folder_of(user: str) -> Path:
-    """Return where ``serve`` keeps another user's data."""
+    """Return the folder in which ``serve`` keeps another user's data."""
     import pwd
 
     try:
@@ -89,7 +89,7 @@ def _lines(settings: Settings, user: str) -> Iterator[str]:
     yield "RestartSec=2"
     # The robots stop first, the run is closed, the engine ends.
     yield "TimeoutStopSec=15"
-    # The drive loop goes before everything else; a viewer takes several connections.
+    # The drive loop needs real-time priority; a viewer takes several connections.
     yield "LimitRTPRIO=1"
     yield "LimitNOFILE=16384"
     yield "NoNewPrivileges=yes"

@@ -1,4 +1,4 @@
-"""``dynamic-observer truth``: describe how a truth file is understood."""
+"""``dynamic-observer truth``: describe how a ground-truth file is read."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def truth(
     except AnglesUnclear as error:
         if output is None:
             raise
-        # An open question, which the caller passes on.
+        # An open question, for the caller to pass on to the user.
         told = {"question": str(error)}
     if output is not None:
         write_file(output, json.dumps(told, allow_nan=False).encode())

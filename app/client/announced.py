@@ -1,6 +1,6 @@
-"""How commands on the same computer find a running server: a file in its data folder.
+"""File in the data folder by which commands on the same computer find a running server.
 
-It holds the token and is therefore readable for its owner only, as the token file is. It is written
+It holds the token and is therefore readable by its owner only, like the token file. It is written
 when the server has started and deleted when it ends.
 """
 
@@ -29,11 +29,11 @@ _WAIT_S = 1.0
 
 
 class AnnouncedServer(BaseModel):
-    """A running server, as its file tells of it.
+    """Running server as described by its file.
 
     Attributes:
         host, port, tls, allowed_hosts: as ``ServerAddress`` has them.
-        token, read_only_token: of operators, and of the newest link to watch by.
+        token, read_only_token: of operators, and of the newest read-only link.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -62,9 +62,9 @@ class AnnouncedServer(BaseModel):
 
 @contextmanager
 def announced(folder: Path, server: AnnouncedServer) -> Iterator[Callable[[AnnouncedServer], None]]:
-    """Let commands find the server during the context; where they cannot, serving goes on.
+    """Let commands find the server during the context; if they cannot, serving still goes on.
 
-    Gives what tells of the server anew where it has changed.
+    Yields a function that rewrites the file when the server has changed.
     """
     file = folder / ANNOUNCED_FILE
     part = file.with_name(f".{ANNOUNCED_FILE}.{os.getpid()}")

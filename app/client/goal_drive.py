@@ -65,13 +65,13 @@ class GoalDrive:
                 self._start(lease)
                 self._follow(socket)
             finally:
-                # The quickest way first: it stops and disarms.
+                # The quickest way first: releasing the lease stops and disarms.
                 if socket.release():
                     with contextlib.suppress(DynamicObserverError):
                         self._api.post("robots", _ROLE, "disarm")
 
     def summary(self) -> dict[str, Any]:
-        """Return how far the robot came; ready for JSON."""
+        """Return how far the robot has come; ready for JSON."""
         return {
             "ahead_m": self._request.ahead_m,
             "left_m": self._request.left_m,

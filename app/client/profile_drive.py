@@ -18,7 +18,7 @@ _POLL_S = 0.1
 # The facts lag by up to a tenth of a second, more on a busy machine.
 _APPEARS_WITHIN_S = 2.0
 _CLOSE_TO_END_S = 1.0
-# Stops of one robot and of others are reported together with the end of a programme.
+# The end of a programme may be reported together with stops of robots.
 _NEWEST_INCIDENTS = 5
 
 
@@ -77,12 +77,12 @@ class ProfileDrive:
                 self._start(leases)
                 self._follow(socket, began)
             finally:
-                # The quickest way first: it stops and disarms. The rest makes sure. Roles that
-                # somebody else drives, from the beginning or by now, are left alone.
+                # The quickest way first: a release stops and disarms. The rest makes sure. Roles
+                # that somebody else drives, from the beginning or by now, are left alone.
                 self._disarm(socket.release(), asked)
 
     def summary(self) -> dict[str, Any]:
-        """Return how far each role came; ready for JSON."""
+        """Return how far each role has come; ready for JSON."""
         return {
             "programme": self._request.name,
             "repeat": self._request.repeat,

@@ -132,7 +132,7 @@ def _wait_until_ready(process: subprocess.Popen[bytes], port: int, log: Path) ->
     deadline = time.monotonic() + _START_TIMEOUT_S
     while time.monotonic() < deadline and process.poll() is None:
         try:
-            # Its own server's address, and no scheme but this.
+            # The address is this server's own, with a fixed scheme.
             with urllib.request.urlopen(f"http://127.0.0.1:{port}/readyz", timeout=2):  # nosec B310
                 return
         except (urllib.error.URLError, OSError):

@@ -1,4 +1,4 @@
-"""Values of the engine's replies to commands, where they are no facts of their own."""
+"""Values of the engine's replies to commands, as far as no other module declares them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Opened:
     """A source is open.
 
     Attributes:
-        state: as in the ``StateEvent`` that goes before.
-        calibration_yaml: the calibration that is used, also where it is the source's own; None
-            while calibrating.
+        state: as in the ``StateEvent`` that precedes it.
+        calibration_yaml: the calibration in use, even if it is the source's own; None while
+            calibrating.
     """
 
     state: StateEvent
@@ -28,7 +28,7 @@ class Opened:
 
 @dataclass(frozen=True)
 class KeptClip:
-    """A saved half minute: of the file, and how far back it reaches."""
+    """Saved half minute: size of its file, and how far back it reaches."""
 
     bytes: int
     seconds: float
@@ -52,7 +52,7 @@ class CalibrationPreview:
 
 @dataclass(frozen=True, eq=False)
 class FloorPoints:
-    """The points of one frame by which the floor is found.
+    """Points of one frame for estimating the floor.
 
     ``points``: (N, 3) float64, metres, camera frame.
     """
@@ -65,7 +65,7 @@ class FloorPoints:
 class ScenePairs:
     """Pairs of the last half minute, (H, W) grey as taken, and the calibration in use.
 
-    ``vergence`` is what the drive told of that calibration's; None before the first frame.
+    ``vergence`` is that calibration's, as estimated during the drive; None before the first frame.
     """
 
     pairs: tuple[tuple[Image, Image], ...]

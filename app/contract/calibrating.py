@@ -1,4 +1,4 @@
-"""Calibrations, and the making of them, as they are told."""
+"""Calibrations and their making, as reported to clients."""
 
 from __future__ import annotations
 

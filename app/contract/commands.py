@@ -13,14 +13,14 @@ from app.contract.status import PlaybackStatus, RecordingStatus
 from observer.calibration.board import Board, BoardView
 from observer.recording.payloads import Images, Incident, RobotRow
 
-# How much faster or slower than its recorded pace a source can be played.
+# Limits of the playback rate, relative to the recorded pace.
 MIN_PLAYBACK_RATE = 0.1
 MAX_PLAYBACK_RATE = 4.0
 Answer = TypeVar("Answer")
 
 
 class ToEngine(Generic[Answer]):
-    """A command to the engine, and what its reply's value is."""
+    """Command to the engine; ``Answer`` is the type of its reply's value."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class RecordOrder:
     """Order to record a run.
 
     Attributes:
-        path: of the file; one that is there already is gone on with where the run goes on.
-        images: which are kept. name: of the run. preset: what its parameters began as.
+        path: of the file; an existing one is continued if the run is.
+        images: which are kept. name: of the run. preset: of its parameters at the start.
         versions: of packages, by name.
-        reserve_bytes: the recording ends before less than this is left on the disk.
+        reserve_bytes: the recording ends before the free disk space falls below this.
     """
 
     path: str
@@ -44,11 +44,11 @@ class RecordOrder:
 
 @dataclass(frozen=True)
 class LiveTruthOrder:
-    """Live motion capture that what is observed is compared with.
+    """Live motion capture to compare the observations with.
 
     Attributes:
         spec: as for ``observer.truth.live.opening.open_live_truth``.
-        observer: the body that carries the camera, None where it is to be found out.
+        observer: the body that carries the camera, None to detect it.
         ignore: bodies that are neither observer nor obstacle.
     """
 
@@ -61,14 +61,14 @@ class LiveTruthOrder:
 class OpenSource(ToEngine[Opened]):
     """Open a source and observe it without keeping anything; ends in ``preview``.
 
-    With ``run_id`` what is observed belongs to that run: the state becomes ``running``.
-    ``segment`` is the number of the first segment, above 0 when a run goes on after a restart.
+    With ``run_id`` the observations belong to that run: the state becomes ``running``.
+    ``segment`` is the number of the first segment, above 0 when a run continues after a restart.
     ``calibration_yaml`` (OpenCV FileStorage text) replaces the source's own calibration.
-    ``rig_yaml`` tells how the cameras are mounted where the source does not.
-    ``truth`` is listened to from now on; what was listened to already goes on.
-    With ``record`` the run is recorded; where that cannot begin, the source is refused, except
-    where the run goes on: then it goes on without.
-    Refused, what was open before stays open.
+    ``rig_yaml`` gives the mount of the cameras if the source does not.
+    ``truth`` is listened to from now on; an existing connection to it is kept.
+    With ``record`` the run is recorded; if recording cannot begin, the source is refused, unless
+    the run is being continued: then it continues without a recording.
+    If refused, the source that was open before stays open.
     """
 
     source: str
@@ -89,7 +89,8 @@ class OpenSource(ToEngine[Opened]):
 class BeginCalibration(ToEngine[Opened]):
     """Open a source, show its images as taken and look for a board; ends in ``calibrating``.
 
-    ``views`` were captured before and go on counting. Refused, what was open before stays open.
+    ``views`` were captured before and still count. If refused, the source that was open before
+    stays open.
     """
 
     source: str
@@ -100,12 +101,11 @@ class BeginCalibration(ToEngine[Opened]):
 
 @dataclass(frozen=True)
 class ChangeCalibration(ToEngine[tuple[str, ...]]):
-    """Change what is given, while calibrating.
+    """Apply the given changes to the calibration in progress.
 
-    ``capture`` keeps the board as it is seen at this moment, ``undo`` forgets the last view,
-    ``remove`` one by its name. ``automatic``: whether a new pose is captured by itself.
-    ``cover_check`` begins (True) or ends the question which camera is the left one. Answered by
-    the views' names.
+    ``capture`` captures the board as seen at this moment, ``undo`` drops the last view, ``remove``
+    one by its name. ``automatic``: whether new poses are captured automatically. ``cover_check``
+    starts (True) or ends the check of which camera is the left one. The answer is the views' names.
     """
 
     capture: bool = False
@@ -119,7 +119,7 @@ class ChangeCalibration(ToEngine[tuple[str, ...]]):
 class StopRun(ToEngine[RecordingStatus | None]):
     """End the run; the source stays open in ``preview``.
 
-    A recording is whole when the reply comes.
+    A recording is complete when the reply arrives.
     """
 
 
@@ -127,7 +127,7 @@ class StopRun(ToEngine[RecordingStatus | None]):
 class SaveClip(ToEngine[KeptClip]):
     """Write the last half minute, as a recording of its own, to ``path``.
 
-    It is kept in a run that is recorded, and of live sources always.
+    The last half minute is buffered during a recorded run, and for live sources always.
     """
 
     path: str
@@ -136,7 +136,7 @@ class SaveClip(ToEngine[KeptClip]):
 
 @dataclass(frozen=True)
 class RecordRobots(ToEngine[None]):
-    """Rows on robots since the last time, for the run's recording; none is no error."""
+    """Add robots' rows since the last time to the run's recording, if there is one."""
 
     rows: tuple[RobotRow, ...] = ()
     incidents: tuple[Incident, ...] = ()
@@ -149,8 +149,8 @@ class CloseSource(ToEngine[None]):
 
 @dataclass(frozen=True)
 class SetParameters(ToEngine[int | None]):
-    """Use these parameters, the guard's among them, from the next frame on; the revision of before
-    leaves the observer alone. Answered by the first frame they act on, None without an open
+    """Use these parameters, including the guard's, from the next frame on; an unchanged revision
+    leaves the observer as it is. The answer is the first frame they apply to, None without an open
     source."""
 
     parameters: dict[str, Any]
@@ -159,17 +159,17 @@ class SetParameters(ToEngine[int | None]):
 
 @dataclass(frozen=True)
 class SetTruth(ToEngine[LiveTruthStatus | None]):
-    """Listen to this live motion capture from now on, None to none; the source stays open."""
+    """Listen to this live motion capture from now on (None: to none); the source stays open."""
 
     truth: LiveTruthOrder | None
 
 
 @dataclass(frozen=True)
 class SetPlayback(ToEngine[PlaybackStatus]):
-    """Change what is given; ``step`` shows that many further frames while paused.
+    """Change the given settings; ``step`` shows that many further frames while paused.
 
-    ``seek`` goes on with that frame, from 0, of a recording, and shows it also while paused; it
-    begins a new segment.
+    ``seek`` continues from that frame of a recording, counted from 0, and shows it even while
+    paused; it begins a new segment.
     """
 
     paused: bool | None = None
@@ -182,7 +182,7 @@ class SetPlayback(ToEngine[PlaybackStatus]):
 
 @dataclass(frozen=True)
 class WatchViews(ToEngine[None]):
-    """The views (``VIEW_NAMES`` and ``CLOUD_NAME``) somebody watches now; only these are made."""
+    """Views (``VIEW_NAMES`` and ``CLOUD_NAME``) being watched; only these are rendered."""
 
     names: tuple[str, ...]
 
@@ -205,17 +205,17 @@ class MeasureDepth(ToEngine[PlaceDepth]):
 
 @dataclass(frozen=True)
 class LookAtFloor(ToEngine[FloorPoints]):
-    """The newest pair's points by which the floor is found."""
+    """Return the newest pair's points for estimating the floor."""
 
 
 @dataclass(frozen=True)
 class TakeScenePairs(ToEngine[ScenePairs]):
-    """Pairs of the last half minute, by which the rows can be set straight, and the vergence."""
+    """Return pairs of the last half minute for refining the row alignment, and the vergence."""
 
 
 @dataclass(frozen=True)
 class ExplainPixel(ToEngine[Pixel]):
-    """Say why a pixel of the newest observed frame counts as moving, standing or neither.
+    """Say why a pixel of the newest observed frame counts as moving, static or neither.
 
     ``u``, ``v`` are in the rectified left image.
     """

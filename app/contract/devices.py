@@ -1,4 +1,4 @@
-"""The cameras and serial ports of the server's machine, as they are told."""
+"""The cameras and serial ports of the server's machine, as reported to clients."""
 
 from __future__ import annotations
 

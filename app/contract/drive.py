@@ -1,8 +1,8 @@
 """Messages between the web process and the drive process; see ``app.runtime.pipe``.
 
 Sight reaches the drive process from the engine directly, as a latest value in shared memory
-(``SIGHT_NAME``), and so does the plan of the way to a goal (``PLAN_NAME``). What the robots' wheels
-tell goes back the same way (``WHEELS_NAME``).
+(``SIGHT_NAME``), and so does the plan of the path to a goal (``PLAN_NAME``). Wheel odometry goes
+back the same way (``WHEELS_NAME``).
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ WHEELS_NAME = "wheels"
 PLAN_NAME = "plan"
 SHARED_NAMES = (SIGHT_NAME, WHEELS_NAME, PLAN_NAME)
 
-# A command or a sign of presence counts for this long after it was given.
+# Seconds for which a command or a sign of presence is valid after it was issued.
 COMMAND_FRESH_S = 0.25
-# So old may the reception of the newest frame be.
+# Seconds: maximum age of the newest frame since its reception.
 SIGHT_FRESH_S = 0.2
-# So old may the reception of the newest frame be that a plan goes by.
+# Seconds: the same for the newest frame that a plan is based on.
 PLAN_FRESH_S = 0.3
-# A goal beyond is one of another room.
+# Metres: a goal farther away than this is in another room.
 FARTHEST_GOAL_M = 20.0
 
-# What stops a robot, or takes its motors away.
+# What stops a robot, or switches its motors off.
 IncidentKind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme", "goal"]
 
 
@@ -43,12 +43,12 @@ IncidentKind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "p
 
 
 class ToDrive(Generic[Answer]):
-    """A command to the drive process, and what its reply's value is."""
+    """Command to the drive process; ``Answer`` is the type of its reply's value."""
 
 
 @dataclass(frozen=True)
 class ReallySent:
-    """Velocity that really went out for one that was asked for, and how old that was."""
+    """Velocity actually sent for a requested one, and the age of the request."""
 
     speed_mps: float
     turn_rate_radps: float
@@ -58,11 +58,11 @@ class ReallySent:
 
 @dataclass(frozen=True)
 class ConnectRobot(ToDrive[None]):
-    """Connect the robot of a role; one that was connected before is let go first.
+    """Connect the robot of a role; one that was connected before is released first.
 
     Attributes:
         port: as ``observer.robot_opening.open_robot`` takes it.
-        model: of ``observer.robots.models``; None: as the robot says of itself.
+        model: of ``observer.robots.models``; None: as the robot reports.
         world: in which it drives, as ``Sight.world``.
         name: shown to people.
     """
@@ -76,17 +76,17 @@ class ConnectRobot(ToDrive[None]):
 
 @dataclass(frozen=True)
 class DisconnectRobot(ToDrive[None]):
-    """Stop it, say goodbye and forget its port."""
+    """Stop the robot, close its connection and forget its port."""
 
     role: Role
 
 
 @dataclass(frozen=True)
 class TakeLease(ToDrive[str]):
-    """Become the one who drives a role. Answered by the lease's id.
+    """Become the operator of a role. The answer is the lease's id.
 
-    Refused (``state``) while somebody else holds it, unless ``takeover``; who takes over gets it
-    with the robot at zero and disarmed.
+    Refused (``state``) while somebody else holds it, unless ``takeover``; after a takeover the
+    robot is at zero and disarmed.
     """
 
     role: Role
@@ -96,7 +96,7 @@ class TakeLease(ToDrive[str]):
 
 @dataclass(frozen=True)
 class ReleaseLease(ToDrive[None]):
-    """Give it back; the robot stops and is disarmed."""
+    """Release the lease; the robot stops and is disarmed."""
 
     role: Role
     lease: str
@@ -104,9 +104,9 @@ class ReleaseLease(ToDrive[None]):
 
 @dataclass(frozen=True)
 class ArmRobot(ToDrive[RobotNow | None]):
-    """Switch the motors on, at zero. Refused (``state``) with one sentence of what is missing.
+    """Switch the motors on, at zero. Refused (``state``) with one sentence on what is missing.
 
-    ``lease``: of who arms; may be None where nobody holds the role.
+    ``lease``: of the operator who arms; may be None if nobody holds the role.
     """
 
     role: Role
@@ -129,17 +129,17 @@ class StopRobots(ToDrive[None]):
 
 @dataclass(frozen=True)
 class ResetStop(ToDrive[None]):
-    """Undo the latch and forget the robots' faults; all stay disarmed."""
+    """Reset the latch and clear the robots' faults; all stay disarmed."""
 
     by: str
 
 
 @dataclass(frozen=True)
 class DriveCommand(ToDrive[ReallySent]):
-    """A velocity while somebody holds a key: also a sign of presence.
+    """Velocity while the operator holds a key; also a sign of presence.
 
-    One that is older than ``COMMAND_FRESH_S``, of an old
-    sequence number or of a lease that is not in force is refused (``state``) and changes nothing.
+    One that is older than ``COMMAND_FRESH_S``, has an old sequence number or a lease that is not
+    valid is refused (``state``) and changes nothing.
 
     Attributes:
         sequence: rises with every command and presence of a lease.
@@ -167,8 +167,8 @@ class Presence(ToDrive[None]):
 
 @dataclass(frozen=True)
 class StartProgramme(ToDrive[float]):
-    """Drive timed velocities, as long as the operator of every role in it stays present. Answered
-    by how long it takes, seconds.
+    """Drive timed velocities, as long as the operator of every role in it stays present. The answer
+    is its duration, seconds.
 
     ``leases``: by role, for every role that the programme moves; each must be armed.
     """
@@ -186,8 +186,8 @@ class StopProgramme(ToDrive[None]):
 
 @dataclass(frozen=True)
 class StartGoal(ToDrive[GoalNow]):
-    """Send the observer to a place, as long as its operator stays present; replaces the goal
-    before. The robot must be armed. Answered by the goal.
+    """Send the observer to a place, as long as its operator stays present; replaces the previous
+    goal. The robot must be armed. The answer is the goal.
 
     Attributes:
         ahead_m, left_m: from the robot as it stands now.
@@ -202,7 +202,7 @@ class StartGoal(ToDrive[GoalNow]):
 
 @dataclass(frozen=True)
 class StopGoal(ToDrive[None]):
-    """Give up the goal, at zero; the robot stays armed."""
+    """Cancel the goal, at zero; the robot stays armed."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ class SetGuard(ToDrive[None]):
 
 @dataclass(frozen=True)
 class LeaveDrive(ToDrive[None]):
-    """Stop all robots, let them go and leave."""
+    """Stop all robots, release them and exit."""
 
 
 # --- events, drive to web --------------------------------------------------------------------
@@ -234,7 +234,7 @@ class WheelSpeedEvent:
 
     Attributes:
         time: host's monotonic clock of the measurement.
-        sent_mps: as sent. encoder_mps: None where the robot tells none.
+        sent_mps: as sent. encoder_mps: None if the robot reports none.
     """
 
     role: Role
@@ -245,7 +245,7 @@ class WheelSpeedEvent:
 
 @dataclass(frozen=True)
 class IncidentEvent:
-    """Something stopped a robot or took its motors away.
+    """Something stopped a robot or switched its motors off.
 
     Attributes:
         sentence: for people. time: host's monotonic clock.
@@ -261,23 +261,23 @@ class IncidentEvent:
 
 @dataclass(frozen=True)
 class StoppedEvent:
-    """A robot that moved was stopped by an incident, and stands or is not followed any more.
+    """A moving robot was stopped by an incident, and now stands or is no longer monitored.
 
     All times are of the host's monotonic clock.
 
     Attributes:
         kind, sentence, incident_time: of its ``IncidentEvent``.
         cause_time: the last moment at which all was well: for ``sight`` the reception of the last
-            good frame, for ``expired`` and ``lease`` the operator's last sign as it was given,
-            for ``fault`` the packet that told it (or the last that came), else the incident.
-        zero_time: when zero went out on its port; None where it never did.
+            good frame, for ``expired`` and ``lease`` the issue time of the operator's last sign,
+            for ``fault`` the packet that reported it (or the last one received), else the incident.
+        zero_time: when zero was sent on its port; None if it never was.
         stood_time: of the first status packet by whose encoders it stands (below 0.01 m/s); None
-            where it drove on or was not seen to stand within 4 s.
+            if it drove on or was not seen to stand within 4 s.
         speed_mps: at the cause, by its encoders. before_mps: the same when the guard began to
             slow it, for ``guard``; otherwise as ``speed_mps``.
-        distance_m: by odometry from cause to standing; None where it tells none.
-        separation_m: behind a stop of the guard, what was left to the nearest that is seen or
-            echoes ahead; None where that is not known, or what stopped it came by itself.
+        distance_m: by odometry from cause to standing; None without odometry.
+        separation_m: after a stop by the guard, the clearance to the nearest object seen or
+            echoing ahead; None if unknown, or if the obstacle itself approached.
     """
 
     role: Role

@@ -39,7 +39,7 @@ class EngineState(StrEnum):
 
 
 class LiveLine(FrameLine):
-    """One observation, as pages are told it: silhouettes are drawn in the views already."""
+    """One observation as sent to pages, without silhouettes: the views show these already."""
 
     obstacles: list[ObstacleEntry]
 
@@ -62,13 +62,13 @@ class ObservationEvent:
         line: the JSON line of ``observe`` (see ``observer.jsonl``) without silhouettes, confirmed
             and coasting obstacles, each with ``why`` added: one sentence of why it counts as
             dynamic.
-        truth: one entry per true body; of live motion capture, what was not measured is left out,
-            and all of it as long as nothing is aligned.
+        truth: one entry per true body; with live motion capture, without bodies that were not
+            measured, and empty until it is aligned.
         received, published: the host's monotonic clock at reception and after observing.
         frame_skips: frames the source could not read so far.
         run_id: the run it belongs to, or None in preview.
-        ego_motion: None for a frame that was compared with none.
-        odometry: by the robot's wheels, where it tells any.
+        ego_motion: None for a frame that was not compared with another.
+        odometry: from the robot's wheels, if it reports any.
     """
 
     sequence: int
@@ -86,20 +86,20 @@ class ObservationEvent:
 class StateEvent:
     """The engine's state, sent whenever any part of it changes.
 
-    While only the playback's position moves it is sent twice a second.
+    While only the playback position changes, it is sent twice a second.
 
-    In ``failed`` all else tells of what failed.
+    In ``failed``, all other fields describe what failed.
 
     Attributes:
         camera: the rectified pair. mount: as the observer uses it, None where it is not known.
-        ageing: None before the first frame. live: None for what is not live.
+        ageing: None before the first frame. live: None if the source is not live.
         world: that of ``observer.guard.sight.Sight``. robots: those of the source's own world.
-        recording: None where nothing was to be recorded. truth: live motion capture, None where
-            none is listened to.
-        calibration_notes: what was decided while the source's own calibration was read; empty
-            where another is used.
+        recording: None if nothing was to be recorded. truth: live motion capture, None if there
+            is none to listen to.
+        calibration_notes: choices made while the source's own calibration was read; empty if
+            another one is used.
         truth_note: why a file that lies beside the source's images is not used as truth.
-        preparing: while no source is open: why it takes a while until one can be observed.
+        preparing: while no source is open, why it takes a while until one can be observed.
     """
 
     state: EngineState
@@ -124,7 +124,7 @@ class StateEvent:
 
 @dataclass(frozen=True)
 class BoardLookEvent:
-    """While calibrating: what was made of one pair; sent about ten times a second.
+    """While calibrating: the board as seen in one pair; sent about ten times a second.
 
     ``received``: the pair, on the host's monotonic clock.
     """
@@ -135,11 +135,11 @@ class BoardLookEvent:
 
 @dataclass(frozen=True)
 class BoardViewsEvent:
-    """While calibrating: the captured views are others.
+    """While calibrating: the captured views have changed.
 
     Attributes:
         names: of all views, in order.
-        added: the new one, with a small JPEG of each image; None where one was taken away.
+        added: the new one, with a small JPEG of each image; None if one was removed.
     """
 
     names: tuple[str, ...]
@@ -154,15 +154,15 @@ class SkippedFrameEvent(SkippedFrame):
 
 @dataclass(frozen=True)
 class DenseStereoEvent:
-    """The thread of dense stereo made the cloud or the disparity view, or failed at it.
+    """The dense-stereo thread made the cloud or the disparity view, or failed to.
 
     Attributes:
-        frame, received: of the pair it was made of.
-        published: the host's monotonic clock behind it.
-        seconds: from taking the pair to its last slot.
-        coarseness: how many pixels of the pair lie along one that was matched, each way; None
-            where nothing was.
-        trouble: one sentence of what failed, None where nothing did.
+        frame, received: of the pair it was made from.
+        published: the host's monotonic clock afterwards.
+        seconds: from taking the pair to writing the last slot.
+        coarseness: downscaling factor of the pair for matching, along each axis; None if nothing
+            was matched.
+        trouble: one sentence on what failed, None if nothing did.
     """
 
     frame: int
@@ -175,10 +175,10 @@ class DenseStereoEvent:
 
 @dataclass(frozen=True)
 class LocalMapEvent:
-    """The local map of the observer is another one; at most some times a second.
+    """The observer's local map has changed; sent at most a few times a second.
 
     Attributes:
-        map: by which the way to a goal is planned, or was as it is recorded; None: there is none.
+        map: used to plan the path to a goal, now or when it was recorded; None: there is none.
         T_world_corner: as ``OccupancyMap.placed`` has it, in the world of the newest observation.
     """
 

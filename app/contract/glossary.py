@@ -1,8 +1,8 @@
 """The words of the page, the reports and the documentation: one meaning each, declared once.
 
-The documentation's glossary is made of it (``tools.docs``), and the page's tooltips
-(``tools/packaging/frontend.py types``). What is avoided is looked for by a test in all that a
-person can read.
+The documentation's glossary is generated from it (``tools.docs``), and so are the page's tooltips
+(``tools/packaging/frontend.py types``). A test searches everything that a person can read for the
+wordings to be avoided.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ class Term:
 
     Attributes:
         name: as it is shown within a sentence.
-        meaning: one or two sentences that stand for themselves, without markup.
-        page: of the documentation, that tells more; empty for none.
-        avoided: regular expressions for what is not written in its place, see ``AVOIDED``.
+        meaning: one or two self-contained sentences, without markup.
+        page: of the documentation, with more about it; empty for none.
+        avoided: regular expressions for wordings not to be used in its place.
     """
 
     name: str
@@ -241,7 +241,7 @@ GLOSSARY: tuple[Term, ...] = (
     ),
 )
 
-# Not written anywhere that a person reads: words that no term stands for.
+# Wordings to avoid in everything that a person reads, whatever the term.
 UNIDIOMATIC: tuple[str, ...] = (
     r"\bmore sure\b",
     r"\bfor good\b",
@@ -260,7 +260,7 @@ UNIDIOMATIC: tuple[str, ...] = (
 )
 """Regular expressions, as ``Term.avoided``."""
 
-# What pydantic and REST say to developers.
+# Wordings in which pydantic and REST address developers.
 DEVELOPER_TEXT: tuple[str, ...] = (
     r"\bshould have at least\b",
     r"\bInput should be\b",

@@ -1,4 +1,4 @@
-"""What has happened that a person should know, as it is told."""
+"""Log of what has happened that a person should know, as reported to clients."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live motion capture as it is told."""
+"""Live motion capture, as reported to clients."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class LiveAlignment:
 
 @dataclass(frozen=True)
 class LiveTruthStatus:
-    """Live motion capture that is listened to."""
+    """State of the live motion capture that the engine listens to."""
 
     spec: str
     observer: str | None

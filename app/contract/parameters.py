@@ -1,4 +1,4 @@
-"""Parameters and presets, as they are told."""
+"""Parameters and presets, as reported to clients."""
 
 from __future__ import annotations
 

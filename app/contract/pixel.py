@@ -1,4 +1,4 @@
-"""Reasons why one pixel counts as what it does."""
+"""Explanation of why one pixel is classified as it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses of the cameras on their robot, as they are told."""
+"""Poses of the cameras on their robot, as reported to clients."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.contract.values import means
 
 @dataclass(frozen=True)
 class RigNumber:
-    # It is taken from clients as well, and checked there.
+    # Clients send it as well, so it is validated.
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     value: Annotated[float, Field(strict=True, allow_inf_nan=False)]

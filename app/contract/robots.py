@@ -1,4 +1,4 @@
-"""Robots, their guided check and programmes, as they are told."""
+"""Robots, their guided check and programmes, as reported to clients."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class DriveLoop:
 
 @dataclass(frozen=True)
 class ProgrammeNow:
-    """The programme that is driven."""
+    """Programme in progress."""
 
     name: str
     phase: Literal["gesture", "driving"]

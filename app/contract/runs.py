@@ -1,4 +1,4 @@
-"""Kept runs: found again, compared with truth, drawn."""
+"""Recorded runs: their history, comparison with ground truth, and charts."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class ChartCurve:
 
 @dataclass(frozen=True)
 class IdentityChange:
-    """Another track took a body's place; tracks are named SEGMENT:NUMBER."""
+    """A body continues under another track; tracks are named SEGMENT:NUMBER."""
 
     time: float
     body: str
@@ -138,7 +138,7 @@ class AlignmentMatch:
 
 @dataclass(frozen=True)
 class CameraOnBodyFacts:
-    """Place of the left camera on a body of motion capture, in the body's axes."""
+    """Pose of the left camera on a body of motion capture, in the body's axes."""
 
     x_m: float
     y_m: float

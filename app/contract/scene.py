@@ -1,7 +1,7 @@
 """Layers and views of the 3D scene: the nodes that hold them, their colours, and their names.
 
-The scene is one for all viewers; what a person hides, and from where it is looked at, is settled in
-the own browser.
+All viewers share one scene; which layers are hidden, and from where it is seen, is up to each
+browser.
 """
 
 from __future__ import annotations
@@ -106,6 +106,6 @@ SCENE = SceneFacts(
     base_node=BASE_NODE,
     # Behind the robot, above it and somewhat to its left: the whole robot above the legend.
     follow=SceneView(eye=(-2.3, 1.1, 1.7), look_at=(2.0, -0.1, 0.1)),
-    # A little behind what it looks at: exactly above, no direction would be up in the picture.
+    # A little behind what it looks at: from exactly above, up in the picture would be undefined.
     top_down=SceneView(eye=(1.19, 0.0, 9.0), look_at=(1.2, 0.0, 0.0)),
 )

@@ -1,4 +1,4 @@
-"""Links to share, and what the one who asks may do."""
+"""Links to share, and the access rights of the request."""
 
 from __future__ import annotations
 

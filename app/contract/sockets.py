@@ -50,7 +50,7 @@ class ObservationTold:
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationMessage(ObservationTold):
-    """A frame was observed; it is answered with ``painted`` and its sequence."""
+    """A frame was observed; the client answers with ``painted`` and its sequence."""
 
     age_ms: Annotated[float, means("Time from its reception to the sending of this message.")]
 
@@ -80,7 +80,7 @@ LiveMessage = StatusMessage | RobotsMessage | ObservationMessage | HeartbeatMess
 
 @dataclass(frozen=True)
 class OperatorMessage:
-    """The first one: how others see this operator."""
+    """First message: the operator's name as others see it."""
 
     name: str
     type: Literal["operator"] = "operator"

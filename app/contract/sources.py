@@ -1,4 +1,4 @@
-"""Sources that can be chosen, as they are told."""
+"""Sources that can be chosen, as reported to clients."""
 
 from __future__ import annotations
 

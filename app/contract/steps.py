@@ -35,7 +35,7 @@ class MethodStep:
 
 @dataclass(frozen=True)
 class MethodSteps:
-    """All nine steps, and what they were observed with; the same for each picture's address."""
+    """All nine steps and the settings they were made with; pictures' addresses take the same."""
 
     source: Annotated[str, means("Text that opens it.")]
     frame: Annotated[int, means("Position in the source of the image at t+dt, from 0.")]

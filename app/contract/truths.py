@@ -1,4 +1,4 @@
-"""Truth files, as they are told."""
+"""Ground-truth files, as reported to clients."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.truth.files.angles import AngleReading
 
 @dataclass(frozen=True)
 class TruthBody:
-    """One body, as it was understood."""
+    """One body, as it was read."""
 
     name: str
     has_orientation: bool

@@ -16,7 +16,7 @@ Fact = TypeVar("Fact")
 
 
 def means(description: str) -> Any:
-    """Annotation that describes a field in OpenAPI and in the page's types; checks nothing."""
+    """Return an annotation that describes a field in OpenAPI and the page's types, unchecked."""
     return Field(description=description)
 
 
@@ -24,43 +24,43 @@ def filled(fact: type[Fact], source: object, /, **given: Any) -> Fact:
     """Make a dataclass of the contract from an object with attributes of the same names.
 
     Args:
-        given: fields that the object does not have, or has otherwise.
+        given: fields that the object lacks, or that should differ from it.
     """
     names = {field.name for field in fields(fact)} - given.keys()  # type: ignore[arg-type]
     return fact(**{name: getattr(source, name) for name in names}, **given)
 
 
 def of_plain(fact: type[Fact], plain: object, /) -> Fact:
-    """Make a dataclass of plain values, as a file or another process has them.
+    """Make a dataclass from plain values, as read from a file or another process.
 
     Raises:
-        ValueError: they are none of this kind.
+        ValueError: they do not fit it.
     """
     checked: Fact = _adapter(fact).validate_python(plain)
     return checked
 
 
 def known(fact: type[Fact], source: object | None, /) -> Fact | None:
-    """Fill a dataclass as ``filled`` does; None of None."""
+    """Fill a dataclass as ``filled`` does; return None for None."""
     return None if source is None else filled(fact, source)
 
 
 def word(member: Enum) -> Any:
-    """Give the word that an enumeration's member is told as."""
+    """Return the word that stands for an enumeration's member in messages."""
     return member.value
 
 
 def json_text(value: Any) -> str:
-    """Write one dataclass of the contract as JSON; what is not finite becomes null."""
+    """Write one dataclass of the contract as JSON; non-finite numbers become null."""
     try:
         return _adapter(type(value)).dump_json(value).decode()
     except PydanticSerializationError:
-        # Half a surrogate pair, of a robot's or a file's name, is no UTF-8.
+        # Half a surrogate pair, in a robot's or a file's name, is not valid UTF-8.
         return json.dumps(plain(value), allow_nan=False)
 
 
 def plain(value: Any) -> Any:
-    """Give one dataclass of the contract as plain values, as JSON has them."""
+    """Return one dataclass of the contract as plain values, as JSON has them."""
     return _adapter(type(value)).dump_python(value, mode="json")
 
 

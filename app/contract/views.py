@@ -50,7 +50,7 @@ class FrameInstant(TypedDict):
 
 
 class CloudHeader(FrameInstant):
-    """Facts of the cloud's frame, the number of points, and of pixels along one that was matched.
+    """Facts of the cloud's frame, the number of points, and the downscaling factor for matching.
 
     The payload is points (N, 3) float32, metres, in the camera frame, then colours (N, 3) uint8
     RGB: those of the image, with ``OBSTACLE_RGB`` mixed in on obstacles.

@@ -1,4 +1,4 @@
-"""Check that the panel's address is free, who has it otherwise, and where it is reached."""
+"""Check whether the panel's address is free, who uses it otherwise, and how it is reached."""
 
 from __future__ import annotations
 

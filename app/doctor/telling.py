@@ -11,7 +11,7 @@ from rich.text import Text
 from app.doctor.examination import Examination
 from app.doctor.finding import Level
 
-# What stands before a finding, with its style.
+# Mark in front of a finding, with its style.
 _Marks = dict[Level, tuple[str, str]]
 _PLAIN: _Marks = {"ok": ("ok     ", ""), "warning": ("warning", ""), "problem": ("PROBLEM", "")}
 _DRAWN: _Marks = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}

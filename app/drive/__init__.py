@@ -1,1 +1,1 @@
-"""Drive process: sole writer of both robots, with the guard inside it."""
+"""Drive process: the only one that commands the robots; the guard runs inside it."""

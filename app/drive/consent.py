@@ -42,7 +42,7 @@ class Consent:
     def sign(self) -> float | None:
         """Return the issue time of the valid velocity, or else of the newest sign of presence.
 
-        None where nobody has sent any yet; after ``withdraw`` it is the newest of either.
+        None if none was sent yet; after ``withdraw`` it is the newer of the two.
         """
         moment = self._issued if self._velocity == ZERO else self._velocity_issued
         return moment if math.isfinite(moment) else None

@@ -24,8 +24,8 @@ from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, 
 
 _log = logging.getLogger(__name__)
 
-# A command that would expire before the next tick is already invalid at this one: nothing moves by
-# a command that is too old, and a late tick has that much margin.
+# A command that would expire before the next tick is already invalid at this one: no robot moves on
+# an expired command, and a late tick has this much margin.
 _NEXT_LOOK_S = 0.02
 # The observer is disarmed after this long without sight.
 BLIND_S = 1.0
@@ -219,7 +219,7 @@ class DrivenRole:
         return self.why_disarmed
 
     def _stand_while_blind(self, tick: Tick) -> str | None:
-        """Return why the sight is unusable; stand without it, and disarm after a second."""
+        """Return why the sight is unusable; hold zero meanwhile, and disarm after a second."""
         trouble = self._blindness(tick)
         if trouble is None:
             self._blind_since = None
@@ -318,7 +318,7 @@ class DrivenRole:
                 tick.now,
             )
         except Exception as error:  # noqa: BLE001
-            # Whatever fails in there, the robots stand, and the loop goes on to report it.
+            # Whatever fails in the guard, the robots stop, and the loop goes on to report it.
             if self.verdict is None or self.verdict.reason != _GUARD_FAILED:
                 _log.exception("the guard failed: %s", type(error).__name__)
             return Verdict("stop", True, 0.0, 0.0, _GUARD_FAILED, 0.0, (), ())

@@ -1,4 +1,4 @@
-"""Values that the engine makes of each frame, as the drive loop reads them."""
+"""Values that the engine computes for each frame, as the drive loop reads them."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class EngineFeed(Generic[Value]):
     """Newest value of a slot; never blocks."""
 
     def __init__(self, reader: LatestReader, of: Callable[[Mapping[str, Any]], Value]) -> None:
-        """``of`` makes a value of its facts, or raises ``KeyError, TypeError, ValueError``."""
+        """``of`` makes a value from its facts, or raises ``KeyError, TypeError, ValueError``."""
         self._reader = reader
         self._of = of
         self._sequence = 0
         self._value: Value | None = None
 
     def newest(self, now: float) -> Value | None:
-        """Return the newest value, however old; None where there is none, or none is readable."""
+        """Return the newest value, however old; None if there is none or it is unreadable."""
         read = self._reader.read(self._sequence)
         if read is not None:
             self._sequence = read.sequence

@@ -1,8 +1,8 @@
 """Goals of the observer: one at a time, each for as long as its operator stays present.
 
 While frames arrive in which little can be seen, the robot waits, and goes on by itself once the
-view is usable again. Whatever else keeps it from driving ends the goal: no recovery from a fault
-sets it in motion again.
+view is usable again. Anything else that keeps it from driving ends the goal, so that recovery from
+a fault never sets it in motion.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Goals:
     """Goals of the observer; see the module. It reads no clock.
 
     Attributes:
-        going: to the newest goal, also after its end; None before the first.
+        going: drive to the newest goal, kept after its end; None before the first.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,8 @@ class Goals:
         """Begin to drive to another goal, with a robot that is armed and attended.
 
         Raises:
-            ProcessRefused: its place is unknown, it drives by itself, or the goal is too far away.
+            ProcessRefused: its position is unknown, it drives autonomously, or the goal is too far
+                away.
         """
         values = (command.ahead_m, command.left_m, command.risk_per_metre)
         if not all(math.isfinite(value) for value in values):
@@ -106,7 +107,7 @@ class Goals:
         return going.velocity if driven.consent.released else ZERO
 
     def sent(self, driven: DrivenRole) -> None:
-        """Take over what became of the velocity that was asked for."""
+        """Note why the robot stands in spite of the velocity asked for, if it does."""
         if self.going is not None:
             stands = driven.sent == ZERO
             self.going.hindrance = driven.hindrance if stands else None
@@ -129,7 +130,7 @@ class Goals:
         return IncidentEvent(None, "goal", sentence, now, None)
 
     def forget(self) -> None:
-        """Forget the last goal: another robot has another odometry."""
+        """Forget the last goal: it is in the frame of the previous robot's odometry."""
         self.going = None
 
     def errand(self, driven: DrivenRole) -> Errand | None:

@@ -1,6 +1,6 @@
-"""Way of the observer to a goal: which plan it goes by, and how far it came.
+"""Drive of the observer to a goal: which plan it follows, and how far it has come.
 
-The plans come from the engine; whatever they ask for, the guard decides below.
+The plans come from the engine; the guard still limits whatever they ask for.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class _End:
 
 
 class Going:
-    """Way to one goal, also after its end. It reads no clock: the caller passes the time.
+    """Drive to one goal, kept after its end. It reads no clock: the caller passes the time.
 
     Attributes:
         goal: in the frame of the robot's odometry.
@@ -57,7 +57,7 @@ class Going:
         return here is not None and self._distance(here) <= REACHED_M
 
     def look(self, report: RobotReport | None, plan: Plan | None, now: float) -> None:
-        """Take over where the robot is, and the newest plan if it is one for this goal."""
+        """Take over the robot's position, and the newest plan if it is for this goal."""
         self._here = None if report is None else report.odometry
         good = plan is not None and plan.goal == self.goal.number and _finite(plan)
         fresh = good and plan is not None and now - plan.received <= PLAN_FRESH_S
@@ -75,7 +75,7 @@ class Going:
         self._plan = None
 
     def errand(self, report: RobotReport, sent: Velocity) -> Errand | None:
-        """Return what a planner needs; None where the robot's place is unknown.
+        """Return what a planner needs; None if the robot's position is unknown.
 
         Args:
             sent: velocity really sent last.
@@ -130,13 +130,13 @@ class Going:
 
 
 def place_ahead(here: Odometry, ahead_m: float, left_m: float) -> tuple[float, float]:
-    """Return a place seen from the robot in the frame of its odometry, metres."""
+    """Return a place relative to the robot in the frame of its odometry, metres."""
     c, s = math.cos(here.yaw), math.sin(here.yaw)
     return here.x + c * ahead_m - s * left_m, here.y + s * ahead_m + c * left_m
 
 
 def _plan_from(here: Odometry, plan: Plan) -> Plan:
-    """Return a plan whose places are seen from the robot."""
+    """Return the plan with its places relative to the robot."""
     meets_at = None if plan.meets_at is None else _seen_from(here, [plan.meets_at])[0]
     refused = tuple(replace(one, path=_seen_from(here, one.path)) for one in plan.refused)
     return replace(plan, path=_seen_from(here, plan.path), meets_at=meets_at, refused=refused)

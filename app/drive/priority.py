@@ -43,8 +43,8 @@ def raise_priority() -> Priority:
 def permitted_priority(root: Path = _MACHINE) -> Priority | None:
     """Return the priority that ``raise_priority`` can expect; None where it is unknown.
 
-    It changes nothing and relies on the rights and limits the kernel reports: a kernel that divides
-    real-time by groups of processes may refuse all the same.
+    It changes nothing and relies on the rights and limits the kernel reports: a kernel that budgets
+    real-time by groups of processes may still refuse.
 
     Args:
         root: root of the file system whose ``proc/self`` to read.

@@ -154,7 +154,7 @@ class Roles:
     def _tick(self, now: float) -> Tick:
         return Tick(
             now,
-            # A loop that stalled makes up for nothing.
+            # Time lost by a stalled loop is not made up for.
             0.0 if self._before is None else min(now - self._before, _MOST_DT_S),
             self.sight,
             None if self.stopped is None else self.stopped.by,
@@ -401,7 +401,7 @@ class Roles:
         return self.goals.start(command, self.driven[_OBSERVER], now).facts(now)
 
     def errand(self) -> Errand | None:
-        """Return what a planner of the observer's way needs now; None without a goal."""
+        """Return what a planner of the observer's path needs now; None without a goal."""
         return self.goals.errand(self.driven[_OBSERVER])
 
 

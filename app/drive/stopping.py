@@ -183,8 +183,8 @@ class StopWatch:
     ) -> StoppedEvent | None:
         """Return the stop once its measurement is complete."""
         if stop.zero is None and self._zero is not None:
-            # Zero may have gone out before the cause: the driver of a stalled robot waits for
-            # nobody.
+            # Zero may have been sent before the cause: the driver of a stalled robot sends it by
+            # itself.
             stop.zero = max(self._zero, stop.cause)
         if stop.stood is None:
             stop.stood = self._stood(stop.cause)
@@ -263,7 +263,7 @@ def _zero_since(
         return before
     sent = report.sent
     if sent is None:
-        # The robot reports nothing of its port: use the velocity handed to its driver.
+        # The robot does not report what its port sent: use the velocity handed to its driver.
         return None if driven.sent != ZERO else now if before is None else before
     if sent.speed_mps != 0.0 or sent.turn_rate_radps != 0.0:
         return None

@@ -29,7 +29,7 @@ def main() -> None:
     from observer.opening import open_source
 
     # Two threads halve the stereo matching time on two idle cores and cost nothing on busy ones.
-    # Beyond four, images of this size gain nothing, and the web process needs a core too.
+    # More than four gain nothing at this image size, and the web process needs a core too.
     cv2.setNumThreads(min(4, os.cpu_count() or 1))
     run_engine(arguments, open_source=open_source, make_observer=Observer, prepare=make_ready)
 

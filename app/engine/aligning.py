@@ -1,4 +1,4 @@
-"""Thread that repeatedly aligns the observations with motion capture, beside the loop."""
+"""Thread beside the loop that repeatedly aligns the observations with motion capture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _log = logging.getLogger(__name__)
 _LOOK_EVERY_S = 0.1
 # The worker rests at least this long, and three times as long as it worked.
 REST_S, _REST_SHARE = 2.0, 3.0
-# One minute at 60 frames a second; the worker is given up before that.
+# One minute at 60 frames a second; a worker that takes longer is ended before that.
 _MOST_WAITING = 3600
 # Motion capture samples kept while nothing is observed.
 _MOST_KEPT = 30_000
@@ -60,7 +60,7 @@ class Aligned:
     """Alignment in force.
 
     Attributes:
-        session: the session it holds for, as passed to ``begin``.
+        session: the session that it applies to, as passed to ``begin``.
         clocks: the clock relation it was found with.
         carried: it was found before the source was reopened.
     """
@@ -76,7 +76,7 @@ class AlignmentThread(threading.Thread):
 
     Attributes:
         aligned: the alignment now in force.
-        sentence: the reason why there is none; begins with "not yet aligned".
+        sentence: the reason why there is none; begins with "not aligned yet".
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class AlignmentThread(threading.Thread):
         self._server_clock = server_clock
         self._worker = make_worker()
         self._rest_s = rest_s
-        # Calls for the thread: observation lines, and beginnings in between.
+        # Calls to make in the thread: observation lines, and beginnings of sessions in between.
         self._waiting: deque[Callable[[], None]] = deque(maxlen=_MOST_WAITING)
         self._ending = threading.Event()
         # Used by the thread alone.
@@ -140,7 +140,7 @@ class AlignmentThread(threading.Thread):
             while not self._ending.wait(_LOOK_EVERY_S):
                 self._look()
         except Exception as error:  # noqa: BLE001
-            # Whatever happens to truth, frames are observed and robots driven.
+            # A failure here must not stop observing frames or driving robots.
             _log.exception("aligning failed")
             self.aligned = None
             self.sentence = f"not aligned yet: alignment failed: {unexpected(error)}"
@@ -220,8 +220,8 @@ def _needed(line: Mapping[str, Any]) -> dict[str, Any]:
 def _believable(found: Alignment, known: Alignment) -> bool:
     """Return true if the new alignment may replace the known one.
 
-    Delays hardly change, so an alignment that contradicts them needs a longer observation: a few
-    seconds of motion fit in more than one place.
+    Delays hardly change, so an alignment that contradicts the known delay needs a longer overlap: a
+    few seconds of motion can fit at more than one offset.
     """
     apart = abs(found.time.offset_s - known.time.offset_s)
     within = _SIGMAS * math.hypot(found.time.sigma_s, known.time.sigma_s) + _DELAYS_CHANGE_S
@@ -229,9 +229,9 @@ def _believable(found: Alignment, known: Alignment) -> bool:
 
 
 def _carried(before: Alignment) -> Alignment | None:
-    """Return what survives a reopening of the source: delays, roles, the camera's place."""
+    """Return what survives a reopening of the source: delays, roles and the camera's pose."""
     if before.observer is None or before.T_body_camera is None:
-        # Nothing tells where the new world lies.
+        # The pose of the new world cannot be determined.
         return None
     return replace(
         before,

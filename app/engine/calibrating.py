@@ -33,8 +33,8 @@ class BoardPublisher:
 
     Attributes:
         send: takes events and never blocks.
-        show: shows the watched ones of a pair's images, each as the function draws it by its name.
-        beat: called between the steps, each of which takes some ten milliseconds.
+        show: shows those images of a pair that are watched; the function draws one by name.
+        beat: called between steps, each of which takes some ten milliseconds.
     """
 
     send: Callable[[object], None]
@@ -48,7 +48,7 @@ def open_calibration(
     """Open the source and read its first frame; if refused, leave nothing open.
 
     Raises:
-        InputError: one sentence on the fault in the source.
+        InputError: the source cannot be used; one sentence says why.
     """
     opened = open_source(command.source)
     try:
@@ -61,10 +61,10 @@ def open_calibration(
 
 
 class CalibrationSession(PlayedSource):
-    """Source that is being calibrated: its board is looked for in every pair, for views of it.
+    """Source being calibrated: looks for the board in every pair and collects views of it.
 
-    It runs in the loop's own thread: finding or missing a board takes about 15 ms an image, and a
-    live source meanwhile keeps only its newest pair.
+    It runs in the loop's own thread: the search takes about 15 ms per image, board or no board, and
+    a live source keeps only its newest pair in the meantime.
 
     Attributes:
         board: the board to look for.
@@ -193,7 +193,7 @@ class CalibrationSession(PlayedSource):
             side = "left" if name == CAMERA_NAMES[0] else "right"
             image = frame.left if side == "left" else frame.right
             kept = [seen for view in views if (seen := getattr(view, side)) is not None]
-            # Draw the next instruction in the left image only: it has one place there.
+            # Draw the outline of the wanted pose in the left image only: it is defined there.
             outline = look.ghost if side == "left" else None
             return draw_board(image, self.board, sightings[side], kept, outline)
 

@@ -22,8 +22,8 @@ from observer.vision.rectification import Rectification
 _FEATURES = 1500
 _LINES = 12
 _LINE_COLOR = (80, 220, 80)
-# In two rectified images, true matches lie in one row; but a bad calibration must be able to show
-# how bad it is.
+# Share of the image height: true matches in rectified images lie in one row, but the limit must be
+# wide enough to show how bad a bad calibration is.
 _MAX_ROW_DIFFERENCE = 0.15
 # Matches whose rows differ by less are measured to a fraction of a pixel.
 _NEAR_PX = 4.0
@@ -42,7 +42,7 @@ def preview_calibration(
     Args:
         board: the board shown to the cameras, if any. Its corners all look alike, so they are
             matched by number and not as features.
-        beat: called between the steps, each of which takes some ten milliseconds.
+        beat: called between steps, each of which takes some ten milliseconds.
 
     Raises:
         CalibrationError: the calibration cannot be read or rectified, or is for another size.

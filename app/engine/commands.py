@@ -47,7 +47,7 @@ _log = logging.getLogger(__name__)
 
 
 class CommandHandler:
-    """Command handler: carries out commands and returns their replies.
+    """Carries out commands and returns their replies.
 
     Attributes:
         leaving: the engine was told to shut down.
@@ -65,7 +65,7 @@ class CommandHandler:
         """Set the outputs.
 
         Args:
-            send: takes the refusal of an opening that a later command ends.
+            send: sends a reply that comes later, such as the refusal of a cancelled opening.
             beat: called between the steps of lengthy work.
         """
         self._current = current
@@ -76,7 +76,7 @@ class CommandHandler:
         self.leaving = False
 
     def answer(self, request: Request) -> Reply | None:
-        """Carry out a command; return None where the reply follows later, once a source is open."""
+        """Carry out a command and return the reply; None if it follows later."""
         command = request.command
         try:
             if isinstance(command, OpenSource | BeginCalibration):
@@ -91,7 +91,7 @@ class CommandHandler:
         except DynamicObserverError as error:
             return refusal(request.number, error)
         except Exception as error:  # noqa: BLE001
-            # Process boundary: whatever a command runs into, the engine stays alive and reports it.
+            # Process boundary: whatever error a command causes, the engine reports it and lives on.
             _log.exception("%s failed", type(command).__name__)
             return Reply(request.number, error=unexpected(error), refusal="failure")
 
@@ -131,7 +131,7 @@ class CommandHandler:
         raise InputError("the engine does not support this request")
 
     def _stop_run(self, number: int) -> Reply | None:
-        """Stop at once; the recording's thread replies once the file is complete."""
+        """Stop the run at once; the recorder's thread replies once the file is complete."""
         session = self._current.observing
         if session is None or session.run_id is None:
             raise NotNow("no run is in progress; start one first")
@@ -142,7 +142,7 @@ class CommandHandler:
         return None
 
     def _save_clip(self, number: int, command: SaveClip) -> None:
-        """Have the ring saved; the recording's thread replies."""
+        """Have the ring buffer saved; the recorder's thread replies."""
         session, path = self._current.observing, Path(command.path)
         if session is None or session.recorder is None:
             raise NotNow(

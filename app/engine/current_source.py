@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 # Requests are numbered from 1.
 _NOBODYS = 0
-# An unfinished recording is readable as well.
+# Seconds: an unfinished recording is readable too, so the wait for it may be short.
 _RECORDING_ENDS_S = 2.0
 
 
@@ -47,8 +47,8 @@ class Opening:
     Attributes:
         request, command: the request that asked for it.
         session, error: the result; one of them is set once it is done.
-        abandoned: nobody waits for it any more; its session only needs to be closed.
-        lender: the session that lent its source, and that goes on if the opening is refused.
+        abandoned: it was cancelled; its session only needs to be closed.
+        lender: the session that lent its source; it continues if the opening is refused.
         before: the session that had to be closed for it, to be reopened if the opening is refused.
         parameters: with their revision, if they were set meanwhile.
     """
@@ -70,7 +70,7 @@ class Opening:
             try:
                 self.session = work()
             except Exception as error:  # noqa: BLE001
-                # No exception may be lost between threads; the loop tells refusals from faults.
+                # Pass every exception to the loop, which tells refusals from faults.
                 self.error = error
             done(self)
 
@@ -83,7 +83,7 @@ class CurrentSource:
     Attributes:
         session: the session being played.
         opening: the opening in progress.
-        raw_pair: the newest pair as it came, for trying out a calibration.
+        raw_pair: the newest unprocessed pair, for trying out a calibration.
     """
 
     def __init__(
@@ -104,9 +104,9 @@ class CurrentSource:
             opened: called in another thread when ``opening`` is done; ``finish`` comes next.
             closed: called when a session is closed, before its source is.
             boards: receives the board detections and images while calibrating.
-            stage_clock: serves the observer's timings.
-            truth: is told what is observed and what to listen to.
-            preparing: what an observer needs; nothing is observed before it is done.
+            stage_clock: clock for the observer's stage timings.
+            truth: informed of what is observed and which motion capture to use.
+            preparing: preparation that observers need; nothing is observed before it is done.
         """
         self._open_source = open_source
         self._make_observer = make_observer
@@ -173,7 +173,7 @@ class CurrentSource:
         )
 
     def _prepared_observer(self, *args: Any, **more: Any) -> FrameObserver:
-        # Not before: a source opens while that is under way.
+        # Wait only now, so that the source opens while the preparation runs.
         if self._preparing is not None:
             self._preparing.wait()
         return self._make_observer(*args, **more)
@@ -228,14 +228,13 @@ class CurrentSource:
         return reply
 
     def give_up_opening(self) -> Reply | None:
-        """Return the refusal for whoever requested the current opening, if there is one."""
+        """Cancel the current opening, if any, and return the refusal for its requester."""
         opening, self.opening = self.opening, None
         if opening is None:
             return None
         opening.abandoned = True
         if opening.lender is not None:
-            # The opening may still use the lent source, so the source is closed only once that is
-            # done.
+            # The opening may still use the lent source: ``finish`` closes it.
             self.session = None
             self._closed()
         source = shown_spec(opening.command.source)
@@ -286,8 +285,8 @@ class CurrentSource:
 def _exclude_each_other(a: str, b: str) -> bool:
     """Return true if the sources of both specs cannot be open together.
 
-    A camera delivers to one program only, and only once; two clients that step the same simulator
-    would wait for each other.
+    A camera can be opened only once, by one program; two clients that step the same simulator would
+    wait for each other.
     """
     world = exclusive_world(a)
     same_world = world is not None and world == exclusive_world(b)

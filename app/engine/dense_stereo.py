@@ -1,7 +1,7 @@
 """Dense stereo for display: its input pair, and the disparity and cloud computed from it.
 
-Nothing of it feeds back into an observation. Where the method has already computed the disparity,
-that one is used together with the pose of the pair it belongs to.
+None of it feeds back into an observation. If the method has already computed a disparity, that one
+is used, together with the pose of its pair.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from observer.parameters import StereoParameters
 from observer.types import Image, Observation, Obstacle
 from observer.vision.stereo import disparity_map, point_cloud
 
-# On a 20 Mbit/s link this many points ten times a second lag by 75 ms; 50000 lag by seconds.
+# On a 20 Mbit/s link, this many points ten times a second lag by 75 ms; 50000 lag by seconds.
 MAX_POINTS = 20_000
 # The longest frame distance of a pair, plus a few for dropped frames.
 _REMEMBERED = 16
 # Pixels times disparities searched. 512x256 with 96 disparities is 12.6 million and takes 24 ms of
-# one core; 1242x375 would take 85 ms ten times a second.
+# one core; 1242x375 would take 85 ms, ten times a second.
 _MOST_COMPARISONS = 16_000_000
 _FEWEST_DISPARITIES = 16
-# Share of its own colour in what is seen of a body.
+# Share of the obstacle colour in the pixels of a body.
 _TINT = 0.5
 
 
@@ -38,10 +38,10 @@ class DensePair:
     """Rectified pair from which a cloud can be computed.
 
     Attributes:
-        left: (H, W) grey or (H, W, 3) BGR. right: the same, or None where none is known.
-        disparity: (H, W) pixels, where the method has computed it.
-        instant: facts of this very pair. obstacles: reported in it.
-        reasons: those given in the observation.
+        left: (H, W) grey or (H, W, 3) BGR. right: the same, or None if there is none.
+        disparity: (H, W) pixels; None if the method has not computed it.
+        instant: facts of this very pair. obstacles: obstacles reported in it.
+        reasons: reasons given in the newest observation.
     """
 
     left: Image
@@ -74,17 +74,17 @@ class DenseStereo:
 
 
 class PairKeeper:
-    """Keeper of recent poses: pairs an image with the pose that belongs to it.
+    """Keeps recent observations, to match a disparity with its image and pose.
 
-    A model that computes a dense disparity does so for the pair at t, one frame before the newest,
-    so the keeper remembers the poses of the last frames.
+    A model that computes a dense disparity does so for the pair at t, the earlier of the two frames
+    it compares, so the observations of the last frames are kept.
     """
 
     def __init__(self) -> None:
         self._seen: deque[tuple[Image, Observation]] = deque(maxlen=_REMEMBERED)
 
     def remember(self, observed: Observed) -> None:
-        """Store the frame's pose for the disparity that a later frame may bring."""
+        """Store the frame's observation for the disparity that a later frame may bring."""
         left = observed.trace.get("left")
         if left is not None:
             self._seen.append((left, observed.observation))
@@ -144,7 +144,7 @@ class Cloud:
 
 
 def cloud_of(pair: DensePair, dense: DenseStereo) -> Cloud:
-    """Return the cloud of a pair; bodies have their own colour."""
+    """Return the cloud of a pair, with bodies tinted in the obstacle colour."""
     image = _with_bodies(pair.obstacles, dense)
     return Cloud(*point_cloud(dense.disparity, image, dense.camera, dense.parameters, MAX_POINTS))
 
@@ -162,12 +162,12 @@ def cloud_value(
 
 
 def _with_bodies(obstacles: tuple[Obstacle, ...], dense: DenseStereo) -> Image:
-    """Return the image in which what is seen of bodies, at their depth, has their colour."""
+    """Return the image with those pixels tinted that lie on a body, by silhouette and depth."""
     image = dense.image
     for one in obstacles:
         if one.silhouette is None:
             continue
-        # Silhouettes reach a little beyond a body, to what stands behind it.
+        # Silhouettes reach slightly beyond a body, onto the background.
         reach = float(np.linalg.norm(one.size)) / 2
         focal = dense.camera.fx * dense.camera.baseline
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -200,7 +200,7 @@ def _coarser(image: Image, factor: int) -> Image:
 
 
 def _coarser_camera(camera: StereoCamera, factor: int) -> StereoCamera:
-    # Pixel centres lie on whole numbers, so the scaling applies to the pixels' edges.
+    # Pixel centres have integer coordinates; scaling is linear from the outer pixel edge.
     return replace(
         camera,
         width=camera.width // factor,

@@ -1,4 +1,4 @@
-"""Depth of one place in the newest pair by a calibration, for comparison with a tape measure."""
+"""Depth of one point in the newest pair under a calibration, to compare with a tape measure."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from observer.types import Image, StereoFrame
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map
 
-# The surroundings of the place that are examined: pixels in each direction.
+# Half size of the neighbourhood examined around the point, pixels in each direction.
 _REACH_PX = 7
 _HERE_PX = 1
 # Extra rows matched above and below, so that the matcher has paths to follow.
 _MARGIN_PX = 48
 _LEAST_KNOWN = 0.3
-# Maximum distance from one plane on a flat place: for half of its disparities, and for its middle.
+# Pixels, on a flat surface: largest median deviation of the disparities from one plane, over the
+# neighbourhood and at its middle.
 _MAX_SPREAD_PX = 0.5
 _MAX_HERE_PX = 1.0
 _MAX_DISPARITY_PX = 256
-# Grey levels per pixel, root mean square along the rows of the smoothed image; noise of three grey
-# levels leaves a third of it. Below it the matcher fills in its neighbours' values.
+# Grey levels per pixel: RMS gradient along the rows of the smoothed image. Noise of three grey
+# levels leaves a third of this. Below it, the matcher fills in values from neighbours.
 _LEAST_TEXTURE = 0.7
 _SMOOTHING_PX = 1.5
 
@@ -41,7 +42,7 @@ def measure_depth(
     """Return the depth at a pixel of the rectified left image.
 
     Args:
-        beat: called between the steps, each of which takes some ten milliseconds.
+        beat: called between steps, each of which takes some ten milliseconds.
 
     Raises:
         InputError: the pixel is outside the image, or has no depth.
@@ -58,7 +59,7 @@ def measure_depth(
     row, column = round(v), round(u)
     first = max(0, row - _MARGIN_PX)
     rows = slice(first, min(camera.height, row + _MARGIN_PX + 1))
-    # As near as a hand in front of the cameras: somebody may point at a thing on the table.
+    # Search down to a hand's distance from the cameras: a user may pick an object on the table.
     search = min(_MAX_DISPARITY_PX, camera.width // 3)
     parameters = StereoParameters(max_disparity_px=search)
     strip = disparity_map(left[rows], right[rows], parameters)
@@ -72,7 +73,7 @@ def measure_depth(
 
 
 def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> float:
-    """Return the disparity of the plane through the surroundings: a floor's grows from row to row.
+    """Return the disparity at the point, by a plane fit: a floor's disparity grows by row.
 
     Raises:
         InputError: too few disparities are known around it, or they form no plane.
@@ -88,8 +89,7 @@ def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> fl
     terms = np.column_stack([np.ones(len(found)), across, down])
     plane, *_ = np.linalg.lstsq(terms, found, rcond=None)
     off = found - terms @ plane
-    # Around a thin object most pixels show what stands behind it, so the place itself is tested as
-    # well.
+    # Around a thin object most pixels show the background, so test the point itself as well.
     here = off[np.maximum(abs(down), abs(across)) <= _HERE_PX]
     elsewhere = len(here) > 0 and abs(float(np.median(here))) > _MAX_HERE_PX
     if elsewhere or float(np.median(np.abs(off))) > _MAX_SPREAD_PX:

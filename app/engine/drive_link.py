@@ -1,4 +1,4 @@
-"""Link of the engine to the drive process, past the web process."""
+"""Direct link from the engine to the drive process, bypassing the web process."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class DriveLink:
     """Both directions of the link.
 
     Attributes:
-        sight: tells of each frame. wheels: tell where the robots are.
-        wayfinder: plans the observer's way.
+        sight: sends the sight of each frame. wheels: receives the wheel odometry.
+        wayfinder: plans the observer's path.
     """
 
     sight: SightTeller

@@ -1,4 +1,4 @@
-"""Refusals of commands, beside the library's own errors."""
+"""Refusals of commands, in addition to the library's own errors."""
 
 from __future__ import annotations
 

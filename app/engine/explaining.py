@@ -51,7 +51,7 @@ def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstac
     """Return the nearest obstacle seen at a dynamic pixel."""
     if answer.verdict is not PixelVerdict.DYNAMIC:
         return None
-    # Boxes end at the outermost features; pixels around these count as theirs.
+    # Boxes end at the outermost features; pixels close to a feature belong to it.
     reach = answer.numbers.get("nearest_feature_px") or 0.0
     u, v = answer.px
     here = [

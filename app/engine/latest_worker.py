@@ -15,14 +15,14 @@ Job = TypeVar("Job")
 
 # The loop takes precedence where both want the same core.
 _NICENESS = 10
-# A caller that ends the worker also waits for it; as a daemon thread it holds up nothing.
+# Seconds that ``close`` waits for the thread; being a daemon thread, it never blocks the exit.
 _STOP_TIMEOUT_S = 0.5
 
 
 class LatestWorker(Generic[Job]):
     """Worker for the newest job at a limited rate; jobs never queue.
 
-    The thread starts with the first job, so a caller that gives none has no thread.
+    The thread starts with the first job.
     """
 
     def __init__(
@@ -33,8 +33,8 @@ class LatestWorker(Generic[Job]):
         Args:
             name: of the thread.
             work: called in the thread; it must not raise, because that would end the work for good.
-            rate_hz: maximum jobs per second, on average over whatever rhythm they arrive in.
-            most_share: of one core's time that it may take; where jobs cost more, they are fewer.
+            rate_hz: maximum average number of jobs per second, however irregularly they arrive.
+            most_share: maximum share of one core's time; costlier jobs run less often.
         """
         self._name = name
         self._work = work

@@ -1,7 +1,7 @@
 """Live motion capture beside the observations: for display and recording, never for the method.
 
-The loop only reads what its threads have left for it: whatever happens to motion capture, frames
-are observed and robots driven as they would be without it.
+The loop only reads what the threads here have left for it: whatever happens to motion capture,
+frames are observed and robots driven as they would be without it.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ObservedSource:
 
     @property
     def now(self) -> bool:
-        """Return true if the source happens now, as motion capture does."""
+        """Return true if the source shows the present, as motion capture does."""
         return self.info.live or self.info.kind in _NOW
 
 
@@ -74,7 +74,7 @@ class LiveTruth:
     """Live truth of the observed source. It belongs to the loop's thread; no call blocks.
 
     Attributes:
-        order: what to listen to; None where nothing was ordered.
+        order: motion capture to listen to, as ordered; None if none was.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class LiveTruth:
         self._facts: LiveTruthStatus | None = None
 
     def use(self, order: LiveTruthOrder | None) -> None:
-        """Listen to this order from now on; keep an open connection to the same motion capture.
+        """Listen as ordered from now on; keep an open connection to the same motion capture.
 
         Raises:
             TruthError: the spec names no live motion capture; nothing was changed.
@@ -122,19 +122,19 @@ class LiveTruth:
 
     @property
     def in_place(self) -> bool:
-        """Return true if it replaces the source's own truth."""
+        """Return true if motion capture replaces the source's own truth."""
         return self.order is not None and self._source is not None and self._source.now
 
     @property
     def why_none(self) -> str | None:
-        """Return why it tells nothing yet; None where it does, or where nothing is to be told."""
+        """Return why there is no truth yet; None if there is, or if none is expected."""
         facts = self.facts() if self.in_place else None
         return None if facts is None or facts.aligned else facts.sentence
 
     def observing(self, source: ObservedSource | None) -> None:
         """Begin a new world for the newly observed source; None if nothing is observed."""
         self._source = source
-        # Between two openings nothing is observed for a moment.
+        # While a source is being reopened, nothing is observed for a moment.
         self._begin(carry=source is None or source.info == self._last)
         if source is not None:
             self._last = source.info
@@ -149,9 +149,9 @@ class LiveTruth:
         """Return the entries of ``ObservationEvent.truth`` for an observed frame.
 
         Args:
-            line: of the frame.
-            received: on the host's monotonic clock.
-            recorder: of the run; receives all motion capture samples from now on.
+            line: JSON line of the frame.
+            received: reception of the frame on the host's monotonic clock.
+            recorder: recorder of the run; receives all motion capture samples from now on.
         """
         listening = self._listening
         if listening is None:
@@ -249,7 +249,7 @@ class LiveTruth:
         return aligned if aligned is not None and aligned.session == self._session else None
 
     def _room(self, aligned: Aligned, newest: NewestTruth, segment: int) -> Pose | None:
-        """Return ``T_world_room``, by the alignment or by motion capture's view of the observer."""
+        """Return ``T_world_room``, from the alignment or from the observer's captured pose."""
         known = aligned.alignment.T_world_room.get(segment, self._placed.get(segment))
         if known is not None:
             return known
@@ -263,7 +263,7 @@ class LiveTruth:
         return None
 
     def _why_not(self, report: LiveCaptureReport, trouble: str | None) -> str | None:
-        """Return the reason why no alignment is possible now, where the alignment cannot tell."""
+        """Return why no alignment is possible now, for reasons outside the alignment thread."""
         source = self._source
         if source is None:
             return "not aligned yet: no source is open"

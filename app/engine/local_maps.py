@@ -1,4 +1,4 @@
-"""Local map that is in force at each frame: of the way to a goal, or recorded with the frame."""
+"""Local map in force at each frame: from planning the way to a goal, or from the recording."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _NONE = LocalMapEvent(None, None)
 
 
 class LocalMaps:
-    """Follower of the local map of one source.
+    """Tracks the local map of one source.
 
     Args:
-        recorded: by the position of the frame; empty where none are recorded.
-        mount: of the cameras; without it no map has a place.
+        recorded: recorded maps by frame position; empty if there are none.
+        mount: mount of the cameras; without it no map can be placed in the world.
     """
 
     def __init__(self, recorded: Mapping[int, OccupancyMap], mount: CameraMount | None) -> None:
@@ -34,11 +34,11 @@ class LocalMaps:
         received: float,
         T_world_camera: Pose | None,
     ) -> LocalMapEvent | None:
-        """Return what to tell of the map at the next frame; None where nothing has changed.
+        """Return the event to send for the next frame; None if the map has not changed.
 
         Args:
-            made: of this frame. position: of the frame within the source.
-            received: of the frame, as ``OccupancyMap.received`` of what is made.
+            made: map planned from this frame, if any. position: of the frame within the source.
+            received: reception of the frame, on the clock of ``OccupancyMap.received``.
         """
         new, told = made or self._recorded.get(position), self._told.map
         if new is None:
@@ -47,7 +47,7 @@ class LocalMaps:
                 return None
             event = _NONE
         elif told is not None and new.received == told.received and segment == self._segment:
-            # A recorded one, with the robot as it is by now.
+            # The same recorded map, at a later frame: only the robot's pose in it differs.
             return None
         else:
             event = self._placed(new, T_world_camera)

@@ -1,7 +1,7 @@
 """Main loop of the engine: commands, paced playback, observing, publishing, heartbeats.
 
-One thread does all of it, so a heartbeat proves that this very loop is alive. Only opening a
-source, which may take long, and dense stereo for display have threads of their own.
+One thread does all of it, so a heartbeat proves that this very loop is alive. Work that may take
+long, such as opening a source or dense stereo for display, has threads of its own.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from observer.types import FullTrace, Observation, StereoFrame
 BEAT_INTERVAL_S = 0.05
 # Interval at which the page receives the playback position or a live source's figures on their own.
 _POSITION_INTERVAL_S = 0.5
-# Time for the truth's threads to end. They need no orderly end; the rest ends with the process.
+# Time for the truth threads to end. They need no orderly end: any left over end with the process.
 _TRUTH_ENDS_S = 1.0
 
 
@@ -73,7 +73,7 @@ class Engine:
             observations_lost: returns how many events ``send`` has dropped.
             publisher: takes observed frames, for views and the cloud; closed at the end.
             drive: link to the drive process, if there is one.
-            preparing: what an observer needs; nothing is observed before it is done.
+            preparing: preparation that observers need; nothing is observed before it is done.
         """
         self._inbox = inbox
         self._send = send
@@ -124,10 +124,10 @@ class Engine:
         self._send(HeartbeatEvent(now, {"observations_lost": self._observations_lost()}))
 
     def _beating_clock(self) -> float:
-        # The observer reads its clock between its stages, so even a slow frame beats while it makes
-        # progress, and only a hung stage looks hung.
+        # The observer reads its clock between stages, so heartbeats continue during a slow frame as
+        # long as it makes progress; only a hung stage looks hung.
         self.beat()
-        # The cameras' processes do not wait for the end of the frame either.
+        # Do not make the camera processes wait for the end of the frame either.
         session = self._current.session
         if session is not None and threading.get_ident() == self._thread:
             session.tend()
@@ -168,7 +168,7 @@ class Engine:
 
     def _answer(self, request: Request) -> None:
         reply = self._commands.answer(request)
-        # The state goes first, so that the requester finds it as the reply says.
+        # Send the state first, so that it already matches when the requester gets the reply.
         self._publish_state()
         if reply is not None:
             self._send(reply)
@@ -193,7 +193,7 @@ class Engine:
         try:
             skipped = session.player.read_ahead()
         except Exception as error:  # noqa: BLE001
-            # A source is foreign code and foreign data; an exception in it ends the source, not the
+            # A source is third-party code and data: an exception in it ends the source, not the
             # engine.
             self._current.fail(f"reading {source}", error)
             return
@@ -225,7 +225,8 @@ class Engine:
         observer = session.observer
         if played.new_segment:
             observer.begin_segment()
-        # This only puts it into a queue, and a frame that breaks the observer is worth keeping.
+        # Record before observing: it only queues, and a frame that breaks the observer is worth
+        # keeping.
         if recorder is not None:
             recorder.frame(replace(played, frame=frame))
         trace = FullTrace()
@@ -237,7 +238,7 @@ class Engine:
         drive = self._drive
         sight = None
         if drive is not None:
-            # Before all else: a robot drives by it.
+            # Send this first: a robot drives by it.
             guard = session.parameters.guard
             sight = drive.sight.tell(observed, session.mount, session.world, guard)
         published = time.monotonic()
@@ -279,7 +280,7 @@ class Engine:
                 )
         self.beat()
         session.ageing.look(observed)
-        # Without a run it is the last half minute of live cameras, which holds no clouds.
+        # Without a run, the recorder only keeps the last half minute, without clouds.
         kept_by = None if session.run_id is None else recorder
         self._publisher.publish(observed, None if kept_by is None else kept_by.cloud)
         session.spent(began, time.monotonic())
@@ -313,7 +314,7 @@ class Engine:
     def _publish_state(self) -> None:
         now = time.monotonic()
         state, sent = self._current.state(), self._sent_state
-        # If only the position moved, an occasional update is enough.
+        # If only frame-by-frame figures changed, an occasional update is enough.
         lately = now - self._state_sent_at < _POSITION_INTERVAL_S
         if sent is not None and (
             state == sent or (lately and _without_position(state) == _without_position(sent))

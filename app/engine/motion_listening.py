@@ -1,4 +1,4 @@
-"""Listener to motion capture beside the loop; distributes its samples."""
+"""Thread beside the loop that listens to motion capture and distributes its samples."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 
 _DRAIN_EVERY_S = 0.02
 _REPORT_EVERY_S = 0.5
-# Kept for a loop that takes none: half a minute of two bodies at 300 Hz.
+# Samples kept while nobody takes them: half a minute of two bodies at 300 Hz.
 _MOST_WAITING = 20_000
 
 # Report before the first one of a connection.
@@ -74,7 +74,7 @@ class MotionListener(threading.Thread):
         try:
             self._listen(capture)
         except Exception as error:  # noqa: BLE001
-            # Whatever happens to truth, frames are observed and robots driven.
+            # A failure here must not stop observing frames or driving robots.
             self._give_up(error)
         finally:
             capture.close()
@@ -102,5 +102,5 @@ class MotionListener(threading.Thread):
 
 
 def _taken(waiting: deque[BodySample]) -> list[BodySample]:
-    # One thread appends and one takes, so the counted samples are there.
+    # Only one thread takes samples, so at least as many as counted are there.
     return [waiting.popleft() for _ in range(len(waiting))]

@@ -1,4 +1,4 @@
-"""Observed frame in the form that everything behind the observer needs."""
+"""Observed frame in the form needed by everything downstream of the observer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Observed:
         trace: the observer's intermediate images and numbers by name (see ``observer.observer``).
         camera: the rectified pair.
         parameters: those in force for this frame.
-        segment: counted over restarts of the engine.
+        segment: segment number, counted across engine restarts.
     """
 
     frame: StereoFrame

@@ -1,7 +1,7 @@
 """Playback of a source at its recorded pace: pause, step, seek, rate, loop and restart.
 
-For a source that is not live no frame is ever dropped: where reading or observing cannot keep up,
-the playback slows down and reports the rate it really achieves.
+No frame of a source that is not live is ever dropped: if reading or observing cannot keep up,
+playback slows down and reports the rate it actually achieves.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ class PlayedFrame:
     """Frame whose turn has come.
 
     Attributes:
-        frame: its index and time continue over rewinds; ``received`` is the instant it was played
-            (for a live source: received).
+        frame: its index and time continue across rewinds; ``received`` is the instant it was played
+            (for a live source, received).
         source_time: its time within the source, for looking up truth.
         position: its number within the source.
-        new_segment: it follows a rewind, a seek or a new beginning in the recording, so nothing
-            before it belongs to it.
+        new_segment: it follows a rewind, a seek or a new beginning in the recording, so it is
+            unrelated to earlier frames.
     """
 
     frame: StereoFrame
@@ -40,14 +40,14 @@ class PlayedFrame:
 class Player:
     """Player that hands out a source's frames when their time has come.
 
-    Every method takes ``now``, the host's monotonic clock. None of them waits, except that reading
-    takes as long as the source takes.
+    Methods that depend on the time take ``now``, the host's monotonic clock. None of them blocks,
+    except that reading takes as long as the source takes.
 
     Attributes:
         paused, rate, loop: the settings in force.
         position: number of the frame played last within the source; None before the first.
         skipped: number of frames that could not be read.
-        trouble: reason why a live source delivers nothing, one sentence.
+        trouble: one sentence on why a live source delivers nothing.
     """
 
     def __init__(self, source: Source, *, paused: bool, rate: float, loop: bool) -> None:
@@ -68,7 +68,7 @@ class Player:
         self._index_offset = 0
         # None from a rewind until the first frame after it shows its own time.
         self._time_offset: float | None = 0.0
-        # Source instant (continued over loops) that corresponds to a host instant.
+        # Host instant and the source instant (continued over loops) that corresponds to it.
         self._anchor: tuple[float, float] | None = None
         self._played: deque[tuple[float, float]] = deque()
         self.position: int | None = None
@@ -87,7 +87,7 @@ class Player:
 
     @property
     def next_index(self) -> int:
-        """Return the index of the next frame to play, as far as it can be known before reading."""
+        """Return the index of the next frame to play, or the best guess before it is read."""
         return self._last_index + 1 if self._held is None else self._held.frame.index
 
     @property
@@ -96,7 +96,7 @@ class Player:
         return None if self._held is None else self._held.frame
 
     def achieved_rate(self, now: float) -> float | None:
-        """Return source seconds per second over the last 2 s; None where too little was played."""
+        """Return source seconds per second over the last 2 s; None if too little was played."""
         while self._played and self._played[0][0] < now - _RATE_WINDOW_S:
             self._played.popleft()
         if len(self._played) < 3:
@@ -108,10 +108,10 @@ class Player:
         """Read the next frame ahead; reads the source at most once.
 
         Returns:
-            The frame that could not be read, if this was one.
+            The frame if it could not be read, else None.
 
         Raises:
-            SourceError: the source holds no readable frame at all; errors of the source's own pass
+            SourceError: the source holds no readable frame at all; the source's own errors pass
                 through.
         """
         if not self.wants_reading:
@@ -140,7 +140,7 @@ class Player:
         return None
 
     def _note_beginning(self) -> None:
-        """Begin a new world where one began when this was recorded."""
+        """Begin a new segment where one began in the recording."""
         if self._seekable is None or self._last_index < 0 or self._seekable.begins is None:
             return
         self._rewound = True
@@ -209,8 +209,7 @@ class Player:
         if self._steps:
             self._steps -= 1
         elif not self._live and now - self._due(frame.time, now) > self._period / self.rate:
-            # More than a frame late: catching up would only make everything late, so playback runs
-            # later from here on.
+            # More than a frame late: do not try to catch up; shift the schedule from here on.
             self._anchor = (now, frame.time)
         if not self._live:
             frame = replace(frame, received=now)
@@ -267,7 +266,7 @@ class Player:
         # The pending steps were meant for other frames.
         self._steps = 0
         self._begin_anew()
-        # There were frames before; those from here on may all be damaged.
+        # The source does hold readable frames, even if all from here on are damaged.
         self._frames_in_pass = 1
 
 

@@ -1,4 +1,4 @@
-"""Open source and its player, independent of the frames' use."""
+"""Open source and its player, independent of how the frames are used."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from observer.sources.contract import LiveSource, SkippedFrame
 
 # Number of unreadable frames skipped while opening to find the first readable one.
 TRIES_FOR_A_PAIR = 20
-# A live source has delivered before it counts as open; the next pair follows soon.
+# Seconds: a live source has delivered before it counts as open, so the next pair follows soon.
 FIRST_PAIR_S = 2.0
 
 OpeningCommand = OpenSource | BeginCalibration
@@ -26,8 +26,8 @@ SourceOpener = Callable[[str], OpenedSource]
 class LentSource(OpenedSource):
     """Live source that belongs to its old session until the new one takes it over.
 
-    Only one program can open its cameras, and only once. The robots of its world, if it has any,
-    pass along, so that their driver need not reconnect. Nothing live has truth.
+    Only one program can open its cameras, and only once. The robots of its world, if any, are
+    handed on with it, so that their driver need not reconnect. No live source has truth.
     """
 
 
@@ -36,9 +36,9 @@ class PlayedSource:
 
     Attributes:
         spec: the text it was opened with, passwords included.
-        opened: the source, and the robots of its world; these are reached while it is observed.
+        opened: the source, and the robots of its world, reachable while it is observed.
         resting: it is not read, because its source is being handed on.
-        skipped: frames that could not be read while opening, before the first one.
+        skipped: unreadable frames before the first readable one, while opening.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class PlayedSource:
         self.resting = False
 
     def state(self, now: float) -> StateEvent:
-        """Return the engine's state with this source, all but live motion capture."""
+        """Return the engine's state with this source, without live motion capture."""
         return StateEvent(
             EngineState.PREVIEW,
             reason=None,
@@ -74,7 +74,7 @@ class PlayedSource:
         )
 
     def tend(self) -> None:
-        """Let a live source decode ahead; for the thread that reads, between two reads."""
+        """Let a live source decode ahead; call it in the reading thread, between two reads."""
         if self._live is not None:
             self._live.tend()
 
@@ -93,7 +93,7 @@ class PlayedSource:
 
     @property
     def reduced_to(self) -> str | None:
-        """Return what is left of the processing, in words; None while nothing is left out."""
+        """Describe in words what reduced processing still does; None for full processing."""
         return None
 
     def again(self) -> OpeningCommand:
@@ -125,7 +125,7 @@ def close_opened(opened: OpenedSource) -> None:
 def read_first(player: Player) -> tuple[SkippedFrame, ...]:
     """Read the first frame ahead.
 
-    Some sources do their heavy work at that point, which would stop the engine's heartbeat.
+    Some sources do heavy work for it, which would stop the heartbeat if done in the engine's loop.
 
     Returns:
         The frames that could not be read before it.

@@ -1,4 +1,4 @@
-"""The compiled vision made ready in a thread of its own, while the engine answers and beats."""
+"""Prepares the compiled vision code in a separate thread, while the engine stays responsive."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from app.runtime.heap import keep_for_good
 
 _log = logging.getLogger(__name__)
 
-# Makes ready what every observer needs; tells, in one sentence, if that takes a while.
+# Prepares what every observer needs; passes one sentence to its argument if that takes a while.
 Preparation = Callable[[Callable[[str], None]], None]
 
 
@@ -27,7 +27,7 @@ class Preparing:
         self.note: str | None = None
 
     def start(self) -> None:
-        """Begin; whoever needs it waits by ``wait``."""
+        """Start the work in a thread; use ``wait`` to wait for it."""
         threading.Thread(target=self._run, name="preparing the vision", daemon=True).start()
 
     def wait(self) -> None:
@@ -42,10 +42,10 @@ class Preparing:
         try:
             self._prepare(self._tell)
         except Exception:  # noqa: BLE001
-            # Whoever needs it tries again, and tells of it.
+            # The caller that needs it retries and reports the error.
             _log.exception("preparing the vision failed")
         finally:
-            # A compiler's modules have more objects than all others.
+            # The compiler's modules hold most of the process's objects.
             keep_for_good()
             self.note = None
             self._done.set()

@@ -1,4 +1,4 @@
-"""Engine process: from inherited descriptors to a running loop and back."""
+"""Engine process: from inherited descriptors to a running loop to the exit."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ from app.runtime.latest import LatestReader, LatestWriter
 from app.runtime.lifeline import receive_until_parent_ends
 from app.runtime.pipe import MessageSender
 
-# Robots drive by these observations: ahead of ordinary processes, behind the drive loop. Not so far
-# ahead that a saturated engine kept the web process from handling operators' commands.
+# Robots drive by these observations, so the engine goes ahead of ordinary processes but behind the
+# drive loop, and not so far ahead that a saturated engine starves the web process, which handles
+# the operators' commands.
 _NICENESS = -5
 
 
@@ -50,9 +51,9 @@ def run_engine(
 
     Args:
         open_source, make_observer: factories of sources and observers.
-        prepare: makes ready what every observer needs; see ``app.engine.preparing``.
+        prepare: prepares what every observer needs; see ``app.engine.preparing``.
     """
-    # Ctrl-C reaches every process of the terminal; the parent decides what follows.
+    # Ctrl-C reaches every process of the terminal; the parent decides what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
@@ -92,6 +93,6 @@ def run_engine(
     engine.run()
     leaving = True
     sender.close()
-    # Skip the interpreter's own shutdown: a thread that still opens a source, or a library that
-    # waits for its own threads, would hold it up.
+    # Skip the interpreter's own shutdown: a thread still opening a source, or a library waiting for
+    # its own threads, would block it.
     os._exit(0)

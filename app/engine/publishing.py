@@ -27,17 +27,17 @@ from app.runtime.latest import LatestWriter
 from observer.errors import InputError
 from observer.types import Image, StereoFrame
 
-# The scene is drawn ten times a second; a little more, so that a busy machine keeps up the ten.
+# The scene is drawn ten times a second; the margin lets a busy machine still reach ten.
 DENSE_RATE_HZ = 12.0
-# Of one core. What is looked at may not slow down what is observed.
+# Share of one core: display must not slow down observing.
 _DENSE_SHARE = 0.2
 _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
-# And kept so often in a recording, whoever looks: twenty thousand points take 300 KB.
+# Interval at which a recording keeps a cloud, watched or not: 20000 points take 300 KB.
 CLOUD_KEPT_EVERY_S = 1.0
 
-# Keeps a cloud with a run, and the reception of its frame.
+# Stores a cloud with a run; also takes the reception time of its frame.
 CloudKeeper = Callable[[Cloud, float], None]
-# Pair, the epoch of its source (a pair of one that was closed meanwhile is not shown), and keeper.
+# Pair, the epoch of its source (pairs of a source closed since are not shown), and keeper.
 _DenseJob = tuple[DensePair, int, CloudKeeper | None]
 
 
@@ -58,8 +58,8 @@ class Publisher:
 
         Args:
             slots: one for each name in ``VIEW_NAMES`` and ``CLOUD_NAME``.
-            send: told of every cloud or disparity view, including failed ones; called in the other
-                thread.
+            send: takes an event for every cloud or disparity view, including failed ones; called in
+                the other thread.
         """
         self._slots = slots
         self._send = send
@@ -112,7 +112,7 @@ class Publisher:
             self._slots[name].write(header, encode_jpeg(image))
 
     def forget(self) -> None:
-        """Drop the closed source's frame, so that it is not shown again."""
+        """Drop the frame of a closed source, so that it is not shown again."""
         self.newest = None
         self._pairs = PairKeeper()
         self._dense.forget()
@@ -143,7 +143,7 @@ class Publisher:
         begin, watched = time.monotonic(), self._watched & _DENSE
         (pair, epoch, keep), dense, trouble = job, None, None
         received = pair.instant["received"]
-        # Judged here, for a newer job may take the place of one that was due.
+        # Decide this here, not when the job is queued: a newer job may replace one that was due.
         if keep is not None and received >= self._keep_from:
             self._keep_from = received + CLOUD_KEPT_EVERY_S
         else:
@@ -154,7 +154,7 @@ class Publisher:
             dense = dense_stereo(pair)
             self._write_dense(pair, dense, epoch, watched, keep)
         except Exception as error:  # noqa: BLE001
-            # A failure in display must stop neither the observing nor the next attempt.
+            # A display failure must stop neither observing nor the next attempt.
             trouble = f"dense stereo failed: {unexpected(error)}"
         if not watched and trouble is None:
             return

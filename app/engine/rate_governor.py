@@ -1,4 +1,4 @@
-"""Governor of a live source's frame rate: it reduces processing where the computer is too slow."""
+"""Governor that reduces the processing of a live source if the computer is too slow."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from typing import Final
 
 from observer.parameters.reductions import Reduction, reductions
 
-# Each look sums up a second or longer, so that one slow frame changes nothing.
+# Seconds: each check covers at least this long, so that one slow frame changes nothing.
 _LOOK_S: Final = 1.0
 _LEAST_FRAMES: Final = 3
-# A loop that hardly ever waits for its next frame misses some.
+# Busy share of the time above which frames are dropped: the loop hardly ever waits for one.
 _OVERLOADED: Final = 0.95
-# Processing is restored where it would leave this much of the time, for so many looks in a row.
+# Processing is restored one step if the busy share would then stay below this, for so many checks
+# in a row.
 _RELAXED: Final = 0.75
 _RELAXED_LOOKS: Final = 5
-# Looks before processing is reduced at first: the frames after opening take longer.
+# Overloaded checks before the first reduction: the frames after opening take longer.
 _PATIENT_LOOKS: Final = 2
 
 
 class RateGovernor:
     """Reduces processing one step at a time, and restores it once there is time to spare.
 
-    It compares the time spent on frames with all time that passed. So it needs no frame rate: that
-    of a camera falls in the dark, and nothing is lost then.
+    It compares the time spent on frames with the total time passed, so it needs no frame rate: a
+    camera's rate falls in the dark without any frame being dropped.
     """
 
     def __init__(self) -> None:
@@ -45,11 +46,11 @@ class RateGovernor:
         return None if level == 0 else steps[level - 1]
 
     def spent(self, began: float, ended: float, model: str) -> bool:
-        """Take note of the time spent on one frame; return whether the reduction changed.
+        """Record the time spent on one frame; return whether the reduction changed.
 
         Args:
-            began, ended: seconds on one clock, later than those of the frames before.
-            model: as of ``reduction``.
+            began, ended: seconds on one clock, later than those of the previous frame.
+            model: as for ``reduction``.
         """
         if self._looked is None:
             self._looked = began

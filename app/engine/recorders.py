@@ -1,4 +1,4 @@
-"""Recordings of opened sources: their beginnings, and the wait for those that end."""
+"""Recordings of opened sources: starting them, and waiting for those that end."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Recorders:
         calibration_yaml: str,
         mount: CameraMount | None,
     ) -> RunRecorder | None:
-        """Begin a recording of the opened source, where ordered.
+        """Begin a recording of the opened source, if ordered.
 
-        Do not call it in the loop's thread: it opens a file. Where a run continues, a failure
-        to begin is only reported. For a live source, which cannot be played again, the last half
-        minute is kept in any case.
+        Do not call it in the loop's thread: it opens a file. If a run continues, a failure to begin
+        is only reported. Of a live source, which cannot be replayed, the last half minute is kept
+        in any case.
 
         Args:
             info: of the source.
@@ -91,7 +91,7 @@ def _opened(order: RecordOrder, facts: RunFacts, ring: Ring, *, resume: bool) ->
         try:
             return RecordingWriter.resume(path, ring=ring)
         except SourceError as error:
-            # It ended before it became a recording: kept for anyone who wants to inspect it.
+            # Writing stopped before the file was a valid recording; keep it for inspection.
             _log.warning("a recording is restarted: %s", error)
             path.replace(path.with_suffix(".damaged.mcap"))
     return RecordingWriter(path, facts, ring=ring)

@@ -1,7 +1,7 @@
 """Recording beside the loop: a bounded queue and one thread around ``RecordingWriter``.
 
-The loop only puts references into the queue; the thread packs and writes. Where the disk cannot
-keep up, frames are dropped and counted; where it is full, the recording ends, not the run.
+The loop only puts references into the queue; the thread packs and writes. If the disk cannot keep
+up, frames are dropped and counted; if it is full, the recording ends, but not the run.
 """
 
 from __future__ import annotations
@@ -49,15 +49,16 @@ def free_bytes(path: Path) -> int:
 
 
 class RunRecorder(threading.Thread):
-    """Recorder of one run; starts itself. All its methods but ``capture`` are for the loop.
+    """Recorder of one run; starts itself.
 
-    They return at once. The thread ends when the file is complete or given up after ``end``.
+    All methods return at once; all but ``capture`` and ``cloud`` are for the loop's thread only.
+    The thread ends when the file is complete or abandoned after ``end``.
 
     Args:
         writer: writes the file; None records nothing.
-        trouble: the reason for that.
-        order: the recording as ordered; None fills only the ring.
-        ring: of the writer, if any.
+        trouble: the reason if there is no writer.
+        order: the recording as ordered; None fills only the ring buffer.
+        ring: the writer's ring buffer, if any.
         most_bytes: limit for the frames that wait for the disk.
         free: returns the free space on the disk of a file.
     """
@@ -91,7 +92,7 @@ class RunRecorder(threading.Thread):
         self._untold = 0
         self._ending = False
         self._done: Callable[[], None] | None = None
-        # A frame that began a segment was dropped: the next frame begins it.
+        # The first frame of a segment was dropped: the next frame begins the segment.
         self._owed = False
         self._disk_looked_at = time.monotonic()
         self.start()
@@ -146,7 +147,7 @@ class RunRecorder(threading.Thread):
         self._give(write)
 
     def cloud(self, cloud: Cloud, received: float) -> None:
-        """Record a point cloud and the reception of its frame; any thread may call."""
+        """Record a point cloud with its frame's reception time; any thread may call."""
         self._give(lambda w: w.cloud(cloud.points, cloud.colors, received))
 
     def truth(self, sample: TruthSample, received: float) -> None:
@@ -192,7 +193,7 @@ class RunRecorder(threading.Thread):
         self._give(lambda w: w.local_map(told))
 
     def capture(self, samples: Sequence[BodySample]) -> None:
-        """Record the motion capture samples since the last call; any thread may call."""
+        """Record motion capture samples; any thread may call."""
         self._give(lambda w: w.capture(samples))
 
     def skipped(self, skipped: SkippedFrame) -> None:
@@ -201,7 +202,7 @@ class RunRecorder(threading.Thread):
         self._give(lambda w: w.skipped(skipped, now))
 
     def incident(self, kind: str, sentence: str) -> None:
-        """Record an incident to be found again."""
+        """Record an incident, so that it can be found later."""
         told = Incident(kind=kind, sentence=sentence, received=time.monotonic())
         self._give(lambda w: w.incident(told))
 
@@ -211,8 +212,8 @@ class RunRecorder(threading.Thread):
         """Queue the last half minute for writing.
 
         Args:
-            done: called in another thread with the seconds it holds, or the reason why there is no
-                file.
+            done: called in another thread with the duration of the clip, seconds, or with the error
+                if there is no file.
 
         Raises:
             NotNow: no last half minute is kept at the moment.
@@ -226,7 +227,7 @@ class RunRecorder(threading.Thread):
                 make_room(path, reserve_bytes)
                 ring.save(path)
             except RecordingError as error:
-                # It is a separate file: the run's own continues.
+                # It is a separate file; the run's own recording continues.
                 done(error)
             else:
                 done(ring.seconds_held)
@@ -266,8 +267,8 @@ class RunRecorder(threading.Thread):
 
     def run(self) -> None:
         """Write until ``end``."""
-        # Keep the loop's own priority: a thread that lost its core while it holds Python's lock
-        # would block the loop, and the robots' sight with it.
+        # Keep the loop's priority: a lower-priority thread that lost its core while holding the GIL
+        # would block the loop, and with it the robots' sight.
         try:
             while (job := self._next()) is not None:
                 self._step(*job)
@@ -298,7 +299,7 @@ class RunRecorder(threading.Thread):
         except RecordingError as error:
             self._give_up(str(error))
         except Exception as error:  # noqa: BLE001
-            # Whatever cannot be recorded must end neither this thread nor the run.
+            # A failure to record must end neither this thread nor the run.
             _log.exception("recording failed")
             self._give_up(f"the recording stopped: {unexpected(error)}")
         finally:
@@ -332,8 +333,8 @@ class RunRecorder(threading.Thread):
         self._close()
 
     def _close(self) -> None:
-        # Callers may keep this object for long to ask for the outcome; free its quarter of a
-        # gigabyte.
+        # Callers may keep this object long after the end to query the outcome, so free its buffers,
+        # a quarter of a gigabyte.
         writer, self._writer, self._ring = self._writer, None, None
         if writer is None:
             return

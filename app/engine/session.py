@@ -83,7 +83,7 @@ class NotCalibrated(CalibrationError):
     """Source without a calibration: it brings none and none was given.
 
     Attributes:
-        pair: a frame of the source for trying out a calibration; None where it has no readable one.
+        pair: a frame of the source for trying out a calibration; None if none is readable.
     """
 
     def __init__(self, message: str, pair: StereoFrame | None) -> None:
@@ -111,11 +111,11 @@ class Session(PlayedSource):
         """Set up the session.
 
         Args:
-            parameters: all; an observer takes those of vision.
+            parameters: all parameters; the observer takes those of vision.
             calibration_yaml, mount: the calibration and mount the observer was made with.
-            T_body_base: by body of motion capture, as the rig file gives it.
+            T_body_base: poses by motion capture body, as given in the rig file.
             ports: addresses of the robots in the source's world.
-            begin_recording: begins to record a run as its command orders, or keeps what it can.
+            begin_recording: begins the recording that a command orders; see ``Recorders.begin``.
         """
         super().__init__(command.source, opened, player, skipped)
         self._command = command
@@ -127,7 +127,7 @@ class Session(PlayedSource):
         self.observer = observer
         self.parameters = parameters
         self._in_force = parameters
-        # Of a recording or a scenario no frame is lost, however long it takes.
+        # A recording or scenario drops no frame, however slow processing is.
         self._governor = RateGovernor() if self.source.info.live else None
         self.run_id = command.run_id
         self.first_segment = command.segment
@@ -143,7 +143,7 @@ class Session(PlayedSource):
                 self.recorder.skipped(frame)
 
     def state(self, now: float) -> StateEvent:
-        """Return the engine's state with this source, all but live motion capture."""
+        """Return the engine's state with this source, without live motion capture."""
         recorder = None if self.run_id is None else self.recorder
         return replace(
             super().state(now),
@@ -164,7 +164,7 @@ class Session(PlayedSource):
         )
 
     def again(self) -> OpenSource:
-        """Return the command that would reopen it in its present state, with nothing kept."""
+        """Return the command that would reopen it in its present state, without a run."""
         return replace(
             self._command,
             parameters=dict(self.parameters.flat()),
@@ -180,7 +180,7 @@ class Session(PlayedSource):
         self._apply(revision)
 
     def spent(self, began: float, ended: float) -> None:
-        """Take note of the time spent on a frame; a live source may be processed less from now on.
+        """Record the time spent on a frame; this may change how a live source is processed.
 
         Args:
             began, ended: host's monotonic clock, seconds.
@@ -198,7 +198,7 @@ class Session(PlayedSource):
 
     @property
     def reduced_to(self) -> str | None:
-        """Return what is left of the processing, in words; None while nothing is left out."""
+        """Describe in words what reduced processing still does; None for full processing."""
         return None if self._reduction is None else self._reduction.words
 
     @property
@@ -218,7 +218,7 @@ class Session(PlayedSource):
         self.parameters_revision = revision
 
     def end_run(self) -> RunRecorder | None:
-        """End the run and keep nothing from now on; the caller ends the returned recorder."""
+        """End the run; the caller ends the returned recorder."""
         self.run_id = None
         recorder, self.recorder = self.recorder, self._begin_recording(self.again())
         if self.recorder is not None:
@@ -232,7 +232,7 @@ class Session(PlayedSource):
 
     @property
     def world(self) -> str | None:
-        """Return the robots' own world, ``real`` for live cameras, none for a replay."""
+        """Return the robots' own world, ``real`` for live cameras, or None for a replay."""
         if self.opened.robots is not None:
             return self.opened.robots.world
         return REAL_WORLD if self.source.info.live else None
@@ -250,7 +250,8 @@ def open_session(
     If refused, nothing stays open.
 
     Raises:
-        InputError: one sentence on the fault in the source, calibration or a parameter.
+        InputError: the source, the calibration or a parameter cannot be used; one sentence says
+            why.
         RecordingError: a recording was ordered and is not possible.
     """
     parameters = AllParameters().changed(command.parameters)
@@ -277,7 +278,8 @@ def open_session(
             mount=mount,
             clock=clock,
         )
-        # Before the first frame: it takes a second or two, and again once robots follow it.
+        # Attach the robots before the first frame is read: that read takes a second or two, and
+        # attaching them later would make it necessary again.
         ports = () if opened.robots is None else opened.robots.serve()
         player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
         skipped = read_first(player)
@@ -302,7 +304,7 @@ def open_session(
 
 
 def _notes(opened: OpenedSource) -> tuple[str, ...]:
-    """Return what was decided while the source's own calibration was read, for people."""
+    """Return notes for the user on decisions made while reading the source's own calibration."""
     spec = opened.source.info.spec
     return tuple(f"calibration of {spec}: {note}" for note in opened.calibration_notes)
 
@@ -312,7 +314,7 @@ def _calibration(given: StereoCalibration | None, source: Source) -> StereoCalib
 
     Raises:
         NotCalibrated: there is neither.
-        CalibrationError: it is for images of another size.
+        CalibrationError: the calibration is for images of another size.
     """
     calibration, info = given or source.calibration, source.info
     if calibration is None:

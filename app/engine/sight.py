@@ -44,12 +44,12 @@ class SightTeller:
     ) -> Sight:
         """Write the sight of a frame and return it.
 
-        Free floor is searched only where a robot may need it.
+        Free floor is searched only if a robot may need it.
 
         Args:
-            mount: of the cameras.
+            mount: mount of the cameras.
             world: the world that the frame shows.
-            guard: the parameters in force.
+            guard: the guard parameters in force.
         """
         scan = None
         if mount is not None and world is not None and self._wheels.there(self._clock()):
@@ -63,7 +63,7 @@ class SightTeller:
     def _scan(
         self, observed: Observed, mount: CameraMount, guard: GuardParameters
     ) -> FreeScan | None:
-        """Return the free scan; None without a second image, or where the floor search fails."""
+        """Return the free scan; None without a second image, or if the floor search fails."""
         left, right = observed.trace.get("left"), observed.trace.get("right")
         if left is None or right is None:
             return None
@@ -74,7 +74,7 @@ class SightTeller:
                 self._free_path = FreePath(*made_of)
             scan = self._free_path.scan(as_gray(left), as_gray(right))
         except Exception:  # noqa: BLE001
-            # Without it nothing is known to be free; observing continues.
+            # Without a scan nothing counts as free; observing continues.
             if not self._failed:
                 _log.exception("looking for free floor failed")
             self._failed = True

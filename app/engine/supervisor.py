@@ -26,19 +26,19 @@ from app.runtime.latest import LatestReader, create_slot
 from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
 
 ENGINE_COMMAND = module_command("app.engine")
-# A JPEG 1280 pixels wide stays below 1 MB, 20000 points take 300 KB; memory is used only as far as
-# values reach.
+# A JPEG 1280 pixels wide stays below 1 MB, 20000 points take 300 KB; memory is used only up to the
+# size of the values written.
 _SLOT_BYTES = 4 * 1024 * 1024
 # A sight of 100 obstacles and 200 directions takes 40 KB, one second of two robots' wheels 5 KB.
 _SHARED_SLOT_BYTES = 256 * 1024
 
 
 class EngineSupervisor(ProcessSupervisor[ToEngine[Any], Event]):
-    """Supervisor of the engine processes. All methods belong to the event loop's thread.
+    """Supervisor of the engine processes. Call all methods in the event loop's thread.
 
     ``views`` and ``cloud`` read the latest images and cloud of whichever engine writes them.
     ``shared_slots`` are the descriptors, by name, of the slots through which engine and drive
-    process communicate directly, past this process; they stay open until ``stop``.
+    process communicate directly, bypassing this process; they stay open until ``stop``.
     """
 
     what = "engine"
@@ -57,7 +57,7 @@ class EngineSupervisor(ProcessSupervisor[ToEngine[Any], Event]):
         """Set up the supervisor.
 
         Args:
-            command: starts an engine; its arguments are appended.
+            command: command that starts an engine; its arguments are appended.
         """
         self._drawn = {name: create_slot(_SLOT_BYTES) for name in (*VIEW_NAMES, CLOUD_NAME)}
         self.shared_slots: Mapping[str, int] = {

@@ -1,4 +1,4 @@
-"""Facts about live motion capture for people."""
+"""Facts about live motion capture for display."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def truth_facts(
     """Return the facts as ``StateEvent.truth`` holds them.
 
     Args:
-        trouble: faults that the report does not contain.
-        why_not: the sentence to show where nothing is aligned.
+        trouble: a fault that the report does not contain.
+        why_not: the sentence to show if nothing is aligned.
     """
     alignment = None if aligned is None else aligned.alignment
     clock = report.clock

@@ -1,7 +1,7 @@
-"""Views that people watch, drawn on copies from the observer's trace.
+"""Views for display, drawn on copies from the observer's trace.
 
-Colours are BGR. Where a step had nothing to show in a frame, the picture says so instead of showing
-an older one.
+Colours are BGR. If a step had nothing to show in a frame, the picture says so instead of showing an
+older one.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ _GREY = (150, 150, 150)
 # Sub-pixel coordinates: OpenCV's drawing takes integers with this many fractional bits.
 _SHIFT = 3
 _STAR_ARM_PX = 3.0
-# Width of the letters in pictures.
+# Width of a letter in pictures at the usual text scale.
 _LETTER_PX = 8.0
 # Models that transform images.
 _TRANSFORMING = ("affine", "homography")
-# Message letters are as wide as if this many fitted into the picture's width.
+# Letters per line of a message: the text is scaled so that this many fit into the picture's width.
 _LETTERS = 46
-# Residual motion is a few pixels; magnified by this factor it becomes visible.
+# Residual motion is a few pixels; this magnification makes it visible.
 RESIDUAL_SCALE = 4.0
 
 
 def draw_view(name: str, observed: Observed) -> bytes:
-    """Draw the named view (of ``app.contract.VIEW_NAMES`` all but the disparity) as a JPEG."""
+    """Draw the named view (any of ``app.contract.VIEW_NAMES`` but the disparity) as a JPEG."""
     return encode_jpeg(_VIEWS[name](observed), fine_colors=name in _FINELY_DRAWN)
 
 
 def draw_disparity(pair: DensePair, dense: DenseStereo | None) -> bytes:
-    """Draw disparity as colours, near is red, unknown stays dark; a JPEG of the pair's size."""
+    """Draw disparity as a JPEG of the pair's size: near is red, unknown is dark."""
     height, width = pair.left.shape[:2]
     if dense is None:
         return encode_jpeg(_nothing((height, width), "no disparity in this frame", pair.reasons))
@@ -65,17 +65,17 @@ def draw_disparity(pair: DensePair, dense: DenseStereo | None) -> bytes:
     level = cv2.convertScaleAbs(cv2.sqrt(share.clip(0.0, 1.0)), alpha=255.0)
     colors = np.asarray(cv2.applyColorMap(level, _disparity_colors()), dtype=np.uint8)
     if dense.coarseness > 1:
-        # Coarse pixels stay visible as such: unmatched areas are not smoothed away.
+        # Keep coarse pixels visible: interpolation would smooth unmatched areas away.
         resized = cv2.resize(colors, (width, height), interpolation=cv2.INTER_NEAREST)
         colors = np.asarray(resized, dtype=np.uint8)
     return encode_jpeg(colors)
 
 
 def encode_jpeg(image: Image, *, fine_colors: bool = False) -> bytes:
-    """Encode a grey or BGR image as a JPEG, shrunk to ``MAX_WIDTH`` where it is wider.
+    """Encode a grey or BGR image as a JPEG, shrunk to ``MAX_WIDTH`` if it is wider.
 
     Args:
-        fine_colors: keep the colours of lines one pixel wide, for a quarter more bytes.
+        fine_colors: keep the colours of one-pixel lines, for a quarter more bytes.
     """
     return jpeg.encode_jpeg(image, JPEG_QUALITY, most_width=MAX_WIDTH, fine_colors=fine_colors)
 
@@ -88,7 +88,7 @@ def jpeg_size(width: int, height: int) -> tuple[int, int]:
 def _left(observed: Observed) -> Image:
     """Draw the left image with feature stars, their flow since t, and the obstacles.
 
-    Where motion could not be noticed it is hatched.
+    Areas in which motion could go unnoticed are hatched.
     """
     trace = observed.trace
     canvas = color_copy(trace["left"])
@@ -133,9 +133,9 @@ def _disparity_colors() -> Image:
 
 
 def _residual(observed: Observed) -> Image:
-    """Draw residual motion over the darkened image of t: motion not explained by the camera's own.
+    """Draw residual motion over the darkened image at t: motion not explained by the camera's own.
 
-    Red arrows count as dynamic, grey ones do not.
+    Red arrows are dynamic features, grey ones are not.
     """
     trace = observed.trace
     start, residual = trace.get("flow_px"), trace.get("flow_residual_px")
@@ -186,7 +186,7 @@ def _nothing_of(observed: Observed, sentence: str) -> Image:
 def _lines(
     canvas: Image, segments: NDArray[Any], color: tuple[int, int, int], thickness: int = 1
 ) -> None:
-    """Draw segments (N, 2, 2), pixels: start and end. A single call for all keeps it fast."""
+    """Draw segments (N, 2, 2), pixels: start and end. All in one call, which is faster."""
     if len(segments):
         points = np.round(np.asarray(segments) * (1 << _SHIFT)).clip(-(2**24), 2**24)
         cv2.polylines(

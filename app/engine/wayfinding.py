@@ -1,6 +1,6 @@
-"""Plan of the observer's way to its goal, made of each frame and told to the drive process.
+"""Plans the observer's path to its goal at each frame and sends it to the drive process.
 
-What it goes by, the local map, is shown and recorded now and then.
+The local map it plans on is shown and recorded at intervals.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from observer.navigation.navigator import Navigator
 from observer.navigation.parameters import AllParameters
 from observer.occupancy import OccupancyMap
 
-# So often for people to see; it grows slowly.
+# Interval of the maps for display, which change slowly.
 _MAP_EVERY_S = 0.5
 _log = logging.getLogger(__name__)
 
 
 class Wayfinder:
-    """Planner of the observer's way: idle until the robot is sent somewhere."""
+    """Planner of the observer's path: idle until the robot is sent somewhere."""
 
     def __init__(self, plan: LatestWriter, wheels: WheelFeed, clock: Callable[[], float]) -> None:
         """Set the slots.
 
         Args:
             plan: the slot ``PLAN_NAME``.
-            wheels: tells the errand and where the robot was.
+            wheels: gives the errand and the robot's odometry.
             clock: the host's monotonic clock.
         """
         self._plan = plan
@@ -42,18 +42,18 @@ class Wayfinder:
         self._map_due = -math.inf
 
     def look(self, sight: Sight, parameters: AllParameters) -> OccupancyMap | None:
-        """Plan by a frame; without a plan the drive process lets the robot stand.
+        """Plan from a frame; without a plan the drive process keeps the robot stopped.
 
-        Return the local map if it is time for one.
+        Return the local map if one is due.
 
         Args:
-            parameters: those in force.
+            parameters: the parameters in force.
         """
         guard, planner = parameters.guard, parameters.navigation
         now = self._clock()
         errand = self._wheels.errand(now)
         if errand is None:
-            # What it knows of the surroundings is of no use later.
+            # Discard its map: it will be outdated by the next errand.
             self._navigator = None
             return None
         place = self._wheels.odometry(sight.received)
@@ -66,7 +66,7 @@ class Wayfinder:
             self._navigator.see(sight, np.array([place.x, place.y, place.yaw]))
             plan = self._navigator.plan(errand, now)
         except Exception:  # noqa: BLE001
-            # The robot stands without a plan; observing continues.
+            # Without a plan the robot stays stopped; observing continues.
             if not self._failed:
                 _log.exception("planning the way to the goal failed")
             self._failed = True

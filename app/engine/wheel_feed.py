@@ -1,4 +1,4 @@
-"""Wheel odometry and errand of the observer, as the drive process tells them to the engine."""
+"""Wheel odometry and errand of the observer, as sent to the engine by the drive process."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class WheelFeed:
         return bool(self._history) and now - self._history[-1][0] <= _GONE_S
 
     def odometry(self, received: float) -> Odometry | None:
-        """Return the observer's odometry when a frame was received; None without any."""
+        """Return the observer's odometry at the time a frame was received; None without any."""
         self._read()
         return odometry_at(self._history, received)
 
     def errand(self, now: float) -> Errand | None:
-        """Return the observer's errand; None while it is sent nowhere, or is gone.
+        """Return the observer's errand; None while it has none, or its robot is gone.
 
         Args:
             now: the host's monotonic clock.

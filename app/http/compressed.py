@@ -1,4 +1,4 @@
-"""Files that are sent compressed to browsers that take them so."""
+"""Files sent compressed to browsers that accept gzip."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from starlette.types import Receive, Scope, Send
 
 # Pictures and fonts are compressed already.
 _SHRINKING = ("text/", "image/svg+xml", "application/json", "application/xml")
-# Below it nothing is saved: it is one packet anyway.
+# Below this, compression saves nothing: the file fits in one packet anyway.
 _LEAST_BYTES = 500
-# Headers that a compressed file has anew, or not at all.
+# Headers that the compressed response sets itself or omits.
 _OF_PLAIN_BYTES = ("accept-ranges", "content-length", "etag")
-# Files that are kept compressed; the panel has about 170.
+# Compressed files kept in the cache; the panel has about 170.
 _KEPT_FILES = 512
 
 
 def takes_gzip(headers: Headers) -> bool:
-    """Return whether the sender of a request takes a compressed answer."""
+    """Return whether the sender of a request accepts gzip."""
     offered = headers.get("accept-encoding", "").lower().split(",")
     return any(
         coding.strip() == "gzip" and weight.replace(" ", "") not in ("q=0", "q=0.0")
@@ -32,8 +32,8 @@ def takes_gzip(headers: Headers) -> bool:
 
 
 class CompressedFile(FileResponse):
-    """File that is compressed where that saves something and its reader takes it; of a part of it
-    (``Range``) nothing is compressed.
+    """File sent compressed where that saves something and the client accepts it; partial content
+    (``Range``) is never compressed.
     """
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -51,7 +51,7 @@ class CompressedFile(FileResponse):
         compress = partial(_compressed, Path(self.path), state.st_mtime_ns, state.st_size)
         body = await anyio.to_thread.run_sync(compress)
         kept = {name: value for name, value in self.headers.items() if name not in _OF_PLAIN_BYTES}
-        # The same file in other bytes: such a tag is a weak one.
+        # The same content in different bytes calls for a weak ETag.
         own = {"content-encoding": "gzip", "etag": f"W/{self.headers['etag']}"}
         return await Response(body, self.status_code, kept | own)(scope, receive, send)
 

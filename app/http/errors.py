@@ -1,6 +1,6 @@
 """Mapping of the application's errors to HTTP; the only place that knows both.
 
-Every error reply is JSON that any client can read: ``{"detail": sentence}``, or for values
+Every error reply is JSON that any client can read: ``{"detail": sentence}``, or for invalid values
 ``{"detail": [{"loc": [...], "msg": sentence, "type": kind}]}``. The input is never echoed: it may
 be invalid JSON (NaN, an infinity) or invalid text.
 """
@@ -35,7 +35,7 @@ log = structlog.get_logger(__name__)
 
 _METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
 _LONGEST_TEXT = 200
-# As nginx logs it; nobody receives it.
+# nginx's status for a client that left; nobody receives it.
 _CLOSED_BY_CLIENT = 499
 _MOST_PROBLEMS = 50
 # Several handlers match if one class derives from another, so the narrower ones come first.
@@ -66,7 +66,7 @@ def answer(fact: object, status: int = 200) -> Response:
 
 
 def _refused(problems: Iterable[tuple[Sequence[str | int], str, str]]) -> Response:
-    """Reply 422 to values; each problem is its place in the request, a sentence and its kind."""
+    """Reply 422 to invalid values; each problem is (place in the request, sentence, kind)."""
     entries = [
         Problem([part[:_LONGEST_TEXT] if isinstance(part, str) else part for part in loc], *words)
         for loc, *words in islice(problems, _MOST_PROBLEMS)

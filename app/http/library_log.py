@@ -1,7 +1,7 @@
-"""What libraries log of clients: a line each, and not a thousand of them.
+"""Filter for what libraries log about clients: one line per event, repetitions only counted.
 
-Whoever reaches the port can send nonsense as fast as they like, and tabs are closed in the middle
-of everything; neither is worth a traceback, nor a full disk.
+Anyone who reaches the port can send nonsense as fast as they like, and tabs are closed in the
+middle of anything; neither is worth a traceback or a full disk.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
-# Errors of a connection that a client causes: what ends it, and text that is none.
+# Connection errors that a client causes: disconnects and invalid text.
 _ORDINARY = (ConnectionError, EOFError, TimeoutError, UnicodeError)
 _WINDOW_S = 10.0
 _MOST_KINDS = 200
@@ -23,7 +23,7 @@ class _Kind:
 
 
 class LibraryLog(logging.Filter):
-    """Filter of a handler: what repeats within ten seconds is counted, and told with the next one.
+    """Log handler filter that counts repeats within ten seconds; the next record states the count.
 
     Args:
         clock: monotonic seconds.
@@ -35,7 +35,7 @@ class LibraryLog(logging.Filter):
         self._kinds: dict[tuple[str, str], _Kind] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a record is logged; it is shortened where its cause is ordinary."""
+        """Return whether to log a record; shorten it if its cause is ordinary."""
         _shorten(record)
         key, now = (record.name, str(record.msg)), self._clock()
         kind = self._kinds.get(key)
@@ -52,7 +52,7 @@ class LibraryLog(logging.Filter):
 
 
 def _shorten(record: logging.LogRecord) -> None:
-    """Put an ordinary error in place of its traceback."""
+    """Replace the traceback of an ordinary error by the error itself."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, _ORDINARY):
         record.msg = f"{record.getMessage()} ({error})"

@@ -22,7 +22,7 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/metrics")
 async def metrics(server: TheServer) -> Response:
-    """Counters and gauges; behind the token like everything, so give Prometheus a Bearer."""
+    """Counters and gauges; like everything, they need the token, so give Prometheus a Bearer."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_StatusCollector(server))
     return Response(generate_latest(registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)

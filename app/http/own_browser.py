@@ -1,8 +1,8 @@
 """Opening the page in the browser of the desktop at which the server is started.
 
-Only for a person who sits there: the server was started on a terminal, with a display, and not over
-SSH, where the browser would open on the far side. What cannot be opened does no harm: the link is
-printed in any case.
+Only for a person who sits at it: the server was started on a terminal, with a display, and not
+over SSH, where the browser would open on the remote computer. Failing to open it does no harm: the
+link is printed in any case.
 """
 
 from __future__ import annotations
@@ -45,6 +45,6 @@ def _open(link: str) -> None:
         browser = webbrowser.get()
     except webbrowser.Error:
         return
-    # Those that draw in the terminal would take it from the server.
+    # Text browsers would take over the server's terminal.
     if type(browser) is not webbrowser.GenericBrowser:
         browser.open(link)

@@ -85,7 +85,7 @@ class PanelFiles(StaticFiles):
 
 
 class SceneFiles(PanelFiles):
-    """Our scripts in the page of the 3D scene, which has no origin; the gate asks for its key."""
+    """Our scripts for the 3D scene's page, which has no origin; the gate checks its key."""
 
     sent_with = MappingProxyType({**_REVALIDATED, "Access-Control-Allow-Origin": "null"})
 
@@ -122,7 +122,7 @@ def add_pages(
     """Add everything that is not part of the REST interface, except the viewer.
 
     Args:
-        folder: the panel's files. documentation: the built one's, which need not be there.
+        folder: the panel's files. documentation: the built documentation, which may be missing.
     """
     router = APIRouter(include_in_schema=False)
 

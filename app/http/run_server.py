@@ -39,9 +39,9 @@ _EXIT_FAILED = 1
 _LARGEST_MESSAGE = 1024 * 1024
 _SHUTDOWN_S = 2
 _BACKLOG = 128
-# Viewers, each with several sockets, on top of files and strangers.
+# Open files: viewers with several sockets each, plus files and unauthenticated connections.
 _DESCRIPTORS = 16_384
-# Of the first source; a large data set is indexed first.
+# Seconds for opening the first source; a large data set is indexed first.
 _OPENING_S = 90.0
 _LOOK_EVERY_S = 0.05
 
@@ -58,7 +58,7 @@ def run(settings: Settings, *, browser: bool = False) -> int:
         StorageError, ProcessUnavailable: the database or the engine cannot be used.
         StartRefused: the settings are strict, and something configured cannot be used.
     """
-    # What runs hold is its owner's.
+    # Only the owner may read recorded runs.
     os.umask(0o077)
     _configure_logging(settings.log_level)
     listener = _bind(settings)
@@ -149,7 +149,7 @@ async def _check_configuration(server: Server) -> None:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn server that just ends where the original would raise the signal again."""
+    """uvicorn server that simply returns where the original would re-raise the signal."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -244,7 +244,7 @@ def _refusal(settings: Settings, error: OSError) -> str:
 
 
 def _announce(address: ServerAddress, token: str) -> None:
-    """Print the links for who started the server: on a terminal, in a file or through a pipe."""
+    """Print the links for the person who started the server: to a terminal, a file or a pipe."""
     lines = [f"Dynamic Observer is at {token_link(address.here, token)}"]
     if address.elsewhere:
         lines.append(f"From other computers: {token_link(address.elsewhere[0], token)}")

@@ -176,7 +176,7 @@ def create_app(
             hub = asyncio.create_task(live.run(), name="live hub")
             stack.push_async_callback(_cancel, hub)
             admission.file.load()
-            # A link that was shared holds after a crash, too.
+            # Saved at once, so that a shared link survives a crash.
             await admission.file.save()
             stack.push_async_callback(admission.file.save)
             keeping = asyncio.create_task(admission.file.keep(), name="sessions")
@@ -222,7 +222,7 @@ def _admission(settings: Settings, token: str) -> Admission:
         unused_s=settings.session_unused_hours * 3600,
         lifetime_s=settings.session_days * 86_400,
     )
-    # Without a token file the next start has another token, with which these sessions end.
+    # Without a token file the next start has a new token, which ends these sessions.
     path = None if settings.token_file is None else settings.data / SESSION_FILE
     file = SessionFile(path, sessions, time.time)
     guard = TokenGuard(token, time.monotonic, sessions.links)

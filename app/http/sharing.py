@@ -1,4 +1,4 @@
-"""Links by which others come to this server: their addresses, with a token for each access."""
+"""Links through which others reach this server: its addresses, with a token per access kind."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Sharing:
     """The links of a server.
 
     Args:
-        settings: where it listens; the port is told with each question, for it may be a free one.
+        settings: where it listens; the port is given with each call, as the system may choose it.
         token: the operators'.
     """
 
@@ -37,8 +37,8 @@ class Sharing:
         Args:
             read_only: None for operators.
             port: where the server listens.
-            asked_at: the address that the asking browser uses, as in ``http://lab.example``; it
-                leads here also from outside of a container.
+            asked_at: the address that the requesting browser uses, as in ``http://lab.example``;
+                it also works from outside a container.
         """
         settings = self._settings
         address = ServerAddress(settings.host, port, settings.tls, settings.allowed_hosts)
@@ -72,7 +72,7 @@ def qr_svg(text: str) -> bytes:
 
 
 def address_used(host: str, *, tls: bool) -> str | None:
-    """Return the address by which a browser asked; None of the computer's own, as localhost.
+    """Return the address that a browser used; None for the computer's own, such as localhost.
 
     Args:
         host: the ``Host`` that the gate accepted.

@@ -43,7 +43,7 @@ class TruthFile:
 
     Attributes:
         path: any format of ``read_capture``, a ``truth.csv``, or the recording of another run whose
-            live motion capture is meant.
+            live motion capture is used.
         name: for people.
         rate_hz, angles: as for ``read_capture``.
     """
@@ -219,7 +219,7 @@ class ComparedRecording(Recording):
     """Recording with a truth other than its own.
 
     Attributes:
-        unplaced: instants at which bodies' speeds are known, but not their places.
+        unplaced: instants at which bodies' speeds are known, but not their positions.
 
     Raises:
         SourceError: it is no recording.
@@ -283,7 +283,7 @@ def _placed(body: TrueBody) -> MatchedBody:
 
 
 def _speeds_only(truth: AlignedTruth, names: Iterable[str], time: float) -> list[MatchedBody]:
-    """Return the bodies whose room has no known place in the world, with their speeds alone."""
+    """Return bodies with their speeds alone, while the room's pose in the world is unknown."""
     unknown = [float("nan")] * 3
     return [
         MatchedBody(

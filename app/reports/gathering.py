@@ -95,7 +95,7 @@ def gather(
     ]
     commanded = _robot_curve(rows if driven else (), "sent_speed", "commanded")
     if not commanded:
-        # Nobody drove it: the zeros sent to it meanwhile commanded nothing.
+        # Nobody drove it: the zeros sent to it meanwhile are not commands.
         commanded = _commanded_of_truth(matched)
     return Gathered(
         span=times.span,

@@ -2,8 +2,8 @@
 
 The rule: the frame with the most significant confirmed, moving obstacle; among equals the first.
 For the picture of false points, the candidates are some frames spread over all those in which
-something moving was seen; the one chosen is that in which the published method marks most points as
-moving that lie on no moving body.
+something moving was seen; the one chosen is that in which the published method marks the most
+points as moving that lie on no moving body.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from observer.types import FullTrace, NoTrace, StereoFrame
 # Long enough for tracks to be confirmed again.
 _WARM_UP_FRAMES = 30
 CANDIDATES = 8
-# Pixels this close to a body's outline belong to it: a feature's window reaches so far with its
+# Pixels this close to a body's outline belong to it: a feature's window extends this far, to its
 # corner.
 _MARGIN_PX = 12.0
 _MONOCULAR = "monocular"
@@ -108,7 +108,7 @@ def moving_px(moment: Moment) -> Float64Array:
     elif "ray_evidence" in trace:
         px, dynamic = trace["rays"].px, trace["ray_evidence"].moving
     elif "flow_px" in trace:
-        # Places in the transformed image, which lead back to those in the image itself.
+        # Positions in the transformed image, mapped back to the image itself.
         px, dynamic = trace["ego_motion"].predict(trace["flow_observed_px"], None), trace["dynamic"]
     else:
         return np.zeros((0, 2))

@@ -1,4 +1,4 @@
-"""Report as one self-contained HTML file: no script, no address, images inside."""
+"""Report as one self-contained HTML file: no script, no external address, images inside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures 9 to 11 and 13 to 16 of the paper, from frames of a run observed once more."""
+"""Figures 9 to 11 and 13 to 16 of the paper, from frames of a run that were re-run."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def transformation_figure(moment: Moment) -> Figure:
 
 
 def flow_figure(shown: Sequence[tuple[Moment, str]]) -> Figure:
-    """Draw features at t and their places at t+dt once the camera's motion is taken out.
+    """Draw features at t and their places at t+dt with the camera's motion compensated.
 
     Args:
         shown: one frame by one method or several, each with its title.
@@ -123,7 +123,7 @@ def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
 def recorded_cloud_figure(
     cloud: Cloud, line: Mapping[str, Any], obstacle: Mapping[str, Any]
 ) -> Figure:
-    """Draw (b) alone, of a run without images: the obstacle in a cloud that it recorded."""
+    """Draw (b) alone, for a run without images: the obstacle in a recorded cloud."""
     figure = Figure(figsize=(7.6, 3.5), layout="constrained", facecolor="white")
     above, aside = figure.subplots(1, 2)
     _views(above, aside, cloud.points, cloud.colors, box_corners(line, obstacle))
@@ -162,7 +162,7 @@ def _views(
 
 
 def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64Array:
-    """Return (8, 3) metres, camera frame, of an obstacle's box with a place in the world."""
+    """Return the (8, 3) corners of an obstacle's box with a known position, camera frame, m."""
     T_world_camera = line_pose(line)
     assert T_world_camera is not None
     T_camera_world = T_world_camera.inverse()
@@ -176,7 +176,7 @@ def _boxes(axes: Axes, line: Mapping[str, Any], color: str = YELLOW) -> None:
     for entry in line["obstacles"]:
         if not is_moving(entry):
             continue
-        # Recordings of before tell no silhouettes.
+        # Older recordings contain no silhouettes.
         for polygon in entry.get("silhouette") or ():
             axes.add_patch(Polygon(polygon, facecolor=(color, _TINT), edgecolor=color, lw=0.9))
         u0, v0, u1, v1 = entry["box_px"]

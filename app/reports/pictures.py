@@ -1,7 +1,7 @@
 """Pictures of a report: the paper's figures 9 to 16 from one frame of the run, or why not.
 
-What a run's own method shows is drawn by that method and the run's parameters. Where only the
-method as published has such a step, its picture says so.
+Pictures use the run's own method and parameters. Where only the published method has such a step,
+the picture says so.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ def _cloud(own: Moment | None) -> _Made:
 
 
 def _recorded_cloud(path: Path, reason: str) -> _Made:
-    """Draw the obstacle in a cloud of the run, which are recorded without images too.
+    """Draw the obstacle in one of the run's clouds, which are recorded even without images.
 
     Args:
         reason: why there are no images.

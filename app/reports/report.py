@@ -46,7 +46,7 @@ class Report:
         segments: first frame's time, by number.
         gathered: observations and truth.
         errors: of speed.
-        changes: of identity, by body.
+        changes: identity switches, by body.
         figures: in the paper's order.
         revisions: parameters.
         incidents: as recorded.

@@ -1,6 +1,6 @@
 """Reproduction of both experiments of figure 17 in the simulated lab: drive, record, report.
 
-A server of our own and its drive process do all of it as for a person in front of the page; nothing
+Our own server and its drive process do everything, as they would for a person at the page; nothing
 here knows more than the page does.
 """
 
@@ -33,8 +33,8 @@ from observer.motion_profiles.profile import MotionProfile
 SOURCE = "simulated:drive"
 ATTEMPTS = 24
 _DOWNLOAD_TIMEOUT_S = 120.0
-# The obstacle's course leads it across the view until its motors first switch on: by then as much
-# of its path lies to one side as to the other.
+# Until its motors first switch on, the obstacle follows its own course across the view; after this
+# long, half of its path lies to either side.
 _CROSSES_S = 2.4
 # Time until a track has ended.
 _REST_S = 2.0
@@ -77,8 +77,8 @@ def play_experiments(
     """Serve the lab, drive one programme after another in one run, and fetch its recording.
 
     It is one run because the second experiment begins where the first one ends. On a machine too
-    busy to show frames in time, the robots are stopped, as they must be. A later experiment that
-    had hardly begun then begins again where it is; otherwise everything is driven anew in another
+    busy to deliver frames in time, the robots are stopped, as they must be. A later experiment that
+    had hardly begun is then restarted on the spot; otherwise everything is driven again in another
     run, which begins with the world in its initial state.
 
     Args:
@@ -157,7 +157,7 @@ def _driven(
     """Drive all programmes; return their experiments.
 
     Raises:
-        DrivingFailed: something stopped the robots where driving cannot go on.
+        DrivingFailed: something stopped the robots at a point where driving cannot go on.
     """
     server.wait_for_frames()
     time.sleep(_CROSSES_S)
@@ -199,7 +199,7 @@ def _halt_obstacle(api: ServerApi) -> None:
 
 
 def _wait_for_calm(api: ServerApi) -> None:
-    """Wait until frames come on time, so that a short load alone does not end a drive."""
+    """Wait until frames come on time, so that a short burst of load does not end a drive."""
     began = calm_since = time.monotonic()
     while (now := time.monotonic()) - began < _CALM_WITHIN_S and now - calm_since < _CALM_S:
         age = api.get("robots")["sight"]["age_s"]

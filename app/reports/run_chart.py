@@ -85,7 +85,7 @@ def _curve(
     segment: int | None = None,
     body: str | None = None,
 ) -> ChartCurve:
-    """Return a curve with its gaps; ``values`` are the speeds and, if known, their deviations."""
+    """Return a curve with its gaps; ``values``: speeds and, if known, their standard deviations."""
     times, speeds, *stds = broken(times, *values)
     return ChartCurve(
         kind=kind,
@@ -107,7 +107,7 @@ def _listed(values: Float64Array) -> list[float | None]:
 
 
 def _changes(seen: Sequence[SeenMotion]) -> Iterator[IdentityChange]:
-    """Yield the changes of the track assigned to a body, in order."""
+    """Yield the identity switches of each body, in order."""
     order: dict[str, list[tuple[float, str]]] = {}
     for each in seen:
         order.setdefault(each.body, []).extend((float(t), each.track) for t in each.frame_times)

@@ -1,4 +1,4 @@
-"""What a recording holds, on its run's clock instead of its source's."""
+"""Contents of a recording on its run's clock instead of its source's."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ class RunTimes:
 
 
 class _Offsets:
-    """Offsets of the run's clock by frame, asked for in the frames' order."""
+    """Offsets of the run's clock by frame; frames are asked for in order."""
 
     def __init__(self, frames: Sequence[RecordedFrame], offsets: Sequence[float]) -> None:
         self._frames, self._offsets = frames, offsets
         self._at = 0
 
     def of(self, frame: int, time: float) -> float:
-        """Return the offset at a frame; that of the one before where there is no such frame."""
+        """Return the offset at a frame, or that of the frame before if there is no such frame."""
         for at in range(self._at, len(self._frames)):
             if (self._frames[at].index, self._frames[at].time) == (frame, time):
                 self._at = at

@@ -32,7 +32,7 @@ def speed_figure(runs: Sequence[tuple[str, Gathered]], highest_mps: float | None
     for axes, (title, gathered) in zip(charts.flat, runs, strict=True):
         legend_rows = _chart(axes, gathered)
         if gathered.span is not None and gathered.span[0] < gathered.span[1]:
-            # The whole run, whenever its first speed was known.
+            # The whole run, even where no speed is known yet.
             axes.set_xlim(*gathered.span)
         if highest_mps is not None:
             axes.set_ylim(top=highest_mps)
@@ -83,7 +83,7 @@ def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None
         linewidth=0, label=None if label is None else "95 % interval", zorder=2,
     )  # fmt: skip
     if len(motion.times) >= _NAMED_FROM:
-        # Start of an identity, so that its changes are visible.
+        # Start of a track, so that identity switches are visible.
         axes.plot(motion.times[0], motion.speeds[0], "o", color=color, markersize=3.5, zorder=5)
         axes.annotate(
             motion.track, (motion.times[0], motion.speeds[0]), xytext=(3, 4),
@@ -92,7 +92,7 @@ def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None
 
 
 def _name_starts(axes: Axes, motions: Sequence[SeenMotion]) -> None:
-    """Name in the legend the dots at which tracks start, where there are any."""
+    """Explain in the legend the dots at which tracks start, if there are any."""
     if any(len(motion.times) >= _NAMED_FROM for motion in motions):
         axes.plot([], [], "o", color=INK, markersize=3.5, label="start of a track, segment:number")
 

@@ -1,4 +1,4 @@
-"""Figure 12 of the paper: how two cameras tell a depth, at a point of the detected obstacle."""
+"""Figure 12 of the paper: how two cameras give a depth, at a point of the detected obstacle."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from observer.geometry import Float64Array
 from observer.jsonl import line_pose
 from observer.vision.stereo import disparity_map
 
-# A point that the run matched lies this close to where it is looked for.
+# Pixels: a point that the run matched lies this close to where it is looked up.
 _SAME_PX = 0.5
 # A disparity may differ from the median by this share of it.
 _USUAL = 0.15
-# Shares of an obstacle's size shown around it, and of the picture's width that is its height.
+# Margin around an obstacle as a share of its size, and the least height as a share of the width.
 _AROUND, _LEAST_HEIGHT = 0.6, 0.7
-# Beyond the point, the axes reach so much further.
+# The axes reach this much further than the point.
 _BEYOND = 1.12
 
 
@@ -34,11 +34,11 @@ class Triangulated:
     Attributes:
         px: (N, 2) moving points of the obstacle in the left image whose disparities are known.
         disparities: (N,) pixels.
-        chosen: number of the one that is triangulated.
+        chosen: index of the one that is triangulated.
         box_px: of the obstacle.
         focal_px, baseline_m: of the rectified pair.
         centre: x and z of the obstacle's centre as the run reported it, metres, camera frame; None
-            where the camera's pose was not known.
+            if the camera's pose was unknown.
     """
 
     px: Float64Array
@@ -61,7 +61,7 @@ class Triangulated:
 
 
 def triangulated(moment: Moment, obstacle: Mapping[str, Any]) -> Triangulated | None:
-    """Return a point of the obstacle by both cameras; None where none has a disparity."""
+    """Return a point of the obstacle seen by both cameras; None if none has a disparity."""
     px = moving_px(moment)
     u0, v0, u1, v1 = obstacle["box_px"]
     inside = (px[:, 0] >= u0) & (px[:, 0] <= u1) & (px[:, 1] >= v0) & (px[:, 1] <= v1)
@@ -71,7 +71,7 @@ def triangulated(moment: Moment, obstacle: Mapping[str, Any]) -> Triangulated | 
     if not known.any():
         return None
     px, disparities = px[known], disparities[known]
-    # Of those that are as far away as most, the one in the middle.
+    # Of the points with about the usual disparity, the one closest to the middle.
     usual = float(np.median(disparities))
     apart = np.linalg.norm(px - [(u0 + u1) / 2, (v0 + v1) / 2], axis=1)
     apart[np.abs(disparities - usual) > _USUAL * usual] = np.inf

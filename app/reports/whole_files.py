@@ -1,4 +1,4 @@
-"""Writing of results so that nobody ever finds an incomplete file."""
+"""Writing of result files such that nobody ever finds an incomplete one."""
 
 from __future__ import annotations
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ProcessArguments:
-    """Inheritance of a child process.
+    """What a child process inherits.
 
     Attributes:
-        channel: descriptor of the messages' socket.
+        channel: descriptor of the message socket.
         parent: process id of the server.
         slots: descriptor of each latest-value slot by name.
     """
@@ -30,7 +30,7 @@ class ProcessArguments:
         return words
 
     def open_channel(self) -> socket.socket:
-        """Return the messages' socket; programs started by this process do not inherit it."""
+        """Return the message socket; programs started by this process do not inherit it."""
         for fd in (self.channel, *self.slots.values()):
             os.set_inheritable(fd, False)
         return socket.socket(fileno=self.channel)
@@ -40,7 +40,7 @@ def parse_arguments(words: Sequence[str], name: str = "engine") -> ProcessArgume
     """Parse the output of ``as_command_line``; exit with code 2 on anything else.
 
     Args:
-        name: of the process, and of its package in ``app``.
+        name: name of the process and of its package in ``app``.
     """
     parser = argparse.ArgumentParser(
         prog=f"python -m app.{name}",

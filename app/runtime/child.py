@@ -1,4 +1,4 @@
-"""Handle of the parent on one child process: start it, hear it, query it, end it.
+"""Parent's handle on one child process: start it, listen to it, query it, end it.
 
 The web process imports this, so it imports nothing of the method.
 """
@@ -24,7 +24,7 @@ from app.runtime.requests import Reply, Request
 
 # Time for a process to exit after it closed its channel or was killed.
 _GRACE_S = 0.3
-# Silence after which it is looked at what the process is given; it costs a millisecond.
+# Silence after which the process's CPU time is read, which takes a millisecond.
 _LOOK_AFTER_S = 0.3
 _log = logging.getLogger(__name__)
 
@@ -36,13 +36,14 @@ class ChildEnded(Exception):
 
 
 class ChildProcess:
-    """Child process. All methods belong to the event loop's thread.
+    """Child process. Call all methods in the event loop's thread.
 
     Attributes:
         ready: it has sent something, so its loop runs.
         ended: its channel is closed; the process is gone or about to go.
-        silent_s: seconds without any message in which this event loop could hear one, and the
-            process could send one. unheard_s: the same, whatever the process could.
+        silent_s: seconds without a message, counting only the time in which this event loop could
+            receive one and the process had CPU time to send one. unheard_s: the same, but whether
+            or not the process had CPU time.
     """
 
     def __init__(
@@ -75,14 +76,14 @@ class ChildProcess:
     ) -> ChildProcess:
         """Start a process; it inherits nothing but its channel and the slots.
 
-        The kernel ends it with the *thread* that calls this, so call it where the event loop runs.
+        The kernel ends it with the *thread* that calls this, so call it in the event loop's thread.
 
         Args:
-            command: starts it; its arguments are appended.
+            command: command that starts it; its arguments are appended.
             slots: descriptor of each latest-value slot by name.
-            on_event: called for every event with the process it came from, and with None when the
-                channel ends.
-            kept: kinds of event whose last one ``newest`` returns.
+            on_event: called with the process and each event from it, and with None in place of the
+                event when the channel ends.
+            kept: types of event whose last instance ``newest`` returns.
 
         Raises:
             OSError: it cannot be started.
@@ -96,8 +97,8 @@ class ChildProcess:
                     stdin=subprocess.DEVNULL,
                     pass_fds=[there.fileno(), *slots.values()],
                     env=program_environment(),
-                    # The parent handles a terminal's Ctrl-C and a kill of the whole group; it ends
-                    # the process in good order.
+                    # Only the parent receives a terminal's Ctrl-C or a kill of the process group;
+                    # it then shuts this process down in order.
                     start_new_session=True,
                 )
             except OSError:
@@ -119,12 +120,12 @@ class ChildProcess:
         return self._process.pid
 
     def newest(self, kind: type[_Event]) -> _Event | None:
-        """Return the newest event of a kind in ``kept``."""
+        """Return the newest event of a type in ``kept``."""
         event = self._newest.get(kind)
         return event if isinstance(event, kind) else None
 
     def stay_silent(self, passed_s: float) -> None:
-        """Count time in which nothing was heard of the process."""
+        """Add time in which no message came from the process."""
         self.unheard_s += passed_s
         if self.unheard_s < _LOOK_AFTER_S:
             self._processor.restart()
@@ -193,14 +194,14 @@ class ChildProcess:
         return True
 
     def reap(self) -> bool:
-        """Return true if the process is gone; in that case nothing of it remains."""
+        """Return true if the process is gone, and reap it; nothing of it then remains."""
         return self._process.poll() is not None
 
     async def remove(self) -> str:
         """End the process, by force if necessary, and stop listening to it; return how it ended.
 
         A process that is stuck inside the kernel (a camera driver that does not return) outlasts
-        this; call ``reap`` until it is gone. Once killed, it executes no more of our instructions.
+        this; call ``reap`` until it is gone. Once killed, it executes no more of our code.
         """
         if not (self.ended and await self.wait_gone(_GRACE_S)):
             self.kill()
@@ -214,7 +215,7 @@ class ChildProcess:
 
 
 def exit_words(code: int | None) -> str:
-    """Describe how a process ended, by its return code; None: it has not."""
+    """Describe how a process ended, given its return code, or None if it has not ended."""
     if code is None:
         return "hangs in the kernel and cannot be terminated yet"
     if code < 0:

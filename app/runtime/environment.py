@@ -7,10 +7,10 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-# Set before the libraries are imported; values chosen by the user who starts us take precedence.
+# Set before the libraries are imported; values already set by the user take precedence.
 NATIVE_ENVIRONMENT: Mapping[str, str] = {
-    # The method's matrices are small. OpenBLAS's threads spin meanwhile, which doubles a frame's
-    # time on two busy cores; it reads this while numpy is imported.
+    # The method's matrices are small. OpenBLAS's threads spin while they wait, which doubles the
+    # time per frame on two busy cores. OpenBLAS reads this while numpy is imported.
     "OPENBLAS_NUM_THREADS": "1",
     # A faulty image or video is reported once, in our words, not a second time in theirs.
     "OPENCV_LOG_LEVEL": "SILENT",
@@ -22,7 +22,7 @@ NATIVE_ENVIRONMENT: Mapping[str, str] = {
 
 def module_command(module: str) -> tuple[str, ...]:
     """Return the command that runs one of our modules, like ``python -m``."""
-    # -P: the folder in which the server is started must not supply the modules.
+    # -P: do not import modules from the folder in which the server is started.
     return (sys.executable, "-P", "-m", module)
 
 

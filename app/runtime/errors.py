@@ -23,4 +23,4 @@ class ProcessRefused(DynamicObserverError):
 
 
 class ProcessUnavailable(DynamicObserverError):
-    """Lack of a process that could answer at this moment."""
+    """No process can answer at this moment."""

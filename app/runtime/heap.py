@@ -18,8 +18,8 @@ _ARENAS = 2
 def keep_for_good() -> None:
     """Exclude all objects made so far from collection; call it when everything is imported.
 
-    A full collection stops every thread: a tenth of a second for the modules of the web process on
-    a slow machine, which is half the time in which a command for a robot expires.
+    A full collection stops every thread. For the modules of the web process it takes a tenth of a
+    second on a slow machine, which is half the lifetime of a robot command.
     """
     gc.collect()
     gc.freeze()
@@ -28,15 +28,15 @@ def keep_for_good() -> None:
 def keep_freed_memory() -> None:
     """Keep the memory of freed images instead of returning it to the system.
 
-    The GNU C library maps every larger array anew, and the system clears it page by page while all
-    threads of the process that need memory wait. An engine needs the same amount again with the
-    next frame.
+    By default the GNU C library maps every large array anew, and the system clears it page by page
+    while all threads of the process that need memory wait. An engine needs the same amount again
+    for the next frame.
 
-    Threads share two arenas. The library gives each one of its own, up to eight for each core, and
-    each keeps the largest amount that it ever held: the threads of every source that is opened
-    would add to it for hours.
+    This also limits the threads to two shared arenas. By default the library gives each thread its
+    own, up to eight per core, and an arena never shrinks below its peak: the threads of each source
+    opened would add to the total for hours.
 
-    Elsewhere, as with musl, nothing changes. Call this before large arrays are made.
+    With other C libraries, such as musl, nothing changes. Call this before large arrays are made.
     """
     with contextlib.suppress(OSError, AttributeError):
         mallopt = ctypes.CDLL(None).mallopt
@@ -47,10 +47,10 @@ def keep_freed_memory() -> None:
 
 
 def return_freed_memory() -> None:
-    """Return what is free to the system; call it when much that was in use is not any more.
+    """Return free memory to the system; call it after much memory was freed.
 
-    What lies between blocks that stay is returned as well. Otherwise each busy moment, with more
-    frames in flight than ever before, would leave the process larger for good. Takes milliseconds.
+    Free memory between blocks still in use is returned as well. Otherwise each new peak of frames
+    in flight would leave the process larger for good. Takes milliseconds.
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)

@@ -33,8 +33,8 @@ Do = Callable[[Any, Report], object]
 
 
 def do_jobs(do: Do) -> None:
-    """Run jobs until there are no more, or until the process that gives them is gone."""
-    # Only this descriptor carries messages: output printed by a library must not come between.
+    """Run jobs until there are no more, or until the process that sends them is gone."""
+    # Only this descriptor carries messages: a library's printed output must not mix with them.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
 

@@ -1,7 +1,7 @@
 """Latest value of something large (an image, a cloud), passed through shared memory.
 
 One process writes, any number read, and none of them waits. The memory is an anonymous file whose
-descriptor is inherited, so that nothing is left behind however a process ends.
+descriptor is inherited, so nothing is left behind however a process ends.
 
 Layout, in native 8 byte words::
 
@@ -9,11 +9,11 @@ Layout, in native 8 byte words::
     then twice: sequence (0 while it is written) | header bytes | payload bytes | CRC-32
     then the two buffers of ``capacity`` bytes, rounded up to words
 
-A value goes into the buffer that was *not* published last, so a reader has time until the next
-write but one to copy it. Comparing the buffer's sequence before and after the copy reveals an
-overwritten read (a seqlock); the CRC catches the cases that a weakly ordered processor could still
-let through. A writer that dies halfway leaves the previously published value intact, and its
-successor continues the sequence.
+A value goes into the buffer that was *not* published last, so a reader has until the next write but
+one to copy it. Comparing the buffer's sequence before and after the copy reveals a read that was
+overwritten (a seqlock); the CRC catches the cases that a weakly ordered processor could still let
+through. A writer that dies halfway leaves the previously published value intact, and its successor
+continues the sequence.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _FILE_WORDS = 4
 _BUFFER_WORDS = 4
 _DATA_START = (_FILE_WORDS + _BUFFERS * _BUFFER_WORDS) * _WORD
 _PUBLISHED = 2
-# A reader meets a half-written buffer only if two writes fall into one copy; several in a row are
-# rare.
+# A reader meets a half-written buffer only if two writes happen during one copy, which is rare
+# several times in a row.
 _READ_ATTEMPTS = 50
 
 
@@ -61,7 +61,7 @@ class Latest:
 def create_slot(capacity: int) -> int:
     """Make a new empty slot for values of up to ``capacity`` bytes, header included.
 
-    Memory is used only as far as values really reach.
+    Memory is used only up to the size of the values actually written.
 
     Returns:
         The descriptor of an anonymous file. Pass it to other processes by inheritance
@@ -153,7 +153,7 @@ class LatestReader(_Slot):
     def read(self, after: int = 0) -> Latest | None:
         """Return the newest value if its sequence is above ``after``, complete or not at all.
 
-        None where there is nothing newer, or where the writer was so fast that no complete value
+        Return None if there is nothing newer, or if the writer was so fast that no complete value
         could be copied in a reasonable number of attempts.
         """
         for _ in range(_READ_ATTEMPTS):

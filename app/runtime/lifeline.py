@@ -1,4 +1,7 @@
-"""End of a child process whose parent is gone: by its channel, beside ``die_with_parent``."""
+"""Ends a child process when its channel closes because the parent is gone.
+
+This complements ``die_with_parent``.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ def receive_until_parent_ends(
 
     Args:
         put: takes each request.
-        expects_end: returns true once the process leaves by itself.
+        expects_end: returns true once the process is leaving by itself.
         leave: called at the channel's end, in the thread. By default the process ends at once,
             without waiting for the main loop, which may hang.
     """
@@ -40,7 +43,7 @@ def receive_until_parent_ends(
             while (message := load_message(stream)) is not None:
                 put(message)
         except ChannelError as error:
-            # Deaf, it would go on without ever hearing a request.
+            # Without its channel the process would run on and never receive a request.
             _log.error("lost contact with the server: %s", error)
         if not expects_end():
             leave()

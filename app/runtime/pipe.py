@@ -1,8 +1,8 @@
 """Ordered messages between parent and child process over an inherited socket pair.
 
 Each message is a pickle preceded by its length and its CRC-32, 4 bytes big-endian each. Both ends
-are the same program and the socket has no name, so nobody else can inject a pickle. A damaged one
-is never loaded: a single wrong byte in it may demand gigabytes or call anything.
+are the same program and the socket has no name, so nobody else can inject a pickle. A damaged
+pickle is never loaded: a single wrong byte may make it allocate gigabytes or call anything.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from app.runtime.errors import ChannelError
 from app.runtime.requests import Reply
 
 _HEAD = struct.Struct(">II")
-# The largest honest message is a preview of a calibration with two large images.
+# The largest legitimate message is a calibration preview with two large images.
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
-# Four seconds at 15 frames/s: a reader further behind than that wants the present.
+# Four seconds at 15 frames/s: a reader further behind is better served by the newest messages.
 DEFAULT_BACKLOG = 64
 
 
@@ -46,7 +46,7 @@ def _encode_or_refuse(message: object) -> bytes:
         return encode(message)
     except ChannelError as error:
         if isinstance(message, Reply):
-            # The requester must be told; the thread must go on for everyone else.
+            # Tell the requester, and keep the thread running for all others.
             return encode(Reply(message.number, error=str(error), refusal="failure"))
         raise
 
@@ -65,7 +65,7 @@ def _loaded(body: bytes, checksum: int) -> Any:
     try:
         return pickle.loads(body)  # nosec B301
     except Exception as error:
-        # A pickle may fail with any exception: those of its classes are among them.
+        # Loading may raise any exception, including those of the pickled classes.
         kind = type(error).__name__
         raise ChannelError(f"a message of {len(body)} bytes cannot be loaded: {kind}") from error
 
@@ -74,7 +74,7 @@ async def read_message(reader: asyncio.StreamReader) -> Any:
     """Return the next message, or None at the channel's end (the other process is gone).
 
     Raises:
-        ChannelError: it is damaged; nothing after it can be read.
+        ChannelError: the message is damaged; nothing after it can be read.
     """
     try:
         length, checksum = _announced(await reader.readexactly(_HEAD.size))
@@ -88,10 +88,10 @@ def load_message(stream: BinaryIO) -> Any:
     """Wait for the next message of a blocking stream.
 
     Returns:
-        None at its end, even within a message: the other process is gone.
+        The message; None at the stream's end, even within a message: the other process is gone.
 
     Raises:
-        ChannelError: it is damaged; nothing after it can be read.
+        ChannelError: the message is damaged; nothing after it can be read.
     """
     try:
         head = stream.read(_HEAD.size)
@@ -107,9 +107,9 @@ def load_message(stream: BinaryIO) -> Any:
 class MessageSender:
     """Sender of messages with its own thread, so that a slow reader never delays the caller.
 
-    The queue is bounded: of some kinds only the newest message waits; of others the oldest are
-    dropped and counted. All other messages are never dropped; there must be only as many of them as
-    there were requests.
+    The queue is bounded: of some message types only the newest waits; of others the oldest are
+    dropped and counted. All other messages are never dropped; there must be no more of them than
+    requests.
     """
 
     def __init__(
@@ -123,10 +123,10 @@ class MessageSender:
         """Start the thread.
 
         Args:
-            sock: connected; its creator closes it.
-            latest: kinds of message of which only the newest waits.
-            droppable: kinds of message of which the oldest may be dropped.
-            backlog: maximum number of waiting messages of the droppable kinds.
+            sock: connected socket; its creator closes it.
+            latest: message types of which only the newest waits.
+            droppable: message types of which the oldest may be dropped.
+            backlog: maximum number of waiting droppable messages.
         """
         self._sock = sock
         self._backlog = backlog
@@ -142,7 +142,7 @@ class MessageSender:
         self._thread.start()
 
     def lost(self, kind: type) -> int:
-        """Return the number of droppable messages that the other process was too slow for."""
+        """Return the number of messages of a type dropped because the other process was slow."""
         return self._lost[kind]
 
     def send(self, message: object) -> None:
@@ -175,7 +175,7 @@ class MessageSender:
             self._changed.notify()
         self._thread.join(timeout_s)
         if self._thread.is_alive():
-            # The thread waits for a reader that does not read; only this unblocks the send.
+            # The other process does not read, so the send blocks; only this unblocks it.
             self._sock.shutdown(socket.SHUT_RDWR)
             self._thread.join(timeout_s)
 

@@ -1,7 +1,7 @@
-"""Processor time that another process wants and gets, by Linux's ``/proc``.
+"""CPU time that another process wants and gets, read from Linux's ``/proc``.
 
-On a machine with too much to do a process may be silent for seconds though nothing is wrong with
-it: it waits for its turn. Whoever judges it by its silence counts that time for less.
+On an overloaded machine a healthy process may be silent for seconds because it waits for a core.
+A check that judges a process by its silence must discount that time.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ import contextlib
 import os
 from pathlib import Path
 
-# Fields behind the name in ``/proc/PID/stat``: the state, and the time used in user and kernel
+# Fields after the name in ``/proc/PID/stat``: the state, and the time used in user and kernel
 # mode, in clock ticks (man 5 proc).
 _STATE, _USER, _SYSTEM = 0, 11, 12
 _RUNNABLE = "R"
 
 
 class ProcessorTime:
-    """What one process gets; safe to ask after its end.
+    """CPU time of one process; safe to query after its end.
 
     Args:
-        pid: of the process.
+        pid: process id.
     """
 
     def __init__(self, pid: int) -> None:
@@ -28,14 +28,14 @@ class ProcessorTime:
         self._used_s: float | None = None
 
     def restart(self) -> None:
-        """Forget what was used before."""
+        """Forget the CPU time measured so far."""
         self._used_s = None
 
     def could_use(self, passed_s: float) -> float:
-        """Return for how long of the last ``passed_s`` seconds the process could go on.
+        """Return how much of the last ``passed_s`` seconds the process was able to run.
 
-        All of it while it sleeps, or where nothing is known; while it runs or waits for a
-        processor, the time that it was given since the last call.
+        All of it if the process sleeps or nothing is known; if it runs or waits for a core, the
+        CPU time that it got since the last call.
         """
         try:
             used_s = self._read_used()
@@ -52,9 +52,9 @@ class ProcessorTime:
         return (int(fields[_USER]) + int(fields[_SYSTEM])) / os.sysconf("SC_CLK_TCK")
 
     def _wants(self) -> bool:
-        """Return whether any of its threads runs or waits for a processor."""
+        """Return whether any of its threads runs or waits for a core."""
         for thread in (self._folder / "task").iterdir():
-            # A thread may end meanwhile.
+            # A thread may end in the meantime.
             with contextlib.suppress(OSError):
                 if _fields(thread / "stat")[_STATE] == _RUNNABLE:
                     return True
@@ -62,5 +62,5 @@ class ProcessorTime:
 
 
 def _fields(file: Path) -> list[str]:
-    # The name is in brackets and may hold anything, brackets and blanks included.
+    # The name is in parentheses and may itself contain parentheses and spaces.
     return file.read_text().rpartition(")")[2].split()

@@ -1,7 +1,7 @@
-"""Supervisor of one child process: starts it, hears it, replaces it when it dies or hangs.
+"""Supervisor of one child process: starts it, listens to it, replaces it when it dies or hangs.
 
-On request a second process stands by, started and idle, because a start can take longer on a busy
-machine than the time within which a lost process must be replaced.
+Optionally a second process stands by, started and idle, because on a busy machine a start can take
+longer than the time within which a lost process must be replaced.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ class SupervisorLimits:
     """Time limits of the supervisor, seconds.
 
     Attributes:
-        hang_s: a process silent for this long counts as hung. An engine's heartbeats come every
-            0.05 s, and between an observer's stages; the rest of the 2 s is for replacing it.
+        hang_s: a process silent for this long counts as hung. An engine sends a heartbeat every
+            0.05 s and between the observer's stages; the rest of 2 s is left for replacing it.
         start_s: a starting process silent for this long counts as hung.
-        starved_s: for so long a busy machine may keep a process from going on, which then does not
-            count as hung.
+        starved_s: a process may get no CPU time on a busy machine for this long without counting
+            as hung.
         tick_s: interval between checks for silence.
         standby_delay_s: delay from a process's start to the start of its standby; None for no
             standby: replacing then takes as long as a start.
@@ -43,8 +43,8 @@ class SupervisorLimits:
         most_backoff_s: the longest pause.
         attempts: number of failed attempts in a row after which ``start`` gives up.
         stop_s: time for a process to leave by itself.
-        answer_s: time for a reply, where the request does not say otherwise.
-        takeover_s: how long a request that may be repeated waits for the next process.
+        answer_s: time for a reply, unless the request sets its own.
+        takeover_s: time that a repeatable request waits for the next process.
     """
 
     hang_s: float = 1.6
@@ -70,7 +70,8 @@ class ProcessHealth:
         pid: None while there is none.
         restarts: number of replacements.
         heartbeat_age_s: time since the loop's last heartbeat; None while there is none.
-        observations_lost: dropped because this process was slow, over all its children.
+        observations_lost: observations dropped because this process was slow to read them, over
+            all its children.
     """
 
     generation: int
@@ -82,17 +83,17 @@ class ProcessHealth:
 
 
 class ProcessSupervisor(Generic[_Command, _Event]):
-    """Supervisor of the processes of one kind. All methods belong to the event loop's thread.
+    """Supervisor of the processes of one kind. Call all methods in the event loop's thread.
 
     A subclass defines its kind by the class attributes.
 
     Attributes:
-        what: name of such a process, for people.
-        farewell: command that asks a process to leave in good order.
-        heartbeat: event that proves that a process is alive; it has ``monotonic``.
-        state: event whose newest one is published when its process takes over.
-        started, lost: events of a takeover and of a loss, made from the generation and the process
-            id, or the reason.
+        what: human-readable name of such a process.
+        farewell: command that asks a process to shut down in order.
+        heartbeat: type of event that proves that a process is alive; it has ``monotonic``.
+        state: type of event whose newest instance is published when its process takes over.
+        started, lost: types of event for a takeover and a loss, made from the generation and the
+            process id, or from the generation and the reason.
     """
 
     what: ClassVar[str]
@@ -108,7 +109,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         """Set up the supervisor.
 
         Args:
-            command: starts a process; its arguments are appended.
+            command: command that starts a process; its arguments are appended.
             slots: descriptor of each latest-value slot by name, passed to every process.
         """
         self._command = tuple(command)
@@ -116,7 +117,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._inherited = dict(slots)
         self._subscribers: list[Callable[[_Event], None]] = []
         self._active: ChildProcess | None = None
-        # Started, and not yet (or never) needed: the standby, or the next process on its way.
+        # Started but not in service: the standby, or the next process while it starts.
         self._standby: ChildProcess | None = None
         # Killed, but not gone yet.
         self._lingering: list[ChildProcess] = []
@@ -131,7 +132,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._watching: asyncio.Task[None] | None = None
         self._closed = False
 
-    # --- what a subclass may define --------------------------------------------------------
+    # --- for subclasses to override --------------------------------------------------------
 
     def _dropped(self, child: ChildProcess | None) -> int:
         """Return the number of messages from a process that were dropped."""
@@ -141,7 +142,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
     def _release(self) -> None:
         """Release the resources of the processes, after the last one has ended."""
 
-    # --- what others use -------------------------------------------------------------------
+    # --- public interface ------------------------------------------------------------------
 
     async def start(self) -> None:
         """Start the first process and wait until it is ready.
@@ -165,7 +166,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             return
         self._closed = True
         if self._watching is not None:
-            # Do not cancel it: it may hold a process that it is about to start or to remove.
+            # Do not cancel it: it may be starting or removing a process.
             self._wake.set()
             await asyncio.gather(self._watching, return_exceptions=True)
         children = [child for child in (self._active, self._standby) if child is not None]
@@ -183,12 +184,12 @@ class ProcessSupervisor(Generic[_Command, _Event]):
 
         Args:
             timeout_s: by default the limit ``answer_s``.
-            repeatable: whether to send it once more, to the next process, if this one ends before
-                it answers, and to wait for the next one if there is none at the moment.
+            repeatable: whether to send it again, to the next process, if this one ends before it
+                answers, and to wait for the next one if there is none at the moment.
 
         Raises:
-            ProcessRefused: it refuses, and why.
-            ProcessUnavailable: there is none, it ended meanwhile or did not answer in time.
+            ProcessRefused: the process refuses; the message says why.
+            ProcessUnavailable: there is no process, or it ended or did not answer in time.
         """
         timeout_s = self._limits.answer_s if timeout_s is None else timeout_s
         child = await self._successor_of(None) if repeatable else self._active
@@ -224,7 +225,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             return None
 
     async def _successor_of(self, child: ChildProcess | None) -> ChildProcess | None:
-        """Return the process in service, other than ``child``; wait for it if there is none."""
+        """Return the process in service other than ``child``; wait for one if there is none."""
         until = time.monotonic() + self._limits.takeover_s
         while (
             (self._active is None or self._active is child)
@@ -273,8 +274,8 @@ class ProcessSupervisor(Generic[_Command, _Event]):
                     await self._wake.wait()
             self._wake.clear()
             now = time.monotonic()
-            # While this event loop itself stood still, it could hear nobody: that is not the
-            # processes' silence.
+            # While this event loop was blocked, it could not receive anything: do not count that
+            # time as the processes' silence.
             passed, looked = min(now - looked, 2 * self._limits.tick_s), now
             for child in (self._active, self._standby):
                 if child is not None:
@@ -346,7 +347,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             self._give_up_start()
 
     def _complaint(self, child: ChildProcess) -> str | None:
-        """Return the fault of a process, in words that continue after its name."""
+        """Return the fault of a process as a phrase that follows its name; None if it is well."""
         if child.ended:
             return _ENDED
         limit = self._limits.hang_s if child.ready else self._limits.start_s
@@ -355,7 +356,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         return None
 
     def _count_failure(self, since: float) -> None:
-        """Count a failure, and pause longer and longer when processes keep ending quickly."""
+        """Count a failure, and back off increasingly while processes keep ending quickly."""
         now = time.monotonic()
         self._failures = self._failures + 1 if now - since < self._limits.quick_death_s else 1
         pause = 0.0
@@ -388,7 +389,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             try:
                 callback(event)
             except Exception:  # noqa: BLE001
-                # A fault in one listener must neither deafen the others nor end the supervision.
+                # A failing subscriber must affect neither the others nor the supervision.
                 _log.exception("a listener failed at %s", type(event).__name__)
 
     # --- ending ----------------------------------------------------------------------------
@@ -414,5 +415,5 @@ _ENDED = "ended"
 
 
 def _in_words(name: str) -> str:
-    """Return the name of a command's class, ``BeginCalibration``, as a person says it."""
+    """Return the name of a command's class, such as ``BeginCalibration``, in plain words."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()

@@ -1,6 +1,6 @@
-"""Handle of a worker: one of our modules in a process that yields to others and ends with this one.
+"""Handle of a worker: one of our modules run in a low-priority process that ends with this one.
 
-A job is given up by ending its worker: no step inside a native library can be interrupted.
+A job is cancelled by ending its worker, since no step inside a native library can be interrupted.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Worker:
 
     Attributes:
         module: the module to run; see ``app.runtime.worker_main``.
-        niceness: added to this process's.
-        environment: additions to that of every process that we start.
+        niceness: added to this process's own.
+        environment: additions to the environment of every process that we start.
     """
 
     module: str
@@ -58,13 +58,13 @@ class Worker:
 
     @property
     def options(self) -> dict[str, Any]:
-        """Return the keywords for the function that starts a process."""
-        # The server handles a terminal's Ctrl-C.
+        """Return the keyword arguments for the function that starts a process."""
+        # Own session: only the server receives a terminal's Ctrl-C.
         return {"env": {**program_environment(), **self.environment}, "start_new_session": True}
 
     @asynccontextmanager
     async def started(self, *arguments: str, **streams: int) -> AsyncIterator[Process]:
-        """Start a process; end it after the block, together with all that it started.
+        """Start a process; end it and all that it started after the block.
 
         Args:
             streams: ``stdin``, ``stdout`` and ``stderr``; by default no input, discarded output,
@@ -97,13 +97,13 @@ class Worker:
 
         Args:
             progress: called in the event loop on every progress report.
-            held: asked ten times a second whether the process has to stand still for now.
+            held: called ten times a second; returns whether the process must be suspended for now.
 
         Returns:
             The job's result.
 
         Raises:
-            JobFailed: it cannot be done.
+            JobFailed: the job cannot be done.
         """
         async with AsyncExitStack() as stack:
             try:
@@ -119,7 +119,7 @@ class Worker:
 
 
 async def _hold(process: Process, held: Callable[[], bool]) -> None:
-    """Stop the process whenever it is held, and let it go on afterwards."""
+    """Suspend the process while it is held, and resume it afterwards."""
     stands = False
     while True:
         if held() != stands:
@@ -154,12 +154,12 @@ async def _heard(process: Process, message: bytes, progress: Callable[[Progress]
 
 
 class LastingWorker:
-    """Process that does job after job and may keep state; started anew where it was lost.
+    """Process that runs one job after another and may keep state; restarted if it is lost.
 
-    One thread gives the jobs and waits for their results.
+    One thread submits the jobs and waits for their results.
 
     Args:
-        longest_s: a job that takes longer is given up, and the process with it.
+        longest_s: a job that takes longer is abandoned, and the process with it.
     """
 
     def __init__(self, worker: Worker, *, longest_s: float) -> None:
@@ -170,12 +170,12 @@ class LastingWorker:
         self._ended = False
 
     def do(self, job: object, kind: type[_Result]) -> _Result | None:
-        """Run a job with a result of that kind.
+        """Run a job and return its result, which must be of that type.
 
-        None where the process was lost, took too long or must not be used any more. A lost process
-        has forgotten everything; the next job begins with a new one.
+        Return None if the process was lost, took too long or was ended for good. A lost process
+        loses its state; the next job starts a new one.
         """
-        # Writing and reading both wait for a process that is stopped or hangs.
+        # Writing to and reading from a stopped or hung process both block.
         patience = threading.Timer(self._longest_s, self._kill)
         patience.daemon = True
         patience.start()
@@ -188,7 +188,7 @@ class LastingWorker:
             patience.cancel()
         if isinstance(result, kind):
             return result
-        # Also of a process that was ended between two jobs: killed, but not yet waited for.
+        # This also reaps a process that was killed between two jobs.
         self._let_go()
         return None
 
@@ -211,7 +211,7 @@ class LastingWorker:
         self._kill()
 
     def close(self) -> None:
-        """End the process and wait for its end; for the thread that gives jobs."""
+        """End the process and wait for its end; for the thread that submits jobs."""
         self.end()
         self._let_go()
 

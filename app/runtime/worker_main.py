@@ -1,7 +1,7 @@
 """Runner of a module as a worker.
 
 ``python -m app.runtime.worker_main PARENT NICENESS MODULE ARGUMENT...`` runs it like ``python -m
-MODULE ARGUMENT...``, niced, and no longer than its parent lives.
+MODULE ARGUMENT...``, but niced and only as long as its parent lives.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from observer.processes import die_with_parent
 
 
 def main() -> None:
-    """Become a worker before anything else: a module's imports take seconds."""
+    """Become a worker before running the module, whose imports take seconds."""
     parent, niceness, module, *arguments = sys.argv[1:]
     die_with_parent(int(parent))
     os.nice(int(niceness))

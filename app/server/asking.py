@@ -28,7 +28,7 @@ async def ask(
         repeatable: as for ``Engine.request``.
 
     Raises:
-        FieldError: the request is wrong. Conflict: it is not possible in this state.
+        FieldError: the request is invalid. Conflict: it is not possible in this state.
         StorageFull: the disk is full.
         NotAvailable: it failed, or there is no engine at the moment.
     """

@@ -1,4 +1,4 @@
-"""Interfaces of the server's processes, and of the server's followers."""
+"""Interfaces of the server's processes and of its followers."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Engine(_Process, Protocol):
         """Send a command and return the value of its reply.
 
         Args:
-            repeatable: whether to send it once more, to the next engine, if this one ends before
-                it answers.
+            repeatable: whether to send it again, to the next engine, if this one ends before it
+                answers.
 
         Raises:
             ProcessRefused: the engine refused and said why.
@@ -54,7 +54,7 @@ class Engine(_Process, Protocol):
         ...
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Pass every event to ``callback`` in the event loop; return how to unsubscribe."""
+        """Pass every event to ``callback`` in the event loop; return an unsubscribe function."""
         ...
 
     @property
@@ -77,7 +77,7 @@ class Drive(_Process, Protocol):
         ...
 
     def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
-        """Pass every event to ``callback`` in the event loop; return how to unsubscribe."""
+        """Pass every event to ``callback`` in the event loop; return an unsubscribe function."""
         ...
 
 
@@ -89,7 +89,7 @@ class Listener(Protocol):
         ...
 
     def status_changed(self) -> None:
-        """Handle a change in ``Server.status``, apart from figures that always move."""
+        """Handle a change in the server's status, apart from figures that change all the time."""
         ...
 
     def robots_changed(self) -> None:

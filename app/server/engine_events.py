@@ -71,8 +71,8 @@ class EngineEvents:
             case StateEvent():
                 self._state_changed(event)
             case BoardLookEvent():
-                # During calibration nothing is observed; a look for the board is as good a sign of
-                # life.
+                # During calibration nothing is observed; a search for the board proves as well that
+                # the engine works.
                 self._source.fruitless_losses = 0
                 self._session.looked(event)
             case BoardViewsEvent():
@@ -131,7 +131,7 @@ class EngineEvents:
                     await self._runs.close(RunState.FAILED, str(error))
                 source.failed(str(error))
             else:
-                # If this engine is gone again, the next one still has to be set up.
+                # If this engine has been lost again, the next one still has to be set up.
                 health = self._shared.engine.health
                 source.restoring = not (health.alive and health.generation == generation)
             finally:

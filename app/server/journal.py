@@ -1,7 +1,7 @@
-"""What has happened on the server that a person should know: the last entries, kept in memory.
+"""Log of what happened on the server that users should know: the last entries, kept in memory.
 
-It follows the server and notes what has changed since it looked last, so that no part of the server
-has to tell it anything; what is no state (a refusal) is noted by who knows of it.
+It follows the server and notes what has changed since its last look, so no part of the server has
+to report to it. What is not a state, such as a refusal, is noted by the code that knows of it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from observer.opening import shown_spec
 
 _MOST = 500
 _LONGEST = 500
-# A warning whose figures move is still the same one.
+# Numbers in a warning: if only they change, it is still the same warning.
 _FIGURES = re.compile(r"[-+]?\d+(?:\.\d+)?")
 
 
@@ -28,7 +28,7 @@ class Journal:
     """The log of a server.
 
     Args:
-        wall_clock: seconds since 1970. most: entries that are kept.
+        wall_clock: seconds since 1970. most: number of entries kept.
 
     Attributes:
         newest: number of the newest entry; 0 before the first.
@@ -59,14 +59,14 @@ class Journal:
         return self._server.followers.follow(self)
 
     def since(self, number: int) -> list[LogEntry]:
-        """Return the entries behind this one, oldest first."""
+        """Return the entries after this one, oldest first."""
         return [entry for entry in self._entries if entry.number > number]
 
     def note(self, severity: Severity, text: str) -> None:
         """Add an entry.
 
         Args:
-            text: a sentence, as a message of an error has it.
+            text: a sentence in the style of an error message; capital and full stop are added.
         """
         self.newest += 1
         sentence = text[:1].upper() + text[1:_LONGEST]
@@ -78,7 +78,7 @@ class Journal:
     # --- follower of the server -------------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
-        """Do nothing: a frame is no event for a person."""
+        """Do nothing: single frames are not logged."""
 
     def status_changed(self) -> None:
         """Note what has changed in the server's status."""

@@ -1,4 +1,4 @@
-"""The server without its web layer: assembly, start and end of its parts.
+"""The server without its web layer: assembly, start and shutdown of its parts.
 
 It owns the engine, the drive process and the database. Changes happen one at a time: a change of
 source, run, calibration, parameters or rig holds the shared lock.
@@ -40,7 +40,7 @@ class Server:
 
     Attributes:
         source: the open source. runs: recorded runs. calibrating: makes calibrations.
-        parameters: parameters and presets. rig: poses of the cameras on their robot.
+        parameters: parameters and presets. rig: pose of the cameras on their robot.
         driving: the robots. programmes: programmes that they can drive.
         survey: records a drive, to estimate the rig. live_truth: live motion capture.
         steps: the paper's method on one pair of frames.
@@ -124,13 +124,16 @@ class Server:
         self.driving.start()
         self._unsubscribe_drive = self._drive.subscribe(self.runs.clips.drive_said)
         await self.engine.start()
-        # The engine may have started before anybody subscribed.
+        # The engine may have started before the subscription.
         if self.engine.health.alive:
             self._events.engine_started(self.engine.health.generation)
 
     async def stop(self) -> None:
-        """Stop driving, the run, the engine and the database; safe to call twice and half-way."""
-        # The robots stop first, while everything that hears of it still runs.
+        """Stop driving, the run, the engine and the database.
+
+        Safe to call twice, and after a start that failed half-way.
+        """
+        # Stop the robots first, while everything that records it still runs.
         await self.driving.stop()
         self._events.unfollow()
         self._unsubscribe_drive()
@@ -160,8 +163,7 @@ class Server:
         Robots with a changed port or model are reconnected, disarmed.
 
         Args:
-            changed: returns the new rig, made from the one in force, which nobody else changes
-                meanwhile.
+            changed: returns the new rig, made from the one in force; called with the lock held.
 
         Raises:
             Conflict: a run or a calibration is in progress and would be observed differently.

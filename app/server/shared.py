@@ -17,7 +17,8 @@ from app.server.writer import Writer
 from app.storage import RunRecord, Storage
 from observer.opening import shown_spec
 
-# Indexing a large data set takes a while. While the engine prepares itself that does not count.
+# Indexing a large data set takes a while. The first limit is extended, up to the second, while the
+# engine prepares itself.
 _OPEN_TIMEOUT_S, _LONGEST_OPENING_S = 60.0, 3600.0
 
 
@@ -32,7 +33,7 @@ class Shared:
         writer: writes to the database. followers: receivers of all events.
         telemetry: figures of the running loop. background: background tasks.
         warnings: sentences for the user of the page.
-        opened_by: generation of the engine that opened a source last; 0: none has.
+        opened_by: generation of the engine that last opened a source; 0 if none has.
     """
 
     def __init__(self, engine: Engine, storage: Storage, clock: Callable[[], float]) -> None:
@@ -51,7 +52,7 @@ class Shared:
         self.opened_by = 0
 
     async def open_in_engine(self, command: OpenSource | BeginCalibration) -> Opened:
-        """Have the engine open a source; if it ends meanwhile, have the next one open it.
+        """Have the engine open a source; if it ends before that, have the next one open it.
 
         Raises:
             FieldError: the source cannot be opened; the previous one stays open.
@@ -76,7 +77,7 @@ class Shared:
             timeout_s=_LONGEST_OPENING_S,
             repeatable=True,
         )
-        # With the answer: a moment later another engine may run, which has opened nothing yet.
+        # Set at once: a moment later another engine may be running that has not opened anything.
         self.opened_by = self.engine.health.generation
         return opened
 

@@ -1,4 +1,4 @@
-"""The open source's clock at instants of the host's, by when its frames were received."""
+"""The open source's time at instants of the host's clock, from when its frames were received."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from app.contract.events import ObservationEvent
 from observer.truth.alignment.live_clocks import SourceClock
 
-# Without a frame for so long, or for so many frame times, a world that is not live stands still.
+# Without a frame for this many seconds and this many frame intervals, a source that is not live
+# counts as standing still.
 _GOES_ON_S, _GOES_ON_FRAMES = 0.3, 3.0
-# Robots are heard sooner than this after what they tell of.
+# Seconds of frames kept: robot reports are younger than this when they arrive.
 _KEPT_S = 5.0
 
 
@@ -20,8 +21,8 @@ class SourceInstant:
     """An instant on the source's clock.
 
     Attributes:
-        time: seconds. segment: that of the frame before. clock: counted up with every new clock,
-            between which times cannot be compared.
+        time: seconds. segment: segment of the preceding frame. clock: number of the clock; times
+            on different clocks cannot be compared.
     """
 
     time: float
@@ -32,10 +33,11 @@ class SourceInstant:
 class SourceTime:
     """Relates the host's clock to the open source's; used in the event loop.
 
-    A frame that a busy machine received late moves nothing: the quickest ones tell the relation.
+    A frame that a busy machine received late changes nothing: the relation follows from the frames
+    with the shortest delay.
 
     Attributes:
-        live: the clock goes on where no frame comes.
+        live: the clock continues even if no frames arrive.
     """
 
     def __init__(self) -> None:
@@ -44,15 +46,15 @@ class SourceTime:
         self.begin()
 
     def begin(self) -> None:
-        """Begin with another source, of which no frame is known."""
+        """Begin another source, of which no frame is known yet."""
         self._count += 1
         self._clock = SourceClock()
         self._least_late: float | None = None
-        # Reception, and the source's time and segment, of the newest frames.
+        # Reception time, source time and segment of the newest frames.
         self._frames: deque[tuple[float, float, int]] = deque()
 
     def observed(self, event: ObservationEvent) -> None:
-        """Take a frame."""
+        """Record a frame."""
         time, received = float(event.line["time"]), event.received
         if self._clock.add(time, received):
             self._count += 1
@@ -67,8 +69,8 @@ class SourceTime:
     def at(self, host: float) -> SourceInstant | None:
         """Return the source's time at an instant of the host's monotonic clock.
 
-        None while no frame tells it: before the first one, and where none was received for some
-        time before, unless the source is live.
+        Return None if the frames do not determine it: before the first one, and, unless the source
+        is live, if none was received for some time before.
         """
         behind = bisect_right(self._frames, host, key=lambda frame: frame[0])
         if behind == 0 or self._least_late is None:
@@ -83,13 +85,13 @@ class SourceTime:
 
 
 class RisingTimes:
-    """Source times of what robots told, in order: none that is not later than the one before."""
+    """Filter that keeps the source times of robot reports strictly increasing for each role."""
 
     def __init__(self) -> None:
         self._last: dict[str, SourceInstant] = {}
 
     def of(self, role: str, instant: SourceInstant | None) -> SourceInstant | None:
-        """Return the instant of what a role told, or None where it is unknown or not later."""
+        """Return the instant of a role's report; None if unknown or not later than the last."""
         last = self._last.get(role)
         if instant is None:
             return None

@@ -1,4 +1,4 @@
-"""Figures of the running loop: rates, timings, latency, losses; the caller passes the time."""
+"""Figures of the running loop: rates, timings, latency, losses; callers pass in the time."""
 
 from __future__ import annotations
 
@@ -35,9 +35,7 @@ class Telemetry:
 
     @property
     def frames_observed(self) -> int:
-        """Return the frames observed by all engine processes, including those whose message was
-        lost.
-        """
+        """Return the number of frames observed by all engines, including lost messages."""
         return self._observed_before + self._observed_now
 
     @property
@@ -52,7 +50,7 @@ class Telemetry:
         self._last = None
 
     def new_source(self) -> None:
-        """Discard figures of another source: they do not describe this one."""
+        """Discard the figures of the previous source."""
         self._arrivals.clear()
         self._timings.clear()
         self._skipped.clear()
@@ -108,7 +106,7 @@ class Telemetry:
 
     @property
     def timings_ms(self) -> dict[str, float]:
-        """Return the median time of every stage over the last frames, in the newest one's order."""
+        """Return the median time of each stage over the last frames, in the newest one's order."""
         stages = list(self._timings[-1]) if self._timings else []
         return {
             stage: round(median(t[stage] for t in self._timings if stage in t), 3)
@@ -128,7 +126,7 @@ class Telemetry:
 def _per_second(arrivals: Sequence[float], now: float) -> float:
     if len(arrivals) < 2:
         return 0.0
-    # Intervals, not arrivals: the first one only starts the clock.
+    # Count intervals, not arrivals: the first arrival only starts the clock.
     return (len(arrivals) - 1) / max(now - arrivals[0], 1e-3)
 
 

@@ -1,4 +1,4 @@
-"""Small files of the data folder, replaced as a whole or not at all."""
+"""Atomic replacement of small files in the data folder."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def write_whole(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def told_as_ours(path: Path) -> Iterator[None]:
-    """Convert errors in writing a file or folder to our own errors.
+    """Convert errors in writing a file or folder to the server's own errors.
 
     Raises:
         StorageFull: no space is left. FieldError: it cannot be written.

@@ -1,4 +1,4 @@
-"""Writes to the database beside the event loop: one thread, a bounded queue, no blocking."""
+"""Database writes outside the event loop: one thread, a bounded queue, no blocking."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Writer:
     writes are refused (``submit``) or dropped and counted (``post``).
 
     Attributes:
-        trouble: the sentence of the last failed write; None after a success.
-        dropped: number of lost posted writes.
+        trouble: one sentence on the last failed write; None after a success.
+        dropped: number of posted writes that were lost.
     """
 
     def __init__(self, *, queue_length: int = _QUEUE_LENGTH, patience_s: float = 60.0) -> None:
@@ -71,7 +71,7 @@ class Writer:
         """Queue a write; return False if the queue is full and the write was not taken.
 
         Args:
-            done: called at its end in the writer's thread; it then answers for a failed write,
+            done: called in the writer's thread when the write ends; it then handles a failure,
                 which otherwise counts as dropped.
         """
         try:
@@ -85,7 +85,7 @@ class Writer:
         """Write and wait for the result.
 
         Raises:
-            NotAvailable: it was not written in time, but may still be.
+            NotAvailable: the queue is full, or it was not written in time but still may be.
             StorageError: raised by the write.
         """
         loop = asyncio.get_running_loop()
@@ -100,7 +100,7 @@ class Writer:
                 future.set_exception(error)
 
         def done(value: Any, error: BaseException | None) -> None:
-            # The loop may be closed by the time a late write is done.
+            # The loop may be closed by the time a late write ends.
             if not loop.is_closed():
                 loop.call_soon_threadsafe(settle, value, error)
 
@@ -143,7 +143,7 @@ class Writer:
                     log.error("write_failed", reason=str(error))
                 return None, error
             except Exception as error:
-                # A bug in one write must not end all further ones.
+                # A bug in one write must not prevent all later ones.
                 log.exception("write_raised")
                 return None, error
             else:

@@ -30,8 +30,8 @@ _LARGEST_MANIFEST = 64 * _CHUNK
 _STORED = (".mcap", ".mp4", ".zip", ".jpg", ".png")
 
 
-# zlib.error and RuntimeError (a password) come from a zip's content, ValueError (of text and
-# places that are none) and OverflowError from the headers of both.
+# zlib.error and RuntimeError (a password) come from a zip's content, ValueError (invalid text or
+# offsets) and OverflowError from the headers of both.
 _BROKEN = (
     zipfile.BadZipFile, tarfile.TarError, EOFError, OSError, NotImplementedError, RuntimeError,
     zlib.error, ValueError, OverflowError,

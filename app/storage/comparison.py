@@ -14,7 +14,7 @@ _FOUND = "time"
 
 
 def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
-    """Return the truth that was laid over a run; the run must have one.
+    """Return the ground truth that a run is aligned with; the run must have one.
 
     The result fits ``app.reports.comparison.Comparison.of_dict``.
 

@@ -78,7 +78,7 @@ def _copy(source: Connection, sink: Connection, tables: Iterable[Table]) -> None
 
 
 def _count_on(connection: Connection, table: Table) -> None:
-    """Advance the sequence of row numbers, which rows with given numbers did not."""
+    """Advance the sequence of row numbers; inserting rows with given numbers did not."""
     for column in table.primary_key:
         name = connection.scalar(select(func.pg_get_serial_sequence(table.name, column.name)))
         if name is not None:

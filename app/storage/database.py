@@ -62,7 +62,7 @@ class Database:
         self._busy_timeout_s = busy_timeout_s
         self._engine: Engine | None = None
         # Writers of this process queue here; SQLite's own lock only arbitrates between processes,
-        # and by polling, which starves whoever sleeps longest.
+        # and by polling, which starves the writer that sleeps longest.
         self._write_lock = threading.Lock()
         self.warnings: tuple[str, ...] = ()
 

@@ -106,8 +106,8 @@ def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:
     of_session = {
         "lock_timeout": waits_ms,
         "client_encoding": "UTF8",
-        # The server gives up a client without power as soon as a client gives up the server:
-        # otherwise its locks would keep the next one from starting.
+        # The server drops a dead client as soon as a client drops a dead server: otherwise the
+        # locks of a dead client would keep the next one from starting.
         **{f"tcp_keepalives_{name}": value for name, value in _KEEPALIVES.items()},
     }
     # https://www.postgresql.org/docs/current/libpq-connect.html#LIBPQ-PARAMKEYWORDS
@@ -128,14 +128,14 @@ def use_write_ahead_log(engine: Engine) -> None:
 
 
 def _read_json(text: str | bytes) -> Any:
-    """Return a stored value; where it was damaged by hand, its text as it stands.
+    """Return a stored value, or its text as it stands if it was damaged by hand.
 
-    An error here would keep all rows of a query from being read. A text is no value that a table
-    keeps here, and each table says what it does without.
+    An error here would keep all rows of a query from being read. No table stores plain text here,
+    so each one recognises the damage and says what it does without the value.
     """
     try:
         value = json.loads(text)
-        # Numbers and characters that could not be written cannot be told to anybody either.
+        # What cannot be written could not be sent to anybody either.
         _written_json(value).encode()
     except (ValueError, RecursionError):
         return text if isinstance(text, str) else repr(text)
@@ -143,7 +143,7 @@ def _read_json(text: str | bytes) -> Any:
 
 
 def _read_text(content: bytes) -> str:
-    """Return stored text; what is no UTF-8 in it would keep all rows from being read."""
+    """Return stored text, without invalid UTF-8, which would keep all rows from being read."""
     return content.decode("utf-8", "replace")
 
 

@@ -1,4 +1,4 @@
-"""Exclusive use of a data folder and database: a second server would take running runs for
+"""Exclusive use of a data folder and database: a second server would mark the runs in progress as
 interrupted.
 """
 
@@ -72,7 +72,7 @@ def _locked(folder: Path, name: str, refusal: str) -> Iterator[None]:
         except BlockingIOError:
             raise InputError(f"{_holder(os.pread(file, 20, 0))} {refusal}") from None
         except OSError:
-            # Such as some network file systems.
+            # Some network file systems have no locks.
             pass
         with contextlib.suppress(OSError):
             os.ftruncate(file, 0)

@@ -16,12 +16,12 @@ from app.storage.settings import read_setting, write_setting
 from observer.parameters import translated
 
 _CURRENT = "parameters.current"
-# What the database's column of revisions holds.
+# Largest value of the database's column of revisions.
 _MOST_REVISIONS = 2**31 - 1
 
 
 class ParameterTables(Database):
-    """Tables of parameters: flat maps, dotted name -> JSON value, read under the names of today."""
+    """Tables of parameters: flat maps, dotted name -> JSON value; reading translates old names."""
 
     def save_parameters(
         self,

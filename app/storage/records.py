@@ -57,7 +57,7 @@ class RunRecord:
         alignment: alignment of the truth with the run, as ``Alignment.as_dict``.
         truth_id: truth file for its comparison.
         rerun_of: the run whose recording it re-ran, which may be gone by now.
-        recording_name: words for people, where ``source`` is the recording of a run.
+        recording_name: name for people if ``source`` is the recording of a run.
     """
 
     id: str
@@ -94,7 +94,7 @@ class RunRecord:
 
     @property
     def aligned(self) -> bool:
-        """Return whether motion capture was laid over it."""
+        """Return whether motion capture was aligned with it."""
         return self.alignment is not None
 
 
@@ -132,7 +132,7 @@ class SpeedRow:
     """Speed of one body at one time. ``speed`` None is a gap, drawn as one.
 
     Attributes:
-        time: on the run's clock, s: source time, which goes on where an engine was replaced.
+        time: on the run's clock, s: source time, continued when an engine is replaced.
         role: ``obstacle`` or ``observer``.
         source: origin of the value.
         track_id: its track or body; None for what a robot reports about itself.
@@ -161,7 +161,7 @@ class SpeedRow:
 
 @dataclass(frozen=True)
 class IncidentRecord:
-    """Incident that stopped a robot during a run, or took its motors away.
+    """Incident that stopped a robot during a run, or switched its motors off.
 
     Attributes:
         at: wall clock. role: None if it concerns all robots.

@@ -219,7 +219,7 @@ def _put_file(staged: Path, file: Path, undo: contextlib.ExitStack) -> list[Path
 
 
 def _keep_recordings(old: Path, new: Path) -> None:
-    """Hard-link recordings that the backup left out to its runs, so that they use no more space."""
+    """Hard-link recordings missing from the backup into its runs, which takes no extra space."""
     for recording in old.rglob("*.mcap"):
         target = new / recording.relative_to(old)
         if not target.exists():

@@ -137,7 +137,7 @@ class RunTables(Database):
     def measure_run(
         self, run_id: str, begin_s: float | None, duration_s: float | None, frames: int
     ) -> None:
-        """Keep the length and the number of frames of a run, as its recording has them.
+        """Store the length and the number of frames of a run, as found in its recording.
 
         Unlike ``update_run``, this is no heartbeat.
         """

@@ -68,6 +68,6 @@ def _clip(path: Path, run_id: str | None) -> SavedClip | None:
         saved = datetime.strptime(named[1], _STAMP).replace(tzinfo=UTC)
         size = path.stat().st_size
     except (OSError, ValueError):
-        # It disappeared meanwhile, or somebody chose its name.
+        # The file has disappeared, or its name contains no valid time.
         return None
     return SavedClip(path.stem, run_id, saved.isoformat(), size, path.absolute())

@@ -21,7 +21,7 @@ from app.storage.errors import StorageError, storage_error
 
 log = structlog.get_logger(__name__)
 
-# Any numbers will do that no other program uses: below 2^32, and of one kind in pg_locks.
+# Arbitrary numbers that no other program uses; below 2^32, so that pg_locks has them in objid.
 _WHOLE = 0x64796E62
 _SERVED = 0x64796E63
 _TIMEOUT_S = 5.0

@@ -48,7 +48,7 @@ class SpeedTables(Database):
         truth_id: str | None = None,
         rows: Iterable[SpeedRow] = (),
     ) -> None:
-        """Lay another truth over a run, or the same one differently, in one transaction.
+        """Align another truth with a run, or the same one differently, in one transaction.
 
         Args:
             alignment: the alignment found, JSON; None removes truth and alignment.

@@ -1,4 +1,4 @@
-"""Local map as a picture that lies on the floor; nothing of viser in it."""
+"""Local map as a picture on the floor; independent of viser."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from app.contract.scene import LAYERS
 from observer.geometry import Pose
 from observer.occupancy import STATES, OccupancyMap
 
-# Pixels along each side of a cell: its border is to be seen from near.
+# Pixels along each side of a cell: enough to see its border from near.
 _CELL_PX: Final = 4
 # Just above the floor, and below all lines on it.
 _HEIGHT_M: Final = 0.006
-# How much of the floor a cell covers: that of a blocked one nearly all, of a free one little.
+# Opacity of a cell, of 255: a blocked one hides nearly all of the floor, a free one little.
 _FREE_ALPHA: Final = 76
 _BLOCKED_ALPHA: Final = 215
 _BORDER_ALPHA: Final = 120
@@ -28,7 +28,7 @@ Rgba = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class MapTiles:
-    """PNG of a map, sides in metres, and the place of its middle; its rows lie along y."""
+    """PNG of a map, its side in metres, and the pose of its middle; its rows lie along y."""
 
     png: bytes
     side_m: float
@@ -48,10 +48,10 @@ def map_tiles(event: LocalMapEvent | None) -> MapTiles | None:
 
 
 def picture_of(local: OccupancyMap) -> Rgba:
-    """(P, P, 4) the map as a picture, rows along y and columns along x; unknown is transparent."""
+    """Return the map as a (P, P, 4) picture, rows along y, columns along x; unknown is clear."""
     blocked, free = LAYERS["map"].colors
     inside, border = np.zeros((2, STATES, 4), np.uint8)
-    # Transparent pixels lend their colour to those beside them.
+    # Transparent pixels lend their colour to their neighbours when the picture is interpolated.
     inside[:, :3] = [free, free, blocked]
     inside[:, 3] = [0, _FREE_ALPHA, _BLOCKED_ALPHA]
     border[:] = inside

@@ -1,4 +1,4 @@
-"""Content of the scene at one moment, made from the newest messages; nothing of viser in it."""
+"""Content of the scene at one moment, made from the newest messages; independent of viser."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STALE_AFTER_S = 1.0
 _ARROW_S = 1.0
 _SLOWEST_ARROW_MPS = 0.03
 _LABEL_ABOVE_M = 0.08
-# Nothing that stands on the floor begins to be seen higher above it.
+# An obstacle whose lowest seen point is higher than this does not stand on the floor.
 _FOOT_M = 0.25
 
 
@@ -51,7 +51,7 @@ class Picture:
     """Drawing of one observation, world frame, metres.
 
     Attributes:
-        segment: (engine's generation, segment): another value is another world.
+        segment: (engine's generation, segment): another value means another world frame.
         boxes, truth: (N, 12, 2, 3) edges.
         arrows: (N, 2, 3) start and end.
         rig: (N, 2, 3) lines from the camera to its robot.
@@ -59,9 +59,9 @@ class Picture:
         positions: of the obstacles by id.
         optics: vertical field of view, radians, and width per height of the image; None without a
             camera.
-        robot: the observing robot, where one is connected and its place is known.
-        stale: it is old without having been paused on request, so that the robot's place is not
-            drawn. Nothing here says so: the page does, which also knows when it is cut off.
+        robot: the observing robot, if it is connected and its position is known.
+        stale: it is old although playback was not paused, so the robot is not drawn. The page says
+            so, not the scene: it also knows when it is disconnected.
     """
 
     segment: tuple[int, int]
@@ -153,13 +153,13 @@ def _pose(entry: Mapping[str, Any]) -> Pose:
 def _obstacle_edges(
     obstacle: Mapping[str, Any], T_display_world: Pose, floor_known: bool
 ) -> Float64Array:
-    """Return the edges of an upright box, whose foot is on the floor where that is near."""
+    """Return the edges of an upright box, with its foot extended to the floor if that is near."""
     up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
     rotation = np.eye(3) if obstacle["orientation_wxyz"] is None else _pose(obstacle).rotation
     position, size = np.array(obstacle["position"]), np.array(obstacle["size"], np.float64)
     foot = float(T_display_world.apply(position)[2]) - size[1] / 2
     if floor_known and 0.0 < foot < _FOOT_M:
-        # Seen in depth, feet are part of the floor.
+        # In depth, feet cannot be told from the floor.
         size[1] += foot
         position = position - up * foot / 2
     return box_edges(position, size, uprighted(rotation, up))

@@ -1,7 +1,7 @@
 """viser on loopback, for our proxy alone.
 
-viser asks nobody who he is, and every user of the machine, and every web page in a browser there,
-reaches a port on loopback. So the proxy shows a secret at the handshake, and nobody else comes in.
+viser has no authentication, and every user of the machine, and every web page in a browser there,
+can reach a port on loopback. So the proxy shows a secret at the handshake; all others are refused.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _HEADER = "X-Dynamic-Observer-Viewer"
 
 
 class PrivateViser:
-    """A viser server that admits only who sends ``headers``.
+    """viser server that admits only clients that send ``headers``.
 
     Attributes:
         server: viser's own. port: on 127.0.0.1. headers: to send with the handshake.
@@ -39,7 +39,7 @@ class PrivateViser:
         self.headers = {_HEADER: secret}
         with quiet(), _guarded(secret) as guards:
             self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        # Otherwise any client could have a public tunnel to this machine opened.
+        # Otherwise any client could have viser open a public tunnel to this machine.
         self.server.request_share_url = _refuse_sharing  # type: ignore[method-assign]
         self.port = self.server.get_port()
         if not guards:
@@ -54,9 +54,9 @@ class PrivateViser:
 
 @contextmanager
 def _guarded(secret: str) -> Iterator[list[str]]:
-    """Let WebSocket servers that start meanwhile ask for the secret; yields whom it guards.
+    """Make WebSocket servers started meanwhile require the secret; yield the guarded addresses.
 
-    viser has no setting for it, and starts its server in a thread before its constructor returns.
+    viser has no setting for this, and starts its server in a thread before its constructor returns.
     """
     serve = websockets.asyncio.server.serve
     guarded: list[str] = []
@@ -86,7 +86,7 @@ def _refuse_sharing(*_: object, **__: object) -> None:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Silence viser's announcement on rich's shared console, which is for our own output."""
+    """Silence viser's announcement on rich's shared console, which is for our own output only."""
     import rich
 
     console = rich.get_console()

@@ -40,13 +40,13 @@ _PATH_HEIGHT_M = 0.016
 _REFUSED_HEIGHT_M = 0.014
 _FLAG_HEIGHT_M = 0.5
 _FLAG_M = 0.18
-# About a person's.
+# About the radius of a person.
 _MEETING_RADIUS_M = 0.3
 _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
 _SONAR_HALF_CONE_RAD = math.radians(15)
-# Beyond this an echo reveals nothing of the robot's surroundings.
+# An echo from farther away reveals nothing of the robot's surroundings.
 _SONAR_REACH_M = 4.0
 _SONAR_OLD_S = 1.0
 _HEADING_M = 0.2
@@ -55,21 +55,21 @@ _ARROW_M = 0.07
 
 @dataclass(frozen=True, eq=False)
 class RobotMarks:
-    """Lines (N, 2, 3) and a place in the world frame, metres.
+    """Lines (N, 2, 3) and the position of a text in the world frame, metres.
 
     Attributes:
         outline: of the robot, with its heading.
         stop_zone, slow_zone: on the floor.
         sonar: short arcs at echoes within the last second.
         path: planned on the way to the goal, on the floor.
-        refused: paths that it does not take, on the floor.
-        meeting: a ring with a cross on the floor where the robot would meet the obstacle that
-            decides, as that is predicted.
-        goal: a ring on the floor as wide as it counts as reached, and a flag; of a goal to which
-            the robot drives.
-        level: of the guard; None where it reports nothing.
+        refused: refused paths, on the floor.
+        meeting: a ring with a cross on the floor where the robot is predicted to meet the obstacle
+            that decides.
+        goal: a ring on the floor, with the radius within which the goal counts as reached, and a
+            flag; for a goal to which the robot drives.
+        level: of the guard; None if it reports nothing.
         text: the reason why the guard limits the robot or why it waits on its way to the goal;
-            None while it does neither.
+            None if neither is so.
         place: (3,) of the text.
         T_world_base: the robot itself.
     """
@@ -94,7 +94,7 @@ def robot_marks(
     T_world_camera: Pose | None,
     goal: GoalNow | None = None,
 ) -> RobotMarks | None:
-    """Return the marks of the observing robot; None if nothing is known of it or its place.
+    """Return the marks of the observing robot; None if nothing is known of it or its position.
 
     Args:
         robot: the observer's. goal: the one to which it drives, or drove last.
@@ -125,7 +125,7 @@ def robot_marks(
 
 
 def _text(guard: GuardVerdict | None, aim: GoalNow | None) -> str | None:
-    """Return the one reason to tell: who stops the robot comes before who slows it."""
+    """Return the one reason to show: that of a stop comes before that of slowing down."""
     level = "clear" if guard is None else guard.level
     if level != "stop" and aim is not None and aim.waits_for is not None:
         return aim.sentence
@@ -167,7 +167,7 @@ def _refused(paths: Sequence[RefusedPath]) -> Float64Array:
 
 
 def _through(places: Sequence[Sequence[float]], most: int) -> Float64Array:
-    """Return (N, 2, 2) lines through places; of more than ``most``, through some and the last."""
+    """Return (N, 2, 2) lines through places, at most ``most``; the last place is always kept."""
     if len(places) < 2:
         return np.zeros((0, 2, 2))
     points = np.array(places, dtype=np.float64)[:, :2]
@@ -208,7 +208,7 @@ def _goal(place: Sequence[float] | None) -> Float64Array:
 
 
 def _sonar(sonars: Sequence[SonarReading], received: float | None) -> Float64Array:
-    """Return chords along the arc of each echo; the robot's newest report tells each echo's age."""
+    """Return chords along the arc of each echo; echoes are aged by the robot's newest report."""
     newest = max([received or -math.inf, *(each.received for each in sonars)])
     lines = []
     for each in sonars:

@@ -1,8 +1,8 @@
 """Nodes of the viser scene. Each layer is one permanent node; only its content changes.
 
 Removing and re-adding nodes, and changing the length of arrays, makes the browsers' memory grow; so
-every layer has a fixed number of elements and is hidden where it has none. What a person hides is
-the node above, which is never touched here.
+every layer has a fixed number of elements and is hidden when it is empty. A person hides the parent
+node instead, which is never touched here.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ class Scene:
             receive_shadow=False,
             visible=False,
         )
-        # Nothing is drawn there: it tells the page where the robot is.
+        # Nothing is drawn here: it tells the page where the robot is.
         self._base = scene.add_frame(BASE_NODE, show_axes=False, visible=False)
         self._level: Level | None = None
         self._arrows = scene.add_arrows(
@@ -168,7 +168,7 @@ class Scene:
             scene.add_label(boxes(f"label_{k}"), "", anchor="bottom-center", visible=False)
             for k in range(_MOST_OBSTACLES)
         ]
-        # Of no layer: why the robot stands or does not obey can be hidden from nobody.
+        # In no layer: nobody can hide why the robot stands or does not obey.
         self._reason = scene.add_label(
             f"{WORLD_NODE}/reason", "", anchor="bottom-center", visible=False
         )
@@ -186,7 +186,7 @@ class Scene:
         )
 
     def together(self) -> AbstractContextManager[None]:
-        """Send all changes made within this context to browsers at once, as one drawing."""
+        """Send all changes made within this context to browsers together, as one drawing."""
         return self._server.atomic()
 
     def show(self, picture: Picture, now: float) -> None:
@@ -209,7 +209,7 @@ class Scene:
             self._show_robot(picture.robot, picture.stale)
 
     def _show_robot(self, robot: RobotMarks | None, stale: bool) -> None:
-        """Draw the robot's place, its goal, and why it is slowed or waits; hide all when old."""
+        """Draw the robot, its goal, and why it is slowed or waits; hide all of it if stale."""
         nodes = (
             *(self._outline, self._stop_zone, self._slow_zone, self._sonar),
             *(self._path, self._refused, self._meeting, self._goal),
@@ -241,7 +241,7 @@ class Scene:
         """Draw the local map from now on; None: there is none."""
         with self._server.atomic():
             if tiles is not None:
-                # As with the live image: its own setter would encode it again.
+                # As with the live image: the handle's own setter would encode it again.
                 self._map._data = tiles.png
                 self._map.scale = tiles.side_m
                 _move(self._map, tiles.T_world_middle)
@@ -282,7 +282,7 @@ class Scene:
         at = picture.T_display_world.apply(self._T_world_camera.translation)
         self._display.position = self._follower.offset(at)
         _move(self._world, picture.T_display_world)
-        # Moved by whole metres, so that the floor is everywhere and its lines stay still.
+        # Moved by whole metres, so that the floor is everywhere but its lines seem to stay still.
         self._floor.position = (*np.round(at[:2]), 0.0)
         self._floor.visible = picture.floor_known
 

@@ -1,4 +1,4 @@
-"""Arrays for drawing: pure geometry, nothing of viser.
+"""Arrays for drawing: pure geometry, independent of viser.
 
 All are in the world frame, metres, unless a name says otherwise. Layers have a fixed number of
 elements (``padded``), because only then does a viewer's browser reuse its buffers.
@@ -27,15 +27,15 @@ _EDGES = np.array(
     [(a, b) for a, b in combinations(range(8), 2) if (_CORNERS[a] != _CORNERS[b]).sum() == 1]
 )
 EDGES_OF_A_BOX = len(_EDGES)
-# A small robot, about as large as those that usually carry such cameras.
+# Half the axle and the line ahead, as for a small robot that usually carries such cameras.
 _HALF_AXLE_M, _AHEAD_M = 0.17, 0.3
 
 
 def rig_edges(mount: CameraMount | None, T_world_camera: Pose | None) -> Float64Array:
-    """Return lines (N, 2, 3) in the world that show the camera's place on its robot.
+    """Return lines (N, 2, 3) in the world that show the camera's position on its robot.
 
     They lead from the camera down to the floor, from there to the middle of the axle, along the
-    axle, and in the driving direction; without the offset from the axle only the first. None where
+    axle, and in the driving direction; without the offset from the axle only the first. Empty if
     nothing is known.
     """
     if mount is None or T_world_camera is None:
@@ -106,7 +106,7 @@ def floor_lines(half_width_m: int) -> Float64Array:
 
 
 def padded(rows: NDArray[Any], count: int) -> NDArray[Any]:
-    """Return exactly ``count`` rows, repeating the last one, unseen, where there are fewer."""
+    """Return exactly ``count`` rows; if there are fewer, the last one is repeated, invisibly."""
     if len(rows) >= count:
         return rows[:count]
     return np.concatenate([rows, np.repeat(rows[-1:], count - len(rows), axis=0)])

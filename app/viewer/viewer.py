@@ -63,8 +63,8 @@ class ViserViewer:
         rate_hz: maximum updates per second.
 
     Attributes:
-        port: of viser on 127.0.0.1; None where there is no viewer. headers: without which its
-            WebSocket admits nobody.
+        port: of viser on 127.0.0.1; None if there is no viewer. headers: required by its
+            WebSocket.
         trouble: the reason why there is none, one sentence.
     """
 
@@ -136,7 +136,7 @@ class ViserViewer:
                 try:
                     self._update()
                 except Exception:
-                    # A faulty picture must not end the viewer, nor the viewer the server.
+                    # A faulty picture must not end the viewer, nor a faulty viewer the server.
                     log.exception("viewer_update_failed")
                     self._stopping.wait(1.0)
 

@@ -1,4 +1,4 @@
-"""What a worker leaves for the server of each frame that it observed: JSON lines."""
+"""Per-frame results that a worker writes for the server, as JSON lines."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _OBSTACLE = ("id", "state", "velocity_time", "speed", "speed_std")
 
 @dataclass(frozen=True)
 class FrameResult:
-    """Result of one frame, as far as the server keeps it.
+    """Part of one frame's result that the server keeps.
 
     Attributes:
         line: ``time``, ``segment`` and ``obstacles`` of the observation's JSON line.
         truth: entries as in ``ObservationEvent.truth``.
-        offset_s: of the run's clock to the source's.
+        offset_s: offset of the run's clock from the source's.
     """
 
     line: dict[str, Any]
@@ -30,14 +30,14 @@ class FrameResult:
 def frame_result(
     line: Mapping[str, Any], truth: Iterable[Mapping[str, Any]], offset_s: float = 0.0
 ) -> FrameResult:
-    """Return what the server keeps of an observation's JSON line and the truth about it."""
+    """Return what the server keeps of an observation's JSON line and its ground truth."""
     obstacles = [{name: each[name] for name in _OBSTACLE} for each in line["obstacles"]]
     kept = {"time": line["time"], "segment": line["segment"], "obstacles": obstacles}
     return FrameResult(kept, [dict(each) for each in truth], offset_s)
 
 
 def result_line(result: FrameResult) -> bytes:
-    """Return the line of a file of results."""
+    """Return the result as one line of a results file."""
     return msgspec.json.encode(result) + b"\n"
 
 
@@ -45,7 +45,7 @@ def read_results(path: Path) -> Iterator[FrameResult]:
     """Yield the results of a file.
 
     Raises:
-        OSError: it cannot be read. msgspec.MsgspecError: it is damaged.
+        OSError: the file cannot be read. msgspec.MsgspecError: it is damaged.
     """
     decode = msgspec.json.Decoder(FrameResult).decode
     with path.open("rb") as lines:

@@ -30,10 +30,10 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """Parse ``HOST:PORT`` or ``HOST``; empty text is this machine at the default port.
+    """Parse ``HOST:PORT`` or ``HOST``; empty text means this machine at the default port.
 
     Raises:
-        SourceError: the text is none of these.
+        SourceError: the text has none of these forms.
     """
     right = f"give coppeliasim:HOST:PORT, as in {Address(DEFAULT_HOST, DEFAULT_PORT).world}"
     host, colon, port = text.strip().rpartition(":")

@@ -1,8 +1,7 @@
 """A connection to a simulator through its own client, with a deadline for every call.
 
-The client itself waits for an answer without limit. A call that misses its deadline leaves the
-client unusable (a request without its reply), so the connection is closed and a new one must be
-opened.
+The client itself waits for an answer forever. A call that misses its deadline leaves the client
+unusable (a request without its reply), so the connection is closed and a new one must be opened.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from observer.coppeliasim.address import Address
 from observer.errors import SourceError
 from observer.geometry import Float64Array
 
-# For a whole call; shorter than an engine may be silent before it is taken for hung.
+# Seconds for a whole call; shorter than the time after which a silent engine counts as hung.
 ANSWER_WITHIN_S = 1.0
 CONNECT_WITHIN_S = 1.0
-# The simulator forgets a client that is silent for so long. One that stepped it and died holds it
-# still for that time, so it is short, and a stepping client calls in between.
+# Seconds: the simulator forgets a client that is silent for this long. A client that dies while
+# stepping blocks it for that time, so it is short, and a stepping client calls in between.
 FORGOTTEN_AFTER_S = 1.0
-# What protocol 2 may ask of a client that offers no functions to be called back.
+# What the server may ask, in protocol 2, of a client that offers no callbacks.
 _SERVER_ASKS = ("_*wait*_", "_*repeat*_")
 _WHERE = re.compile(r'^\[string "[^"]*"\]:\d+:\s*')
 _LUA_NEWLINE = "_=NL=_"
@@ -37,11 +36,11 @@ _MISSING = object()
 
 
 class CoppeliaSimError(SourceError):
-    """The simulator refused a call, or its scene is not as needed."""
+    """The simulator refused a call, or its scene is unsuitable."""
 
 
 class CoppeliaSimUnreachable(CoppeliaSimError):
-    """The simulator does not answer, or not by the protocol; the connection is closed."""
+    """The simulator does not answer or violates the protocol; the connection is closed."""
 
 
 class _NoAnswer(Exception):
@@ -53,11 +52,11 @@ class _NotTheProtocol(Exception):
 
 
 class Connection:
-    """A connection to one simulator. Calls from several threads are made one at a time.
+    """A connection to one simulator. Calls from several threads are serialised.
 
     Raises:
-        CoppeliaSimUnreachable: the extra is not installed, nobody listens there, or what listens
-            does not answer as CoppeliaSim does.
+        CoppeliaSimUnreachable: the extra is not installed, nothing listens there, or what listens
+            does not answer like CoppeliaSim.
     """
 
     def __init__(self, address: Address) -> None:
@@ -108,15 +107,15 @@ class Connection:
         """Call a function that returns one number.
 
         Raises:
-            CoppeliaSimError: as ``call``, or the answer is no finite number.
+            CoppeliaSimError: as in ``call``, or the answer is not a finite number.
         """
         return float(self.finite([self.call(function, *arguments)], 1)[0])
 
     def finite(self, given: object, count: int) -> Float64Array:
-        """Return what the simulator gave as (count,) float64.
+        """Convert the simulator's answer to (count,) float64.
 
         Raises:
-            CoppeliaSimError: it is not ``count`` finite numbers.
+            CoppeliaSimError: it does not consist of ``count`` finite numbers.
         """
         if isinstance(given, Sequence) and len(given) == count:
             with contextlib.suppress(TypeError, ValueError):
@@ -133,16 +132,16 @@ class Connection:
 
         Args:
             root: None for the whole scene.
-            options: of ``sim.getObjectsInTree``; 1 leaves ``root`` itself out.
+            options: of ``sim.getObjectsInTree``; 1 excludes ``root`` itself.
         """
         number = self.constant(f"sceneobject_{kind}", f"object_{kind}_type")
         root = self.constant("handle_scene") if root is None else root
         found = self.call("getObjectsInTree", root, number, options)
-        # Lua has one kind of empty table, which may arrive as an empty map.
+        # Lua has only one kind of table, so an empty list may arrive as an empty map.
         return [int(handle) for handle in found] if isinstance(found, list | tuple) else []
 
     def constant(self, *names: str) -> int:
-        """Return the first of these constants of ``sim`` that this version has.
+        """Return the first of these constants of ``sim`` that exists in this version.
 
         Raises:
             CoppeliaSimError: it has none of them.
@@ -157,7 +156,7 @@ class Connection:
         )
 
     def has(self, function: str) -> bool:
-        """True if this version has a function of this name."""
+        """True if this version has a function with this name."""
         return callable(getattr(self._sim, function, None))
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
 """Image noise, which the simulator's rendering lacks.
 
-Without it, two images of a scene at rest are equal to the last pixel, as no camera delivers them:
-the camera would be taken for frozen, and no robot would be allowed to drive by it.
+Without it, two images of a static scene are identical, which never happens with a real camera: the
+camera would be taken for frozen, and no robot would be allowed to drive by it.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from observer.types import Image
 
 # Standard deviation, grey levels, as in the simulated lab.
 SIGMA = 1.0
-# Drawing new numbers for every pixel would cost more than all else, so each image takes them from
-# a random place of a stock.
+# Drawing new numbers for every pixel would cost more than everything else, so each image reads them
+# from a random offset in a precomputed stock.
 _STOCK = 1 << 21
 _SEED = 0xC0B
 
 
 def noisy(image: Image, index: int, side: int) -> Image:
-    """Add noise to an image (H, W, 3); equal frame and side get equal noise."""
+    """Add noise to an image (H, W, 3); the same frame and side get the same noise."""
     stock = _stock()
     if image.size > len(stock) // 2:
         stock = np.tile(stock, 2 * image.size // len(stock) + 1)

@@ -15,14 +15,14 @@ from observer.robots.contract import RobotPort
 
 
 class CoppeliaSimRobots:
-    """Robots of the scene: the one that carries the cameras, and the first of the others."""
+    """The scene's robots: the one that carries the cameras, and the first of the others."""
 
     def __init__(self, address: Address, robots: Sequence[tuple[Role, Pioneer]]) -> None:
         self._robots = tuple(robots)
         self.world = address.world
 
     def serve(self) -> tuple[RobotPort, ...]:
-        """Return the robots' ports, which are reachable as long as the simulator is."""
+        """Return the robots' ports, reachable as long as the simulator is."""
         first: dict[Role, Pioneer] = {}
         for role, robot in self._robots:
             first.setdefault(role, robot)
@@ -40,11 +40,11 @@ def open_coppeliasim(
 ) -> tuple[CoppeliaSimSource, CoppeliaSimTruth, CoppeliaSimRobots]:
     """Open the scene of the simulator at ``HOST:PORT`` (see ``parse_address``).
 
-    A scene without a stereo pair gets one, on its first robot.
+    A scene without a stereo pair gets one, mounted on its first robot.
 
     Raises:
-        SourceError: the address is malformed, nobody answers there, or the scene has neither a
-            stereo pair nor a robot to put one on.
+        SourceError: the address is malformed, nothing answers there, or the scene has neither a
+            stereo pair nor a robot to mount one on.
     """
     connection = Connection(parse_address(text))
     try:
@@ -71,7 +71,7 @@ def open_coppeliasim(
 def _with_roles(
     connection: Connection, pioneers: Sequence[Pioneer], left: Sensor
 ) -> list[tuple[Role, Pioneer]]:
-    """Assign roles, the observer first: the robot that the left sensor is attached to."""
+    """Assign roles; the observer, which carries the left sensor, comes first."""
     above = set()
     handle = int(connection.call("getObjectParent", left.handle))
     while handle >= 0 and handle not in above:

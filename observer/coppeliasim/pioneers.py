@@ -1,4 +1,4 @@
-"""P3-DX models of a scene, found by their wheels: measures, wheel odometry and sonars."""
+"""P3-DX models of a scene, found by their wheels: dimensions, wheel odometry and sonars."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from observer.types import Odometry
 
 MODEL = "p3dx-sh"
 LEFT_MOTOR, RIGHT_MOTOR = "leftMotor", "rightMotor"
-# Of the simulator's own model; for wheels whose shape cannot be measured.
+# Metres, of the simulator's own model; for wheels whose shape cannot be measured.
 USUAL_RADIUS_M = 0.0975
 _PLAUSIBLE_RADIUS_M = (0.02, 0.5)
 _SHORT_PATH = 1
@@ -32,7 +32,7 @@ class Pioneer:
         handle, path, name: of the model's base in the scene.
         left, right: handles of its motors.
         wheel_radius_m, track_m: measured; the track between the wheels' middles.
-        T_robot_base: its base in the model's axes, which need not be those of a robot.
+        T_robot_base: its base frame in the model's axes, which may point anywhere.
         centre: (3,) metres, middle of its bounding box in the base frame.
         size: (3,) metres, length, width, height.
     """
@@ -59,7 +59,7 @@ class Pioneer:
 
 
 class WheelOdometry:
-    """Odometry from the angles of two wheels; each reading ends an arc."""
+    """Odometry from the angles of two wheels; the motion between readings is an arc."""
 
     def __init__(self, radius_m: float, track_m: float) -> None:
         self._radius, self._track = radius_m, track_m
@@ -67,7 +67,7 @@ class WheelOdometry:
         self._x = self._y = self._yaw = 0.0
 
     def add(self, left_rad: float, right_rad: float) -> Odometry:
-        """Take the wheels' current angles, the first of which are the origin."""
+        """Add the wheels' current angles; the first ones are the origin."""
         before, self._before = self._before, (left_rad, right_rad)
         if before is not None:
             left, right = left_rad - before[0], right_rad - before[1]
@@ -78,15 +78,15 @@ class WheelOdometry:
         return Odometry(self._x, self._y, self._yaw)
 
     def rebase(self) -> None:
-        """Count the step to the next angles as none: the joints were reset."""
+        """Ignore the step to the next angles, because the joints were reset."""
         self._before = None
 
 
 @dataclass(frozen=True)
 class Sonar:
-    """A proximity sensor: its handle, and its place and direction in the base frame.
+    """A proximity sensor: its handle, and its position and direction in the base frame.
 
-    The simulator itself handles it at every step.
+    The simulator itself updates it at every step.
     """
 
     handle: int
@@ -153,7 +153,7 @@ def own_scripts(connection: Connection, robot: int) -> list[int]:
     try:
         connection.constant("sceneobject_script", "object_script_type")
     except CoppeliaSimError:
-        # Before version 4.8 a script was no object of the scene.
+        # Before version 4.8 scripts were not objects of the scene.
         kind = connection.constant("scripttype_childscript", "scripttype_simulation")
         script = int(connection.call("getScript", kind, robot))
         return [] if script < 0 else [script]
@@ -164,7 +164,7 @@ def _measured(connection: Connection, base: int, left: int, right: int) -> Pione
     T_room_robot = pose_of(connection, base)
     at_left, at_right = (pose_of(connection, joint).translation for joint in (left, right))
     across = at_left - at_right
-    # The model stands on level ground; its own axes may be any.
+    # The model stands on level ground, but its own axes may point anywhere.
     across[2] = 0.0
     track = float(np.linalg.norm(across))
     path = str(connection.call("getObjectAlias", base, _SHORT_PATH))
@@ -178,7 +178,7 @@ def _measured(connection: Connection, base: int, left: int, right: int) -> Pione
     middle = (at_left + at_right) / 2 - radius * z
     T_robot_base = T_room_robot.inverse() @ Pose(np.stack([np.cross(y, z), y, z], axis=1), middle)
     centre, size = _outline(connection, base, T_robot_base)
-    # The path's last part: two robots may have one alias.
+    # The path's last part, since two robots may share an alias.
     name = path.rpartition("/")[2]
     return Pioneer(base, path, name, left, right, radius, track, T_robot_base, centre, size)
 
@@ -192,7 +192,7 @@ def _wheel_radius(connection: Connection, joint: int) -> float:
             if _PLAUSIBLE_RADIUS_M[0] < radius < _PLAUSIBLE_RADIUS_M[1]:
                 return radius
     if connection.closed:
-        # Nothing could be measured because the simulator is gone; this raises.
+        # Nothing could be measured because the simulator is gone; this call raises.
         connection.call("getSimulationTime")
     return USUAL_RADIUS_M
 

@@ -15,7 +15,7 @@ def pose_of(connection: Connection, handle: int) -> Pose:
     """Return an object's pose in the room.
 
     Raises:
-        CoppeliaSimError: what the simulator gives is not ``[x, y, z, qx, qy, qz, qw]``.
+        CoppeliaSimError: the answer is not ``[x, y, z, qx, qy, qz, qw]``.
     """
     given = connection.call("getObjectPose", handle)
     x = connection.finite(given, 7)
@@ -28,7 +28,7 @@ def pose_of(connection: Connection, handle: int) -> Pose:
 
 
 def pose_numbers(pose: Pose) -> list[float]:
-    """Return a pose as the simulator takes it, ``[x, y, z, qx, qy, qz, qw]``."""
+    """Return a pose in the simulator's form, ``[x, y, z, qx, qy, qz, qw]``."""
     w, x, y, z = pose.quaternion_wxyz.tolist()
     return [*pose.translation.tolist(), x, y, z, w]
 
@@ -39,7 +39,7 @@ def bounds(
     """Return the lower and upper corner (3,) of an object's box in its own frame, metres.
 
     Args:
-        model: the box holds all of the model whose base the object is.
+        model: the box encloses the whole model whose base the object is.
     """
     prefix = "modelbbox" if model else "objbbox"
 

@@ -1,8 +1,8 @@
 """Driver of a P3-DX in a CoppeliaSim scene.
 
-A thread holds a connection of its own to the simulator, so that no call here ever waits for it.
+A thread has its own connection to the simulator, so that no call here ever waits for it.
 The simulator has no watchdog: if this process is killed, the wheels keep their speed for as long
-as the simulated time goes on.
+as simulated time advances.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from observer.robots.contract import (
 from observer.robots.models import robot_spec
 
 _PERIOD_S = 0.05
-# A ring of 16 is read within a quarter of a second.
+# Sonars read per period; a ring of 16 takes about a quarter of a second.
 _SONARS_A_TIME = 4
 _RETRY_S = 1.0
 _CLOSE_WITHIN_S = 2.0
@@ -79,7 +79,7 @@ class CoppeliaSimRobot:
         self._condition = threading.Condition()
         self._enabled = False
         self._closing = False
-        # Something was asked for that the thread has not seen yet.
+        # A request is pending that the thread has not seen yet.
         self._asked = False
         self._setpoint: Sent | None = None
         self._report = RobotReport(
@@ -116,7 +116,7 @@ class CoppeliaSimRobot:
             self._wake()
 
     def stop(self) -> None:
-        """Do the same as ``disable``: simulated wheels stop as fast as they can either way."""
+        """Do the same as ``disable``: either way simulated wheels stop as fast as they can."""
         self.disable()
 
     def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
@@ -164,7 +164,7 @@ class CoppeliaSimRobot:
                     self._condition.wait_for(lambda: self._closing, _RETRY_S)
         finally:
             if not self._closing:
-                # An unexpected error must not pass for connected.
+                # After an unexpected error the robot must not appear connected.
                 self._lost("its driver failed")
                 self._tell(phase=RobotPhase.REFUSED)
 
@@ -208,7 +208,7 @@ class CoppeliaSimRobot:
 
 
 class _Drive:
-    """One connection's work for one robot, which stands from the beginning.
+    """Drives one robot over one connection, starting from standstill.
 
     Raises:
         CoppeliaSimError: the simulator has no such robot.
@@ -238,12 +238,12 @@ class _Drive:
                 self._write(velocity)
                 self._read()
         finally:
-            # Nothing else stops the wheels; a simulator that is gone cannot be told.
+            # Nothing else stops the wheels; if the simulator is gone, this fails.
             with contextlib.suppress(CoppeliaSimError):
                 self._write(_STOP)
 
     def _write(self, velocity: tuple[float, float]) -> None:
-        # Written every time: a restarted simulation has forgotten it.
+        # Write it every time, since a restarted simulation has forgotten it.
         speed, turn = velocity
         pioneer = self._pioneer
         half = turn * pioneer.track_m / 2

@@ -1,7 +1,7 @@
 """Builds the scene of the paper's figure 1 in a running simulator: two P3-DX and textured boxes.
 
-What was built before is replaced; existing robots and cameras are kept and put into place. So
-building twice leaves one scene.
+Anything built before is replaced; existing robots and cameras are kept and moved into place. So
+building is idempotent.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from observer.coppeliasim.poses import pose_numbers
 from observer.coppeliasim.sensors import create_sensors, find_sensors
 from observer.geometry import Pose
 
-# Path below the simulator's own folder.
+# Path relative to the simulator's own folder.
 PIONEER_MODEL = "models/robots/mobile/pioneer p3dx.ttm"
-# Beginning of the aliases of everything else that is built.
+# Prefix of the aliases of everything else that is built.
 PREFIX = "dynamicObserver"
 _FLOOR = "/Floor"
 _LOAD_WITHIN_S = 20.0
 _BUILD_WITHIN_S = 5.0
-# Half the side of the simulator's own floor, metres, and how high and thick the walls are.
+# Metres: half the side of the simulator's own floor, and height and thickness of the walls.
 _ROOM_M, _WALL_HEIGHT_M, _WALL_M = 2.5, 2.0, 0.1
 _TEXTURE_PX, _TEXTURE_M = 256, 1.0
-# Bits of sim.setShapeTexture: repeated in both directions.
+# Bits of sim.setShapeTexture: repeat in both directions.
 _REPEATED = 4 | 8
 # Start poses of the two robots: x, y, heading. The obstacle crosses in front of the observer.
 _PLACES = ((-1.8, 0.0, 0.0), (0.7, 0.9, -math.pi / 2))
@@ -59,7 +59,7 @@ def build_scene(address: Address) -> BuiltScene:
     """Build the scene in the simulator at ``address``, whose simulation is stopped.
 
     Raises:
-        CoppeliaSimError: nobody answers there, the simulation runs, or the simulator lacks a
+        CoppeliaSimError: nothing answers there, the simulation runs, or the simulator lacks a
             model of the robot.
     """
     with closing(Connection(address)) as connection:
@@ -114,7 +114,7 @@ def _load_pioneer(connection: Connection) -> None:
             f"{error}; add two P3-DX from the simulator's model browser (robots, mobile), then "
             "build the scene again"
         ) from None
-    # The model's own script would drive it as well.
+    # The model's own script would drive it, too.
     scripts = own_scripts(connection, model)
     if scripts and connection.has("removeObjects"):
         connection.call("removeObjects", scripts)
@@ -123,7 +123,7 @@ def _load_pioneer(connection: Connection) -> None:
 
 
 def _observer_first(connection: Connection, robots: list[Pioneer]) -> list[Pioneer]:
-    """Sort the robot that carries the cameras, if there are any, to the front."""
+    """Move the robot that carries the cameras to the front, if there is one."""
     sensors = find_sensors(connection)
     if sensors is None:
         return robots

@@ -1,6 +1,6 @@
-"""The two vision sensors of the stereo camera: found, or put onto a robot; their images.
+"""The stereo camera's two vision sensors, found or mounted on a robot, and their images.
 
-Names are tried first, ignoring case; then any two sensors that lie side by side.
+They are searched by name first, ignoring case; then any two sensors side by side are taken.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ WIDTH, HEIGHT, VIEW_ANGLE_DEG = 512, 256, 60.0
 # Mount of created sensors on their robot, metres and radians.
 BASELINE_M, FORWARD_M, ABOVE_FLOOR_M, TILT_RAD = 0.12, 0.14, 0.34, math.radians(6.0)
 NEAR_M, FAR_M = 0.05, 20.0
-# Bits of sim.createVisionSensor: handled explicitly, with perspective.
+# Bits of sim.createVisionSensor: explicit handling, perspective projection.
 _EXPLICIT, _PERSPECTIVE = 1, 2
 _LARGEST_BASELINE_M = 1.0
-# A pair that deviates by less counts as exactly parallel: its images would not show it.
+# A pair that deviates by less counts as exactly parallel: it would not be visible in the images.
 _ROUNDING = 1e-5
 
 
@@ -48,7 +48,7 @@ class Sensor:
 
     @property
     def K(self) -> Float64Array:
-        """(3, 3) camera matrix; pixel centres at whole numbers, so the middle of 512 is 255.5."""
+        """(3, 3) camera matrix; pixel centres are integers, so the middle of 512 is 255.5."""
         # The view angle is that of the larger dimension.
         f = max(self.width, self.height) / 2 / math.tan(self.view_angle / 2)
         return np.array([[f, 0, (self.width - 1) / 2], [0, f, (self.height - 1) / 2], [0, 0, 1]])
@@ -58,10 +58,10 @@ class Sensor:
         return pose_of(connection, self.handle) @ Pose(R_SENSOR_CAMERA, np.zeros(3))
 
     def image(self, connection: Connection) -> Image:
-        """Fetch the image (H, W, 3) BGR, upper row first, that it took when it was last handled.
+        """Fetch the image (H, W, 3) BGR, top row first, that it took when it was last handled.
 
         Raises:
-            CoppeliaSimError: the image is not of the size that it had when it was opened.
+            CoppeliaSimError: the image does not have the size it had when the sensor was opened.
         """
         given = connection.call("getVisionSensorImg", self.handle)
         content, size = given if isinstance(given, tuple) and len(given) == 2 else (None, None)
@@ -93,10 +93,10 @@ class StereoSensors:
 
 
 def find_sensors(connection: Connection) -> StereoSensors | None:
-    """Find the scene's stereo camera; None where no two sensors lie side by side.
+    """Find the scene's stereo camera; None if no two sensors are side by side.
 
     Raises:
-        CoppeliaSimError: two sensors have the expected names, but are no stereo camera.
+        CoppeliaSimError: two sensors have the expected names, but are not a stereo camera.
     """
     every = _all_sensors(connection)
     named = (
@@ -127,7 +127,7 @@ def find_sensors(connection: Connection) -> StereoSensors | None:
 
 
 def create_sensors(connection: Connection, robot: Pioneer) -> StereoSensors:
-    """Put a stereo camera onto a robot: 512x256 pixels at 60 degrees."""
+    """Mount a stereo camera on a robot: 512x256 pixels at 60 degrees."""
     T_room_base = robot.T_room_base(connection)
     tilt = Pose.from_rotvec([0.0, TILT_RAD, 0.0], np.zeros(3)).rotation
     # The sensor looks along the base's x, its y up and its x left.
@@ -150,7 +150,7 @@ def create_sensors(connection: Connection, robot: Pioneer) -> StereoSensors:
 
 
 def _all_sensors(connection: Connection) -> list[Sensor]:
-    """Find all sensors with perspective; orthographic ones are no cameras."""
+    """Find all perspective sensors; orthographic ones are not cameras."""
     perspective = connection.constant("visionintparam_perspective_operation")
     return [
         _sensor(connection, handle)

@@ -1,6 +1,6 @@
 """Starts, steps and stops a simulation.
 
-In stepping mode the simulator waits for us, so everything read between two steps is of one
+In stepping mode the simulator waits for us, so everything read between two steps belongs to one
 instant. It forgets silent clients, so a thread keeps the connection alive while nothing is read.
 """
 
@@ -18,7 +18,7 @@ from observer.coppeliasim.connection import (
     CoppeliaSimUnreachable,
 )
 
-# A stepping client that died holds the simulator until it is forgotten; wait at least that long.
+# A client that died while stepping blocks the simulator until it is forgotten; wait longer.
 STEP_WITHIN_S = FORGOTTEN_AFTER_S + 0.4
 _STARTED_WITHIN_S = 2.0
 _POLL_S = 0.01
@@ -36,7 +36,7 @@ class Simulation:
         self._connection = connection
         self._started = False
         self._stepping = False
-        # Simulated time after our last step; None while it may be another.
+        # Simulated time after our last step; None while it may have changed.
         self._stepped_to: float | None = None
         self._closing = threading.Event()
         self._keeper: threading.Thread | None = None
@@ -75,12 +75,12 @@ class Simulation:
         """Make one step; return the simulated time after it, seconds.
 
         Raises:
-            CoppeliaSimError: the time does not advance, because somebody stopped or paused it.
+            CoppeliaSimError: time does not advance, because the simulation was stopped or paused.
         """
         connection = self._connection
         before = self.time
         if self._stepped_to is not None and before > self._stepped_to:
-            # The simulator forgot that we step it, and went on by itself.
+            # The simulator forgot that we step it, and continued by itself.
             self.hold_again()
             before = self.time
         try:
@@ -99,13 +99,13 @@ class Simulation:
         )
 
     def hold_again(self) -> None:
-        """Stand still between steps again, after the simulator forgot us."""
+        """Make it stand still between steps again, after it forgot us."""
         self._stepping = False
         self._stepped_to = None
         self._step_alone()
 
     def restart(self) -> None:
-        """Stop the simulation, which puts everything back to its start."""
+        """Stop the simulation, which resets everything to its start."""
         connection = self._connection
         stopped = connection.constant("simulation_stopped")
         self._release()
@@ -113,7 +113,7 @@ class Simulation:
         self._await(lambda: connection.call("getSimulationState") == stopped, "stop")
 
     def close(self) -> None:
-        """Let it run by itself, or stop it if it was started here; safe to call twice."""
+        """Let it run freely, or stop it if it was started here; safe to call twice."""
         self._closing.set()
         if self._keeper is not None:
             self._keeper.join()
@@ -127,7 +127,7 @@ class Simulation:
         self._started = False
 
     def _step_alone(self) -> None:
-        # The simulator counts: stepping that is set twice must be released twice.
+        # The simulator counts calls: stepping that is set twice must be released twice.
         if not self._stepping:
             self._connection.call("setStepping", True)
             self._stepping = True

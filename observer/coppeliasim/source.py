@@ -1,7 +1,7 @@
 """The vision sensors of a CoppeliaSim scene as a source of stereo frames.
 
 The source is paced like a recording, not live: the simulator stands still until the next frame is
-read, so it can be paused and stepped. It never ends by itself.
+read, so the source can be paused and stepped. It never ends by itself.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from observer.sources.contract import SourceInfo
 from observer.types import StereoFrame
 
 _EXPLICITLY_HANDLED = 1
-# The simulator may have to prepare its renderer for the first image.
+# Seconds: for the first image the simulator may have to prepare its renderer.
 _FIRST_IMAGE_WITHIN_S = 5.0
 
 
@@ -30,7 +30,7 @@ class CoppeliaSimSource:
 
     Args:
         robot: the one that carries the sensors, if any.
-        truth: notes the scene's state at every frame.
+        truth: records the scene's state at every frame.
 
     Attributes:
         calibration: exact, from the sensors' resolution, view angle and poses.
@@ -58,7 +58,7 @@ class CoppeliaSimSource:
         self._begin()
 
     def read(self) -> StereoFrame:
-        """Step, and read the frame; stepping first lets it show what was commanded meanwhile.
+        """Step and read the frame; stepping first lets it show the effect of earlier commands.
 
         Raises:
             CoppeliaSimError: the simulator does not answer, or not as expected.
@@ -70,7 +70,7 @@ class CoppeliaSimSource:
             if frame is not None:
                 self._next += 1
                 return frame
-            # The simulator forgot that we step it, and went on by itself.
+            # The simulator forgot that we step it, and continued by itself.
             self._simulation.hold_again()
         raise CoppeliaSimError(
             f"CoppeliaSim at {self._connection.address} advances by itself while it is being read; "
@@ -145,7 +145,7 @@ class CoppeliaSimSource:
         )
 
     def _mount(self) -> CameraMount | None:
-        """Mount of the left sensor on its robot; None where there is no valid one."""
+        """Mount of the left sensor on its robot; None if there is no valid one."""
         if self._robot is None:
             return None
         T_room_base = self._robot.T_room_base(self._connection)

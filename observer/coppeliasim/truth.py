@@ -1,6 +1,6 @@
 """Ground truth of CoppeliaSim's scene at the instants of frames.
 
-The simulator knows only its present, so the source notes the state with every frame. World frame:
+The simulator knows only its present state, so the source records it with every frame. World frame:
 the rectified left camera at the first frame.
 """
 
@@ -20,7 +20,7 @@ from observer.geometry import Pose
 from observer.truth.contract import TrueBody
 from observer.vision.rectification import Rectification
 
-# Several readers ask for the same instant, none for one further back.
+# Several readers ask for the same recent instant; none asks for one further back than this.
 _REMEMBERED_INSTANTS = 256
 
 
@@ -41,7 +41,7 @@ class CoppeliaSimTruth:
         self._instants: OrderedDict[float, tuple[Pose, tuple[TrueBody, ...]]] = OrderedDict()
 
     def note(self, connection: Connection, time: float, T_room_left: Pose) -> None:
-        """Note the current state as that of a frame's ``time``.
+        """Record the current state under a frame's ``time``.
 
         Args:
             T_room_left: pose of the left camera as mounted, not rectified.
@@ -66,7 +66,7 @@ class CoppeliaSimTruth:
             self._T_world_room = None
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """Return the observer first, then the obstacles; empty where no frame has this ``time``."""
+        """Return the observer first, then the obstacles; empty if no frame has this ``time``."""
         return self._at(time)[1]
 
     def camera_pose(self, time: float) -> Pose | None:
@@ -81,7 +81,7 @@ class CoppeliaSimTruth:
 def _state(
     connection: Connection, index: int, role: str, robot: Pioneer, T_world_room: Pose
 ) -> TrueBody:
-    # Without this flag the angular part would be rates of Euler angles.
+    # Without this flag the angular part would be Euler angle rates.
     flagged = robot.handle | connection.constant("handleflag_axis")
     moving = connection.call("getObjectVelocity", flagged)
     linear, angular = (

@@ -1,7 +1,7 @@
-"""Reasons why any pixel counts as moving, as standing, or as neither.
+"""Reasons why any pixel counts as moving, as static, or as undecided.
 
-``explain_pixel`` reads what one ``observe`` left in a full trace and runs nothing of the method
-again but the grouping of points, so that it can say by how much an answer was missed.
+``explain_pixel`` reads the full trace of one ``observe``. Of the method it reruns only the
+grouping of points, so that it can say by how much another answer was missed.
 """
 
 from __future__ import annotations

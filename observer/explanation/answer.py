@@ -1,4 +1,4 @@
-"""The answer for a pixel, and the figures and phrases that all methods' answers share."""
+"""The answer for a pixel, and the numbers and phrases shared by all methods' answers."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.parameters import Parameters
 
-# Around a pixel: about as far as features of one textured surface lie apart, 10 px of 512.
+# Radius around a pixel, as a share of the image's width: about the distance of features on one
+# textured surface, 10 px of 512.
 _RADIUS_SHARE = 1 / 50
 _LEAST_RADIUS_PX = 6.0
-# Number of nearest features that speak for a pixel; odd, so that there is a majority.
+# Number of nearest features that decide for a pixel; odd, so that there is a majority.
 _SPEAKERS = 5
 
 
 class PixelVerdict(StrEnum):
     """Verdict on a pixel.
 
-    ``undecided``: features are there, but they are too young, too few of them agree, their depth
-    is unknown, or their motion does not stand out enough.
+    ``undecided``: there are features, but they are too young, too few of them agree, their depth
+    is unknown, or their motion is not significant enough.
     """
 
     DYNAMIC = "dynamic"
@@ -46,11 +47,11 @@ class PixelAnswer:
         px: u, v in the rectified left image of t+dt.
         sentence: one sentence: what it counts as, and why.
         numbers: the figures behind it, finite, by a name that ends with the unit (``_px``,
-            ``_m``, ``_mps``, ``_s``) where there is one; None = not known, and what does not
-            apply is absent. Counts of features and matches, and ``significance`` (standard
+            ``_m``, ``_mps``, ``_s``) if there is one; None = unknown; numbers that do not apply
+            are absent. Counts of features and matches, and ``significance`` (standard
             deviations), have no unit.
-        would_change: one sentence: which parameter, at which value, would give another answer,
-            or what else would.
+        would_change: one sentence: which parameter, at which value, or what else would give
+            another answer.
     """
 
     px: tuple[float, float]
@@ -67,7 +68,7 @@ class Nearby:
     Attributes:
         members: indices of those within the radius. nearest_px: distance of the nearest feature
             of all, pixels; None without any.
-        radius_px: what counts as around.
+        radius_px: the radius used.
     """
 
     members: NDArray[np.intp]
@@ -76,7 +77,7 @@ class Nearby:
 
     @property
     def speakers(self) -> NDArray[np.intp]:
-        """Nearest of them, an odd number, that speak for the pixel."""
+        """Nearest of them, an odd number, that decide for the pixel."""
         count = min(len(self.members), _SPEAKERS)
         return self.members[: count - 1 + count % 2]
 
@@ -99,8 +100,8 @@ def look_around(
     """Find the features (N, 2) around a pixel.
 
     Args:
-        apart_px: so far apart features are meant to lie; where none is around, the nearest one
-            within this distance speaks.
+        apart_px: intended spacing of the features; if none is within the radius, the nearest one
+            within this distance decides.
     """
     distance = distances(features_px, px)
     radius = radius_px(camera)
@@ -114,12 +115,12 @@ def look_around(
 
 
 def radius_px(camera: StereoCamera) -> float:
-    """Return the radius within which features speak for a pixel."""
+    """Return the radius within which features decide for a pixel."""
     return max(_LEAST_RADIUS_PX, camera.width * _RADIUS_SHARE)
 
 
 def distances(features_px: ArrayLike, px: tuple[float, float]) -> Float64Array:
-    """Return the distances (N,), pixels; infinite where a feature's place is not known."""
+    """Return the distances (N,), pixels; infinite where a feature's position is unknown."""
     gap = np.asarray(features_px, dtype=np.float64).reshape(-1, 2) - px
     return np.nan_to_num(np.hypot(gap[:, 0], gap[:, 1]), nan=np.inf)
 
@@ -131,22 +132,23 @@ def known(value: float) -> float | None:
 
 @functools.cache
 def limits(parameter: str) -> tuple[float, float]:
-    """Return the least and greatest value that a numeric parameter, by its dotted name, takes."""
+    """Return the minimum and maximum of a numeric parameter, by its dotted name."""
     entry = next(entry for entry in Parameters.declared() if entry["name"] == parameter)
     return float(entry["minimum"]), float(entry["maximum"])
 
 
-# A value in a sentence must be on the right side of the exact one, or following it changes nothing.
+# A value in a sentence must be rounded to the right side of the exact one, or setting it would
+# change nothing.
 
 
 def below(value: float, digits: int = 2) -> str:
-    """Return the greatest number of so many decimals that is less than ``value``."""
+    """Return the greatest number with ``digits`` decimals that is less than ``value``."""
     scale = 10**digits
     return f"{(math.ceil(value * scale - 1e-6) - 1) / scale:.{digits}f}"
 
 
 def above(value: float, digits: int = 2) -> str:
-    """Return the least number of so many decimals that is greater than ``value``."""
+    """Return the least number with ``digits`` decimals that is greater than ``value``."""
     scale = 10**digits
     return f"{(math.floor(value * scale + 1e-6) + 1) / scale:.{digits}f}"
 

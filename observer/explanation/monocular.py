@@ -23,7 +23,7 @@ def explain_by_rays(
     px: tuple[float, float],
     counts: Mapping[str, float],
 ) -> PixelAnswer:
-    """Return the answer of the nearest points' majority.
+    """Return the answer of the majority of the nearest points.
 
     Args:
         counts: figures of the camera's own motion, shown with the answer's.

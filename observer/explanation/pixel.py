@@ -1,4 +1,4 @@
-"""Explanation of a pixel: what holds with every method, then the method's own reasons."""
+"""Explanation of a pixel: what is common to all methods, then the method's own reasons."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from observer.types import Status
 def explain_pixel(
     trace: Mapping[str, Any], camera: StereoCamera, parameters: Parameters, px: tuple[float, float]
 ) -> PixelAnswer:
-    """Explain why the pixel counts as moving, as standing, or as neither.
+    """Explain why the pixel counts as moving, as static, or as undecided.
 
     Args:
-        trace: all that one ``Observer.observe`` kept (see ``observer.observer``): ``evidence``
-            where evidence is gathered over time, residual flow where it is not.
-        camera: the rectified pair. parameters: those that were in force for the frame.
+        trace: everything that one ``Observer.observe`` kept (see ``observer.observer``):
+            ``evidence`` if evidence is gathered over time, otherwise residual flow.
+        camera: the rectified pair. parameters: those used for the frame.
         px: u, v in the rectified left image of the frame, pixels; need not be whole.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Reasons of the planar methods: residual flow after one planar motion is taken out."""
+"""Reasons of the planar methods: residual flow after removing one planar motion."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters, Parameters
 
 _THRESHOLD = "flow.residual_threshold_px"
-# Half the side of the square whose disparities give a pixel's depth, and the share that must
-# be known of them.
+# Half the side of the square whose disparities give a pixel's depth, and the share of them that
+# must be known.
 _DEPTH_REACH_PX = 3
 _DEPTH_KNOWN = 0.25
 
@@ -42,8 +42,7 @@ class _Place:
     """The pixel with all that is known around it.
 
     Attributes:
-        px_previous: where the pixel is in the image of t, if it stands.
-        residual_px: the middle one of the residuals of the features that speak for it.
+        residual_px: median residual of the features that decide for it.
         depth: metres, NaN = unknown. dt: seconds between the two images.
     """
 
@@ -64,7 +63,7 @@ def explain_by_flow(
     px: tuple[float, float],
     counts: Mapping[str, float],
 ) -> PixelAnswer:
-    """Return the answer of the nearest features' residual motion.
+    """Return the answer given by the residual motion of the nearest features.
 
     Args:
         counts: figures of the camera's own motion, shown with the answer's.
@@ -78,7 +77,7 @@ def explain_by_flow(
             dict(counts),
             "The next frame may tell.",
         )
-    # The image of t+dt was brought to t by the inverse of H; this brings the features back.
+    # The image of t+dt was warped to t by the inverse of H; H maps the features back.
     near = look_around(map_pixels(H, trace["flow_observed_px"]), px, camera)
     px_previous = map_pixels(np.linalg.inv(H), px)[0]
     depth = _depth_at(trace["disparity"], px_previous, camera)
@@ -100,7 +99,7 @@ def explain_by_flow(
 
 
 def _depth_at(disparity: Float64Array, px: Float64Array, camera: StereoCamera) -> float:
-    """Return the median of the depths around a pixel of t, metres; NaN where too few are known."""
+    """Return the depth, metres, by the median disparity around a pixel of t; NaN if unknown."""
     u, v = (round(float(c)) for c in px)
     rows = slice(max(0, v - _DEPTH_REACH_PX), max(0, v + _DEPTH_REACH_PX + 1))
     columns = slice(max(0, u - _DEPTH_REACH_PX), max(0, u + _DEPTH_REACH_PX + 1))
@@ -257,7 +256,7 @@ def _groups(motions: PointMotions, parameters: ClusteringParameters) -> np.ndarr
 def _detections(
     motions: PointMotions, place: _Place, clustering: ClusteringParameters
 ) -> tuple[Detection, ...]:
-    """Return all groups as the method describes them, those that do not stand out as well."""
+    """Return all groups as the method describes them, including insignificant ones."""
     motion: MotionParameters = place.parameters.motion.model_copy(update={"min_significance": 0.0})
     return detect_obstacles(motions, float(place.trace["time"]), clustering, motion)
 
@@ -272,12 +271,12 @@ def _figures(group: Detection, p: Parameters) -> dict[str, float | None]:
 
 
 def _at_most(value: float) -> str:
-    """Round down to two decimals: a least value that is reached."""
+    """Round down to two decimals, so that ``value`` reaches the threshold."""
     return f"{np.floor(value * 100) / 100:.2f}"
 
 
 def _too_far_words(depth: float, farthest: float) -> tuple[str, str]:
-    """Return the sentence for a place beyond the farthest depth, and what would change it."""
+    """Return the sentence for a place beyond the maximum depth, and what would change it."""
     _, most = limits("stereo.max_depth_m")
     sentence = (
         f"It is too far: {depth:.1f} m away, and measurements are reliable enough only up to "

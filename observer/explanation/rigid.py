@@ -28,11 +28,11 @@ from observer.parameters import Parameters
 from observer.types import UNSEEN_BECAUSE, Image, Unseen
 from observer.vision.lifecycle import is_provisional
 
-# 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
+# 99 of 100 static points stay below this Mahalanobis length (chi, 3 degrees of freedom).
 _STANDING_LENGTH = 3.37
 # A feature tracked for less than this has hardly been measured twice.
 _YOUNG_S = 0.2
-# Where a slow walker would not stand out, nothing is said to stand.
+# Where a slow walker would not be significant, nothing is called static.
 _SLOW_WALK_MPS = 1.0
 _RATE = "evidence.false_alarms_per_frame"
 _FEWEST = "evidence.min_points"
@@ -47,11 +47,11 @@ def explain_by_evidence(
     image: Image | None = None,
     unseen: Unseen | None = None,
 ) -> PixelAnswer:
-    """Return the answer of the nearest features' majority.
+    """Return the answer of the majority of the nearest features.
 
     Args:
-        unseen: where motion could not be noticed; None where that is not told.
-        image: the rectified left image, to say why there is no feature; None says less.
+        unseen: where motion would go unnoticed; None if not reported.
+        image: the rectified left image, to say why there is no feature; None gives less detail.
         counts: figures of the camera's own motion, shown with the answer's.
     """
     near = look_around(evidence.px, px, camera, parameters.klt_tracking.spacing_px)
@@ -65,7 +65,7 @@ def explain_by_evidence(
     chosen = near.speakers
     moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
     middle = float(np.median(evidence.significance[chosen]))
-    # The majority's median by significance speaks.
+    # The figures are those of the majority's median feature by significance.
     agreeing = chosen[evidence.dynamic[chosen] == moving]
     order = np.argsort(evidence.significance[agreeing], kind="stable")
     speaker = int(agreeing[order[(len(order) - 1) // 2]])
@@ -95,7 +95,7 @@ def _nothing_there(
 
 
 def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple[str, str]:
-    """Return why no feature is tracked at so much texture, and what would change it."""
+    """Return why no feature is tracked at this texture, and what would change it."""
     tracking, detector = parameters.klt_tracking, parameters.features.detector
     if texture < tracking.min_texture:
         least, _ = limits("klt_tracking.min_texture")
@@ -109,7 +109,7 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
             f"With klt_tracking.min_texture at {below(texture, 1)} or below (now "
             f"{tracking.min_texture:g}) one may be tracked here, though it may slide along edges."
         )
-    # With such squares a feature lies near this place wherever it is in its square.
+    # With squares of this side a feature is near this place wherever it is in its square.
     closer = int(around_px / math.sqrt(2))
     why = f", although there is texture ({texture:.1f} grey levels/px)"
     if closer < tracking.spacing_px:
@@ -142,7 +142,7 @@ def _numbers(
 
 
 def _least_speed(evidence: PointEvidence, speaker: int) -> float:
-    """Return the speed, m/s, above which a motion would stand out here."""
+    """Return the speed, m/s, above which a motion would be significant here."""
     return float(evidence.threshold * evidence.velocity_std[speaker])
 
 
@@ -223,7 +223,7 @@ def _judge(
 def _too_far(
     depth: float, age: float, least: float, memory: float
 ) -> tuple[PixelVerdict, str, str]:
-    """Answer for a place where only what is faster than ``least`` m/s would be seen to move."""
+    """Return the answer for a place where only motion faster than ``least`` m/s is detected."""
     if age < memory:
         return (
             PixelVerdict.UNDECIDED,
@@ -233,7 +233,7 @@ def _too_far(
             f"It can be decided better once they have been tracked for {memory:g} s "
             "(evidence.memory_s).",
         )
-    # The noise of a velocity grows with the depth squared.
+    # The noise of a velocity grows with the square of the depth.
     near = depth * math.sqrt(_SLOW_WALK_MPS / least)
     return (
         PixelVerdict.TOO_FAR,
@@ -289,7 +289,7 @@ def _until(middle: float, threshold: float, parameters: Parameters) -> str:
 
 
 def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
-    """Say what would make a feature that does not stand out count as dynamic."""
+    """Say what would make an insignificant feature count as dynamic."""
     now, (_, most) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
     value = _two_digits(_rate_for(middle, threshold, now), down=False)
     if value > most:
@@ -298,17 +298,17 @@ def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
 
 
 def _rate_for(length: float, threshold: float, now: float) -> float:
-    """Return the false alarm rate whose threshold is ``length``, where ``now`` gives ``threshold``.
+    """Return the false alarm rate whose threshold is ``length``; ``now`` gives ``threshold``.
 
-    The threshold is that of chi-squared at the rate divided by the number of tests, which need
-    not be known: it is the same for both.
+    The threshold is the chi-squared quantile at the rate divided by the number of tests. That
+    number need not be known, as it is the same for both.
     """
     log_ratio = log_share_above(length**2, df=3) - log_share_above(threshold**2, df=3)
     return now * float(np.exp(np.clip(log_ratio, -690.0, 690.0)))
 
 
 def _two_digits(value: float, *, down: bool) -> float:
-    """Round to two digits, to the side on which the answer changes."""
+    """Round to two significant digits, to the side on which the answer changes."""
     unit = 10.0 ** (np.floor(np.log10(max(value, 1e-300))) - 1)
     steps = np.floor(value / unit) if down else np.floor(value / unit) + 1
     return float(steps * unit)

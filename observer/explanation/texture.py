@@ -1,4 +1,4 @@
-"""Reasons for a place without a feature: nothing to see, or something that was left out."""
+"""Reasons why a place has no feature: nothing to see, or a feature that was left out."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from observer.parameters import FeaturesParameters, FlowParameters, Parameters
 from observer.types import Image
 from observer.vision.features import corners, detect_features
 
-# OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
+# OpenCV returns the smaller eigenvalue of the mean gradient matrix in 1024 (grey levels/px)^2.
 _EIGENVALUE_UNIT = 1024.0
-# FAST looks at a circle of this radius around a corner.
+# FAST needs this margin around a corner, for its circle.
 _FAST_REACH_PX = 4
 
 
@@ -27,8 +27,8 @@ def why_no_feature(
     """Return the sentence, and what would change it.
 
     Args:
-        px: (2,) the place in the image of t, where features are looked for.
-        near: what was found around it, which is nothing.
+        px: (2,) the place in the image of t, where features are detected.
+        near: the search result around it, without any members.
     """
     image = as_gray(trace["previous_left"])
     place = (float(px[0]), float(px[1]))
@@ -64,7 +64,7 @@ def _not_followed(
 def texture_around(
     image: Image, place: tuple[float, float], radius_px: float, window_px: int
 ) -> float:
-    """Return the most texture around a place, grey levels/px in the direction of least texture."""
+    """Return the largest texture around a place, grey levels/px in its least direction."""
     reach = np.arange(-int(radius_px), int(radius_px) + 1, 2, dtype=np.float32)
     u, v = (grid.ravel() for grid in np.meshgrid(reach, reach))
     inside = np.hypot(u, v) <= radius_px
@@ -93,7 +93,7 @@ def _texture(image: Image, px: np.ndarray[Any, Any], window_px: int) -> Float64A
 def _to_get_one(
     image: Image, place: tuple[float, float], parameters: Parameters, near: Nearby
 ) -> str:
-    """Say which setting gives a feature here, found by detecting with it."""
+    """Say which setting would give a feature here, verified by running the detector with it."""
     features = parameters.features
     ways: list[str] = []
     if features.detector == "fast":
@@ -136,7 +136,7 @@ def _to_get_one(
 def _count_that_finds(
     image: Image, place: tuple[float, float], features: FeaturesParameters, radius_px: float
 ) -> int | None:
-    """Return a number of features, from the one in force up, that finds one here; None without."""
+    """Return a max_count, from the current one up, that gives a feature here; None if none does."""
     most = int(limits("features.max_count")[1])
     count = features.max_count
     while True:
@@ -177,5 +177,5 @@ def _best_quality(
     if not at.any():
         return None
     share = float(strength[at].max() / strength.max())
-    # Rounded down to what the panel shows, or the promise would not hold.
+    # Rounded down to the digits that the panel shows, or the value shown might not work.
     return float(max(lowest, np.floor(share * 1e4) / 1e4))

@@ -1,4 +1,4 @@
-"""Steps of the filter of a body's motion, see ``BodyFilter``, whose arrays hold a few numbers."""
+"""Steps of the filter of a body's motion, see ``BodyFilter``, on arrays of a few numbers."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from observer.kernels.small import inverse, inverse_symmetric, squared_length
 
 # Position (3), velocity (3), yaw, yaw rate.
 _SIZE, _YAW, _YAW_RATE = 8, 6, 7
-# Probability per second of changing from steady to manoeuvring, and back.
+# Rate per second of changing from steady to manoeuvring, and back.
 _CHANGES_PER_S = (1.0, 2.0)
-# Share of its acceleration that a body may have across its axis.
+# Acceleration of a body across its axis, as a share of that along it.
 _SIDEWAYS = 0.5
 # No mode ever becomes less likely than this.
 _LEAST_PROBABILITY = 1e-3
@@ -53,7 +53,7 @@ def _through(F: Reals, P: Reals, out: Reals) -> None:
 def _mix(
     means: Reals, covariances: Reals, first: float, second: float, mean: Reals, cov: Reals
 ) -> None:
-    """Write mean (8,) and covariance (8, 8) of two modes that have these probabilities."""
+    """Write mean (8,) and covariance (8, 8) of a mixture of two modes with these probabilities."""
     for k in range(_SIZE):
         mean[k] = first * means[0, k] + second * means[1, k]
     for k in range(_SIZE):
@@ -68,7 +68,7 @@ def _mix(
 
 @kernel(REALS2, REALS3, REALS1)
 def mixed(means: Reals, covariances: Reals, probabilities: Reals) -> tuple[Reals, Reals]:
-    """Return state (8,) and covariance (8, 8) of both modes, (2, 8), (2, 8, 8) and (2,), in one."""
+    """Return mean (8,) and covariance (8, 8) of the mixture of (2, 8), (2, 8, 8) and (2,)."""
     mean, cov = np.empty(_SIZE), np.empty((_SIZE, _SIZE))
     _mix(means, covariances, probabilities[0], probabilities[1], mean, cov)
     return mean, cov
@@ -76,7 +76,7 @@ def mixed(means: Reals, covariances: Reals, probabilities: Reals) -> tuple[Reals
 
 @part
 def _turn(mean: Reals, dt: float, F: Reals) -> None:
-    """Move a state (8,) on along its circle, and write the derivative F (8, 8) by that before."""
+    """Advance a state (8,) along its circle, and write the derivative F (8, 8) by the old state."""
     for k in range(_SIZE):
         for m in range(_SIZE):
             F[k, m] = 1.0 if k == m else 0.0
@@ -84,7 +84,7 @@ def _turn(mean: Reals, dt: float, F: Reals) -> None:
     c, s = math.cos(angle), math.sin(angle)
     half_c, half_s = math.cos(angle / 2.0), math.sin(angle / 2.0)
     vx, vy, vz = mean[3], mean[4], mean[5]
-    # The chord leads along the velocity in the middle of the arc.
+    # The chord is parallel to the velocity at the middle of the arc.
     x, z = half_c * vx + half_s * vz, half_c * vz - half_s * vx
     mean[0] += dt * x
     mean[1] += dt * vy
@@ -109,7 +109,7 @@ def predict(
     """Return the modes' states (2, 8), covariances (2, 8, 8) and probabilities (2,) after ``dt`` s.
 
     Args:
-        means, covariances, probabilities: of now. acceleration: m/s^2 and yaw_acceleration:
+        means, covariances, probabilities: at present. acceleration: m/s^2 and yaw_acceleration:
             rad/s^2 of each mode. axis: (3,) see ``BodyFilter.predicted``; 0 where unknown.
     """
     new_means, new_covs, new_probabilities = (
@@ -120,7 +120,7 @@ def predict(
     across = _SIDEWAYS**2 if known else 1.0
     far, cross, fast = dt**4 / 4.0, dt**3 / 2.0, dt**2
     for n in range(2):
-        # From each of the two modes, and how much that has to do with the one that it is now.
+        # IMM mixing: the probability of arriving in this mode from each of the two.
         leaves = 1.0 - math.exp(-dt * _CHANGES_PER_S[1 - n])
         stays = math.exp(-dt * _CHANGES_PER_S[n])
         same, other = stays * probabilities[n], leaves * probabilities[1 - n]
@@ -152,11 +152,11 @@ def update(
     means: Reals, covariances: Reals, probabilities: Reals,
     which: Indices, measured: Reals, noise: Reals,
 ) -> tuple[Reals, Reals, Reals]:  # fmt: skip
-    """Return the modes' states (2, 8), covariances (2, 8, 8) and probabilities (2,) once measured.
+    """Return the modes' states (2, 8), covariances (2, 8, 8) and probabilities (2,) when updated.
 
     Args:
-        means, covariances, probabilities: as expected. measured: (K,) the state's components
-            ``which`` (K,), with covariance noise (K, K).
+        means, covariances, probabilities: as predicted. measured: (K,) measurement of the state's
+            components ``which`` (K,), with covariance noise (K, K).
     """
     count = len(which)
     new_means, new_covs, new_probabilities = (
@@ -212,8 +212,8 @@ def squared_gap(gap: Reals, covariance: Reals, first: int, noise: Reals) -> floa
     """Return the squared Mahalanobis length of a gap (3,) to three components of a state.
 
     Args:
-        covariance: (8, 8) of the state, whose components are those from ``first`` on. noise: (3, 3)
-            of what differs from them.
+        covariance: (8, 8) of the state; the three components start at ``first``. noise: (3, 3)
+            covariance of the value compared with them.
     """
     S, inverted = np.empty((3, 3)), np.empty((3, 3))
     for k in range(3):
@@ -231,8 +231,8 @@ def velocity_at_centre(
 
     Args:
         state: (8,) with covariance (8, 8). arm: (3,) metres, world axes, from the origin to the
-            centre, which is known to ``doubt_m`` metres on the level. lasting: (3, 3) (m/s)^2, by
-            errors that last.
+            centre, with horizontal standard deviation ``doubt_m``, metres. lasting: (3, 3)
+            (m/s)^2, from systematic errors.
     """
     velocity, cov, swing = np.empty(3), np.empty((3, 3)), np.empty(3)
     swing[0], swing[1], swing[2] = arm[2], 0.0, -arm[0]

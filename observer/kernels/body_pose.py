@@ -1,4 +1,4 @@
-"""The pose of a rigid body by points whose places on it are known, see ``measure_body``."""
+"""The pose of a rigid body from points whose places on it are known; see ``measure_body``."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ from observer.kernels.compiled import (
 )
 from observer.kernels.small import gathered, inverse, inverse_symmetric, ranked
 
-# A point that fits its body worse than this leaves it; from half of this it counts for less.
+# Standard deviations: a point that fits its body worse than the first leaves it; beyond the second
+# its weight falls.
 _LEAVE_SIGMAS = 4.0
 _FULL_WEIGHT_SIGMAS = 2.0
-# Share of a sighting's variance that the same point's next sightings repeat: its surroundings stay
-# the same, and so does the error of matching them.
+# Share of a sighting's variance that persists in the point's next sightings: its surroundings stay
+# the same, and so does the matching error.
 _PERSISTENT = 0.5
 _MEDIAN_CHI2 = quantile(0.5, df=3)
 # Gauss-Newton converges quadratically; the yaw is never far from the prediction.
 _STEPS = 3
-# Metres and radians: a step smaller than this ends it.
+# Metres and radians: iteration ends when a step is smaller than this.
 _CONVERGED = 1e-4
 # 1/rad^2: points all in one place say nothing of the yaw, and the equations must stay solvable.
 _LEAST_YAW_INFORMATION = 1e-2
-# By how much a body may have moved (variance, m^2: anywhere) and turned (rad) in a frame against
-# expectation when it is judged which of its points fit.
+# Slack on the prediction when testing which points fit: variance of the position, m^2 (anywhere),
+# and standard deviation of the yaw, rad.
 _ANYWHERE = 1e6
 _YAW_SLACK = 0.05
 
@@ -43,7 +44,7 @@ _YAW_SLACK = 0.05
 def place_members(
     shape_information: Reals, shape_vector: Reals, information: Reals, R: Reals
 ) -> tuple[Reals, Reals, Flags, Reals]:
-    """Return where N points are on their body, and how surely that and their sighting is known.
+    """Return where N points are on their body, with covariances of that and of their sightings.
 
     Args:
         shape_information: (N, 3, 3) and shape_vector: (N, 3), as of ``TrackedPoints``.
@@ -51,8 +52,8 @@ def place_members(
             to the world's.
 
     Returns:
-        Places (N, 3) m, body's frame, 0 if unknown; their covariances (N, 3, 3), with what errors
-        of sightings have in common; which are known (N,); the sightings' covariances (N, 3, 3).
+        Places (N, 3) m, body's frame, 0 if unknown; their covariances (N, 3, 3), including the
+        persistent errors of sightings; which are known (N,); the sightings' covariances (N, 3, 3).
     """
     count = len(shape_vector)
     place, cov, known, noise = (
@@ -90,8 +91,8 @@ def place_members(
 def _weigh(place_cov: Reals, noise: Reals, yaw: float, cov: Reals, W: Reals) -> None:
     """Write covariances (N, 3, 3) of the places, world axes, and information of the residuals.
 
-    Of a body that has turned by about ``yaw`` radians: a few degrees more or less hardly turn
-    the covariances, and they need not be made anew for each guess of the pose.
+    They are rotated by the predicted ``yaw``, radians: a few degrees hardly change them, so they
+    need not be recomputed at each step of the fit.
     """
     c, s = math.cos(yaw), math.sin(yaw)
     C, total = np.empty((3, 3)), np.empty((3, 3))
@@ -115,7 +116,7 @@ def _weigh(place_cov: Reals, noise: Reals, yaw: float, cov: Reals, W: Reals) -> 
 def _residuals(
     place: Reals, sighting: Reals, W: Reals, x: Reals, r: Reals, Wr: Reals, squared: Reals
 ) -> None:
-    """Write by how much points (N, 3) m are elsewhere than a body at x (4,) has them.
+    """Write the residuals of points (N, 3) m relative to a body at x (4,).
 
     Args:
         r: (N, 3) metres, Wr: (N, 3) times their information, squared: (N,), r W r.
@@ -133,7 +134,7 @@ def _residuals(
 
 @part
 def _scale(squared: Reals, known: Flags, scratch: Reals) -> float:
-    """Return the scale by which the lengths of known points exceed their noise, at least 1."""
+    """Return the factor by which the residuals of known points exceed their noise, at least 1."""
     count = gathered(squared, known, scratch)
     middle = ranked(scratch[:count], count // 2)
     return math.sqrt(max(1.0, middle / _MEDIAN_CHI2))
@@ -141,7 +142,7 @@ def _scale(squared: Reals, known: Flags, scratch: Reals) -> float:
 
 @part
 def _agreed(expected: Reals, spread: Reals, measured: Reals, M: Reals, x: Reals) -> None:
-    """Write what (4,) an expectation with covariance spread and a measurement with M agree on."""
+    """Fuse a prediction with covariance spread and a measurement with covariance M into x (4,)."""
     S, inverted = np.empty((4, 4)), np.empty((4, 4))
     for k in range(4):
         for m in range(4):
@@ -161,12 +162,12 @@ def fit_body(
     place: Reals, place_cov: Reals, known: Flags, sighting: Reals, noise: Reals,
     expected: Reals, spread: Reals, ego_noise: Reals, noise_correlation: float,
 ) -> tuple[Reals, Reals, Flags]:  # fmt: skip
-    """Return pose (4,) and covariance (4, 4) of a body by N points, and which do not fit (N,).
+    """Return pose (4,) and covariance (4, 4) of a body from N points, and which do not fit (N,).
 
     Args:
         place ... noise: as of ``Members``; at least one is known. expected: (4,) position, m,
-            world, and yaw, rad, with covariance spread (4, 4). ego_noise: (3, 3) m^2, of all
-            points alike. noise_correlation: share of the noise that they have in common.
+            world, and yaw, rad, with covariance spread (4, 4). ego_noise: (3, 3) m^2, common to
+            all points. noise_correlation: share of the noise that they have in common.
     """
     count = len(place)
     cov, W = np.empty((count, 3, 3)), np.empty((count, 3, 3))
@@ -194,16 +195,16 @@ def fit_body(
             for m in range(4):
                 A[k, m] = 0.0
         for i in range(count):
-            # Far from the answer all of them fit badly; only those that fit worse are strangers.
+            # Far from the solution all points fit badly; only those that fit worse are outliers.
             length = math.sqrt(max(squared[i], 0.0)) / scale
             if not known[i] or not length <= _LEAVE_SIGMAS:
                 continue
             weight = min(1.0, _FULL_WEIGHT_SIGMAS / max(length, 1e-9))
             used += 1
             total += weight * squared[i]
-            # A place is noisy itself: on a flat face the noise along the line of sight would pass
-            # for a lever and make the body seem to turn less than it does. Where it is to the best
-            # of both knowledge, the noise of the lever has nothing to do with the residual's.
+            # The place on the body is noisy itself: on a flat face its noise along the line of
+            # sight would act as a lever arm and bias the turn towards zero. With the place fused
+            # from model and sighting, the lever's noise is uncorrelated with the residual's.
             right, ahead = sighting[i, 0] - x[0] - r[i, 0], sighting[i, 2] - x[2] - r[i, 2]
             for k in range(3):
                 right += cov[i, 0, k] * Wr[i, k]
@@ -239,7 +240,7 @@ def fit_body(
             change = max(change, abs(x[k] - before[k]))
         last = turn == _STEPS - 1 or change < _CONVERGED
         if last:
-            # Whether a point fits is judged by where the points are, not by where they should be.
+            # Test the fit at the pose measured from the points, not at the predicted one.
             _agreed(expected, loose, measured, M, x)
     limit = (_LEAVE_SIGMAS * scale) ** 2
     for i in range(count):

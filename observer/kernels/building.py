@@ -1,4 +1,4 @@
-"""Compiles all kernels beforehand, beside whatever runs, so that nothing waits at a frame."""
+"""Compiles all kernels in advance, in separate processes, so that no frame has to wait."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ import observer.kernels
 from observer.kernels.compiled import Kernel
 from observer.processes import die_with_parent
 
-# Processes that compile, for some hundred megabytes each.
+# Compiling processes; each takes some hundred megabytes.
 _MOST_PROCESSES = 4
 _NICENESS = 10
 
@@ -45,17 +45,17 @@ def every_kernel() -> dict[str, Kernel[..., Any]]:
 
 
 def make_ready(tell: Callable[[str], None]) -> None:
-    """Load all kernels; where they are not compiled, have other processes do it first.
+    """Load all kernels; have other processes compile missing ones first.
 
     Args:
-        tell: is told in one sentence that this takes a while, if it does.
+        tell: called with a sentence saying that this takes a while, if it does.
     """
     missing = [kernel for kernel in every_kernel().values() if not kernel.load()]
     if not missing:
         return
     tell(COMPILING)
-    # A process of its own: this one may have heartbeats to send meanwhile. Its failure is none of
-    # ours, for what is missing then is compiled when it is called.
+    # In a separate process, since this one may have to send heartbeats. Its failure is ignored:
+    # kernels still missing are compiled below.
     subprocess.run(
         [sys.executable, "-P", "-m", observer.kernels.__name__, str(os.getpid())],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
@@ -79,7 +79,7 @@ def build() -> tuple[int, float]:
         os.nice(_NICENESS)
     with _alone():
         missing = [name for name, kernel in every_kernel().items() if not kernel.load()]
-        # First those that take longest, which is about as long as their modules are.
+        # Longest first; compile time is roughly proportional to the module's length.
         missing.sort(key=lambda name: -_length(every_kernel()[name]))
         processes = min(_MOST_PROCESSES, os.cpu_count() or 1, len(missing))
         if processes:
@@ -105,7 +105,7 @@ def _compile(name: str) -> None:
 
 @contextlib.contextmanager
 def _alone() -> Iterator[None]:
-    """Keep other processes from compiling the same; where that is not possible, both do."""
+    """Keep other processes from compiling the same kernels; without file locks, both do."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(ImportError, OSError):
             import fcntl

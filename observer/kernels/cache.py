@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: beside their source, or wherever numba keeps such things."""
+"""Cache of compiled kernels: beside their source, or wherever numba's settings put it."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _IMPORT = re.compile(r"^from (observer[.][\w.]+) import", re.MULTILINE)
 
 @cache
 def _sources(path: Path) -> str:
-    """Digest of a module of kernels and of all of this library that it imports from.
+    """Return a digest of a kernel module and of all modules of this library that it imports.
 
-    numba itself looks only at the file of the function that is called, not at its parts.
+    numba itself checks only the file of the called function, not those of the functions it calls.
     """
     texts: dict[Path, str] = {}
     new = {path}
@@ -38,7 +38,7 @@ def _file(module: str) -> Path:
 
 
 class _Stamped:
-    """Makes what is cached invalid as soon as the kernel or a part of it has changed."""
+    """Invalidates the cache as soon as the kernel or a part of it has changed."""
 
     _py_file: str
 
@@ -47,7 +47,7 @@ class _Stamped:
 
 
 class _Provided(_Stamped, caching.UserProvidedCacheLocator):
-    """Where ``NUMBA_CACHE_DIR`` has it."""
+    """In ``NUMBA_CACHE_DIR``."""
 
 
 class _Beside(_Stamped, caching.InTreeCacheLocator):
@@ -55,11 +55,11 @@ class _Beside(_Stamped, caching.InTreeCacheLocator):
 
 
 class _UserWide(_Stamped, caching.UserWideCacheLocator):
-    """In the user's cache folder, where the source's cannot be written."""
+    """In the user's cache folder, if the source's folder is not writable."""
 
 
 class _ReadOnly(_Stamped, caching.InTreeCacheLocator):
-    """Beside the source where nothing can be written, as in an image: compiled as that was made."""
+    """Beside the source but read-only, as in a container image: compiled when that was built."""
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> _ReadOnly:
@@ -82,7 +82,7 @@ class KernelCache(caching.FunctionCache):
         return key in self._cache_file._load_index()
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled, if anything can be written."""
+        """Store the compiled kernel, if the cache is writable."""
         with contextlib.suppress(OSError):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 

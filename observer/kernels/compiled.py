@@ -1,8 +1,8 @@
 """Declaration of kernels, which numba compiles.
 
-A frame makes thousands of operations on arrays of a few hundred points, whose overhead in numpy is
-many times the arithmetic. A kernel is such a stage as one loop: plain Python over arrays and
-numbers that numba compiles to machine code, without the interpreter and its lock.
+A frame needs thousands of operations on arrays of a few hundred points, whose overhead in numpy is
+many times the arithmetic. A kernel is such a stage written as one loop: plain Python over arrays
+and numbers that numba compiles to machine code, which runs without the interpreter and its lock.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ R = TypeVar("R")
 
 
 def array(dtype: types.Type, dimensions: int) -> types.Array:
-    """Type of a contiguous array that a kernel only reads, so that frozen arrays fit as well."""
+    """Return the type of a contiguous array that a kernel only reads; read-only arrays fit too."""
     return types.Array(dtype, dimensions, "C", readonly=True)
 
 
@@ -43,7 +43,7 @@ PAIR: Final = types.UniTuple(types.float64, 2)
 # Focal lengths and principal point, pixels, and baseline, metres: fx, fy, cx, cy, baseline.
 CAMERA: Final = types.UniTuple(types.float64, 5)
 
-# The same as Python sees them.
+# The same types for the type checker.
 Reals = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Indices = NDArray[np.int64]
@@ -54,10 +54,10 @@ Camera = tuple[float, float, float, float, float]
 
 
 class Kernel(Generic[P, R]):
-    """A stage, compiled once for the declared types, when it is first called or ``ready``.
+    """A stage, compiled once for the declared types, on the first call or by ``ready``.
 
     Attributes:
-        function: in plain Python.
+        function: the plain Python function.
     """
 
     def __init__(self, function: Callable[P, R], arguments: tuple[types.Type, ...]) -> None:
@@ -74,16 +74,16 @@ class Kernel(Generic[P, R]):
 
     @cached_property
     def cache(self) -> KernelCache:
-        """Where it is kept when it is compiled."""
+        """Where the compiled kernel is stored."""
         return KernelCache(self.function)  # type: ignore[no-untyped-call]
 
     @cached_property
     def _made(self) -> Callable[P, R]:
-        """What compiles it, or the function itself where nothing is to be compiled."""
+        """Its numba dispatcher, or the function itself if compilation is disabled."""
         return part(self.function)
 
     def load(self) -> bool:
-        """Load it from the cache; return whether it was there, or nothing is to be compiled."""
+        """Load it from the cache; return whether it was there or needs no compilation."""
         if self._compiled is None:
             made = self._made
             if isinstance(made, Dispatcher) and not self.cache.holds(
@@ -106,15 +106,15 @@ class Kernel(Generic[P, R]):
 
 
 def kernel(*arguments: types.Type) -> Callable[[Callable[P, R]], Kernel[P, R]]:
-    """Make a stage of a function of these types; they are converted to nothing else."""
+    """Make a function of these argument types a kernel; arguments are not converted."""
     return lambda function: Kernel(function, arguments)
 
 
 def part(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function that kernels call, compiled as a part of them.
 
-    Strict arithmetic (no ``fastmath``) on one thread: the same result to the last digit on every
-    run. Without the interpreter's lock, so that a recorder or a viewer goes on meanwhile.
+    Strict arithmetic (no ``fastmath``) on one thread: bit-identical results on every run. It
+    releases the interpreter's lock, so that a recorder or a viewer can run meanwhile.
     """
-    # With NUMBA_DISABLE_JIT it is the function itself.
+    # With NUMBA_DISABLE_JIT, njit returns the function itself.
     return cast(Callable[P, R], numba.njit(nogil=True, error_model="numpy")(function))

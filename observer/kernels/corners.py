@@ -1,4 +1,4 @@
-"""Corners: the strongest of every cell that wants a point, and whether points are at one."""
+"""Corners: the strongest in every cell that needs a point, and whether points are on one."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _NOTHING = np.float32(0.0)
 
 @kernel(WHOLES1, FLAGS2, WHOLE, WHOLE, WHOLE)
 def wanted_cells(taken: Indices, marked: Flags, finer: int, turn: int, turns: int) -> Flags:
-    """Tell of cells divided by ``finer`` both ways, in which a point is wanted.
+    """Return in which cells, divided by ``finer`` both ways, a new point is wanted.
 
     Args:
-        taken: (N,) numbers of the cells that have one: first those that are whole, then the
-            divided ones, both row by row.
+        taken: (N,) numbers of the cells that have a point; whole cells are numbered first, then
+            the divided ones, both row by row.
         marked: (rows, columns) which are divided.
-        turn: of the whole cells one in ``turns`` is looked at, each turn another one.
+        turn: number of this turn; only one in ``turns`` of the whole cells is searched per turn.
     """
     rows, columns = marked.shape
     wanted = np.empty((rows * finer, columns * finer), np.bool_)
@@ -60,10 +60,10 @@ def wanted_cells(taken: Indices, marked: Flags, finer: int, turn: int, turns: in
 
 @part
 def _begins(step: np.float32, count: int, margin: int, begins: Indices) -> None:
-    """Write the first of so many rows, or columns, of each cell (C,), and the end of the last.
+    """Write the first row (or column) of each cell, and the end of the last, to begins (C,).
 
     Args:
-        step: cells per row. margin: so many rows at both ends belong to no cell.
+        step: cells per row. count: of rows. margin: rows at both ends that belong to no cell.
     """
     cell = 0
     for n in range(count):
@@ -79,7 +79,7 @@ def _begins(step: np.float32, count: int, margin: int, begins: Indices) -> None:
 def _peak(
     strength: Singles, top: int, bottom: int, left: int, right: int, least: np.float32
 ) -> tuple[int, int]:
-    """Row and column of what is strongest in a rectangle, of equals the first; -1 if too weak."""
+    """Return row and column of the first strongest pixel in a rectangle; -1 if too weak."""
     row, column, most = -1, -1, _NOTHING
     for i in range(top, bottom):
         for j in range(left, right):
@@ -131,7 +131,7 @@ def strongest_of_cells(
 
 @part
 def _mirrored(n: int, count: int) -> int:
-    """Index of a row or column within so many; beyond the edges the image is mirrored there."""
+    """Return the index of a row or column, mirrored at the image's edges."""
     return min(abs(n), 2 * (count - 1) - abs(n))
 
 
@@ -139,10 +139,10 @@ def _mirrored(n: int, count: int) -> int:
 def is_cornered(
     across: _Shorts, down: _Shorts, px: Singles, reduction: int, side: int, ratio: float
 ) -> Flags:
-    """Tell of points (N, 2) px whether the texture there varies in more than one direction.
+    """Return whether the texture at points (N, 2) px varies in more than one direction.
 
-    It does where of the gradient matrix, summed over a window, the smaller eigenvalue is at least
-    ``ratio`` of the larger one.
+    It does where the smaller eigenvalue of the gradient matrix, summed over a window, is at least
+    ``ratio`` times the larger one.
 
     Args:
         across, down: (h, w) gradients of an image ``reduction`` times smaller.

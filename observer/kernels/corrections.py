@@ -1,4 +1,4 @@
-"""What dense disparities lack."""
+"""Bias correction of dense disparities."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from observer.kernels.compiled import CAMERA, REAL, SINGLES2, WHOLE, Camera, Sin
 
 @kernel(SINGLES2, REAL, CAMERA, WHOLE)
 def with_bias(disparity: Singles, bias: float, camera: Camera, reduction: int) -> Singles:
-    """Add a bias, px, told at the image's centre, to disparities (h, w) px, NaN unknown.
+    """Add a bias, px at the image's centre, to disparities (h, w) px, NaN unknown.
 
-    It grows as ``observer.vision.disparity_bias.bias_profile`` has it.
+    It varies over the image as in ``observer.vision.disparity_bias.bias_profile``.
 
     Args:
         reduction: pixels per cell.
@@ -23,7 +23,7 @@ def with_bias(disparity: Singles, bias: float, camera: Camera, reduction: int) -
         seen, target = disparity[r], out[r]
         for c in range(w):
             d = float(seen[c])
-            # The ray of the right camera.
+            # x of the right camera's ray.
             x = ((c + 0.5) * reduction - 0.5 - d - cx) / fx
             target[c] = d + bias * (1.0 + x * x)
     return out

@@ -1,4 +1,4 @@
-"""Change of all disparities over a frame by a robust fit, as ``DisparityStep`` needs it."""
+"""Change of all disparities over a frame by a robust fit; see ``DisparityStep``."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _ITERATIONS = 3
 # Tukey's weight is 0 beyond this many standard deviations.
 _TUKEY_SIGMAS = 4.7
 _LEAST_SCATTER_PX = 0.05
-# Keeps the equations solvable where two of the terms look alike.
+# Keeps the equations solvable where two of the terms are nearly collinear.
 _DAMPING = 1e-9
 
 
 @part
 def _first_of_inverse(factor: Reals) -> float:
-    """First entry of the inverse of L L^T, by Cholesky's factor L (4, 4)."""
+    """Return the first entry of the inverse of L L^T, from Cholesky's factor L (4, 4)."""
     column = np.empty(4)
     square = 0.0
     for i in range(4):
@@ -43,9 +43,9 @@ def _first_of_inverse(factor: Reals) -> float:
 
 @part
 def _robust_first(design: Reals, values: Reals) -> tuple[float, float]:
-    """First of the coefficients (4,) by which values (N,) follow (N, 4), and its deviation.
+    """Return the first coefficient of a fit of values (N,) by design (N, 4), and its sigma.
 
-    By Tukey's weights; an infinite deviation where the values do not tell it.
+    With Tukey's weights; the sigma is infinite if the values do not determine it.
     """
     count = len(values)
     size, rest = np.zeros(4), np.empty(count)
@@ -96,11 +96,11 @@ def disparity_change(
         before_px, now_px: (N, 2) pixels, left image. before_disparity, now_disparity: (N,) pixels,
             NaN unknown.
         camera: fx, fy, cx, cy, pixels, and the baseline, metres.
-        least_px: disparities that are not above tell nothing.
+        least_px: points with disparities not above it are not used.
 
     Returns:
-        c and one standard deviation of it, pixels, infinite where nothing tells it, and the flow
-        along the rows (M,) of the points that tell it, pixels at the image's centre.
+        c and its standard deviation, pixels, infinite if undetermined, and the flow along the rows
+        (M,) of the points used, pixels at the image's centre.
     """
     fx, fy, cx, cy, _ = camera
     count = 0

@@ -1,4 +1,4 @@
-"""What entered space that was seen free, and what is seen where something stood before."""
+"""Detects what entered space seen free before, and what is seen where something stood before."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def evidence_against(
     slack: np.float32,
     slack_share: np.float32,
 ) -> tuple[Bytes, Indices]:
-    """Tell what N cells of one frame say of motion since another.
+    """Classify N cells of one frame by their evidence of motion since another.
 
     Args:
         asked: (N,) indices of the cells. disparity: (h w,) px, of the frame.
         x, y: (h w,) of the cells' rays. R, t, lens, height, width: as of ``cell_there``.
         known: (h w,) px, disparities of the other frame, not above 0 where unknown.
         nearest, farthest: (h w,) px, largest and least of them around each cell.
-        slack: px, and slack_share: of the disparity, up to which equal ones may differ.
+        slack: px, and slack_share: of the disparity, tolerance within which disparities are equal.
 
     Returns:
         Evidence (N,), and the indices (M,) of the cells for which it is ``UNKNOWN``.

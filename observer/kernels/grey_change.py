@@ -1,4 +1,4 @@
-"""What looks another than a moment ago."""
+"""Cells that look different from a moment ago."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from observer.kernels.compiled import (
 )
 from observer.kernels.reprojection import cell_there
 
-# From and down to these grey values a camera may have cut off what is brighter or darker.
+# Grey levels: from the first upwards and the second downwards a camera may have clipped the value.
 _SATURATED, BLACK = 250, 2
 
 
@@ -47,7 +47,7 @@ def seen_again(
         asked: (N,) indices of the cells. disparity: (h w,) px, of the frame.
         x, y: (h w,) of the cells' rays. R, t, lens, height, width: as of ``cell_there``.
         nearest: (h w,) px, largest around each cell of the other frame.
-        slack: px, and slack_share: of the disparity, up to which equal ones may differ.
+        slack: px, and slack_share: of the disparity, tolerance within which disparities are equal.
 
     Returns:
         Indices (M,) of the cells that were in view and not hidden, and those of the cells (M,) that
@@ -77,14 +77,14 @@ def differs(
     gain: np.float32,
     limit: np.float32,
 ) -> Flags:
-    """Tell which of M cells are brighter or darker than all around them was.
+    """Return which of M cells are brighter or darker than their whole neighbourhood was before.
 
-    What was cut off at either end then or is now may be as it was.
+    Cells that are or were clipped at either end may be unchanged, and do not count.
 
     Args:
         now: (M,) indices of the cells, and then: (M,) of those that showed them before.
         grey: (h w,) of the frame. darkest, brightest: (h w,) around each cell of the other.
-        gain: by which the grey values of that one count. limit: of what is no noise.
+        gain: factor on the other frame's grey levels. limit: grey levels, exceeds noise.
     """
     out = np.empty(len(now), np.bool_)
     for k in range(len(now)):

@@ -1,4 +1,4 @@
-"""The ground in dense disparity: a plane that comes nearer downwards, and what stands out of it."""
+"""The ground in dense disparity: a plane that gets nearer downwards, and what stands out of it."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from observer.kernels.compiled import (
     part,
 )
 
-# Of what is seen so much must be the ground, where none is expected.
+# Share of the cells that must lie on the ground if no plane is expected.
 _FOUND_SHARE = 0.5
 _LEAST_SAMPLES = 150
 _REFITS = 2
-# A camera stands between these heights above the ground, metres, about level sideways, and looks
-# neither straight up nor, unless a mount says so, straight down.
+# Plausible camera: between these heights above the ground, metres, about level sideways, and
+# looking neither straight up nor, unless a mount says so, straight down.
 _LEAST_HEIGHT, _MOST_HEIGHT = 0.03, 4.0
 _MAX_ROLL, _MAX_UP, _LEAST_DOWN = 0.4, 0.5, 0.3
 
@@ -38,12 +38,12 @@ _MAX_ROLL, _MAX_UP, _LEAST_DOWN = 0.4, 0.5, 0.3
 def nearer_downwards(
     disparity: Singles, top: int, half_rows: int, step: int, rise: np.float32
 ) -> Indices:
-    """Find cells (N,), by index, below which it is nearer than above, as the ground is.
+    """Find cells (N,), by index, with nearer depth below than above, as on the ground.
 
     Args:
         disparity: (h, w) px, NaN unknown. top: first row that counts.
-        half_rows: from a cell to those above and below that are compared. step: from cell to cell.
-        rise: px, by which the disparity below must be larger at least.
+        half_rows: rows from a cell to those compared above and below. step: from cell to cell.
+        rise: px, by which the disparity below must at least be larger.
     """
     h, w = disparity.shape
     out = np.empty(((h - top) // step + 1) * (w // step + 1), np.int64)
@@ -58,7 +58,7 @@ def nearer_downwards(
 
 @part
 def _through(u: Reals, v: Reals, seen: Reals, chosen: Indices, plane: Reals) -> bool:
-    """Write the plane (3,) through three cells; False where they lie in a line (Cramer's rule)."""
+    """Write the plane (3,) through three cells by Cramer's rule; return False if collinear."""
     i, j, k = chosen[0], chosen[1], chosen[2]
     u1, v1, d1 = u[j] - u[i], v[j] - v[i], seen[j] - seen[i]
     u2, v2, d2 = u[k] - u[i], v[k] - v[i], seen[k] - seen[i]
@@ -73,7 +73,7 @@ def _through(u: Reals, v: Reals, seen: Reals, chosen: Indices, plane: Reals) -> 
 
 @part
 def _plausible(plane: Reals, rays: Reals, focal: float, normal: Reals) -> bool:
-    """Write the normal (3,) 1/m, over the camera's height, of a plane; False if it is no ground."""
+    """Write a plane's normal (3,) over camera height, 1/m; return whether it may be the ground."""
     normal[0] = plane[0] / rays[0, 0] / focal
     normal[1] = plane[1] / rays[1, 1] / focal
     normal[2] = plane[2] / focal - rays[0, 2] * normal[0] - rays[1, 2] * normal[1]
@@ -86,9 +86,9 @@ def _plausible(plane: Reals, rays: Reals, focal: float, normal: Reals) -> bool:
 
 @part
 def _refit(u: Reals, v: Reals, seen: Reals, tolerance: Reals, plane: Reals) -> bool:
-    """Move a plane to that of least squares through what lies on it; False if too little does."""
+    """Refit a plane by least squares to the cells on it; return False if there are too few."""
     count = 0
-    # About the mean, so that the equations are well conditioned: first that, then they.
+    # Two passes: the mean first, then equations about it, so that they are well conditioned.
     u0 = v0 = d0 = total = 0.0
     uu = uv = vv = ud = vd = 0.0
     for turn in range(2):
@@ -135,13 +135,13 @@ def fit_ground(
     Args:
         at: (N,) indices of the cells, and width: of their rows. seen: (N,) px, disparities.
         slack: px, and slack_share: of the disparity, up to which a cell may be off the plane.
-        triples: (T, 3) of the N cells: through them lie the planes that are tried (RANSAC).
-        expected: (3,) a, b, c of the plane's disparity ``a column + b row + c``; used where no
-            others are tried.
+        triples: (T, 3) of the N cells that define the candidate planes (RANSAC).
+        expected: (3,) a, b, c of the plane's disparity ``a column + b row + c``; used if there are
+            no triples.
         rays: (3, 3) from (column, row, 1) to the ray (x, y, 1). focal: f B, px m.
 
     Returns:
-        The normal (3,), camera frame, downwards over the camera's height, 1/m; NaN without any.
+        The downward normal (3,), camera frame, divided by the camera's height, 1/m; NaN if none.
     """
     count = len(at)
     u, v, tolerance = np.empty(count), np.empty(count), np.empty(count)
@@ -154,7 +154,7 @@ def fit_ground(
             continue
         if not _plausible(plane, rays, focal, normal):
             continue
-        # The one on which most lie and below which least.
+        # The best plane has the most cells on it and the fewest below it.
         on, below = 0, 0
         for i in range(count):
             above = seen[i] - (plane[0] * u[i] + plane[1] * v[i] + plane[2])
@@ -177,7 +177,7 @@ def stands_out(disparity: Singles, plane: Singles, share: np.float32, least: np.
     Args:
         disparity: (h, w) px, NaN unknown. plane: (3,) a, b, c of the ground's disparity
             ``a column + b row + c``.
-        share: of it that must exceed that of the ground, by ``least`` px.
+        share: of a cell's disparity that must exceed the ground's by ``least`` px.
     """
     h, w = disparity.shape
     out = np.empty((h, w), np.bool_)

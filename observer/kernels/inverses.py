@@ -9,7 +9,7 @@ from observer.kernels.small import inverse_symmetric
 
 
 def inverse_3x3(matrices: Reals) -> Reals:
-    """Inverses (N, 3, 3) of symmetric positive matrices (N, 3, 3), by cofactors.
+    """Return the inverses (N, 3, 3) of symmetric positive matrices (N, 3, 3), by cofactors.
 
     A matrix without an inverse gives huge numbers, infinities or NaN, never an error.
     """
@@ -18,7 +18,7 @@ def inverse_3x3(matrices: Reals) -> Reals:
 
 @kernel(REALS3)
 def inverses(matrices: Reals) -> Reals:
-    """Return the inverses as ``inverse_3x3`` has them."""
+    """Return the inverses; see ``inverse_3x3``."""
     out = np.empty_like(matrices)
     for i in range(len(matrices)):
         inverse_symmetric(matrices[i], out[i])

@@ -1,4 +1,4 @@
-"""How points seem to move by errors of the calibration that last, see ``CameraRate``."""
+"""Apparent motion of points from systematic calibration errors; see ``CameraRate``."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ def lasting_error(
     x: float, y: float, z: float, vx: float, vy: float, vz: float,
     turn: Reals, shift: Reals, camera: Camera, corner2: float, out: Reals,
 ) -> None:  # fmt: skip
-    """Write one point's drift, m/s, per pixel of disparity and by a stretch of 1, to out (2, 3)."""
+    """Write a point's drift, m/s, per pixel of disparity and per unit distortion, to out (2, 3)."""
     fx, fy, _, _, baseline = camera
     if not z > 0.0:
         for k in range(3):
             out[0, k] = out[1, k] = 0.0
         return
-    # The point's motion relative to the camera: by its own and the camera's velocity, and turned.
+    # The point's motion relative to the camera, by translation (r) and by the camera's turn (t).
     rx, ry, rz = vx + shift[0], vy + shift[1], vz + shift[2]
     tx, ty = turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z
     tz = turn[0] * y - turn[1] * x
-    # Of the disparity: -b/d (p' + p Z'/Z), 1/d = Z / (f B).
+    # Disparity: -b/d (p' + p Z'/Z), 1/d = Z / (f B).
     per_disparity = z / (fx * baseline)
     nearing = (rz + tz) / z
     out[0, 0] = -per_disparity * (rx + x * nearing)
     out[0, 1] = -per_disparity * (ry + y * nearing)
     out[0, 2] = -per_disparity * (rz + z * nearing)
-    # Of distortion: the share of the flow grows with the fourth power of the distance from the
-    # principal point.
+    # Distortion: the error as a share of the flow grows with the fourth power of the distance from
+    # the principal point.
     u, v = fx * x / z, fy * y / z
     share = min((u * u + v * v) / corner2, 1.0) ** 2
     out[1, 0] = share * (rx + tx - x / z * (rz + tz))
@@ -41,7 +41,7 @@ def lasting_error(
 def lasting_errors(
     place: Reals, velocity: Reals, turn: Reals, shift: Reals, camera: Camera, corner2: float
 ) -> Reals:
-    """Return (N, 2, 3) m/s, camera axes: per pixel of disparity, and by a stretch of 1.
+    """Return drifts (N, 2, 3) m/s, camera axes: per pixel of disparity, per unit distortion.
 
     Args:
         place: (N, 3) metres and velocity: (N, 3) m/s, camera frame, the points' own.

@@ -1,4 +1,4 @@
-"""Whether points move with a body or rest, and where on it those are that join it."""
+"""Tests whether points move with a body or rest, and places those that join on the body."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from observer.kernels.compiled import REALS1, REALS2, REALS3, Reals, kernel, part
 from observer.kernels.small import determinant, inverse_symmetric, squared_length
 
-# Share of a body's speed at which a point beside it may seem to creep, and still rests.
+# Share of a body's speed: a static point beside it may seem to move this fast.
 _AT_REST = 0.03
 # Share of its speed that a body may gain or lose in a second.
 _BRAKING_PER_S = 0.5
-# Share of a body's yaw rate that it may not have had yet when a point was first seen.
+# Share of a body's yaw rate by which it may have differed since a point was first seen.
 _TURN_DOUBT = 0.5
 # Keeps information invertible, (m/s)^-2.
 _LEAST_INFORMATION = 1e-6
@@ -30,7 +30,7 @@ def _log_determinant(A: Reals) -> float:
 def _compare(
     velocity: Reals, gap: Reals, body_cov: Reals, rest_cov: Reals, inverse: Reals
 ) -> tuple[float, float]:
-    """Return the squared length of a gap, and the likelihoods' ratio as of ``moves_along``.
+    """Return the squared length of a gap, and the likelihood ratio, as ``moves_along`` does.
 
     Args:
         inverse: (3, 3) is written: of ``rest_cov``.
@@ -47,17 +47,17 @@ def _compare(
 def moves_along(
     velocity: Reals, gap: Reals, body_cov: Reals, rest_cov: Reals
 ) -> tuple[float, float]:
-    """Compare "moves with a body" with "rests" for one thing that is seen to move.
+    """Compare the hypotheses "moves with a body" and "rests" for one observed velocity.
 
-    Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
-    body takes to explain what is seen, the less likely it made just this velocity.
+    Likelihoods include all uncertainties of either hypothesis: the larger the body's covariance,
+    the less likely it is to produce exactly this velocity.
 
     Args:
         velocity: (3,) m/s, with covariance ``rest_cov`` (3, 3) about 0 if it rests. gap: (3,) m/s,
-            to what the body does there, with covariance ``body_cov`` (3, 3).
+            to the body's velocity there, with covariance ``body_cov`` (3, 3).
 
     Returns:
-        Squared Mahalanobis length of the gap, and twice the logarithm of the likelihoods' ratio.
+        Squared Mahalanobis length of the gap, and twice the logarithm of the likelihood ratio.
     """
     return _compare(velocity, gap, body_cov, rest_cov, np.empty((3, 3)))
 
@@ -71,13 +71,14 @@ def against_rest(
 
     Args:
         velocity: (N, 3) m/s, world, the points' own, with information (N, 3, 3), over window_s
-            (N,). shared_cov: (N, 3, 3) (m/s)^2, by errors that all points share. place: (N, 3)
+            (N,). shared_cov: (N, 3, 3) (m/s)^2, from errors that all points share. place: (N, 3)
             metres, world. state: (8,) of the body, see ``BodyFilter``.
         ago: (T,) seconds before now, at which the body moved at moved (T, 4) m/s and rad/s.
 
     Returns:
-        (N,) each: the squared length of what they move otherwise than the body does there now; the
-        logarithm of the ratio of that; and the largest ratio of all instants within their windows.
+        (N,) each: the squared length of the velocity's gap to the body's there now; twice the log
+        of its likelihood ratio; and the largest such value, without determinants, of all instants
+        within the points' windows.
     """
     count = len(velocity)
     apart, now, then = np.empty(count), np.empty(count), np.empty(count)
@@ -93,7 +94,8 @@ def against_rest(
                 rest_cov[j, k] = information[i, j, k]
             rest_cov[j, j] += _LEAST_INFORMATION
         inverse_symmetric(rest_cov, body_cov)
-        # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
+        # A point's velocity is the mean over its window; a turning or braking body has changed its
+        # velocity since.
         lag = changes * window_s[i] / 2.0
         for j in range(3):
             for k in range(3):
@@ -125,13 +127,13 @@ def place_on_body(
 ) -> tuple[Reals, Reals]:  # fmt: skip
     """Return places (N, 3) m, world, of points that moved as a body does, with information.
 
-    Their sightings ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that the
-    turning body has there.
+    The model of their sightings is ``z = p + v s + a s^2 / 2`` with the velocity v and the
+    acceleration a that the turning body has there.
 
     Args:
         origin ... b0: sums of ``PositionVelocityFilter``. state: (8,) of the body, see
-            ``BodyFilter``. gained: (N,) m/s^2, by which it gained speed or braked over their ages.
-            squared_age: (N,) s^2, mean of their sightings.
+            ``BodyFilter``. gained: (N,) m/s^2, by which it sped up or braked over their ages.
+            squared_age: (N,) s^2, mean squared age of their sightings.
     """
     count, rate = len(origin), state[7]
     place, information = np.empty((count, 3)), np.empty((count, 3, 3))
@@ -139,7 +141,7 @@ def place_on_body(
     for i in range(count):
         inverse_symmetric(a0[i], cov)
         vx, vy, vz = state[3], state[4], state[5]
-        # Once where the velocity is that of the body's origin, then where it is the points' own.
+        # First with the velocity of the body's origin, then with that at the point's place.
         for _ in range(2):
             for j in range(3):
                 inner[j] = (
@@ -153,7 +155,7 @@ def place_on_body(
                     place[i, j] += cov[j, k] * inner[k]
             vx = state[3] + rate * (place[i, 2] - state[2])
             vz = state[5] - rate * (place[i, 0] - state[0])
-        # The turn may have been another one over that time.
+        # The yaw rate may have been different over that time.
         bent = _TURN_DOUBT * abs(rate) * math.sqrt(vx * vx + vy * vy + vz * vz)
         doubt = (bent + gained[i]) * squared_age[i] / 2.0
         for j in range(3):

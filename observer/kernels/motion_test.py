@@ -1,4 +1,4 @@
-"""Motion of points, each by itself, and pooled over neighbours that move as it does."""
+"""Motion of points, each alone, and pooled over neighbours that move alike."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from observer.kernels.small import determinant, inverse_symmetric, product, squa
 
 # Neighbours must agree in depth to within this many standard deviations.
 _DEPTH_SIGMAS = 3.0
-# A regression over a random walk of the pose knows the slope this much worse than its step.
+# Factor on the variance of the slope when a regression runs over a random walk of the pose.
 _RANDOM_WALK = 1.2
-# Product of the three eigenvalues of an information, relative to their mean, that is not rounding;
-# and their mean, relative to the sums whose difference they are.
+# Above rounding errors: product of the three eigenvalues of an information, relative to the cube of
+# their mean; and their mean, relative to the sums whose difference it is.
 _LEAST_RANK = 1e-12
 _LEAST_REMAINDER = 1e-9
-# Information below this is none: the point was seen once, or always in one place.
+# Information below this counts as none.
 _TINY = 1e-12
 
 
@@ -52,7 +52,7 @@ def own_motion(
     sightings: Indices, cornered: Flags, origin: Reals, a0: Reals, place_cov: Reals, a1: Reals,
     a2: Reals, b0: Reals, b1: Reals, c0: Reals, count: Reals, min_sightings: int,
 ) -> tuple[Flags, Reals, Reals, Reals, Reals, Reals, Reals, Reals, Reals]:  # fmt: skip
-    """Fit the motion of N points, each by itself, by its sums of ``PositionVelocityFilter``.
+    """Fit the motion of N points, each alone, from its sums of ``PositionVelocityFilter``.
 
     Args:
         sightings: (N,). cornered: (N,), as of ``TrackedPoints``.
@@ -61,10 +61,10 @@ def own_motion(
     Returns:
         ready (N,), velocity (N, 3) m/s with covariance (N, 3, 3), information (N, 3, 3) and vector
         (N, 3), position (N, 3) m with covariance (N, 3, 3), window (N,) s over which it was
-        sighted, and excess (N,), 1 or more: by how much the sightings scatter more about a straight
-        course than their noise, the sum of squared Mahalanobis residuals over its degrees of
-        freedom. All covariances are inflated by it: a point that brakes or turns does not fit a
-        straight course, and its velocity is not to be trusted as far as the noise alone allows.
+        sighted, and excess (N,), 1 or more: reduced chi-squared of the sightings about a straight
+        course, the sum of squared Mahalanobis residuals over the degrees of freedom. All
+        covariances are inflated by it: a point that brakes or turns does not fit a straight course,
+        so its velocity is less certain than the noise alone suggests.
     """
     n = len(sightings)
     ready, window, excess = np.empty(n, np.bool_), np.empty(n), np.empty(n)
@@ -75,7 +75,7 @@ def own_motion(
         np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)),
     )  # fmt: skip
     for i in range(n):
-        # Of the velocity: A2 - A1 A0^-1 A1, and b1 - A1 A0^-1 b0.
+        # Information and vector of the velocity: A2 - A1 A0^-1 A1, and b1 - A1 A0^-1 b0.
         product(a1[i], place_cov[i], gain)
         product(gain, a1[i], inner)
         known = True
@@ -85,8 +85,8 @@ def own_motion(
                 information[i, r, c] = a2[i, r, c] - (inner[r, c] + inner[c, r]) / 2
                 vector[i, r] -= gain[r, c] * b0[i, c]
             known = known and math.isfinite(vector[i, r])
-        # Seen along one line only, or always at one instant, a point's velocity is unknown; and
-        # along a straight edge a match may slide, which is no evidence of motion.
+        # If a point is seen along one line only, or always at one instant, its velocity is unknown;
+        # and along a straight edge a match may slide, which is no evidence of motion.
         scale = _trace(information[i]) / 3
         ready[i] = (
             known
@@ -107,7 +107,7 @@ def own_motion(
                     velocity[i, r] += cov[i, r, c] * vector[i, c]
             if not ready[i]:
                 vector[i, r] = 0.0
-        # Where it is now if it moves so: origin + A0^-1 (b0 - A1 v).
+        # Its position now if it moves at this velocity: origin + A0^-1 (b0 - A1 v).
         explained = 0.0
         for r in range(3):
             position[i, r] = origin[i, r]
@@ -134,7 +134,7 @@ def own_motion(
             for c in range(3):
                 cov[i, r, c] *= excess[i]
                 information[i, r, c] /= excess[i]
-        # An evenly filled window with the same variance of the sightings' times.
+        # Length of a uniform window with the same variance of the sighting times.
         weight = max(_trace(a0[i]), _TINY)
         mean = -_trace(a1[i]) / weight
         window[i] = math.sqrt(12 * max(_trace(a2[i]) / weight - mean * mean, 0.0))
@@ -157,13 +157,13 @@ def agreeing_pairs(
     position: Reals, position_cov: Reals, rotation: Reals, translation: Reals,
     focal_px: float, radius_px: float, most_chi2: float,
 ) -> Indices:  # fmt: skip
-    """Return (P, 2) pairs that are near in the image and in depth, and may have one velocity.
+    """Return (P, 2) pairs that are near in the image and in depth, and agree in velocity.
 
     Args:
         px: (N, 2) pixels. by_column: (N,) their order by u.
         ready ... position_cov: as of ``own_motion``.
         rotation: (3, 3) and translation: (3,) metres, of T_camera_world.
-        most_chi2: squared Mahalanobis length of the difference of two velocities.
+        most_chi2: largest squared Mahalanobis length of the difference of two velocities.
     """
     n = len(px)
     depth, variance = np.empty(n), np.empty(n)
@@ -190,7 +190,7 @@ def agreeing_pairs(
                 continue
             reach = radius_px / focal_px * min(depth[i], depth[j])
             noise = _DEPTH_SIGMAS * math.sqrt(max(variance[i], 0.0) + max(variance[j], 0.0))
-            # What may be anywhere in depth is nobody's neighbour.
+            # Capped, so that a point of very uncertain depth gets no neighbours by that.
             if not abs(depth[i] - depth[j]) <= reach + min(noise, reach):
                 continue
             for r in range(3):
@@ -228,8 +228,8 @@ def pooled(
         corner2, bias_px, stretch: as of ``lasting_errors`` and ``EvidenceParameters``.
 
     Returns:
-        velocity (N, 3) m/s, its covariance (N, 3, 3), of it what all share (N, 3, 3), the
-        Mahalanobis length (N,), and how many (N,) were pooled.
+        velocity (N, 3) m/s, its covariance (N, 3, 3), the part of it that all points share
+        (N, 3, 3), the Mahalanobis length (N,), and how many (N,) were pooled.
     """
     n = len(ready)
     sums, total = information.copy(), vector.copy()
@@ -302,10 +302,10 @@ def _common_errors(
     place: Reals, window: float, causes: Reals, turn: Reals, shift: Reals, dt: float,
     camera: Camera, corner2: float, bias_px: float, stretch: float, error: Reals, out: Reals,
 ) -> None:  # fmt: skip
-    """Write the covariance (3, 3) of how a static point seems to move by errors that all share.
+    """Write the covariance (3, 3) of a static point's apparent velocity from shared errors.
 
-    The sum of the products of independent causes: six of the camera's own motion, whose errors add
-    up to a random walk, and the calibration's two, which last.
+    It is the sum of outer products of independent causes: six of the camera's own motion, whose
+    errors accumulate as a random walk, and two systematic ones of the calibration.
     """
     x, y, z = place[0], place[1], place[2]
     walk = _RANDOM_WALK / (dt * window)
@@ -313,7 +313,7 @@ def _common_errors(
         for c in range(3):
             out[r, c] = 0.0
     for k in range(6):
-        # A turn by w moves the point p by w x p.
+        # A rotation by w moves the point p by w x p.
         a = causes[k, 3] + causes[k, 1] * z - causes[k, 2] * y
         b = causes[k, 4] + causes[k, 2] * x - causes[k, 0] * z
         c = causes[k, 5] + causes[k, 0] * y - causes[k, 1] * x

@@ -1,4 +1,4 @@
-"""Groups of points that hang together."""
+"""Connected groups of points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.kernels.compiled import FLAGS1, WHOLES2, Flags, Indices, kernel, p
 @part
 def _root(parent: Indices, i: int) -> int:
     while parent[i] != i:
-        # Each one on the way is put nearer to the root.
+        # Path halving.
         parent[i] = parent[parent[i]]
         i = parent[i]
     return i
@@ -18,9 +18,9 @@ def _root(parent: Indices, i: int) -> int:
 
 @kernel(WHOLES2, FLAGS1)
 def linked(pairs: Indices, chosen: Flags) -> Indices:
-    """Return (N,) for each point the first that hangs together with it by pairs (P, 2).
+    """Return for each point (N,) the first point connected to it by pairs (P, 2).
 
-    Only chosen points (N,) link; all others are their own (union-find; Tarjan, 1975).
+    Only chosen points (N,) connect; all others are groups of their own (union-find; Tarjan, 1975).
     """
     parent = np.empty(len(chosen), np.int64)
     for i in range(len(chosen)):

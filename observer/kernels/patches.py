@@ -1,4 +1,4 @@
-"""Connected cells of an image: how far away they are, and where their middle is."""
+"""Patches of connected image cells: their distance, and the cell at their centre."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from observer.kernels.small import median
 def describe_patches(
     labels: Ints, stats: Ints, middles: Reals, disparity: Singles
 ) -> tuple[Reals, Indices]:
-    """Return the median disparity (L,) of each patch, and row and column (L, 2) in its middle.
+    """Return the median disparity (L,) of each patch, and row and column (L, 2) at its centre.
 
-    Those of its own cell that is nearest to the middle.
+    The latter are those of its own cell that is nearest to its centroid.
 
     Args:
         labels: (h, w) number of the patch of each cell, 0 none. stats: (L, 5) and middles: (L, 2),
-            as of OpenCV's ``connectedComponentsWithStats``; the first is of no patch.
+            as of OpenCV's ``connectedComponentsWithStats``; the first entry is the background.
         disparity: (h, w) px, known wherever there is a patch.
     """
     count = len(stats)

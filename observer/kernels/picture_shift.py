@@ -1,4 +1,4 @@
-"""Where a few hundred cells of one image are seen in a later one, by their grey levels."""
+"""Tracks a few hundred cells of one image into a later one, by their grey levels."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from observer.kernels.compiled import Bytes as Image
 from observer.kernels.small import clear, gathered, median, solved
 from observer.robust import MAD_TO_SIGMA
 
-# Gauss-Newton ends at steps of so many cells, or after so many of them.
+# Cells: Gauss-Newton ends when a step is below this; and its most steps.
 _LEAST_STEP, _STEPS = 0.01, 10
-# Grey levels; residuals beyond so many deviations count less and less.
+# Grey levels: least noise assumed; and standard deviations: scale of the robust weights.
 _LEAST_NOISE, _FULL_SIGMAS = 1.0, 2.0
-# Grey levels from which on a difference is no larger, where the cells are looked for.
+# Grey levels: differences are capped at this in the coarse search.
 _MOST_DIFFERENCE = 20.0
-# They are found beside where they were expected only if they differ by this factor less.
+# Cost factor that a place beside the expected one must undercut.
 _CLEARLY_LESS = 0.8
 # The Sobel operator sums its step eight times, and its noise over twelve squared weights.
 _SOBEL_SCALE = 1 / 8
 _GRADIENT_NOISE = 12 * _SOBEL_SCALE**2
 _RIDGE = 1e-6
-# Steps between pixels to which places are rounded, as in OpenCV's remap.
+# Subpixel steps to which places are rounded, as in OpenCV's remap.
 _FINE_BITS = 5
 _FINE = 1 << _FINE_BITS
 _UNFINE = 1.0 / _FINE**2
@@ -50,7 +50,7 @@ def _level(image: Image, row: int, column: int) -> float:
 
 @part
 def _mirrored(i: int, count: int) -> int:
-    """Return the index of a row or column, for the one beyond a border that opposite to it."""
+    """Return the index of a row or column, mirrored at the border if it lies outside."""
     if i < 0:
         return min(-i, count - 1)
     return i if i < count else max(2 * count - 2 - i, 0)
@@ -58,9 +58,9 @@ def _mirrored(i: int, count: int) -> int:
 
 @part
 def _describe(image: Image, at: Indices, levels: Reals, J: Reals, steep: Flags) -> None:
-    """Write levels (N,), their change by column, row and light J (N, 3), and which are steep (N,).
+    """Write grey levels (N,), their derivatives by column, row and brightness J (N, 3), and steep.
 
-    By Sobel's operator. Steep cells are those that tell where they are.
+    Gradients are by the Sobel operator. Steep cells (N,) are those that determine the position.
     """
     count, height, width = at.shape[1], image.shape[0], image.shape[1]
     total = 0.0
@@ -69,7 +69,7 @@ def _describe(image: Image, at: Indices, levels: Reals, J: Reals, steep: Flags) 
         levels[i] = float(image[row, column])
         above, below = _mirrored(row - 1, height), _mirrored(row + 1, height)
         before, after = _mirrored(column - 1, width), _mirrored(column + 1, width)
-        # From one corner to the one opposite, along either diagonal.
+        # Differences of opposite corners along both diagonals.
         falls = float(image[below, after]) - float(image[above, before])
         rises = float(image[above, after]) - float(image[below, before])
         across = falls + rises + 2.0 * (float(image[row, after]) - float(image[row, before]))
@@ -84,14 +84,14 @@ def _describe(image: Image, at: Indices, levels: Reals, J: Reals, steep: Flags) 
 def _compare(
     image: Image, levels: Reals, spread: Reals, u: float, v: float, lighter: Reals, inside: Flags
 ) -> int:
-    """Write by how much the image is lighter (N,), and which cells are in it (N,); count these.
+    """Write by how much the image is lighter (N,), and which cells are inside it; count these.
 
     Args:
-        spread: (2, N) of the cells about their middle, which is at column u and row v.
+        spread: (2, N) offsets of the cells from their centre, which is at column u and row v.
     """
     count, last_column, last_row = 0, image.shape[1] - 1, image.shape[0] - 1
     for i in range(len(levels)):
-        # In single precision, rounded to fine steps, between the four pixels around it.
+        # Bilinear, in single precision, with places rounded to subpixel steps.
         x, y = np.float32(spread[0, i] + u), np.float32(spread[1, i] + v)
         inside[i] = x >= 0 and x <= last_column and y >= 0 and y <= last_row
         count += inside[i]
@@ -138,15 +138,15 @@ def _fit(
     image: Image, levels: Reals, spread: Reals, J: Reals, chosen: Flags, place: Reals,
     lighter: Reals, inside: Flags, scratch: Reals, information: Reals,
 ) -> tuple[float, float]:  # fmt: skip
-    """Move a place (2,) of the middle to where it is near by, by Gauss-Newton.
+    """Refine the place (2,) of the cells' centre by Gauss-Newton.
 
     Args:
-        J: (N, 3) as of ``_describe``. chosen: (N,) the cells whose differences tell the noise.
-        information: (3, 3), written: sums of products of gradients, and of light.
+        J: (N, 3) as of ``_describe``. chosen: (N,) the cells from which the noise is estimated.
+        information: (3, 3), written: sums of products of gradients and brightness.
 
     Returns:
-        The noise, grey levels, and the sum of all weights; 0 where most of it has left the image,
-        or all that tells where it is.
+        The noise, grey levels, and the sum of all weights; both 0 if most of the cells, or all
+        chosen ones, have left the image.
     """
     A, g, step = np.empty((3, 3)), np.empty(3), np.empty(3)
     light = noise = cells = 0.0
@@ -193,17 +193,19 @@ def _fit(
 
 @part
 def _covariance(A: Reals, noise: float, cells: float, out: Reals) -> None:
-    """Write (2, 2) cells^2, of a place with light unknown; noise in gradients tells nothing.
+    """Write the covariance (2, 2) cells^2 of a place, with the brightness unknown.
+
+    The gradients' own noise is subtracted, since it carries no information.
 
     Args:
-        A: (3, 3) sums over so many cells of products of gradients. noise: grey levels, of the
+        A: (3, 3) sums over ``cells`` cells of products of gradients. noise: grey levels, of the
             difference of two images.
     """
     less = _GRADIENT_NOISE * cells * noise * noise / 2.0
     a = A[0, 0] - A[0, 2] * A[0, 2] / A[2, 2] - less
     b = A[1, 0] - A[0, 2] * A[1, 2] / A[2, 2]
     d = A[1, 1] - A[1, 2] * A[1, 2] / A[2, 2] - less
-    # By its eigenvalues m + h and m - h, none below the ridge, and the projections on their axes.
+    # From its eigenvalues m + h and m - h, none below the ridge, and their eigenvectors.
     m, h = (a + d) / 2.0, math.sqrt(((a - d) / 2.0) ** 2 + b * b)
     most, least = noise * noise / max(m - h, _RIDGE), noise * noise / max(m + h, _RIDGE)
     c, s = ((a - d) / 2.0 / h, b / h) if h > 0.0 else (1.0, 0.0)
@@ -223,12 +225,12 @@ def find_shifted(
 
     Args:
         before: (h, w) grey. at: (2, N) columns and rows in it. image: (h, w), the later one.
-        expected: (2,) column and row where their middle should be. standing: (2,) where it would
-            be if they stood. scale: by which they should be larger. reach: cells by which they may
-            be elsewhere on their row.
+        expected: (2,) predicted column and row of their centre. standing: (2,) the same if they
+            were static. scale: predicted factor on their size. reach: cells by which they may be
+            off along their row.
 
     Returns:
-        Whether they are found, column and row (2,) of the middle, and their covariance (2, 2).
+        Whether they are found, column and row (2,) of their centre, and its covariance (2, 2).
     """
     n = at.shape[1]
     levels, J, steep, spread = (
@@ -244,8 +246,8 @@ def find_shifted(
             spread[k, i] = (at[k, i] - middle) * scale
     lighter, inside, scratch = np.empty(n), np.empty(n, np.bool_), np.empty(n)
     place, cov, information = np.empty(2), np.empty((2, 2)), np.empty((3, 3))
-    # Roughly first: where they are expected, unless they differ clearly less some whole columns
-    # beside, the nearest first. In the end comes how well they would fit where they stood.
+    # Coarse search: at the expected place, unless the difference is clearly less some whole columns
+    # beside it, nearest first. The last round evaluates the place where static cells would be.
     least, stood = np.inf, np.inf
     for k in range(2 * reach + 2):
         stands = k == 2 * reach + 1
@@ -259,8 +261,8 @@ def find_shifted(
             place[0], place[1], least = u, v, cost / clearly
     if least == np.inf:
         return False, place, cov
-    # By the noise of the edges first, so that none of them counts as a stranger while it is far
-    # off; then closely. How well they are found is told by the former.
+    # First with the noise of the steep cells, so that edges are not taken for outliers while far
+    # off; then with the noise of all cells. The covariance is that of the first round.
     for turn in range(2):
         noise, cells = _fit(
             image, levels, spread, J, steep, place, lighter, inside, scratch, information

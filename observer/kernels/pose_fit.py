@@ -22,19 +22,19 @@ from observer.kernels.compiled import (
 )
 from observer.kernels.small import clear, copy_pose, solved, turned
 
-# Variance, px^2, of what was not seen: it does not count.
+# Variance, px^2, given to an unknown disparity, so that it does not count.
 _UNKNOWN = 1e9
-# Keeps the equations solvable where the points leave a direction open.
+# Keeps the equations solvable where the points do not constrain a direction.
 _DAMPING = 1e-9
 _SAMPLE = 3
 _BATCH = 32
 _CONFIDENCE = 0.9999
 _SAMPLE_STEPS = 3
 _REFINE_STEPS = 4
-# Most points used to judge a sample; more do not make the better one better known.
+# Most points used to score a sample; more do not make the ranking more reliable.
 _JUDGES = 200
-# If the expected pose explains this share of the image, a better one is near: then one step leads
-# from it to that of a sample, and a few samples are enough.
+# If the expected pose explains this share of the image, the best pose is near: then a few samples
+# with one Gauss-Newton step each are enough.
 _EXPECTED_SHARE = 0.6
 _NEAR_BATCH, _NEAR_STEPS = 16, 1
 # The refinement ends when a step changes the pose by less than this share of its uncertainty.
@@ -42,7 +42,8 @@ _CONVERGED = 0.02
 _HUBER_SIGMAS = 2.0
 # Residuals beyond this many standard deviations are outliers of the refinement.
 _OUTLIER_SIGMAS = 3.5
-# Three points nearly in a line turn anyhow; such samples lose, and must not overflow.
+# Limits of a step: three nearly collinear points leave a rotation undetermined; such samples lose,
+# but must not overflow.
 _LARGEST_SAMPLE_STEP, _LARGEST_STEP = 1e3, 10.0
 
 
@@ -50,7 +51,10 @@ _LARGEST_SAMPLE_STEP, _LARGEST_STEP = 1e3, 10.0
 def _residual(
     place: Reals, seen: Reals, R: Reals, t: Reals, camera: Camera, i: int, r: Reals
 ) -> tuple[float, float, float]:
-    """Write u, v and disparity, seen minus predicted, of point i to r (3,); return its depth."""
+    """Write u, v and disparity of point i, seen minus predicted, to r (3,); return x, y, z.
+
+    These are in the camera frame; z is NaN if the point is not in front of the camera.
+    """
     fx, fy, cx, cy, baseline = camera
     x = R[0, 0] * place[i, 0] + R[0, 1] * place[i, 1] + R[0, 2] * place[i, 2] + t[0]
     y = R[1, 0] * place[i, 0] + R[1, 1] * place[i, 1] + R[1, 2] * place[i, 2] + t[1]
@@ -94,10 +98,10 @@ def _linearise(
     jacobian: Reals,
     usable: Flags,
 ) -> None:
-    """Write the scene about a pose, scaled so that each point's residuals have unit covariance.
+    """Linearise the scene about a pose, whitened to unit covariance of each point's residuals.
 
-    sigma (N, 3) of u, v and disparity, of the sighting and of the place; factor (N, 6) the inverse
-    of the Cholesky factor of their covariance; jacobian (N, 3, 6) whitened; usable (N,).
+    Writes sigma (N, 3) of u, v and disparity, from sighting and place together; factor (N, 6), the
+    inverse of the Cholesky factor of their covariance; jacobian (N, 3, 6) whitened; usable (N,).
     """
     J, r = np.empty((3, 6)), np.empty(3)
     M, C = np.empty((3, 3)), np.empty((3, 3))
@@ -108,7 +112,7 @@ def _linearise(
             sigma[i, 0] = sigma[i, 1] = sigma[i, 2] = np.nan
             continue
         _jacobian(x, y, z, camera, J)
-        # The place's covariance turned, R C R^T, and through the projection P = J's last columns.
+        # The place's covariance rotated, R C R^T, and propagated through J's last three columns.
         for a in range(3):
             for b in range(3):
                 M[a, b] = J[a, 3] * R[0, b] + J[a, 4] * R[1, b] + J[a, 5] * R[2, b]
@@ -158,7 +162,7 @@ def _judge(
     length: Reals,
     inlier: Flags,
 ) -> int:
-    """Write whitened residuals white (N, 3), their lengths (N,) and which are inliers (N,)."""
+    """Write whitened residuals white (N, 3), lengths (N,) and inliers (N,); return their number."""
     r = np.empty(3)
     count = 0
     for i in range(len(place)):
@@ -175,7 +179,7 @@ def _judge(
         white[i, 2] = r[0] * factor[i, 3] + r[1] * factor[i, 4] + r[2] * factor[i, 5]
         square = white[i, 0] ** 2 + white[i, 1] ** 2 + white[i, 2] ** 2
         length[i] = math.sqrt(square)
-        # Within the threshold, allowing for each coordinate's own noise.
+        # Within the threshold, with v and disparity scaled to the noise of u.
         b, c = r[1] * sigma[i, 0] / sigma[i, 1], r[2] * sigma[i, 0] / sigma[i, 2]
         inlier[i] = r[0] * r[0] + b * b + c * c <= threshold * threshold and length[i] <= most
         count += inlier[i]
@@ -194,10 +198,10 @@ def _cost(
     cap: Reals,
     weight: Reals,
 ) -> tuple[float, float]:
-    """Cost of a pose, and the weight of what it explains.
+    """Return the cost of a pose, and the weight of the points it explains.
 
-    An outlier costs what the worst inlier costs (MSAC; Torr, Zisserman 2000); what has no worst
-    inlier does not count.
+    An outlier costs as much as the worst inlier (MSAC; Torr, Zisserman 2000); points without a
+    finite cap do not count.
     """
     r = np.empty(3)
     cost = explained = 0.0
@@ -229,7 +233,7 @@ def _fit_sample(
     R: Reals,
     t: Reals,
 ) -> None:
-    """Move a pose to where the points of a sample are seen, by steps of Gauss and Newton."""
+    """Fit a pose to the points of a sample by Gauss-Newton steps."""
     J, r = np.empty((3, 6)), np.empty(3)
     A, b, step = np.empty((6, 6)), np.empty(6), np.empty(6)
     for _ in range(steps):
@@ -258,7 +262,7 @@ def _fit_sample(
 
 @part
 def _first_from(rising: Reals, count: int, value: float) -> int:
-    """Index of the first of ``count`` rising numbers that is not below a value; else the last."""
+    """Return the index of the first of ``count`` rising numbers >= a value; else the last."""
     low, high = 0, count - 1
     while low < high:
         middle = (low + high) // 2
@@ -271,7 +275,7 @@ def _first_from(rising: Reals, count: int, value: float) -> int:
 
 @part
 def _samples(share: float) -> float:
-    """Number of samples needed to draw one without outliers, almost surely."""
+    """Return the number of samples needed to draw one without outliers, almost surely."""
     if not share > 0.0:
         return np.inf
     return math.log(1.0 - _CONFIDENCE) / math.log1p(-min(share**_SAMPLE, 1.0 - 1e-9))
@@ -291,13 +295,13 @@ def _ransac(
     iterations: int,
     chances: Reals,
 ) -> None:
-    """Move a pose to a better one, if a sample of three points has it.
+    """Replace a pose by a better one, if a sample of three points gives one.
 
     As in libviso2 (Geiger et al., StereoScan, 2011): a sample of three points with disparity is
     solved by a few Gauss-Newton steps from the expected pose, which is a candidate itself.
     """
     count = len(place)
-    # Drawn by weight, so that a crowd of points on an obstacle is not drawn again and again.
+    # Drawn by weight, so that a dense cluster of points on an obstacle is not drawn too often.
     deep, drawn, total = np.empty(count, np.int64), np.empty(count), 0.0
     found = 0
     for i in range(count):
@@ -356,16 +360,16 @@ def fit_pose(
     iterations: int,
     chances: Reals,
 ) -> tuple[Reals, Reals, Reals, Flags, Reals]:
-    """Find the pose T_camera_world from which N points look as they do.
+    """Find the pose T_camera_world that best explains where N points are seen.
 
     Args:
         place: (N, 3) metres, world. covariance: (N, 3, 3) m^2, of it.
         seen: (N, 3) pixels, u, v and disparity, NaN where it is unknown. variance: (N, 3) px^2.
-        share: (N,) of the image, that a point stands for.
-        rotation: (3, 3) and translation: (3,) metres, of the pose that is expected.
+        share: (N,) of the image that each point represents.
+        rotation: (3, 3) and translation: (3,) metres, of the expected pose.
         camera: fx, fy, cx, cy, pixels, and the baseline, metres.
-        threshold: pixels, of inliers.
-        iterations: most samples of RANSAC. chances: (M, 3) by which they are drawn, 0 to 1.
+        threshold: pixels, for inliers.
+        iterations: most samples of RANSAC. chances: (M, 3) random numbers from 0 to 1 for them.
 
     Returns:
         Rotation (3, 3), translation (3,), lengths (N,) of the residuals in standard deviations,
@@ -393,7 +397,7 @@ def fit_pose(
         for i in range(count):
             if not inlier[i]:
                 continue
-            # Huber's weight: what is far off, yet no outlier, counts by its distance only.
+            # Huber's weight: large residuals that are not outliers count linearly.
             w = min(1.0, _HUBER_SIGMAS / max(length[i], 1e-9))
             for row in range(3):
                 for k in range(6):
@@ -413,7 +417,7 @@ def fit_pose(
             step[k] = min(max(step[k], -_LARGEST_STEP), _LARGEST_STEP)
         turned(step, R, t)
         if turn == 0:
-            # From here on the pose changes too little to matter for the derivatives.
+            # Only once: from here on the pose changes too little to matter for the derivatives.
             _linearise(
                 place, covariance, seen, variance, R, t, camera, sigma, factor, jacobian, usable
             )

@@ -1,4 +1,4 @@
-"""Where the place that a cell of one frame shows was to be seen in another frame."""
+"""Reprojection of the place shown by a cell of one frame into another frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from observer.kernels.compiled import (
     part,
 )
 
-# Depths of less, relative to that of the cell itself, are behind the other camera.
+# Depths below this, relative to the depth in the cell's own frame, count as behind the camera.
 _LEAST_DEPTH = np.float32(0.05)
 
 
@@ -24,15 +24,15 @@ def cell_there(
     height: int,
     width: int,
 ) -> tuple[int, np.float32]:
-    """Index of the cell of another frame that shows a place, and the disparity it has there, px.
+    """Return the index of the other frame's cell that shows a place, and its disparity there, px.
 
-    The index is -1 where that lies outside the image or behind its camera.
+    The index is -1 if the place is outside the other image or behind its camera.
 
     Args:
-        x, y: of the ray (x, y, 1) to the place. disparity: px, of it.
+        x, y: of the ray (x, y, 1) to the place. disparity: px, of the place.
         R: (3, 3) and t: (3,) from this frame's camera to the other's; the translation in metres
-            over f B, so that times the disparity it is relative to the place's depth.
-        lens: (5,) focal lengths; principal point, and half a pixel more; pixels per cell.
+            over f B, so that multiplied by the disparity it is relative to the place's depth.
+        lens: (5,) focal lengths; principal point plus half a pixel; pixels per cell.
         height, width: of both frames, in cells.
     """
     Z = R[2, 0] * x + R[2, 1] * y + (R[2, 2] + t[2] * disparity)

@@ -1,4 +1,4 @@
-"""Blocks around single points, searched for along their row of the other image."""
+"""Block matching of single points along their row of the other image."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _Shorts = NDArray[np.uint16]
 
 _HALF = np.float32(0.5)
 _MOST = 65535
-# Numbers of rows and columns without a sign: negative ones, which count from the end, need not be
-# looked for, and neighbours in memory are added up many at once.
+# Unsigned indices: numba then need not check for negative ones, which count from the end, and can
+# vectorize the sums.
 _ONE = np.uint64(1)
 
 
 @part
 def _costs(first: Bytes, second: Bytes, row: int, column: int, side: int, cost: _Shorts) -> None:
-    """Write the sums of absolute differences of a block and those right of it to cost (K,)."""
+    """Write the SADs of a block against K blocks of the second image, left to right, to cost."""
     for k in range(len(cost)):
         cost[k] = 0
     begin = np.uint64(column)
@@ -48,7 +48,7 @@ def _costs(first: Bytes, second: Bytes, row: int, column: int, side: int, cost: 
 def _best(
     cost: _Shorts, u: np.float32, reduction: int, uniqueness: np.float32, least_gap: np.float32
 ) -> np.float32:
-    """Disparity, px, of least cost (K,), by a parabola; NaN if not unique or outside."""
+    """Return the disparity, px, of least cost (K,), by a parabola; NaN if ambiguous or outside."""
     last = len(cost) - 1
     best = 0
     for k in range(1, last + 1):
@@ -62,7 +62,7 @@ def _best(
     if not second - least >= max(uniqueness * second, least_gap):
         return np.float32(np.nan)
     between = np.float32(0.0)
-    # The first and the last have a neighbour on one side only, and no parabola.
+    # The first and the last have only one neighbour, so no parabola.
     if 0 < best < last:
         before, after = np.float32(cost[best - 1]), np.float32(cost[best + 1])
         bend = max(before + after - (least + least), np.float32(1.0))
@@ -82,15 +82,15 @@ def search_rows(
     uniqueness: np.float32,
     least_gap: np.float32,
 ) -> Singles:
-    """Find the disparities (N,) px, NaN unknown, at which the blocks around N points look alike.
+    """Find the disparities (N,) px, NaN unknown, at which the blocks around N points match best.
 
     Args:
-        first, second: (h, w), (h, w + count) left and right image, smaller, each with half a block
-            more on every side, and ``count`` columns more at the left of the second.
+        first, second: (h, w), (h, w + count) left and right image, reduced, each padded by half a
+            block on every side, and the second by ``count`` more columns at the left.
         px: (N, 2) pixels in the left image. reduction: how many times smaller the images are.
-        side: of a block. count: the largest disparity, both in pixels of the smaller images.
-        uniqueness: share, and least_gap: sum of differences, by which the best disparity must
-            differ less than any but its neighbours.
+        side: of a block. count: the largest disparity, both in pixels of the reduced images.
+        uniqueness: share, and least_gap: sum of differences, by which the best cost must be below
+            those of all disparities but its neighbours.
     """
     found = np.empty(len(px), np.float32)
     # Number k has the disparity count - k.

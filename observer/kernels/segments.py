@@ -1,4 +1,4 @@
-"""Segments: connected cells of one depth that stand apart from what is beside and behind them."""
+"""Segments: connected cells of similar depth, separate from what is beside and behind them."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from observer.kernels.compiled import (
 from observer.kernels.free_space import ARRIVED, STATIC
 from observer.kernels.small import median
 
-# Of a mask's connected parts, those of fewer cells of the seed than this are left out, and those
-# of this much fewer than most.
+# A connected part of a mask is left out if it holds fewer seed cells than this, or than this share
+# of the part with most.
 _LEAST_HITS, _PART_SHARE = 3, 0.1
-# Cells around a segment that tell what it stands before, and how near to it they begin.
+# Cells: outer and inner distance of the ring around a segment that shows what is behind it.
 _RING, _RIM = 4, 1
-# Columns beside a segment that tell whether it goes on.
+# Columns: how far beside a segment it is tested whether it continues.
 _BESIDE = 3
-# Share of the trunk's rows beside which something nearer, or the image's border, cuts it off.
+# A side is cut off if its true end is hidden on more than this share of the trunk's rows.
 _CUT_SHARE = 0.25
 
 
 @part
 def _box(mask: Flags) -> tuple[int, int, int, int]:
-    """First column and row of a mask (h, w), and those after the last; 0 last without any."""
+    """Return first column and row of a mask (h, w), and those after the last; 0 last if empty."""
     h, w = mask.shape
     left, top, right, bottom = w, h, 0, 0
     for r in range(h):
@@ -62,12 +62,12 @@ def _box(mask: Flags) -> tuple[int, int, int, int]:
 
 @part
 def _beside(cells: Bytes, step: int, out: Bytes) -> None:
-    """Write which of cells (N,), 0 or 1, are set or have set ones so many before or after them.
+    """Write which of cells (N,), 0 or 1, are set or have a set cell ``step`` before or after.
 
     The first and the last ``step`` of out (N,) stay as they are.
     """
     n = len(cells) - 2 * step
-    # Views, as loops over them compile to operations on many cells at once.
+    # Views, so that the loop is vectorized.
     before, here, after = cells[:n], cells[step : step + n], cells[2 * step :]
     target = out[step : step + n]
     for i in range(n):
@@ -76,11 +76,11 @@ def _beside(cells: Bytes, step: int, out: Bytes) -> None:
 
 @part
 def _open(cells: Bytes, stride: int) -> None:
-    """Make of the cells that are not set those that are, without what is thinner than three cells.
+    """Invert the cells and open them, in place: removes what is thinner than three cells.
 
     Args:
-        cells: (N,) 0 or 1, rows of ``stride`` with a border of 0 that stays. It makes nothing
-            thinner.
+        cells: (N,) 0 or 1, rows of ``stride`` with a border of 0, which stays 0 and does not
+            erode what touches it.
     """
     across = np.zeros(len(cells), np.uint8)
     for turn in range(2):
@@ -100,12 +100,12 @@ def _hang_together(cells: Bytes, seed: Bytes, stride: int, number: Ints, hits: I
     """Number the connected parts that hold cells of a seed.
 
     Args:
-        cells, seed: (N,) 0 or 1, rows of so many cells; the border is 0.
-        number: (N,) 0, becomes the number of each cell's part. hits: (N,) becomes the number of the
-            seed's cells in each part.
+        cells, seed: (N,) 0 or 1, rows of ``stride`` cells; the border is 0.
+        number: (N,) 0, becomes the number of each cell's part. hits: (N,) becomes the number of
+            seed cells in each part.
 
     Returns:
-        Number of the last part; the first one has 1.
+        Number of the last part; they count from 1.
     """
     stack = np.zeros(len(cells), np.int32)
     count = 0
@@ -141,14 +141,14 @@ def grown(
     depth: np.float32,
     tolerance: np.float32,
 ) -> tuple[Flags, int]:
-    """Find the free cells of a seed's depth that hang together with it.
+    """Find the free cells at a seed's depth that are connected with it.
 
-    What was there before is left out, but for the cells that may be static.
+    Static cells are left out, except those in ``may_be_static``.
 
     Args:
         disparity: (h, w) px, NaN unknown. evidence: (h, w), see ``observer.kernels.free_space``.
-        free, seed, may_be_static: (h, w).
-        depth: px, disparity of the seed. tolerance: px, by which those of its cells may differ.
+        free, seed, may_be_static: (h, w) masks.
+        depth: px, disparity of the seed. tolerance: px, by which its cells' disparities may differ.
 
     Returns:
         The mask (h, w), and the number of its cells.
@@ -193,10 +193,10 @@ def grown(
 
 @part
 def _spread(values: Singles, stride: int, reach: int, out: Singles) -> None:
-    """Write the largest of values (N,) at most so many rows and columns away from each to out (N,).
+    """Write the largest of values (N,) within ``reach`` rows and columns of each to out (N,).
 
-    Values of -1 count for nothing; at least so many of them lie at the end of each row of
-    ``stride``, and in ``reach`` rows at both ends.
+    Values of -1 are empty; each row of ``stride`` ends with at least ``reach`` of them, and so
+    many empty rows lie at both ends.
     """
     across = np.full(len(values), np.float32(-1), np.float32)
     for turn in range(2):
@@ -220,10 +220,10 @@ def _border(
     limit: np.float32,
     counts: Indices,
 ) -> None:
-    """Count the cells around a mask (h, w) that are farther, at its depth, and all, to counts (3,).
+    """Count the cells around a mask (h, w): those farther, those at its depth, and all.
 
     Args:
-        limit: px, by which something farther differs at least.
+        limit: px, by which a farther cell differs at least. counts: (3,) is written.
     """
     h, w = mask.shape
     left, top = max(0, box[0] - _RING), max(0, box[1] - _RING)
@@ -272,13 +272,13 @@ def described(
         evidence: (h, w), see ``observer.kernels.free_space``.
         standing: (h, w) which cells stand out of the ground.
         reduction: pixels per cell. trunk_share: upper share of the rows that counts as the trunk.
-        least_step, least_tolerance: px, least difference from what is beside it, and most within
-            it. thickness: 1/px, of a body, times the squared disparity.
+        least_step, least_tolerance: px, least difference to its surroundings, and least tolerance
+            within it. thickness: 1/px, of a body; times the squared disparity it is in px.
 
     Returns:
-        The trunk's disparity, px, and its left edge, middle and right edge, medians (4,). How many
-        of its cells are of each evidence (4,). How many around it are farther, at its depth, and
-        all (3,). Whether what lies to the left and to the right hides how far it goes on (2,).
+        The trunk's disparity, px, and its left edge, middle and right edge, medians (4,). Number
+        of cells per kind of evidence (4,). Number of cells around it that are farther, at its
+        depth, and all (3,). Whether its true extent to the left and to the right is hidden (2,).
     """
     w = mask.shape[1]
     height, width = box[3] - box[1], box[2] - box[0]
@@ -314,14 +314,14 @@ def described(
     tolerance = max(least_tolerance, d * d * thickness)
     cut_left = cut_right = False
     for side in range(2):
-        # Left of a column the right camera sees nothing at this depth.
+        # Left of this column the right camera does not see this depth.
         least = int(d / reduction) + 2 if side == 0 else 0
         hidden = 0
         for k in range(rows):
             column = int(columns[2 * side * trunk + k]) + (_BESIDE if side == 1 else -_BESIDE)
             at = min(max(column, 0), w - 1)
             beside = disparity[row[k], at]
-            # What moves at the same depth may be more of it.
+            # Arrived cells at the same depth may belong to it.
             goes_on = standing[row[k], at] and evidence[row[k], at] == ARRIVED
             goes_on = goes_on and beside > np.float32(d - tolerance / 2)
             nearer = beside > np.float32(d + tolerance)

@@ -1,4 +1,4 @@
-"""Single places in a stereo camera's view, and how surely they are known."""
+"""Single places in a stereo camera's view, and their covariances."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.kernels.compiled import CAMERA, REAL, REALS1, REALS2, Camera, Real
 
 
 def place_of(u: float, v: float, disparity: float, R: Reals, t: Reals, camera: Camera) -> Reals:
-    """Return the place (3,) m, world, of what is seen at a pixel with a disparity, px.
+    """Return the place (3,) m, world, of a point seen at a pixel with a disparity, px.
 
     Args:
         R: (3, 3) and t: (3,) metres of ``T_world_camera``.
@@ -20,7 +20,7 @@ def place_of(u: float, v: float, disparity: float, R: Reals, t: Reals, camera: C
 
 @kernel(REALS1, REALS2, REALS1, CAMERA)
 def view_of(place: Reals, R: Reals, t: Reals, camera: Camera) -> tuple[float, float, float]:
-    """Return u, v and disparity, px, of a place (3,) m, world; NaN if it is not before the camera.
+    """Return u, v and disparity, px, of a place (3,) m, world; NaN if not in front of the camera.
 
     Args:
         R: (3, 3) and t: (3,) metres of ``T_camera_world``.
@@ -39,11 +39,12 @@ def sighting(
     u: float, v: float, disparity: float, across: float, down: float, along: float,
     R: Reals, t: Reals, camera: Camera,
 ) -> tuple[Reals, Reals]:  # fmt: skip
-    """Return the place (3,) m, world, of what is seen at a pixel, and a covariance (3, 3).
+    """Return the place (3,) m, world, of a point seen at a pixel, and its covariance (3, 3).
 
     Args:
-        disparity: px. across, down, along: standard deviations level across the line of sight,
-            down and along it. R: (3, 3) and t: (3,) metres of ``T_world_camera``.
+        disparity: px. across, down, along: m, standard deviations horizontally across the line of
+            sight, downwards across it, and along it. R: (3, 3) and t: (3,) metres of
+            ``T_world_camera``.
     """
     fx, fy, cx, cy, baseline = camera
     z = fx * baseline / disparity if disparity > 0.0 else np.nan

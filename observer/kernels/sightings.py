@@ -1,4 +1,4 @@
-"""What tracking tells of points: flow, disparity and noise, and where in the world they are."""
+"""Measurements of tracked points: flow, disparity, noise, and position in the world."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ def seen_again(
         seen_px, right_px: (N, 2) pixels now, in both images; NaN unknown.
         match_sigma: (N, 2) pixels, one standard deviation in the left and the right image.
         camera: fx, fy, cx, cy, pixels, and the baseline, metres.
-        dt: seconds of the frame. warp_px: noise of a patch that grows or shrinks by its own size.
-        skew_s: by which the right camera exposes later; NaN where nobody tells, then disparities
-            are as matched. skew_sigma_s: one standard deviation of it.
-        bias_px: what all disparities lack, at the image's centre.
-        most_negative_px: disparities not above are unknown, and least_px: none is less.
+        dt: seconds of the frame. warp_px: noise of a patch per relative change of its size.
+        skew_s: by which the right camera exposes later; NaN = unknown, which leaves disparities
+            as matched. skew_sigma_s: one standard deviation of it.
+        bias_px: to be added to all disparities, at the image's centre.
+        most_negative_px: disparities not above it are unknown. least_px: the least one returned.
 
     Returns:
         Pixels (M, 2) in the left and in the right image, flow (M, 2) px/s, disparity (M,) px, NaN
@@ -80,7 +80,7 @@ def seen_again(
         d = float(px[k, 0] - right[k, 0])
         variance = np.float64(match_sigma[i, 1]) ** 2
         if told:
-            # What moves in the image has moved on when the right camera exposes.
+            # A point with image motion has moved on by the time the right camera exposes.
             d += flow[k, 0] * skew_s
             variance += (flow[k, 0] * skew_sigma_s) ** 2
         if bias_px != 0.0:
@@ -95,7 +95,7 @@ def seen_again(
 def _information(
     x: float, y: float, z: float, sigma: Reals, i: int, R: Reals, camera: Camera, out: Reals
 ) -> bool:
-    """Write R J^T S^-1 J R^T (3, 3) of a place before the camera to out; whether it is finite.
+    """Write R J^T S^-1 J R^T (3, 3) of a place in front of the camera; return whether it is finite.
 
     J is the derivative of u, v and disparity by the place, and S are their variances.
     """
@@ -137,7 +137,7 @@ def placed_in_world(
 
     Args:
         px: (N, 2) and disparity: (N,) pixels, NaN unknown. sigma: (N, 3) px, of u, v, disparity.
-        believed: (N, 3) metres, world, where they are as far as is known; NaN unknown.
+        believed: (N, 3) metres, world, best estimate of their positions so far; NaN unknown.
         rotation: (3, 3) and translation: (3,) metres, of T_world_camera.
         camera: fx, fy, cx, cy, pixels, and the baseline, metres.
 
@@ -157,8 +157,8 @@ def placed_in_world(
             p[2] = fx * baseline / d
             p[0] = (float(px[i, 0]) - cx) / fx * p[2]
             p[1] = (float(px[i, 1]) - cy) / fy * p[2]
-            # The information depends on the depth; the noise of this very sighting must not
-            # decide it.
+            # The information depends on the depth, so it is taken at the believed one: the noise
+            # of this sighting must not influence its weight.
             for k in range(3):
                 q[k] = 0.0
                 for m in range(3):

@@ -1,4 +1,4 @@
-"""Linear algebra of a few numbers, written out: for them calls cost more than the arithmetic."""
+"""Linear algebra on a few numbers, written out: calls would cost more than the arithmetic."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def copy_pose(R: Reals, t: Reals, to_R: Reals, to_t: Reals) -> None:
 
 @part
 def solved(A: Reals, b: Reals, x: Reals) -> bool:
-    """Solve A x = b with A (N, N) symmetric positive, by Cholesky's factors, which replace A.
+    """Solve A x = b with A (N, N) symmetric positive, by Cholesky's factor, which replaces A.
 
     Returns:
-        False, with x = 0, where A is not positive.
+        False, with x = 0, if A is not positive definite.
     """
     n = len(b)
     for j in range(n):
@@ -87,7 +87,7 @@ def turned(step: Reals, R: Reals, t: Reals) -> None:
     if angle < _SMALL_ANGLE:
         sine, half = 1.0 - square / 6.0, 0.5 - square / 24.0
     else:
-        # 1 - cos as a square, which keeps its digits for small angles.
+        # 1 - cos as a square, which keeps precision for small angles.
         sine, half = math.sin(angle) / angle, 2.0 * (math.sin(angle / 2.0) / angle) ** 2
     W = np.empty((3, 3))
     W[0, 0] = 1 - half * (y * y + z * z)
@@ -112,7 +112,7 @@ def turned(step: Reals, R: Reals, t: Reals) -> None:
 
 @part
 def inverse_symmetric(A: Reals, out: Reals) -> None:
-    """Write the inverse of A (3, 3), symmetric, by cofactors; not finite where it has none."""
+    """Write the inverse of A (3, 3), symmetric, by cofactors; not finite if A is singular."""
     c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[1, 2]
     c01 = A[0, 2] * A[1, 2] - A[0, 1] * A[2, 2]
     c02 = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
@@ -127,7 +127,7 @@ def inverse_symmetric(A: Reals, out: Reals) -> None:
 
 @part
 def determinant(A: Reals) -> float:
-    """Of A (3, 3), symmetric."""
+    """Return the determinant of A (3, 3), symmetric."""
     return float(
         A[0, 0] * (A[1, 1] * A[2, 2] - A[1, 2] * A[1, 2])
         - A[0, 1] * (A[0, 1] * A[2, 2] - A[1, 2] * A[0, 2])
@@ -147,7 +147,7 @@ def squared_length(v: Reals, inverse: Reals) -> float:
 
 @part
 def gathered(values: Reals, which: Flags, out: Reals) -> int:
-    """Write those of values (N,) that are chosen to the begin of out (N,); return how many."""
+    """Write the chosen ones of values (N,) to the start of out (N,); return how many."""
     count = 0
     for i in range(len(values)):
         if which[i]:
@@ -158,9 +158,9 @@ def gathered(values: Reals, which: Flags, out: Reals) -> int:
 
 @part
 def ranked(values: Reals, rank: int) -> float:
-    """Return the value (N,), none NaN, than which ``rank`` are smaller; their order changes.
+    """Return the value at ``rank``, from 0, in the order of values (N,), which are reordered.
 
-    By Hoare's quickselect: it narrows down where that one is until all before are smaller.
+    By Hoare's quickselect; no value may be NaN.
     """
     low, high = 0, len(values) - 1
     while low < high:
@@ -199,9 +199,9 @@ def median(values: Reals) -> float:
 
 @part
 def inverse(S: Reals, out: Reals) -> float:
-    """Write the inverse of S (N, N), symmetric, which is replaced; return ln |det S|."""
+    """Write the inverse of S (N, N), symmetric, which is overwritten; return ln |det S|."""
     n, logarithm = len(S), 0.0
-    # S = L D L^T with ones on the diagonal of L, which S's lower triangle then holds.
+    # S = L D L^T, L with a unit diagonal; S's lower triangle then holds L and D.
     for j in range(n):
         for k in range(j):
             S[j, j] -= S[j, k] * S[j, k] * S[k, k]

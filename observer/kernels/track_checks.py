@@ -1,4 +1,4 @@
-"""Checks of points that Lucas-Kanade followed: there and back, on the row, around the circle."""
+"""Checks of points tracked by Lucas-Kanade: forward-backward, same row, and circular."""
 
 from __future__ import annotations
 
@@ -65,16 +65,16 @@ def with_returned(
     back_square: np.float32,
     max_error: np.float32,
 ) -> tuple[Singles, Flags, Singles, Singles]:
-    """Return what is known of N points once some (M,) were followed to an image and back.
+    """Return the state of N points after some (M,) were tracked to an image and back.
 
     Args:
-        end, found, difference, texture: (N, 2), (N,), (N,), (N,) of before, see below.
-        at: (M,) indices of those that were followed. start: (M, 2) pixels, from where.
-        there, status, error: (M, 2), (M,), (M,) where to, whether they were found, and how much
-            the images differ there. back, back_status, eigenvalue: the same of the way back, with
-            the smaller eigenvalue of the gradient matrix, in 1 / ``unit`` (grey levels/px)^2.
-        height, width: of the images. margin: pixels from their edges within which none counts.
-        back_square: px^2, of the distance by which a point may miss its start.
+        end, found, difference, texture: (N, 2), (N,), (N,), (N,) state before, see below.
+        at: (M,) indices of the tracked points. start: (M, 2) pixels, where they started.
+        there, status, error: (M, 2), (M,), (M,) where they ended, whether they were found, and how
+            much the images differ there. back, back_status, eigenvalue: the same of tracking back,
+            with the smaller eigenvalue of the gradient matrix, in ``unit`` (grey levels/px)^2.
+        height, width: of the images. margin: pixels from their edges within which points fail.
+        back_square: px^2, squared distance by which a point may miss its start.
         max_error: grey levels.
 
     Returns:
@@ -90,7 +90,7 @@ def with_returned(
     for k in range(len(at)):
         i = at[k]
         new_end[i, 0], new_end[i, 1] = there[k, 0], there[k, 1]
-        # Of lost points OpenCV leaves the quality as it found the memory.
+        # For lost points OpenCV leaves the error uninitialized.
         new_difference[i] = error[k] if status[k] > 0 else _NONE
         square = max(eigenvalue[k], _NONE) if back_status[k] > 0 else _NONE
         new_texture[i] = np.float32(math.sqrt(square * unit))
@@ -154,9 +154,9 @@ def _noise(
 ) -> np.float32:
     """Standard deviation, pixels, of a match by Lucas-Kanade.
 
-    Least squares over a window of n pixels whose gradient is g along the weakest direction knows
-    the shift to ``noise / (g sqrt(n))`` (the inverse of its normal matrix). What Lucas-Kanade
-    cannot model comes on top.
+    Least squares over a window of n pixels whose gradient is g along the weakest direction gives
+    the shift to ``noise / (g sqrt(n))`` (the inverse of its normal matrix). Errors that
+    Lucas-Kanade cannot model are added as ``floor``.
 
     Args:
         difference: grey levels, mean absolute difference of the two windows.
@@ -186,18 +186,18 @@ def around_the_circle(
     factor: np.float32,
     floor: np.float32,
 ) -> tuple[Singles, Singles]:
-    """Return the matches in the right image on which both ways there agree, and all noise.
+    """Return the matches in the right image that both paths agree on, and the noise of all.
 
     Args:
         difference: (N,) grey levels, and texture: (N,) grey levels/px, in the left image.
         at: (M,) indices of the points that were matched, to matched: (M, 2) pixels, NaN unknown,
             with mismatch: (M,) grey levels.
-        circle: (C,) which of the M were followed in the right image, too, to around: (C, 2)
-            pixels, if their status (C,) says so.
-        circle_square: px^2, of the distance by which the two ways may differ.
-        side: of the window, pixels. least_texture: what is less cannot be told from none.
+        circle: (C,) which of the M were also tracked within the right image, to around: (C, 2)
+            pixels, if their status (C,) is not 0.
+        circle_square: px^2, squared distance by which the two paths may differ.
+        side: of the window, pixels. least_texture: grey levels, least slope assumed.
         deviation: standard deviation of grey levels per mean absolute difference.
-        factor: of the noise that follows from it. floor: pixels, noise that comes on top.
+        factor: on the noise that follows from it. floor: pixels, additional noise.
 
     Returns:
         (N, 2) pixels in the right image, NaN unknown, and (N, 2) pixels, one standard deviation in

@@ -1,4 +1,4 @@
-"""How much farther away the points on a trunk are than they were about its body."""
+"""Shift of the points on a trunk along the line of sight, relative to its body."""
 
 from __future__ import annotations
 
@@ -20,21 +20,23 @@ from observer.kernels.compiled import (
 from observer.kernels.small import inverse_symmetric, median, squared_length
 from observer.robust import MAD_TO_SIGMA
 
-# Robust mean: weights fall from so many deviations on, and a point that is farther off has another
-# place from now on. The noise of points on one body is alike by this share.
+# Standard deviations, robust mean: weights fall beyond the first; a point beyond the second counts
+# as having changed its place.
 _FULL_SIGMAS, _LEAVE_SIGMAS = 2.0, 4.0
 _STEPS = 3
-# Most of a sighting's error the same point repeats in the next frame: two differ by less.
+# Least scale of the residuals, below 1: most of a sighting's error persists in the next frame, so
+# two sightings differ by less than their noise.
 _LEAST_SCALE = 0.3
+# Share of the noise that points on one body have in common.
 _CORRELATED = 0.1
 
 
 @part
 def _robust_mean(moved: Reals, variance: Reals, length: Reals) -> tuple[float, float, float]:
-    """Return the mean of (N,) metres with variances (N,), its own variance, and a length.
+    """Return the robust mean of (N,) metres with variances (N,), its variance, and a limit.
 
     Args:
-        length: (N,) is written, in deviations; what is longer than the returned one does not fit.
+        length: (N,) is written: residuals in standard deviations; those above the limit do not fit.
     """
     count = len(moved)
     scratch = moved.copy()
@@ -60,19 +62,19 @@ def trunk_shift(
     number: Indices, place: Reals, information: Reals, origin: Reals, ahead: Reals,
     number_before: Indices, offset_before: Reals, variance_before: Reals, least: int,
 ) -> tuple[Reals, Indices, float, float]:  # fmt: skip
-    """Tell how far points went along the line of sight, by those that were seen before.
+    """Measure how far points moved along the line of sight, from those that were seen before.
 
     Args:
         number: (K,) of each point. place: (K, 3) metres, world, with information (K, 3, 3).
-        origin: (3,) metres, world, of the body as expected. ahead: (3,) along the line of sight,
+        origin: (3,) metres, world, of the body as predicted. ahead: (3,) along the line of sight,
             unit length.
         number_before: (M,) of points before. offset_before: (M, 3) metres, world axes, from the
             origin. variance_before: (M,) m^2, along the line of sight.
-        least: points below which they do not tell.
+        least: fewest common points for a result.
 
     Returns:
-        Variance (K,) along the line of sight, m^2; which (K,) of the points before each of them
-        is, -1 none that fits; how far all went, metres, and its variance, m^2, infinite if unknown.
+        Variance (K,) along the line of sight, m^2; index (K,) of the same point before, -1 if none
+        fits; how far all moved, metres, and its variance, m^2, infinite if unknown.
     """
     count = len(number)
     variance, before = np.empty(count), np.empty(count, np.int64)

@@ -1,4 +1,4 @@
-"""Where motion could not be noticed: cells of a person's size and less, see the rigid method."""
+"""Where motion would go unnoticed, in cells smaller than a person; see the rigid method."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ from observer.kernels.compiled import (
     kernel,
 )
 
-# Share of what is known around a plain region that must stand, around it all and nearby.
+# Share of what is known around a plain region that must be static: along its whole border, and
+# near the cell.
 _STANDING_AROUND, _STANDING_NEARBY = 0.8, 0.5
-# Share of a plain region's border that must be known to stand.
+# Share of a plain region's border that must be known to be static.
 _KNOWN_BORDER = 0.25
 
 
 @kernel(BYTES2, WHOLE)
 def cell_means(values: Bytes, side: int) -> Singles:
-    """Means (rows, columns) of values (h, w) over squares of so many.
+    """Return the means (rows, columns) of values (h, w) over squares of ``side`` by ``side``.
 
-    Where the last ones reach beyond the values, the values at the border are repeated.
+    Where the last squares reach beyond the values, the border values are repeated.
     """
     h, w = values.shape
     rows, columns = (h + side - 1) // side, (w + side - 1) // side
@@ -59,14 +60,14 @@ def told_by_points(
     side_px: np.float32,
     least: np.float32,
 ) -> tuple[Singles, Singles, Singles]:
-    """Add what points tell to the shares (rows, columns) that are known, stand and move.
+    """Add the points' evidence to the shares (rows, columns) known, static and moving.
 
     Args:
         px: (N, 2) of the points. dynamic: (N,) which of them move.
-        side_px: of a cell. least: share that is known where there is a point.
+        side_px: of a cell. least: share that counts as known where there is a point.
     """
     rows, columns = known.shape
-    # 1 where a point stands, 2 where one moves.
+    # Bits: 1 where there is a static point, 2 where there is a moving one.
     told = np.zeros((rows, columns), np.uint8)
     for i in range(len(px)):
         c = min(max(int(px[i, 0] / side_px), 0), columns - 1)
@@ -94,15 +95,15 @@ def background(
     fit_rows: int,
     fit_columns: int,
 ) -> Flags:
-    """Cells (rows, columns) of plain regions around which nearly all that is known stands.
+    """Return the cells of plain regions around which nearly everything known is static.
 
     Args:
         region: (rows, columns) numbers of the regions, below ``count``; 0 elsewhere.
         stands, moves: (rows, columns) shares of the cells.
-        fit_rows, fit_columns: of the window of a person.
+        fit_rows, fit_columns: of a person-sized window.
     """
     rows, columns = region.shape
-    # What stands, moves, and how many cells lie along each region's border.
+    # Along each region's border: shares static and moving, and the number of cells.
     still, moving, border = np.zeros(count), np.zeros(count), np.zeros(count)
     for r in range(rows):
         for c in range(columns):
@@ -139,10 +140,10 @@ def background(
 
 @kernel(FLAGS2, WHOLE, WHOLE, REAL)
 def fills(cells: Flags, fit_rows: int, fit_columns: int, share: float) -> bool:
-    """True if the cells (rows, columns) fill this share of any window of so many rows, columns."""
+    """Return whether the cells (rows, columns) fill this share of any window of the given size."""
     rows, columns = cells.shape
     high, wide = min(fit_rows, rows), min(fit_columns, columns)
-    # How many are set above and to the left of each corner of a cell.
+    # Integral image of the cells.
     total = np.zeros((rows + 1, columns + 1), np.int64)
     most = 0
     for r in range(rows):

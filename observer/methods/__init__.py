@@ -1,1 +1,1 @@
-"""Methods that find moving obstacles: one package each, and the contract they fulfil."""
+"""Methods that find moving obstacles: one package each, and their common interface."""

@@ -1,4 +1,4 @@
-"""Contract of the methods that find moving obstacles, planar or in space."""
+"""Interface of the methods that find moving obstacles, in the image plane or in space."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Step:
         obstacles: all tracks, tentative ones included.
         stereo_share: share of the features whose depth is known.
         rows: None where the method does not match points between left and right.
-        unseen: where motion could not be noticed; None where the method does not tell.
+        unseen: where motion would go unnoticed; None where the method does not report this.
         waiting: the pose is unknown because the method has not seen enough yet; nothing is lost.
-        notes: what is told of this frame beside what makes it weak, one sentence each.
+        notes: remarks on this frame beyond the reasons why it is weak, one sentence each.
     """
 
     ego: EgoMotion
@@ -42,11 +42,11 @@ class Step:
 
 
 class Method(Protocol):
-    """Holds what must be remembered from frame to frame within one segment.
+    """Holds the state kept from frame to frame within one segment.
 
-    A method is made with the first view of a segment, whose camera is where the world begins.
+    A method is created with the first view of a segment; that camera pose is the world's origin.
     """
 
     def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
-        """Compare this view with an earlier one. A view whose pose is unknown is not kept."""
+        """Compare this view with an earlier one. Views whose pose is unknown are not kept."""
         ...

@@ -1,24 +1,24 @@
-"""The start-stop gesture at the beginning of a motion profile, by which clocks are aligned later.
+"""The start-stop gesture at the beginning of a motion profile, used later to align clocks.
 
-Four short pulses, forward and back in turn, begin at 0, 2, 5 and 9 times 0.5 s. These marks are
+Four short pulses, alternately forward and back, begin at 0, 2, 5 and 9 times 0.5 s. These marks are
 a Golomb ruler: every difference between two of them occurs once. So the pattern, shifted against
 itself by a non-zero offset, matches in at most one of its four pulses: its autocorrelation has one
-peak of 4 and nothing above 1 beside it, with or without the signs of the speed. Cross-correlating
+peak of 4 and otherwise never exceeds 1, with or without the signs of the speed. Cross-correlating
 two records of the speed (commanded, encoders, motion capture, vision) therefore has one clear
 maximum, at the offset of their clocks (Golomb rulers and their
 autocorrelation: Dimitromanolakis, Analysis of the Golomb ruler and the Sidon set problems, 2002).
 
-No two marks are adjacent, so all pulses are alike, and a robot that accelerates slowly follows
-each of them equally far: it ends where it began and is never more than one pulse ahead.
+No two marks are adjacent, so all pulses are alike, and a robot that accelerates slowly travels
+equally far in each of them: it ends where it began and is never more than one pulse ahead.
 """
 
 from __future__ import annotations
 
 GESTURE_SPEED_MPS = 0.15
 PULSE_S = 0.5
-# In pulses from the beginning: forward, back, forward, back.
+# In pulse lengths from the beginning: forward, back, forward, back.
 PULSE_STARTS = (0, 2, 5, 9)
-# Then the robot stands, so that the last pulse ends on every clock before the rounds begin.
+# Seconds: then the robot stands, so that the last pulse ends before the rounds on every clock.
 REST_S = 1.0
 GESTURE_S = (PULSE_STARTS[-1] + 1) * PULSE_S + REST_S
 

@@ -1,6 +1,6 @@
 """The motion profiles that come with the project, and the reader of a user's own.
 
-The built-in ones are the YAML files of the folder ``library`` beside this file.
+The built-in ones are the YAML files in the folder ``library`` next to this file.
 """
 
 from __future__ import annotations

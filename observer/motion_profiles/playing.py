@@ -1,11 +1,11 @@
 """Velocities of a motion profile at an instant: pure functions of elapsed time.
 
-A profile is played as its gesture, if it has one, then its rounds, one after another. A round
-lasts as long as the longest of its robots' steps; a robot whose steps end sooner stands until the
-round ends. Every robot starts a round from rest.
+Playing a profile means its gesture, if it has one, then its rounds, one after another. A round
+lasts as long as the longest of its robots' step sequences; a robot whose steps end sooner stands
+until the round ends. Every robot starts a round from rest.
 
 ``reverse`` drives every robot back along its path: velocities are negated and time runs backwards,
-``v(t) = -v'(D - t)`` with D the round's duration. The robot is not turned round, it drives
+``v(t) = -v'(D - t)`` with D the round's duration. The robot is not turned around; it drives
 backwards where it would have driven forward. The gesture ends where it began and is not reversed.
 """
 
@@ -29,8 +29,8 @@ class Progress:
     """Progress of a motion profile.
 
     Attributes:
-        round: of ``repeat``, counted from 1; 1 in the gesture.
-        elapsed_s, duration_s: of the whole.
+        round: number out of ``repeat``, counted from 1; 1 during the gesture.
+        elapsed_s, duration_s: of the whole profile.
     """
 
     phase: Phase
@@ -58,10 +58,10 @@ def round_s(profile: MotionProfile) -> float:
 def velocity_at(
     profile: MotionProfile, role: Role, elapsed_s: float, *, repeat: int = 1, reverse: bool = False
 ) -> tuple[float, float] | None:
-    """Return the velocity that a robot shall drive at ``elapsed_s`` of the profile.
+    """Return the velocity that a robot is to drive at ``elapsed_s`` of the profile.
 
     Args:
-        elapsed_s: by a monotonic clock; below 0 the robot stands.
+        elapsed_s: from a monotonic clock; below 0 the robot stands.
         repeat: number of rounds. reverse: see the module.
 
     Returns:
@@ -71,7 +71,7 @@ def velocity_at(
     Raises:
         InputError: ``repeat`` is not from 1 to ``MAX_REPEAT``.
     """
-    # Written so that NaN ends it, too.
+    # Negated so that NaN also ends it.
     if not elapsed_s < duration_s(profile, repeat):
         return None
     steps = profile.steps.get(role, ())
@@ -84,7 +84,7 @@ def velocity_at(
     if not reverse:
         return _sample(steps, within)
     speed, turn_rate = _sample(steps, length - within)
-    # The subtraction keeps a standstill from becoming -0.0.
+    # Subtract instead of negating, so that standstill is 0.0 and not -0.0.
     return 0.0 - speed, 0.0 - turn_rate
 
 

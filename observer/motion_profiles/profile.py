@@ -1,6 +1,6 @@
 """A motion profile: timed velocities for each robot.
 
-It knows nothing of consent or obstacles; its player does.
+It knows nothing about consent or obstacles; its player handles them.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from observer.errors import InputError
 from observer.rig.rig import ROLES, Role
 
-# Limits of the faster of the two robot models; each robot's own limits hold as well.
+# Limits of the faster of the two robot models; each robot's own limits apply, too.
 MAX_SPEED_MPS = 2.2
 MAX_TURN_RATE_RADPS = math.radians(500)
-# Limit of one step, and of all steps of a role together.
+# Limits for all steps of a role together; the first also for a single step.
 MAX_SECONDS = 3600.0
 MAX_STEPS = 1000
 # A name becomes part of a file name and of a URL.
@@ -26,7 +26,7 @@ _MAX_TITLE, _MAX_HELP = 120, 2000
 
 @dataclass(frozen=True)
 class Step:
-    """A velocity that is held for some time.
+    """A velocity that is held, or ramped up to, for some time.
 
     Attributes:
         seconds: > 0, at most ``MAX_SECONDS``. speed_mps: forward, within ``MAX_SPEED_MPS``.
@@ -35,7 +35,7 @@ class Step:
             beginning), instead of at once.
 
     Raises:
-        InputError: a number is not finite or out of its bounds.
+        InputError: a number is not finite or out of bounds.
     """
 
     seconds: float
@@ -70,7 +70,7 @@ class MotionProfile:
         name: unique among profiles: letters, digits, - and _.
         title, help: for people; one line each, may be empty.
         steps: by role; a role without steps is not moved.
-        gesture: begins with the start-stop gesture (``observer.motion_profiles.gesture``).
+        gesture: start with the start-stop gesture (``observer.motion_profiles.gesture``).
 
     Raises:
         InputError: one sentence that names what is wrong.
@@ -110,5 +110,5 @@ class MotionProfile:
 
     @property
     def roles(self) -> tuple[Role, ...]:
-        """Roles that it moves."""
+        """The roles that it moves."""
         return tuple(role for role in ROLES if self.steps.get(role))

@@ -34,7 +34,7 @@ from observer.text_files import (
     word,
 )
 
-# A thousand steps for each of two robots have 130 kB.
+# A thousand steps for each of two robots take 130 kB.
 MAX_BYTES = 200_000
 
 _Line: TypeAlias = Annotated[
@@ -62,7 +62,7 @@ def _step(read: _Step) -> Step:
 
 
 def _listed(value: PlainData) -> PlainData:
-    # As if the role were left out.
+    # Treat an empty value as if the role were left out.
     if value in ("", "null", "~"):
         return []
     if not isinstance(value, list):
@@ -97,7 +97,7 @@ _KEYS = {*_Profile.model_fields, *_Roles.model_fields, *_Step.model_fields}
 
 
 def _place(location: Location) -> str:
-    """Return a place in a file as ``obstacle step 2: ramp``; misspelt keys are quoted."""
+    """Return a place in a file in the form ``obstacle step 2: ramp``; unknown keys are quoted."""
     match location:
         case (*_, role, int(index)):
             return f"{role} step {index + 1}"
@@ -111,13 +111,13 @@ def profile_from_text(text: str, name: str | None = None) -> MotionProfile:
     """Parse a motion profile from YAML text.
 
     Args:
-        name: the profile's name where the text gives none, usually the stem of its file; it also
-            names the text in messages.
+        name: the profile's name if the text gives none, usually the stem of its file; it also
+            identifies the text in messages.
 
     Raises:
         InputError: one sentence that names the key and what would be right. Unknown keys, values
             out of bounds, aliases and anchors, and texts of more than ``MAX_BYTES`` are refused,
-            the last three before anything is built of them.
+            the last three before anything is built from them.
     """
     label = "the programme" if name is None else f"the programme {name[:60]}"
     size = len(text.encode("utf-8", "replace"))
@@ -141,7 +141,7 @@ def profile_from_text(text: str, name: str | None = None) -> MotionProfile:
 def profile_text(profile: MotionProfile) -> str:
     """Return the motion profile as YAML; reading it back gives an equal one.
 
-    A turn rate that was not written in degrees may change once in its last digit.
+    A turn rate that did not come from degrees may change once in its last digit.
     """
     lines = [
         f"name: {_quoted(profile.name)}",
@@ -180,5 +180,5 @@ def _digits(value: float) -> str:
 
 
 def _quoted(text: str) -> str:
-    # A JSON string of printable characters is a YAML one; in quotes, "no" and "12" stay words.
+    # A JSON string of printable characters is valid YAML; quoted, "no" and "12" stay text.
     return json.dumps(text, ensure_ascii=False)

@@ -1,8 +1,9 @@
 """Every tuning parameter, declared once: bounds, unit, label and help.
 
 This declaration feeds the REST interface, the panel's form, the command line (``--set``) and the
-documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``. Those of the
-guard are in ``observer.guard.parameters``, the planner's in ``observer.navigation.parameters``.
+documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``. The guard's
+parameters are in ``observer.guard.parameters``, the planner's in
+``observer.navigation.parameters``.
 """
 
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters

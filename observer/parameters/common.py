@@ -1,4 +1,4 @@
-"""Ego-motion, features and stereo: parameters of more than one method."""
+"""Parameters of more than one method: ego-motion, features and stereo."""
 
 from __future__ import annotations
 

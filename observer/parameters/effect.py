@@ -1,4 +1,4 @@
-"""Check of changes: a parameter that would have no effect is named, never silently ignored."""
+"""Check of changes: parameters without effect are reported, never silently ignored."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def without_effect(names: Iterable[str], model: str) -> dict[str, str]:
     """Return the parameters that have no effect on what a method observes.
 
     Args:
-        names: dotted; others than those of the method are left out.
+        names: dotted; names that are not parameters of a method are ignored.
         model: the value of ``ego_motion.model``.
 
     Returns:
@@ -35,8 +35,8 @@ def effective(parameters: Parameters, changes: Mapping[str, Any]) -> Parameters:
     """Return the parameters with the changes, each of which must have an effect.
 
     Raises:
-        ParameterError: naming every refused field and its range, or else every one that does not
-            act with the method in force after the change.
+        ParameterError: naming every refused field and its range, or else every one that has no
+            effect with the method in force after the change.
     """
     after = parameters.changed(changes)
     if idle := without_effect(changes, after.ego_motion.model):

@@ -22,7 +22,7 @@ STEREO: tuple[str, ...] = ("rigid", "homography", "affine")
 RIGID: tuple[str, ...] = ("rigid",)
 PLANAR: tuple[str, ...] = ("homography", "affine")
 
-# Bool does not count as a number here, nor do NaN and the infinities.
+# Booleans, NaN and infinities do not count as numbers here.
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
@@ -33,8 +33,8 @@ class Stage(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    # Values of ego_motion.model with which the group acts on observations, and whether it acts with
-    # every model on the dense cloud and the disparity that are shown.
+    # Values of ego_motion.model with which the group affects observations, and whether with every
+    # model it affects the displayed dense cloud and disparity.
     models: ClassVar[tuple[str, ...]] = MODELS
     cloud: ClassVar[bool] = False
 
@@ -50,10 +50,10 @@ def number(
     models: tuple[str, ...] | None = None,
     basic: bool = False,
 ) -> Any:
-    """Declare a number; ``models`` where it acts with fewer models than its group.
+    """Declare a number; give ``models`` if it has an effect with fewer models than its group.
 
-    ``basic``: it is among the eight that a form shows first with each method; a newcomer learns
-    most from them.
+    ``basic``: it is among the eight that a form shows first for each method, from which a newcomer
+    learns most.
     """
     extra: dict[str, Any] = {"unit": unit, "step": step}
     if models is not None:
@@ -73,8 +73,8 @@ def choice(default: Any, *, title: str, basic: bool = False) -> Any:
 def helps(module: str) -> dict[tuple[str, str], str]:
     """Return the docstrings under the fields of a module's stages, by class and field.
 
-    Read from the source when first asked for: pydantic's ``use_attribute_docstrings`` would slow
-    every import.
+    They are read from the source on first use, because pydantic's ``use_attribute_docstrings``
+    would slow down every import.
     """
     return {
         (stage.name, name): " ".join(text.split())

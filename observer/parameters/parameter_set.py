@@ -1,4 +1,4 @@
-"""Groups of parameters together: changed all or nothing, and described for forms and tables."""
+"""Sets of parameter groups: changed all or nothing, and described for forms and tables."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from observer.errors import InputError, ParameterError
 from observer.parameters.fields import ParameterValue, Stage, helps
 from observer.parameters.renamed import new_name, new_value
 
-# Of so many unknown names it is guessed which was meant, about a millisecond each.
+# Number of unknown names for which a suggestion is made, about a millisecond each.
 _MOST_GUESSES = 5
 
 
@@ -36,8 +36,8 @@ class ParameterSet(Stage):
             changes: dotted name -> new value.
 
         Raises:
-            ParameterError: naming every refused field and its range, or the extra that it needs
-                and that is not installed; nothing is changed.
+            ParameterError: naming every refused field and its range, or the missing extra that it
+                needs; nothing is changed.
         """
         known = self.flat()
         unknown = [name for name in changes if name not in known]
@@ -83,22 +83,22 @@ class ParameterSet(Stage):
 
     @classmethod
     def declared(cls) -> list[dict[str, Any]]:
-        """Return what a form or a table needs to know of each parameter, in order.
+        """Return what a form or a table needs to know about each parameter, in order.
 
         Keys: ``name, group, group_help, title, help, type`` (``number``, ``integer``, ``boolean``,
-        ``choice``), ``unit, default, models`` (with which ``ego_motion.model`` it acts on what is
-        observed), ``minimum, maximum, step`` or ``choices``, ``cloud`` (True) where it acts with
-        every model on the dense cloud and the disparity that are shown, and ``basic`` (True) where
-        it is one of the eight that are shown first with each of its models.
+        ``choice``), ``unit, default, models`` (values of ``ego_motion.model`` with which it affects
+        observations), ``minimum, maximum, step`` or ``choices``, ``cloud`` (True) if with every
+        model it affects the displayed dense cloud and disparity, and ``basic`` (True) if it is one
+        of the eight that are shown first for each of its models.
         """
         return deepcopy(_declared(cls))
 
     @classmethod
     def declaration(cls, dotted: str) -> dict[str, Any]:
-        """Return that of ``declared`` of one parameter.
+        """Return the entry of ``declared`` for one parameter.
 
         Raises:
-            InputError: there is no parameter of that name.
+            InputError: there is no parameter with that name.
         """
         entry = next((entry for entry in _declared(cls) if entry["name"] == dotted), None)
         if entry is None:
@@ -107,7 +107,7 @@ class ParameterSet(Stage):
 
     @classmethod
     def describe_range(cls, dotted: str) -> str:
-        """Return the part of a sentence that states which values a parameter takes."""
+        """Return the part of a sentence that states which values a parameter accepts."""
         entry = cls.declaration(dotted)
         if entry["type"] == "choice":
             return f"must be one of {', '.join(entry['choices'])}"
@@ -156,7 +156,7 @@ def _declared(parameters: type[ParameterSet]) -> list[dict[str, Any]]:
 
 
 def _unknown(name: str, known: Collection[str]) -> str:
-    """Return what is wrong with a name; one of the known ones may have been meant."""
+    """Return what is wrong with a name, suggesting a similar one of the known names."""
     if (now := new_name(name)) != name:
         return f"has been renamed to {now}"
     near = difflib.get_close_matches(name, known, n=1)

@@ -1,4 +1,4 @@
-"""Named sets of parameters: the best there is, and the method exactly as published."""
+"""Named sets of parameters: the best known ones, and the method exactly as published."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def preset(name: str) -> Parameters:
     """Return the parameters of a named preset.
 
     Raises:
-        InputError: there is no such preset; the sentence lists those there are.
+        InputError: there is no such preset; the sentence lists the existing ones.
     """
     if name not in _PRESETS:
         raise InputError(f"there is no preset {name!r}; available are: {', '.join(_PRESETS)}")

@@ -1,10 +1,10 @@
-"""Reduced processing: what a computer too slow for its cameras leaves out, and in which order.
+"""Reduced processing: what a computer too slow for its cameras omits, and in which order.
 
-Measured over simulated people at 15 frames per second: points every 25 px find 95 % of the
-sightings instead of 96 %. With dense depth for every second frame it is 90 %, as many as with all
-processing of every second frame, but what is shown is newer. Anything less loses people without
-even reporting that they cannot be seen: dense depth at 2 Hz and points every 36 px lose half of
-them. So that is not done, and frames are dropped instead.
+Measured with simulated people at 15 frames per second: points every 25 px find 95 % of the
+sightings instead of 96 %. With dense depth for every second frame it is 90 %, the same as with
+full processing of every second frame, but the results shown are newer. Anything less loses people
+without even reporting that they cannot be seen: dense depth at 2 Hz and points every 36 px lose
+half of them. So processing is not reduced further; frames are dropped instead.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class Reduction:
 
     Attributes:
         spacing_px: minimum spacing of tracked points.
-        dense_rate_hz: maximum rate of dense depth; None for no other than the parameter's.
-        time_share: part of the full processing time that it takes, as measured over simulated
+        dense_rate_hz: maximum rate of dense depth; None keeps the parameter's.
+        time_share: share of the full processing time that it takes, measured over simulated
             scenes with robots and with people at 15 frames per second.
     """
 
@@ -41,7 +41,7 @@ class Reduction:
         return f"{points}, dense depth at {self.dense_rate_hz:g} Hz"
 
 
-# From the mildest on; what is set to less already stays as it is.
+# Mildest first; a parameter that already saves more stays as it is.
 REDUCTIONS: Final = (
     Reduction(spacing_px=25, dense_rate_hz=None, time_share=0.92),
     Reduction(spacing_px=25, dense_rate_hz=8.0, time_share=0.70),
@@ -49,7 +49,7 @@ REDUCTIONS: Final = (
 
 
 def reductions(model: str) -> tuple[Reduction, ...]:
-    """Return the reductions of a method, from the mildest on; none for methods that have none.
+    """Return a method's reductions, mildest first; empty if it has none.
 
     Args:
         model: the value of ``ego_motion.model``.
@@ -58,7 +58,7 @@ def reductions(model: str) -> tuple[Reduction, ...]:
 
 
 def reduced(parameters: _Set, reduction: Reduction | None) -> _Set:
-    """Return the parameters that act while processing is reduced; the same without a reduction."""
+    """Return the parameters for reduced processing; unchanged without a reduction."""
     if reduction is None:
         return parameters
     given = parameters.flat()

@@ -18,16 +18,16 @@ _VALUES = {("ego_motion.model", "one_camera"): "monocular"}
 
 
 def new_name(name: str) -> str:
-    """Return the name that a parameter has now; any other name as it is."""
+    """Return the current name of a renamed parameter; any other name unchanged."""
     group, dot, field = name.partition(".")
     return _NAMES.get(name, f"{_GROUPS.get(group, group)}{dot}{field}")
 
 
 def new_value(name: str, value: Any) -> Any:
-    """Return what a value of the parameter ``name`` is called now; any other value as it is."""
+    """Return the current form of a renamed value of ``name``; any other value unchanged."""
     return _VALUES.get((name, value), value) if isinstance(value, str) else value
 
 
 def translated(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return stored values, dotted name -> value, under the names of today."""
+    """Return stored values, dotted name -> value, under their current names."""
     return {(now := new_name(name)): new_value(now, value) for name, value in values.items()}

@@ -1,4 +1,4 @@
-"""Motion in space: tracking points, testing which move, obstacles as bodies."""
+"""Parameters of motion in space: tracking points, testing them for motion, tracking obstacles."""
 
 from __future__ import annotations
 

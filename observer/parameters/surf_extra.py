@@ -6,7 +6,7 @@ import importlib.util
 
 
 def surf_missing() -> str | None:
-    """Return one sentence on how to install SURF; None where it is installed."""
+    """Return one sentence on how to install SURF; None if it is installed."""
     if importlib.util.find_spec("mahotas") is not None:
         return None
     return (

@@ -1,4 +1,4 @@
-"""Values of parameters as people type them: on the command line, in an address."""
+"""Parameter values as people type them, on the command line or in a URL."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ def typed_value(text: str) -> ParameterValue:
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):
-        # No JSON, or more digits or brackets than any value has.
+        # Not JSON, or more digits or brackets than any value has.
         return text
     return value if isinstance(value, int | float | bool) else text

@@ -1,6 +1,6 @@
 """Projection of all facets of a body at once: visibility, place in the image, texture mapping.
 
-Facet by facet, this arithmetic would take most of the renderer's time; here it is a few array
+Done facet by facet, this arithmetic would dominate rendering time; here it takes a few array
 operations for all facets of a body.
 """
 
@@ -26,7 +26,7 @@ class View:
     Attributes:
         width, height: of the whole image, pixels. fx, fy, cx, cy: pixels; (0, 0) is the centre
             of the first pixel.
-        rows: the range of rows that is drawn; all of them unless a rolling shutter reads out.
+        rows: the range of rows to draw; all of them unless there is a rolling shutter.
     """
 
     width: int
@@ -57,7 +57,7 @@ class SeenFacet:
         corners: camera frame, with each edge's ``grow``, see ``polygons``.
         image_corners: their pixels; meaningless unless ``nearest`` is in front of the camera.
         bounds: u0, v0, u1, v1 of these pixels.
-        nearest, farthest: least and largest z of the corners, metres.
+        nearest, farthest: smallest and largest z of the corners, metres.
         texture_from_image: nine numbers, row by row: from a pixel (u, v, 1) to (s, t, 1) / z,
             metres on the texture and inverse depth.
     """

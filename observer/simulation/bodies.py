@@ -28,16 +28,16 @@ from observer.simulation.specs.places import (
 )
 from observer.simulation.specs.vehicles import P3DX_SIZE
 
-# Distance of a picture from its wall, so that its visibility is decided, metres.
+# Metres: a picture's gap to its wall, so that the depth comparison is unambiguous.
 _POSTER_GAP_M = 0.004
-# Depth of the shadow under a table, into which light falls from all sides.
+# Strength of the shadow under a table; it is light, as light reaches it from all sides.
 _TABLE_SHADOW = 0.3
-# Tones of bare furniture (blue, green, red): beech, white, grey, and of steel and painted wood.
+# Tones (blue, green, red): table tops (beech, white, grey), legs, painted doors and frames.
 _TABLE_TONES = ((132.0, 182.0, 212.0), (222.0, 226.0, 226.0), (156.0, 158.0, 158.0))
 _LEG_TONES = ((70.0, 72.0, 74.0), (182.0, 184.0, 184.0), (40.0, 42.0, 44.0))
 _LEAF_TONES = ((206.0, 212.0, 214.0), (120.0, 166.0, 198.0), (160.0, 140.0, 112.0))
 _FRAME_TONES = ((92.0, 96.0, 100.0), (62.0, 80.0, 104.0), (74.0, 62.0, 54.0))
-# Of a table, metres: thickness of its slab, of its legs, and from its edge to a leg.
+# Metres, of a table: slab thickness, leg thickness, and distance from its edge to a leg.
 _SLAB_M, _LEG_M, _INSET_M = 0.03, 0.05, 0.04
 WALLS = ("front", "left", "back", "right")
 
@@ -61,7 +61,7 @@ def room_part(room: RoomSpec, texture: TextureSpec, seed: int) -> Part:
     for k, wall in enumerate(WALLS):
         origin, along, length = wall_frame(room, wall)
         material = _surface(f"wall_{room.walls}", seed + k, texture, wall)
-        # WALLS runs to the left: what follows a wall adjoins its left edge.
+        # WALLS is ordered to the left: the next wall adjoins this one's left edge.
         neighbours = ((k + 1) % 4, 5, (k - 1) % 4, 4)
         facets.append(rectangle(origin, along, down, (length, room.height_m), material, neighbours))
     (x0, x1), (y0, y1), h = room.x, room.y, room.height_m
@@ -106,7 +106,7 @@ def hanging_facet(
 
 
 def _tone(tones: tuple[Colour, ...], seed: int) -> Colour:
-    """Draw a tone by a seed."""
+    """Pick a tone by a seed."""
     return tones[int(np.random.default_rng(seed).integers(len(tones)))]
 
 
@@ -123,7 +123,7 @@ def standing_parts(spec: BoxSpec | TableSpec, texture: TextureSpec, seed: int) -
 
 
 def table_parts(spec: TableSpec, seed: int) -> tuple[Part, ...]:
-    """Build a table's slab and its four legs; from below, the slab is in its own shadow."""
+    """Build a table's slab and its four legs; the slab's underside is shaded."""
     length, width, height = spec.size
     tone = b, g, r = _tone(_TABLE_TONES, seed)
     top, below, leg = (
@@ -159,7 +159,7 @@ def box_parts(spec: BoxSpec, texture: TextureSpec, seed: int) -> tuple[Part, ...
 def p3dx_parts(
     size: tuple[float, float, float], texture: TextureSpec, seed: int
 ) -> tuple[Part, ...]:
-    """Build a P3-DX: red body with a ring of sonars, black deck and wheels, a payload if higher.
+    """Build a P3-DX: red body with a sonar ring, black deck and wheels, a payload if taller.
 
     The proportions are the real robot's, scaled to ``size`` (length, width, height).
     """
@@ -202,7 +202,7 @@ def p3dx_parts(
 
 
 def standing_shadow(spec: StandingSpec) -> Facet | None:
-    """Build the shadow of a thing; a table's is lighter, and nothing above the floor has one."""
+    """Build an object's shadow; a table's is lighter, objects above the floor have none."""
     if spec.above_m:
         return None
     light = (("depth", _TABLE_SHADOW),) if isinstance(spec, TableSpec) else ()

@@ -1,10 +1,10 @@
 """Draws facets into an image: warped by homography, blended by coverage and depth.
 
-Each facet is cut into bands of similar depth; each band takes the pyramid level that fits it
-(supersampled along the direction in which it is foreshortened, or both ways where its texture
+Each facet is cut into bands of similar depth. Each band takes the pyramid level that fits it
+(supersampled along the direction in which it is foreshortened, or both ways if its texture
 asks for it), is warped by its homography within its bounding box, and is blended by its pixels'
-coverage. A buffer of inverse depth, which is an affine function of the pixel on every plane,
-decides what hides what.
+coverage. Occlusion is decided by a buffer of inverse depth, which on every plane is an affine
+function of the pixel.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from observer.simulation.textures import Level, Texture
 Image = NDArray[np.uint8]
 
 NEAR_M = 0.04
-# A band's farthest point is at most this much farther than its nearest one.
+# Largest ratio of a band's farthest depth to its nearest one.
 _BAND_RATIO = 1.8
-# Neighbouring bands show the same texture, so an overlap is not seen and saves blending them.
+# Neighbouring bands show the same texture, so their overlap is invisible and saves blending.
 _BAND_OVERLAP_PX = 3.0
-# Foreshortening up to this factor needs no supersampling, beyond the second is left to the
-# pyramid, and in windows below this many pixels it is not worth its cost.
+# Foreshortening up to the first factor needs no supersampling; beyond the second the pyramid
+# handles it; in windows of fewer pixels than the third supersampling is not worth its cost.
 _FORESHORTENING = 1.7
 _MOST_SUPERSAMPLES = 4
 _SUPERSAMPLED_PX = 200
-# Parts that overlap by less than this share of their depth are decided by the drawing order.
+# If depths differ by less than this ratio, the drawing order decides which part is in front.
 _DEPTH_BIAS = 1.02
 
 
@@ -81,7 +81,7 @@ class Drawing:
             self._band(facet, seen, corners, _bounds(corners), gain, nearest)
 
     def shadow(self, facet: Facet, seen: SeenFacet) -> None:
-        """Darken what lies below a body."""
+        """Darken the floor below a body."""
         corners = self._outline(seen)
         window = self.view.window(*_bounds(corners)) if corners else None
         if window is None:
@@ -111,13 +111,13 @@ class Drawing:
         return window, np.ones((v1 - v0, u1 - u0), np.float32) if share is None else share
 
     def reflect(self, window: Window, mirror: Image, share: Float32Array) -> None:
-        """Blend a window's reflection (h, w, 3) into it; what hides what stays as it is."""
+        """Blend a window's reflection (h, w, 3) into it; the depth buffer stays unchanged."""
         u0, v0, u1, v1 = window
         region = self.image[v0:v1, u0:u1]
         region[:] = cv2.blendLinear(mirror, region, share, 1 - share)
 
     def _outline(self, seen: SeenFacet) -> list[ImageCorner]:
-        """Return the corners of what is in front of the camera; none if nothing is."""
+        """Return the corners of the part in front of the camera; none if all is behind it."""
         polygon = seen.corners
         if seen.nearest < NEAR_M:
             polygon = clip_depth(polygon, NEAR_M, True, 0.0)
@@ -137,7 +137,7 @@ class Drawing:
         if window is None:
             return
         u0, v0, u1, v1 = window
-        # The first band needs no edges: everything around it is drawn later.
+        # The first band needs no soft edges: everything around it is drawn later.
         share = None if self._blank else coverage(corners, u0, v0, u1 - u0, v1 - v0)
         self._blank = False
         if nearest is not None:
@@ -156,12 +156,12 @@ class Drawing:
     def _visible(
         self, share: Float32Array | None, m: list[float], window: Window, nearest: float
     ) -> Float32Array | None:
-        """Return the coverage in front of what was drawn before; None where nothing is left."""
+        """Return the coverage in front of what was drawn before; None if nothing is left."""
         u0, v0, u1, v1 = window
         us = np.arange(u0, u1, dtype=np.float32)
         vs = np.arange(v0, v1, dtype=np.float32)[:, None]
         depth = us * np.float32(m[6]) + (vs * np.float32(m[7]) + np.float32(m[8]))
-        # A plane extends beyond the facet's edges towards the eye; the facet does not.
+        # Beyond the facet's edges its plane may come nearer to the eye than the facet does.
         np.minimum(depth, np.float32(nearest), out=depth)
         behind = self.inverse_depth[v0:v1, u0:u1]
         free = depth * np.float32(_DEPTH_BIAS) > behind
@@ -192,8 +192,8 @@ class Drawing:
     def hide_behind(self) -> None:
         """Let the part whose facets were drawn since the last call hide what is drawn later.
 
-        Not before: the facets of one convex part do not hide each other, but each is drawn a
-        little beyond the edges that it shares with the next.
+        This waits until the part is complete: the facets of a convex part do not hide each other,
+        but each is drawn slightly beyond the edges that it shares with its neighbours.
         """
         for behind, depth, solid in self._pending:
             np.maximum(behind, depth, out=behind, where=solid)
@@ -203,8 +203,8 @@ class Drawing:
         """Warp the facet's texture over a window, without aliasing."""
         u0, v0, u1, v1 = window
         w, h = u1 - u0, v1 - v0
-        # Chosen by what the whole image shows of the band, so that rows drawn by themselves
-        # look as they do in the whole.
+        # Choose by the band's extent in the whole image, so that rows drawn separately look the
+        # same as in a full image.
         left, right = max(bounds[0], 0.0), min(bounds[2], self.view.width)
         above, below = max(bounds[1], 0.0), min(bounds[3], self.view.height)
         pixels = (right - left) * (below - above)
@@ -237,7 +237,7 @@ class Drawing:
             nv = min(_MOST_SUPERSAMPLES, max(nv, round(nv * along_v / fine / _FORESHORTENING)))
         fine = max(min(along_u / nu, along_v / nv), 1e-9)
         coarse = max(along_u / nu, along_v / nv, fine)
-        # The geometric mean: a little blur across disturbs less than shimmer along.
+        # Geometric mean: a little blur across is less disturbing than aliasing along.
         return texture.level(1 / math.sqrt(fine * coarse)), nu, nv
 
     def _project(self, polygon: list[Corner]) -> list[ImageCorner]:
@@ -246,17 +246,17 @@ class Drawing:
 
 
 def _bounds(corners: list[ImageCorner]) -> tuple[float, float, float, float]:
-    """Return least u and v, largest u and v."""
+    """Return the smallest u and v and the largest u and v."""
     us = [c[0] for c in corners]
     vs = [c[1] for c in corners]
     return min(us), min(vs), max(us), max(vs)
 
 
 def _bands(seen: SeenFacet, view: View) -> list[list[Corner]]:
-    """Cut the facet by depth, from far to near; leave out what surely is not in the image."""
+    """Cut the facet by depth, from far to near; leave out what is certainly outside the image."""
     m = seen.texture_from_image
-    # The largest inverse depth of the plane within the image is at one of its corners. All rows
-    # count, so that rows drawn by themselves are cut as in the whole.
+    # The plane's largest inverse depth within the image is at an image corner. All rows count,
+    # so that rows drawn separately are cut as in a full image.
     largest = m[8] + max(-m[6], m[6] * view.width) + max(-m[7], m[7] * view.height)
     if largest <= 0:
         return []
@@ -282,7 +282,7 @@ def _bands(seen: SeenFacet, view: View) -> list[list[Corner]]:
 def _level_from_window(
     m: list[float], level: Level, u0: int, v0: int, nu: int, nv: int
 ) -> Float64Array:
-    """Return (3, 3) from a sample of a window to a pixel of a texture's level.
+    """Return the (3, 3) homography from a window's sample to a pixel of a texture's level.
 
     Pixel u of the window is the mean of its nu samples, so sample k lies at
     u0 + (k + 0.5) / nu - 0.5, and v likewise.

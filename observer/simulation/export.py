@@ -16,7 +16,7 @@ from observer.simulation.world import World
 from observer.truth.csv_file import TruthSample, write_truth_csv
 from observer.types import Image
 
-# Lossless; the first compression levels are as small as the last ones on noisy images.
+# PNG is lossless; on noisy images low compression levels give files as small as high ones.
 _PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
@@ -33,10 +33,10 @@ def export_stereo_folder(
         scenario_name: a built-in scenario or the path of a scenario file.
         output: a folder that does not exist yet or is empty. It receives ``left/`` and
             ``right/`` (PNG, equal names), ``times.txt`` (one time per line, seconds),
-            ``calibration.yaml`` (what the scenario hands out; absent where that is none) and
+            ``calibration.yaml`` (as the scenario hands it out; absent if it hands out none) and
             ``truth.csv``.
         progress: called after every frame with the number written and the total.
-        frames: ends after so many; None writes all.
+        frames: number of frames to write; None writes all.
 
     Returns:
         The number of frames.
@@ -87,6 +87,6 @@ def _export(
 
 
 def _write_png(path: Path, image: Image) -> None:
-    # Written by Python, which names what went wrong; cv2.imwrite does not.
+    # Write the file in Python, which reports the cause of an error; cv2.imwrite does not.
     _, encoded = cv2.imencode(".png", image, _PNG)
     path.write_bytes(encoded.tobytes())

@@ -1,8 +1,8 @@
-"""Planar convex facets, and the convex parts of which bodies are built.
+"""Planar convex facets, and the convex parts that bodies are built of.
 
-Frame of a part: its body's frame, x along the heading, y left, z up, metres, the origin on the
-floor below the body's centre; room surfaces lie in the room frame. A facet is seen from the side
-to which its normal points; its vertices run counter-clockwise as seen from there.
+A part is given in its body's frame: x along the heading, y left, z up, metres, the origin on the
+floor below the body's centre; room surfaces are given in the room frame. A facet is visible from
+the side its normal points to; its vertices run counter-clockwise as seen from there.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class Facet:
 
     Attributes:
         vertices: (N, 3) metres.
-        origin: (3,) where the texture's upper left corner lies, metres.
+        origin: (3,) position of the texture's upper left corner, metres.
         along, down: (3,) unit vectors of the texture's columns and rows.
-        extent: metres of the texture along and down.
+        extent: size of the texture along and down, metres.
         neighbours: for each edge (vertex k to k + 1) the index, within the part, of the facet
-            that shares the edge, or None; it lets adjoining facets be drawn without a seam.
+            that shares the edge, or None; used to draw adjoining facets without a seam.
     """
 
     vertices: Float64Array
@@ -63,7 +63,7 @@ class Facet:
 
     @cached_property
     def normal(self) -> Float64Array:
-        """(3,) unit vector out of the surface. down x along: rows run down, columns right."""
+        """(3,) outward unit vector: down x along, as rows run down and columns right."""
         return np.asarray(np.cross(self.down, self.along), dtype=np.float64)
 
 
@@ -89,7 +89,7 @@ class Part:
         return np.array([f.normal for f in self.facets]), offsets
 
     def facing(self, eye: Float64Array) -> Float64Array:
-        """Return (F,) metres by which ``eye`` (3,), part frame, lies in front of each facet."""
+        """Return (F,) signed distances, metres, of ``eye`` (3,), part frame, in front of facets."""
         normals, offsets = self._planes
         return np.asarray(normals @ eye - offsets, dtype=np.float64)
 
@@ -151,7 +151,7 @@ def prism(
         bottom, top: heights, metres.
         sides: one texture around the whole outline, from its first vertex on.
         lid: texture of the upper face; the texture's rows run backwards along -x.
-        underside: None for what stands on the floor; its rows run forwards along x.
+        underside: its rows run forwards along x; None for a part that stands on the floor.
     """
     points = np.asarray(outline, dtype=np.float64)
     n = len(points)
@@ -223,7 +223,7 @@ def wheel(
     """Build a wheel along x: its outer disc and the visible tread; the inner disc is hidden.
 
     Args:
-        centre: (3,) of the wheel, metres. left: the disc is on the left side of the body.
+        centre: (3,) of the wheel, metres. left: True if the outer disc faces left.
     """
     c = np.asarray(centre, dtype=np.float64)
     sign = 1.0 if left else -1.0
@@ -232,13 +232,13 @@ def wheel(
     outer = c + np.array([0.0, sign * width / 2, 0.0])
     inner = c - np.array([0.0, sign * width / 2, 0.0])
     spokes = np.column_stack([np.cos(angles), np.zeros(n), np.sin(angles)]) * radius
-    # Counter-clockwise runs from z to x as seen from the left (+y), the other way from the right.
+    # Seen from the left (+y), counter-clockwise is from z to x; from the right it is x to z.
     order = np.arange(n)[::-1] if left else np.arange(n)
     along = np.array([-sign, 0.0, 0.0])
     origin = outer - radius * along + radius * _UP
     size = (2 * radius, 2 * radius)
     facets = [Facet(outer + spokes[order], origin, along, -_UP, size, disc, (None,) * n)]
-    # Only the front and back quarter of the tread below the mudguard can be seen.
+    # Only the front and rear quarters of the tread, below the mudguard, are visible.
     for k in range(n):
         a, b = spokes[k], spokes[(k + 1) % n]
         if abs(a[2] + b[2]) > 1.3 * radius:

@@ -20,30 +20,30 @@ from observer.geometry import Float64Array, Pose
 from observer.simulation.facets import Material, Part, rectangle
 from observer.simulation.specs.boards import BoardPoseSpec, BoardSpec
 
-# White margin around the squares, in squares, which chessboard detectors need.
+# In squares: white margin around the board, which chessboard detectors need.
 MARGIN_SQUARES = 1
-# A whole number, so that every edge lies between two pixels.
+# An integer, so that every edge lies between two pixels.
 _TEXTURE_PX_PER_SQUARE = 64
-# Three samples each way render a shift to a hundredth of a pixel.
+# Three samples per axis render shifts accurately to a hundredth of a pixel.
 _SAMPLES = 3
-# Hands tremble at several rates at once, 1/s (physiological tremor has 8 to 12, and sways).
+# Hz: hands tremble at several frequencies at once (sway, and 8 to 12 of physiological tremor).
 _TREMOR_HZ = (0.9, 3.1, 8.3)
 _TREMOR_SHARES = (0.5, 0.3, 0.2)
-# Least distance of the squares from the image border when poses are drawn anew, pixels.
+# Pixels: least distance of the squares from the image border when poses are redrawn.
 _BORDER_PX = 3.0
 _TRIES = 30
 
 
 class HandMotion:
-    """Cyclic motion from pose to pose that holds each for a while.
+    """Cyclic motion from pose to pose that holds each pose for a while.
 
     Args:
-        poses: ``T_left_board``. centre: (3,) of the board, in its own frame: it moves straight,
-            and the board turns about it.
+        poses: ``T_left_board``. centre: (3,) of the board, in its own frame: it moves in a
+            straight line, and the board turns about it.
         hold_s, move_s: seconds. tremor_m: largest tremor along each axis.
 
-    A move is the minimum-jerk one, 10 s^3 - 15 s^4 + 6 s^5 of the way (Flash and Hogan, The
-    coordination of arm movements, 1985), and turns about one axis at the same pace.
+    A move follows the minimum-jerk profile, 10 s^3 - 15 s^4 + 6 s^5 of the way (Flash and Hogan,
+    The coordination of arm movements, 1985), and turns about one axis in step with it.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class HandMotion:
 
     @property
     def period_s(self) -> float:
-        """Seconds of one pass over all poses."""
+        """Duration of one pass over all poses, seconds."""
         return len(self._poses) * (self._hold_s + self._move_s)
 
     @property
@@ -87,7 +87,7 @@ class HandMotion:
         return Pose(R, a + way * (b - a) + self._tremor(rest) - R @ self._centre)
 
     def _tremor(self, time: float) -> Float64Array:
-        """Return (3,) metres; whole oscillations fit into a pass, so that it closes."""
+        """Return (3,) metres; each pass holds whole oscillations, so that the cycle closes."""
         offset = np.zeros(3)
         for n, (hz, share) in enumerate(zip(_TREMOR_HZ, _TREMOR_SHARES, strict=True)):
             turns = max(1, round(hz * self.period_s))
@@ -158,9 +158,9 @@ def corners_px(
 def whole_in_view(
     calibration: StereoCalibration, T_left_board: Pose, board: Board, border_px: float = 0.0
 ) -> tuple[bool, bool]:
-    """Tell for the left and the right image if all squares lie ``border_px`` within it."""
+    """Return whether all squares lie ``border_px`` inside the left and the right image."""
     c, s = calibration, board.square_m
-    # Lenses bend lines, so every corner of the squares is looked at.
+    # Lenses bend lines, so check every corner of every square, not just the outer four.
     u, v = np.mgrid[-1 : board.columns + 1, -1 : board.rows + 1]
     points = np.stack([u.ravel(), v.ravel(), np.zeros(u.size)], axis=-1) * s
     if (T_left_board.apply(points)[:, 2] <= 0).any():
@@ -179,14 +179,14 @@ def drawn_anew(
     turn_deg: float,
     rng: np.random.Generator,
 ) -> BoardSpec:
-    """Return the same poses moved and turned a little and in another order.
+    """Return the board with its poses shifted and turned a little, in another order.
 
     Args:
         shift: largest shift along each axis, as a share of the pose's depth.
         turn_deg: largest turn about each axis.
 
-    A board that a camera saw whole stays whole in view; a pose for which no such draw is found
-    stays as it is written.
+    A board that was completely in view of a camera stays so; a pose for which no such draw is
+    found is kept as written.
     """
     if shift <= 0 and turn_deg <= 0:
         return spec

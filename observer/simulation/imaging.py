@@ -1,7 +1,6 @@
 """Images as the two cameras deliver them: lens, shutter, exposure, gain, noise.
 
-Instants: a frame's time is the middle of its exposure; with a rolling shutter it is that of the
-middle row.
+A frame's time is the middle of its exposure; with a rolling shutter, of its middle row's exposure.
 """
 
 from __future__ import annotations
@@ -21,13 +20,13 @@ from observer.simulation.rendering import Renderer
 from observer.simulation.world import World
 
 LEFT, RIGHT = 0, 1
-# Rows that share one instant under a rolling shutter; motion within a strip stays below 0.2 px.
+# Rows rendered at one instant under a rolling shutter; motion within them stays below 0.2 px.
 _STRIP_ROWS = 16
-# Noise comes from a random place of a stock: drawing new numbers for every pixel would cost as much
-# as rendering the image.
+# Noise is read from a random offset in a precomputed stock: drawing new numbers for every pixel
+# would cost as much as rendering the image.
 _NOISE_STOCK_PX = 1 << 20
-# Shares of the noise that is common to the three colours and of each colour; together the
-# standard deviation of the grey value is 1 (grey = 0.114 b + 0.587 g + 0.299 r).
+# Weights of the noise shared by the three colours and of each colour's own; chosen so that the
+# grey value (0.114 b + 0.587 g + 0.299 r) has standard deviation 1.
 _NOISE_COMMON = 0.9
 _NOISE_APART = math.sqrt((1 - _NOISE_COMMON**2) / (0.114**2 + 0.587**2 + 0.299**2))
 
@@ -128,7 +127,7 @@ class _Lens:
         if not D.any():
             return
         rays = undistorted_rays(calibration.width, calibration.height, K, D)
-        # As fine as the camera's own image: a finer one would alias when it is bent.
+        # The camera's own resolution: a finer image would alias when it is distorted.
         f = float(K[0, 0])
         low = rays.reshape(-1, 2).min(axis=0) * f - 2
         high = rays.reshape(-1, 2).max(axis=0) * f + 2
@@ -139,7 +138,7 @@ class _Lens:
         self._maps = (np.asarray(map_x, np.int16), np.asarray(map_y, np.uint16))
 
     def view(self, rows: tuple[int, int]) -> View:
-        """Return the pinhole image's geometry, of which ``rows`` are drawn."""
+        """Return the pinhole image's geometry, with ``rows`` to be drawn."""
         K = self._K
         return View(self.width, self.height, K[0, 0], K[1, 1], K[0, 2], K[1, 2], rows)
 

@@ -15,7 +15,7 @@ from typing import Protocol
 from observer.errors import ScenarioError
 from observer.geometry import along_arc
 
-# A course whose end meets its start this closely is closed and repeats without drift.
+# A course that ends this close to its start is closed and repeats without drift.
 _CLOSED_M = 1e-6
 
 
@@ -84,7 +84,7 @@ class Oscillation:
     """``amplitude * sin(2 pi time / period + phase)``.
 
     Attributes:
-        amplitude: in the unit of what oscillates. period: seconds. phase: radians.
+        amplitude: in the oscillating quantity's unit. period: seconds. phase: radians.
     """
 
     amplitude: float
@@ -102,7 +102,7 @@ class Oscillation:
 
 @dataclass(frozen=True)
 class Sway:
-    """Sines about a resting pose: forward, to the left and in heading.
+    """Sine motion about a resting pose: forward, to the left and in heading.
 
     ``forward`` and ``left`` are along the axes of the resting heading, metres; ``turn`` radians.
     """
@@ -133,11 +133,11 @@ class Sway:
 
 @dataclass(frozen=True)
 class Ramp:
-    """Speed over one leg: from ``start`` to ``cruise``, hold, then to ``end``; constant ramps.
+    """Speed over one leg: a ramp from ``start`` to ``cruise``, a hold, and a ramp to ``end``.
 
     Attributes:
         length: of the leg, >= 0, metres or radians.
-        start, cruise, end: speeds >= 0, per second. acceleration: > 0.
+        start, cruise, end: speeds >= 0, per second. acceleration: > 0, of both ramps.
     """
 
     length: float
@@ -148,7 +148,7 @@ class Ramp:
 
     @staticmethod
     def over(length: float, start: float, cruise: float, end: float, acceleration: float) -> Ramp:
-        """Return the ramp to ``cruise``, or to less where the leg is too short for it.
+        """Return the ramp to ``cruise``, or to a lower speed if the leg is too short for it.
 
         Raises:
             ScenarioError: the leg is too short to brake from ``start`` to ``end``.
@@ -205,7 +205,7 @@ class Leg:
         distance: metres along the path, negative backwards; 0 for a turn on the spot or a wait.
         angle: radians turned to the left; with a distance the leg is an arc.
         speed: m/s >= 0 of a travelling leg. rate: rad/s > 0 of a turn on the spot.
-        seconds: of a leg that waits.
+        seconds: duration of a waiting leg.
     """
 
     distance: float = 0.0
@@ -251,8 +251,8 @@ class Course:
     """Legs driven one after the other, with constant-acceleration ramps between speeds.
 
     Args:
-        after: what follows the last leg: ``stay``, ``repeat`` the course from where it ended, or go
-            ``back``, the whole motion in reverse, to and fro.
+        after: what follows the last leg: ``stay``, ``repeat`` the course from where it ended, or
+            ``back``, the whole motion in reverse and so on, to and fro.
         acceleration: m/s^2. angular_acceleration: rad/s^2.
 
     Raises:
@@ -297,9 +297,9 @@ class Course:
         self._begins = [t.begins for t in self._timed]
 
     def _speed_between(self, legs: Sequence[Leg], before: int, after: int) -> float:
-        """Return the speed at the joint of two legs, 0 unless both travel in one direction.
+        """Return the speed at the joint of two legs, 0 unless both travel in the same direction.
 
-        A slower leg is entered at the speed of the faster one and brakes in its beginning.
+        It is the first leg's speed; a slower second leg brakes at its beginning.
         """
         if self._after == "repeat":
             before, after = before % len(legs), after % len(legs)
@@ -335,7 +335,7 @@ class Course:
         return self._repeated(int(cycles), self._once(rest))
 
     def _repeated(self, cycles: int, state: PlanarState) -> PlanarState:
-        """Return ``state`` of the first cycle as it lies after ``cycles`` whole ones."""
+        """Return a ``state`` of the first cycle moved on by ``cycles`` whole cycles."""
         start, end = self._timed[0].start, self._once(self.period)
         turn = end.heading - start.heading
         whole = math.remainder(turn, 2 * math.pi)
@@ -343,7 +343,7 @@ class Course:
         if closed and abs(whole) < _CLOSED_M:
             return state
         for _ in range(cycles):
-            # Carry the state by the motion that takes the course's start to its end.
+            # Apply to the state the transform that takes the course's start to its end.
             c, s = math.cos(turn), math.sin(turn)
             dx, dy = state.x - start.x, state.y - start.y
             state = PlanarState(

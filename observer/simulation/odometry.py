@@ -9,10 +9,10 @@ import numpy as np
 from observer.simulation.world import World
 from observer.types import Odometry
 
-# Standard deviations, drawn once a run: of the wheels' size and of the track.
+# Standard deviations of relative errors drawn once per run: wheel size and track width.
 _SCALE_SIGMA = 0.01
 _TURN_SIGMA = 0.01
-# Noise of every frame: encoders in metres and radians, and slip in radians per metre.
+# Standard deviations per frame: encoders in metres and radians, slip in radians per metre.
 _WAY_SIGMA_M = 0.0003
 _YAW_SIGMA = 0.0003
 _SLIP_RADPM = 0.01
@@ -21,8 +21,8 @@ _SLIP_RADPM = 0.01
 class SimulatedOdometry:
     """Odometry of one run, from its first frame on; equal seeds give equal numbers.
 
-    Distances are scaled by a factor that the run keeps, as by a worn tyre; the yaw drifts by a
-    share of every turn and by slip.
+    Distances are scaled by a factor that is constant over the run, as with a worn tyre; the yaw
+    drifts in proportion to every turn and by slip.
     """
 
     def __init__(self, world: World) -> None:
@@ -34,7 +34,7 @@ class SimulatedOdometry:
         self._x = self._y = self._yaw = 0.0
 
     def read(self, time: float) -> Odometry:
-        """Return the odometry at ``time``, seconds, which must not go back."""
+        """Return the odometry at ``time``, seconds, which must not decrease."""
         if self._time is not None and time > self._time:
             self._drive(self._time, time)
         self._time = time

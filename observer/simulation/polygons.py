@@ -1,7 +1,7 @@
 """Convex polygons in front of a camera: clipping by depth, coverage of pixels.
 
-A polygon is a list of corners ``[x, y, z, grow]`` in the camera frame, metres; ``grow`` belongs to
-the edge from this corner to the next one: pixels by which the polygon is drawn beyond that edge,
+A polygon is a list of corners ``[x, y, z, grow]`` in the camera frame, metres. ``grow`` belongs to
+the edge from this corner to the next one: the polygon is drawn this many pixels beyond that edge,
 because its neighbour there is drawn later and on top.
 """
 
@@ -19,12 +19,12 @@ ImageCorner = Sequence[float]
 Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.floating[Any]]
 
-# Up to this many values it is faster to compute the distances to all edges at once.
+# Up to this many values, computing the distances to all edges at once is faster.
 _AT_ONCE = 12000
 
 
 def clip_depth(polygon: list[Corner], depth: float, keep_far: bool, grow: float) -> list[Corner]:
-    """Return the part with z >= depth (``keep_far``) or z <= depth; ``grow`` is of the cut edge.
+    """Return the part with z >= depth (``keep_far``) or z <= depth; the cut edge gets ``grow``.
 
     Sutherland and Hodgman, "Reentrant polygon clipping", 1974, for one plane.
     """
@@ -46,14 +46,14 @@ def clip_depth(polygon: list[Corner], depth: float, keep_far: bool, grow: float)
 def coverage(
     corners: list[ImageCorner], u0: int, v0: int, width: int, height: int
 ) -> Float32Array | None:
-    """Return the share of each pixel of a window that a convex polygon covers; None for all of it.
+    """Return the share of each pixel in a window that a convex polygon covers; None if it is all.
 
     Args:
         corners: pixels, either orientation.
         u0, v0: the window's first pixel. width, height: its size.
 
-    The share is taken from the signed distance of the pixel's centre to the nearest edge, which
-    is exact along straight edges of either axis and within a few per cent elsewhere.
+    The share is computed from the signed distance of the pixel's centre to the nearest edge, which
+    is exact for axis-parallel edges and within a few per cent otherwise.
     """
     edges = _edges(corners, u0, v0, width - 1, height - 1)
     if not edges:
@@ -74,7 +74,7 @@ def coverage(
 def _edges(
     corners: list[ImageCorner], u0: int, v0: int, last_u: int, last_v: int
 ) -> list[tuple[float, float, float]]:
-    """Return (nu, nv, c) of every edge that matters in the window: coverage nu u + nv v + c."""
+    """Return (nu, nv, c) of every edge that limits coverage, nu u + nv v + c, in the window."""
     n = len(corners)
     area = 0.0
     au, av = corners[n - 1][0], corners[n - 1][1]

@@ -1,4 +1,4 @@
-"""Reflections in a glossy floor: the world as a camera mirrored below the floor sees it."""
+"""Reflections in a glossy floor: the world seen by a camera mirrored below the floor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.geometry import Float64Array, Pose
 from observer.simulation.batches import View, Window
 from observer.simulation.polygons import Float32Array
 
-# Reflectance at right angles of a polished floor, whose refractive index is about 1.5.
+# Reflectance of a polished floor at normal incidence, refractive index about 1.5.
 _R0 = 0.04
 _UPSIDE_DOWN = np.diag([1.0, -1.0, 1.0])
 _MIRROR = np.diag([1.0, 1.0, -1.0])
@@ -19,11 +19,11 @@ _MIRROR = np.diag([1.0, 1.0, -1.0])
 def mirrored(view: View, T_room_camera: Pose, rows: tuple[int, int]) -> tuple[View, Pose]:
     """Return view and pose of the camera's mirror image below the floor.
 
-    A mirrored camera would be left-handed; turned upside down it is one like any other, and row
-    v of the camera's image is its row height - 1 - v.
+    A mirrored camera would be left-handed; flipped upside down it is an ordinary one, whose row
+    height - 1 - v is row v of the camera's image.
 
     Args:
-        rows: of the camera's image that are wanted.
+        rows: of the camera's image that are needed.
     """
     first, last = rows
     upside_down = replace(

@@ -1,8 +1,8 @@
 """Renders the world: selects facets, their order and their brightness.
 
-The room is convex and seen from inside, so none of it hides another part of it; bodies are drawn
-from far to near, and ``drawing`` decides between them by depth. A board that is held before the
-cameras comes last; if the camera stands and nothing else moves, the rest is drawn once.
+The room is convex and seen from inside, so no part of it hides another. Bodies are drawn from far
+to near, and ``drawing`` resolves occlusion by depth. A board held before the cameras is drawn last;
+if the camera stands still and nothing else moves, the rest is drawn only once.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from observer.simulation.world import Body, World
 
 
 class Renderer:
-    """Renderer of one world, whose textures it keeps."""
+    """Renderer of one world; it caches the world's textures."""
 
     def __init__(self, world: World) -> None:
         room: list[Part] = [world.room, *(Part((poster,)) for poster in world.posters)]
@@ -45,7 +45,7 @@ class Renderer:
             standing += [moved(part, T_room_body) for part in body.parts]
             if body.shadow is not None:
                 shadows.append(moved(Part((body.shadow,)), T_room_body))
-        # All that stands is one batch in the room's frame; each moving body is another.
+        # All static parts form one batch in the room's frame; each moving body has its own.
         self._standing = _Thing(lambda _: Pose.identity(), room, shadows, standing)
         self._moving = tuple(_moving_thing(body) for body in moving)
         # The last of the room's facets is its floor.
@@ -54,17 +54,17 @@ class Renderer:
         self._board: _Thing | None = None
         if world.board is not None:
             self._board = _Thing(world.T_room_board, (), (), (world.board.part,))
-        # Otherwise no two images share a background, and keeping it would only cost.
+        # Otherwise no two images share a background, and caching it would only cost time.
         self._keeps = self._board is not None and world.camera_stands and not moving
-        # Of the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m.
+        # What is behind the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m.
         self._backgrounds: dict[tuple[View, bytes], tuple[Image, Float32Array]] = {}
         self._textures: dict[int, Texture] = {}
         self._painted: dict[tuple[Material, tuple[float, float]], Texture] = {}
 
     def draw(self, view: View, T_room_camera: Pose, time: float, image: Image) -> None:
-        """Draw the view's rows at ``time`` into ``image`` (H, W, 3) BGR; all of them are covered.
+        """Draw the view's rows at ``time`` into ``image`` (H, W, 3) BGR; every pixel is written.
 
-        Pixels of moving bodies are where the bodies are at ``time``.
+        Moving bodies are drawn where they are at ``time``.
         """
         if self._board is None:
             self._draw_lab(Drawing(self.texture, view, image), view, T_room_camera, time)
@@ -75,7 +75,7 @@ class Renderer:
             drawing.facet(facet, one, gain, hides=True)
 
     def _background(self, view: View, T_room_camera: Pose, time: float, image: Image) -> Drawing:
-        """Return the drawing of all but the board, reused if it is unchanged."""
+        """Return the drawing of everything but the board, from the cache if unchanged."""
         rows = slice(*view.rows)
         key = (view, T_room_camera.matrix.tobytes())
         if key in self._backgrounds:
@@ -110,7 +110,7 @@ class Renderer:
     def _reflect(
         self, floor: SeenFacet, drawing: Drawing, T_room_camera: Pose, time: float
     ) -> None:
-        """Draw what the floor reflects; a board that is held before the cameras it does not."""
+        """Draw what the floor reflects; a board held before the cameras is not reflected."""
         covered = drawing.cover(floor)
         if covered is None:
             return
@@ -118,14 +118,14 @@ class Renderer:
         u0, v0, u1, v1 = window
         view, T_room_mirror = mirrored(drawing.view, T_room_camera, (v0, v1))
         image = np.ascontiguousarray(drawing.image[::-1])
-        # From below the floor is not seen, so that nothing is mirrored twice.
+        # The floor is invisible from below, so nothing is mirrored twice.
         self._draw_lab(Drawing(self.texture, view, image), view, T_room_mirror, time)
         share *= reflectance(drawing.view, window, T_room_camera.rotation, self._gloss)
         drawing.reflect(window, image[::-1][v0:v1, u0:u1], share)
 
     def texture(self, facet: Facet) -> Texture:
         """Return the texture of a facet, painted at its first use."""
-        # Facets live as long as the world, so their identity is a key.
+        # Facets live as long as the world, so their id is a safe key.
         found = self._textures.get(id(facet))
         if found is None:
             found = self._textures[id(facet)] = self._paint(facet.material, facet.extent)
@@ -173,12 +173,12 @@ class _SeenThing:
         R, eye = T_room_camera.rotation.T, T_room_camera.translation
         T_room_thing = thing.T_room(time)
         self.thing = thing
-        # Turns the thing's normals into the room's axes.
+        # Rotates the thing's normals to the room's axes.
         self._R_room = T_room_thing.rotation
-        # In the thing's frame.
+        # The camera centre in the thing's frame.
         self._eye = self._R_room.T @ (eye - T_room_thing.translation)
         R, t = R @ self._R_room, R @ (T_room_thing.translation - eye)
-        # The facets of a thing beside the view are not computed at all.
+        # Facets of a thing outside the view are not computed at all.
         self.may_be_in_view = not thing.batch.outside(R, t, view)
         self._seen: list[SeenFacet | None] = []
         if self.may_be_in_view:
@@ -191,7 +191,7 @@ class _SeenThing:
             yield float(to_eye @ to_eye), k
 
     def draw(self, part: int, drawing: Drawing) -> None:
-        """Draw one solid part in front of what is farther."""
+        """Draw one solid part over everything farther away."""
         for facet, seen, gain in self.facets(range(part, part + 1)):
             drawing.facet(facet, seen, gain, hides=True)
         drawing.hide_behind()

@@ -3,7 +3,7 @@
 A scenario is a YAML file; the built-in ones lie in the folder ``scenarios`` beside this file, and
 their keys are the fields of the classes in ``specs``. Positions are in the room frame: x forward,
 y left, z up, metres, the origin on the floor where the observer starts. Seed 0 is the scenario as
-it is written; any other seed draws textures, layout and motion anew within ``variation``.
+it is written; any other seed redraws textures, layout and motion within ``variation``.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class VariationSpec(Spec):
     Attributes:
         position_m, heading_deg: of every start and every object.
         speed: relative, of each vehicle and person.
-        stature_m: of each person's height. build: of each person's girth, relative. The clothes
-            that a scenario leaves open are drawn too.
+        stature_m: of each person's height. build: of each person's girth, relative. Clothes that
+            the scenario leaves open are drawn too.
         board_shift: of the board's poses, as a share of their depth.
         board_turn_deg: of the board's poses, about each axis.
     """
@@ -54,17 +54,17 @@ class Scenario(Spec):
     """A simulated world and its motions.
 
     Attributes:
-        name: the file's name without its ending.
-        declares: ``ideal`` where the method must be right, ``faulty`` where the cameras or
-            their calibration are worse than a stereo method may assume; whether robots or people
-            move is another matter, which the truth tells.
-        scored_for: ``everything``, or ``detection`` where the fault biases depth as such, so that
-            errors of position and speed are no figures of the method: then only its status,
+        name: the file's name without its extension.
+        declares: ``ideal`` if the method must be right, ``faulty`` if the cameras or their
+            calibration are worse than a stereo method may assume. It says nothing about whether
+            robots or people move; the ground truth does.
+        scored_for: ``everything``, or ``detection`` if the fault biases depth itself, so that
+            position and speed errors say nothing about the method: then only its status,
             detection and coverage count.
-        benchmark: whether ``benchmark`` counts it; the lab is for showing.
-        hands_out_calibration: whether the source brings a calibration, as a camera that was just
+        benchmark: whether ``benchmark`` includes it; the lab is only a demonstration.
+        hands_out_calibration: whether the source provides a calibration; a camera that was just
             plugged in does not.
-        board: that a person holds before the cameras; it is no obstacle and not scored.
+        board: held by a person before the cameras; not an obstacle and not scored.
     """
 
     name: str = Field(min_length=1)
@@ -126,7 +126,7 @@ def load_scenario(name: str) -> Scenario:
     except InputError as error:
         raise ScenarioError(str(error)) from None
     except (OSError, ValueError) as error:
-        # Of a path that is too long, or that holds a NUL character.
+        # The path is too long or contains a NUL character.
         why = getattr(error, "strerror", None) or error
         raise ScenarioError(f"the scenario file {name[:80]} cannot be read: {why}") from None
     return scenario_from_text(text, path.stem)
@@ -146,14 +146,14 @@ def scenario_from_text(text: str, name: str) -> Scenario:
 
 def _mapping(text: str, name: str, depth: int) -> dict[str, Any]:
     try:
-        # Refuses what could grow beyond its text, before anything is built of it.
+        # Refuses YAML that would expand far beyond its text (aliases) before building anything.
         parse_text(text, name=f"scenario {name}", what="a scenario", form=_FORM)
-        # Comments alone are nothing.
+        # A file of comments alone loads as None.
         data = yaml.safe_load(text) or {}
     except InputError as error:
         raise ScenarioError(str(error)) from None
     except (yaml.YAMLError, ValueError):
-        # Of dates that no calendar has, of numbers of thousands of digits, of tags.
+        # Raised for impossible dates, numbers of thousands of digits, and unknown tags.
         raise ScenarioError(
             f"scenario {name} contains a value that is not a plain number, text, true or false"
         ) from None
@@ -171,7 +171,7 @@ def _mapping(text: str, name: str, depth: int) -> dict[str, Any]:
 
 @functools.cache
 def _base(name: str, depth: int) -> dict[str, Any]:
-    """Return the keys of a built-in file, read once for all that are based on it."""
+    """Return the keys of a built-in file; cached for all scenarios that are based on it."""
     source = _folder().joinpath(f"{name}.yaml")
     return _mapping(source.read_text(encoding="utf-8"), name, depth)
 
@@ -189,7 +189,7 @@ def _merged(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 
 
 def _built_in() -> set[str]:
-    """Return the names of the built-in files, those that others are based on alone included."""
+    """Return the names of the built-in files, including those that only serve as a base."""
     files = (entry.name for entry in _folder().iterdir())
     return {file.removesuffix(".yaml") for file in files if file.endswith(".yaml")}
 

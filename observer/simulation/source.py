@@ -13,16 +13,16 @@ from observer.simulation.world import World
 from observer.sources.contract import SourceInfo
 from observer.types import Image, StereoFrame
 
-# By then whatever moves has come into view in every built-in scenario.
+# Seconds: by then everything that moves is in view in every built-in scenario.
 _STILL_S = 2.0
 
 
 class DrivenVehicles(Protocol):
-    """Vehicles of a world that are driven, by its frames' clock."""
+    """Driven vehicles of a world, stepped by its frames' clock."""
 
     @property
     def goes_on(self) -> bool:
-        """True while somebody drives, so that the source does not end at its last frame."""
+        """True while a vehicle is driven, so that the source does not end at its last frame."""
         ...
 
     def advance(self, time: float) -> None:
@@ -48,7 +48,7 @@ class SimulatedSource:
         self._driven: DrivenVehicles | None = None
 
     def follow(self, driven: DrivenVehicles) -> None:
-        """Show driven vehicles from the next frame on; call ``World.move`` for them before."""
+        """Show driven vehicles from the next frame on; call ``World.move`` for them first."""
         self._driven = driven
         self._imager = StereoImager(self._world)
 
@@ -75,7 +75,7 @@ class SimulatedSource:
         return self._world.calibration if handed_out else None
 
     def read(self) -> StereoFrame | None:
-        """Return the next frame, or None after the last one unless somebody drives."""
+        """Return the next frame; None after the last one unless a vehicle is driven."""
         s = self._world.scenario
         if self._next >= s.frame_count and not (self._driven and self._driven.goes_on):
             return None
@@ -97,7 +97,7 @@ class SimulatedSource:
         )
 
     def skip(self, count: int) -> None:
-        """Pass over frames without drawing them."""
+        """Skip frames without drawing them."""
         rate = self._world.scenario.frame_rate
         for index in range(self._next, self._next + count):
             if self._driven is not None:
@@ -106,13 +106,13 @@ class SimulatedSource:
         self._next += count
 
     def still(self) -> Image:
-        """Render the left image (H, W, 3) that stands for the scenario; no frame is taken."""
+        """Render a left image (H, W, 3) that represents the scenario; consumes no frame."""
         s = self._world.scenario
         index = min(round(_STILL_S * s.frame_rate), s.frame_count - 1)
         return self._imager.pair(index, index / s.frame_rate)[0]
 
     def rewind(self) -> None:
-        """Begin again with the first frame."""
+        """Start again at the first frame."""
         self._odometry = SimulatedOdometry(self._world)
         self._next = 0
         if self._driven is not None:

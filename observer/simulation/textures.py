@@ -1,7 +1,7 @@
 """Textures and their pyramids, painted from a material when first drawn.
 
-A level is chosen so that one texture pixel falls on about one image pixel; half octaves keep the
-error of that choice below a factor of 1.2, so neither aliasing nor blur is visible.
+A level is chosen so that one texture pixel falls on about one image pixel. Levels are half an
+octave apart, which keeps the error within a factor of 1.2: neither aliasing nor blur is visible.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LEVELS_PER_OCTAVE = 2
 
 Painter = Callable[[Canvas], NDArray[np.uint8]]
 
-# Kind of material: its painter and default density, pixels per metre.
+# By kind of material: its painter and default density, pixels per metre.
 _PAINTERS: dict[str, tuple[Painter, float]] = {
     "floor_wood": (surfaces.wood, 230),
     "floor_tiles": (surfaces.tiles, 230),
@@ -91,13 +91,13 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A painted surface at all its levels, each shrunk from the finest at first use.
+    """A painted surface at all its levels, each made from the finest one at first use.
 
     Attributes:
-        finest: as it was painted.
+        finest: the level as painted.
         extent: metres (along, down).
         density: pixels per metre of the finest level.
-        samples: least number of samples along each axis of an image pixel; more than one where
+        samples: least number of samples along each axis of an image pixel; more than one if
             edges are to be measured.
     """
 
@@ -105,7 +105,7 @@ class Texture:
     extent: tuple[float, float]
     density: float
     samples: int = 1
-    # By level. Threads that make one at the same time make equal ones.
+    # Cache by level. It needs no lock: threads that make a level at once make equal ones.
     _made: dict[int, Level] = field(default_factory=dict, repr=False)
 
     def level(self, density: float) -> Level:
@@ -122,7 +122,7 @@ class Texture:
 
     @cached_property
     def _coarsest(self) -> int:
-        """Number of the last level of at least ``_SMALLEST_PX``."""
+        """Index of the last level of at least ``_SMALLEST_PX``."""
         k = 0
         while max(self._size(k + 1)) >= _SMALLEST_PX:
             k += 1

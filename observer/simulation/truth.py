@@ -15,7 +15,7 @@ from observer.simulation.visibility import VisiblePart, visible_parts
 from observer.simulation.world import Body, World
 from observer.truth.contract import TrueBody
 
-# Several readers ask for the same instant, none for one further back.
+# Several readers ask for the same recent instant; none asks for one further back than this.
 _REMEMBERED_INSTANTS = 32
 
 
@@ -28,7 +28,7 @@ class SimulatedTruth:
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return the observer first, then the obstacles, at ``time`` seconds."""
-        # A world whose robots are driven takes another course each time it begins again.
+        # The restart count is part of the key: driven robots move differently after a restart.
         return self._remembered(self._world.beginnings, time)
 
     def camera_pose(self, time: float) -> Pose:

@@ -31,7 +31,7 @@ _S = TypeVar("_S", bound=Spec)
 
 
 def build_motion(spec: VehicleSpec | StandingSpec) -> PlanarMotion:
-    """Build the motion of a vehicle, or of a thing that stands.
+    """Build the motion of a vehicle or of a standing object.
 
     Raises:
         ScenarioError: a leg is too short for its speed, or waypoints coincide.
@@ -65,7 +65,7 @@ def build_motion(spec: VehicleSpec | StandingSpec) -> PlanarMotion:
 
 
 def oscillation(spec: SineSpec, unit: float = 1.0) -> Oscillation:
-    """Build an oscillation; ``unit`` is that of the amplitude."""
+    """Build an oscillation; ``unit`` converts the amplitude."""
     return Oscillation(spec.amplitude * unit, spec.period_s, math.radians(spec.phase_deg))
 
 
@@ -81,7 +81,7 @@ def _leg(spec: LegSpec) -> Leg:
 
 
 def _legs_between(x: float, y: float, heading: float, spec: WaypointsSpec) -> list[Leg]:
-    """Build turns on the spot and straight legs; a repeated tour closes to its start pose."""
+    """Build turns on the spot and straight legs; a repeated tour returns to its start pose."""
     points = list(spec.points)
     if spec.after == "repeat":
         points.append((x, y))
@@ -106,7 +106,7 @@ def _legs_between(x: float, y: float, heading: float, spec: WaypointsSpec) -> li
 
 
 def varied(scenario: Scenario, seed: int) -> Scenario:
-    """Return the scenario as ``seed`` draws it; seed 0 leaves it as it is written."""
+    """Return the scenario varied by ``seed``; seed 0 leaves it as written."""
     if seed == 0:
         return scenario
     bounds = scenario.variation
@@ -126,7 +126,7 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
     for robot in scenario.robots:
         driven = _faster(robot, 1 + draw(bounds.speed))
         robots.append(driven.model_copy(update=moved(robot)))
-    # The observer keeps its place, which is the room frame's origin; its motion varies.
+    # The observer keeps its position, the room frame's origin; only its motion varies.
     observer = _faster(scenario.observer, 1 + draw(bounds.speed))
     designs = [item.design for item in scenario.objects if isinstance(item, PosterSpec)]
     rng.shuffle(designs)

@@ -1,6 +1,6 @@
-"""Exact ray casting: depth, body, and what a camera sees of each body.
+"""Exact ray casting: depth, body, and the visible part of each body.
 
-Independent of the renderer: every ray is intersected with every facet in closed form. On the
+It is independent of the renderer: every ray is intersected with every facet in closed form. On the
 plane n . p = d the inverse depth along the ray (x, y, 1) is n . (x, y, 1) / d.
 """
 
@@ -20,10 +20,10 @@ from observer.simulation.people.ellipsoids import Silhouette, silhouettes
 from observer.simulation.world import Body, World
 from observer.truth.contract import Box
 
-# Body numbers of the room with its posters, and of a board that is held before the cameras.
+# Body ids of the room with its posters, and of a board held before the cameras.
 ROOM = -1
 BOARD = -2
-# Rays across a body, along each axis, by which its visible part is measured.
+# Rays across a body along each axis, used to measure its visible part.
 _PART_RAYS = 48
 _NEAR_M = 0.05
 
@@ -33,7 +33,7 @@ class Hits:
     """First intersections of rays.
 
     Attributes:
-        inverse_depth: (...) float64, 1/m along the camera's z; 0 where nothing is met.
+        inverse_depth: (...) float64, 1/m along the camera's z; 0 where nothing is hit.
         body: (...) int, ``Body.id``; ROOM for the room, BOARD for a board.
     """
 
@@ -43,11 +43,11 @@ class Hits:
 
 @dataclass(frozen=True, eq=False)
 class VisiblePart:
-    """What the left camera sees of a body, other bodies being in its way.
+    """What the left camera sees of a body past other bodies that occlude it.
 
     Attributes:
-        share: of its silhouette that is within the left image as delivered, 0 to 1.
-        box_px: around what is within the rectified left image; None where nothing is.
+        share: of its silhouette that is visible in the left image as delivered, 0 to 1.
+        box_px: around what is visible in the rectified left image; None if nothing is.
     """
 
     share: float
@@ -58,7 +58,7 @@ _NOTHING = VisiblePart(0.0, None)
 
 
 def cast(world: World, T_camera_room: Pose, rays: Float64Array, time: float) -> Hits:
-    """Cast rays (..., 2), given by their points on z = 1, from a camera."""
+    """Cast rays (..., 2) from a camera, given by their points on z = 1."""
     room = (world.room, *(Part((poster,)) for poster in world.posters))
     found = [(ROOM, _nearest_inverse_depth(room, T_camera_room, rays))]
     for thing in world.bodies:
@@ -77,12 +77,12 @@ def cast(world: World, T_camera_room: Pose, rays: Float64Array, time: float) -> 
 def _intersections(
     part: Part, T_camera_part: Pose, rays: Float64Array
 ) -> Iterator[tuple[NDArray[np.bool_], Float64Array]]:
-    """Yield for each facet that faces the camera a mask of the rays that meet it, and 1/depth."""
+    """Yield, for each facet that faces the camera, the mask of rays that hit it and 1/depth."""
     for facet in _facing(part, T_camera_part):
         points = T_camera_part.apply(facet.vertices)
         normal = T_camera_part.rotate(facet.normal)
         plane = normal / (normal @ points[0])
-        # Planes through the eye and each edge; the inside is where the facet's middle is.
+        # Planes through the eye and each edge, oriented so that the facet's middle is inside.
         edges = np.cross(points, np.roll(points, -1, axis=0))
         edges *= np.sign(edges @ points.mean(axis=0))[:, None]
         depth = _along(rays, plane)
@@ -93,7 +93,7 @@ def _intersections(
 
 
 def _facing(part: Part, T_camera_part: Pose) -> list[Facet]:
-    """Return the facets of which the camera sees the front."""
+    """Return the facets whose front faces the camera."""
     towards = part.facing(T_camera_part.inverse().translation)
     return [part.facets[index] for index in np.flatnonzero(towards > 1e-9)]
 
@@ -107,7 +107,7 @@ def _along(rays: Float64Array, vector: Float64Array) -> Float64Array:
 def project(world: World, points: Float64Array) -> Float64Array:
     """Project points (..., 3) in the left frame to pixels (..., 2) of the left image as delivered.
 
-    Points that are not in front of the camera give NaN.
+    Points that are not in front of the camera become NaN.
     """
     c = world.true_calibration
     front = points[..., 2] > 1e-6
@@ -136,9 +136,9 @@ def visible_parts(world: World, time: float) -> dict[int, VisiblePart]:
 def _visible_part(
     world: World, T_camera_room: Pose, time: float, body: _SeenBody, others: Iterable[_SeenBody]
 ) -> VisiblePart:
-    """Cast rays at a body and at what may be in front of it, in the ``camera`` frame."""
+    """Cast rays at a body and at what may occlude it, in the ``camera`` frame."""
     window = body.window()
-    # Of a body that reaches in front of the camera with an edge only, nothing is seen.
+    # An empty window: at most an edge of the body is in front of the camera.
     if window is None or not (window[1] > window[0]).all():
         return _NOTHING
     x, y = _axes(world, *window)
@@ -162,7 +162,7 @@ def _visible_part(
 
 
 def _delivered(world: World, rays: Float64Array) -> NDArray[np.bool_]:
-    """Mask of the rays (..., 2) of the ``camera`` frame that meet the left image as delivered."""
+    """Mask of the rays (..., 2), ``camera`` frame, that fall in the left image as delivered."""
     directions = np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1)
     uv = project(world, directions @ world.R_camera_left)
     c = world.true_calibration
@@ -172,7 +172,7 @@ def _delivered(world: World, rays: Float64Array) -> NDArray[np.bool_]:
 def _box(
     world: World, x: _Axis, y: _Axis, covered: NDArray[np.bool_], seen: NDArray[np.bool_]
 ) -> Box | None:
-    """Return the box around the seen ones of the cells (rows, columns) that a body covers."""
+    """Return the box around the visible cells among those (rows, columns) that a body covers."""
     if not seen.any():
         return None
     x0, x1 = x.extent(np.nonzero(covered)[1], np.nonzero(seen)[1])
@@ -188,7 +188,7 @@ class _Axis:
     """Cells along one axis of a body's window on z = 1.
 
     Attributes:
-        edges: (N + 1,) and middles: (N,), ascending. shares: (N,) of the widest cell's width.
+        edges: (N + 1,) and middles: (N,), ascending. shares: (N,) widths over the widest one.
         inside: (N,) True within the rectified image.
     """
 
@@ -199,10 +199,10 @@ class _Axis:
 
     @staticmethod
     def across(low: float, high: float, first: float, last: float) -> _Axis:
-        """Divide a window into cells; what lies within the image, ``first`` to ``last``, is finer.
+        """Divide a window into cells, finer within the image, ``first`` to ``last``.
 
-        No cell lies across the border of the image, on which an empty one lies: there a slanting
-        limb leaves the image farther out than half a cell before it.
+        No cell straddles the image border. Instead a cell of zero width lies on it, because a
+        slanting limb reaches farther out at the border than half a cell inside it.
         """
         borders = [border for border in (first, last) if low < border < high]
         edges, inside = [np.array([low])], []
@@ -219,10 +219,10 @@ class _Axis:
         return _Axis(edge, middles, width / width.max(), np.concatenate(inside))
 
     def extent(self, covered: NDArray[np.intp], seen: NDArray[np.intp]) -> tuple[float, float]:
-        """Return where a body begins and ends, by the numbers of covered and of seen cells.
+        """Return where a body begins and ends, given the indices of covered and visible cells.
 
-        Where a body is seen to its end it reaches to the end of the window, which fits tightly;
-        its tips may lie between the rays.
+        If the body's outermost cell is visible, it extends to the end of the window, which fits
+        tightly, since its tip may lie between two rays.
         """
         begin, end = seen.min(), seen.max() + 1
         if begin == covered.min():
@@ -258,7 +258,7 @@ class _SeenBody:
         return _SeenBody(body.parts, T_camera_body, tuple(o for o in outlines if o is not None))
 
     def window(self) -> tuple[Float64Array, Float64Array] | None:
-        """Return least and largest x, y (2,) on z = 1; None if nothing faces the camera."""
+        """Return smallest and largest x, y (2,) on z = 1; None if nothing faces the camera."""
         corners = [np.reshape(outline.bounds, (2, 2)) for outline in self.outlines]
         facets = [facet for part in self.parts for facet in _facing(part, self.T_camera_body)]
         if facets:
@@ -267,17 +267,17 @@ class _SeenBody:
                 corners.append(points[:, :2] / np.maximum(points[:, 2:], _NEAR_M))
         if not corners:
             return None
-        # Points beside or behind the camera project far outside; a bound keeps the window finite.
+        # Points beside or behind the camera project far outside; clip to keep the window finite.
         xy = np.clip(np.concatenate(corners), -20, 20)
         return xy.min(axis=0), xy.max(axis=0)
 
     def inverse_depth(
         self, rays: Float64Array, window: tuple[Float64Array, Float64Array] | None = None
     ) -> Float64Array:
-        """Return (...) 1/m where rays first meet the body; 0 where they do not.
+        """Return (...) 1/m where rays first hit the body; 0 where they miss it.
 
         Args:
-            window: (2,) least and (2,) largest of the rays; what lies beside it is not computed.
+            window: (2,) smallest and (2,) largest of the rays; parts outside it are skipped.
         """
         parts, outlines = self.parts, self.outlines
         if window is not None:
@@ -293,7 +293,7 @@ class _SeenBody:
 def _board_inverse_depth(
     world: World, T_camera_room: Pose, rays: Float64Array, time: float
 ) -> Float64Array:
-    """Return (...) 1/m where rays meet the board that is held before the cameras; 0 beside it."""
+    """Return (...) 1/m where rays hit the board held before the cameras; 0 beside it."""
     assert world.board is not None
     T_camera_board = T_camera_room @ world.T_room_board(time)
     return _nearest_inverse_depth((world.board.part,), T_camera_board, rays)
@@ -302,7 +302,7 @@ def _board_inverse_depth(
 def _nearest_inverse_depth(
     parts: Iterable[Part], T_camera_parts: Pose, rays: Float64Array
 ) -> Float64Array:
-    """Return (...) 1/m of the first intersections with parts that share one frame; 0 without."""
+    """Return (...) 1/m of the first intersections with parts that share a frame; 0 if none."""
     nearest = np.zeros(rays.shape[:-1])
     for part in parts:
         for hit, depth in _intersections(part, T_camera_parts, rays):
@@ -311,7 +311,7 @@ def _nearest_inverse_depth(
 
 
 def _apart(part: Part, T_camera_part: Pose, low: Float64Array, high: Float64Array) -> bool:
-    """True if a part's bounding sphere surely lies outside a window on z = 1."""
+    """True if a part's bounding sphere certainly lies outside a window on z = 1."""
     centre, reach = part.sphere
     x, y, z = T_camera_part.apply(centre)
     if z + reach <= 0:

@@ -3,11 +3,11 @@
 Frames
     room: x forward, y left, z up, metres; the origin on the floor where the observer starts.
     body: x along the heading, y left, z up; the origin on the floor below the body's centre.
-    left, right: a camera's optical frame as it is mounted (x right, y down, z forward).
-    camera: the *rectified* left camera, by the calibration that the world hands out, or by the
-        true one where it hands out none. It has the left camera's origin and is turned by
-        ``stereoRectify``'s R1; without lens and tilt it is the left camera itself. A method can
-        only know this frame, so truth is given in it even if that calibration is wrong.
+    left, right: a camera's optical frame as mounted (x right, y down, z forward).
+    camera: the *rectified* left camera, according to the calibration that the world hands out, or
+        to the true one if it hands out none. It has the left camera's origin and is rotated by
+        ``stereoRectify``'s R1; without distortion and tilt it is the left camera itself. A method
+        can only know this frame, so truth is given in it even if that calibration is wrong.
     world: the camera frame at time 0.
 """
 
@@ -45,7 +45,7 @@ from observer.simulation.variation import build_motion, oscillation, varied
 
 # From a vehicle's axes (x forward, y left, z up) to a camera's (x right, y down, z forward).
 _R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-# Least distance of a vehicle's centre from a wall, metres; nearer ones are refused.
+# Metres: least distance of a vehicle's centre from a wall; nearer ones are refused.
 _WALL_MARGIN_M = 0.15
 
 
@@ -56,8 +56,8 @@ class Body:
     Attributes:
         id: 0 for the observer, then counted. role: ``observer``, ``obstacle`` or ``scenery``.
         size: length, width, height, metres. bottom: height of its underside, metres.
-        parts: convex solids in the body's frame; none for the observer, who never sees itself.
-        shadow: drawn on the floor below it, or None. person: whose body it is, or None.
+        parts: convex solids in the body's frame; none for the observer, which never sees itself.
+        shadow: drawn on the floor below it, or None. person: the person it is, or None.
     """
 
     id: int
@@ -92,10 +92,10 @@ class World:
 
     Args:
         seed: 0 is the scenario as written; other seeds vary textures, layout and motion.
-        walks: motions of the people, in place of the scenario's own and in its order.
+        walks: motions of the people, replacing the scenario's, in its order.
 
     Attributes:
-        beginnings: counted up whenever it begins anew and may take another course, as when its
+        beginnings: number of restarts; after each the world may run differently, as when its
             robots are driven.
 
     Raises:
@@ -168,9 +168,9 @@ class World:
         return f"simulated:{self.scenario.name}{suffix}"
 
     def move(self, motions: Mapping[int, PlanarMotion]) -> None:
-        """Replace the motions of bodies, by their ids; at time 0 they must agree.
+        """Replace the motions of bodies, by id; they must agree with the old ones at time 0.
 
-        Renderers of this world have to be made anew, for they may keep what stands.
+        Renderers of this world must be rebuilt, since they may have cached a body as static.
         """
         self.observer = _moving_as(self.observer, motions)
         self.bodies = tuple(_moving_as(body, motions) for body in self.bodies)
@@ -188,7 +188,7 @@ class World:
 
     @cached_property
     def calibration(self) -> StereoCalibration:
-        """Calibration of the ``camera`` frame: the truth, unless the scenario miscalibrates.
+        """Calibration of the ``camera`` frame: the true one, unless the scenario falsifies it.
 
         It is handed out with the images, unless the scenario hands out none.
         """
@@ -221,7 +221,7 @@ class World:
     def K_camera(self) -> Float64Array:
         """Matrix (3, 3) from true directions in the ``camera`` frame to rectified left pixels."""
         K = self._rectification[1].copy()
-        # A wrong focal length puts what is seen elsewhere in the image that is made by it.
+        # A wrong focal length shifts points in the image that is rectified with it.
         K[[0, 1], [0, 1]] *= self.true_calibration.K1[0, 0] / self.calibration.K1[0, 0]
         return K
 
@@ -256,14 +256,14 @@ class World:
     # ------------------------------------------------------------------ board
 
     def T_room_board(self, time: float) -> Pose:
-        """Return the pose of the board that is held before the cameras.
+        """Return the pose of the board held before the cameras.
 
         Raises:
             ScenarioError: the scenario has none.
         """
         if self.board is None:
             raise ScenarioError(f"nobody is holding a board in the scenario {self.scenario.name}")
-        # A person stands in the room and does not move with the cameras.
+        # The person holding it stands in the room and does not move with the cameras.
         return self.T_room_left(0.0) @ self.board.motion.pose(time)
 
     def board_pose(self, time: float) -> Pose:
@@ -287,7 +287,7 @@ class World:
         return self.T_world_room @ self.T_room_left(time) @ T_left_camera
 
     def brightness(self, time: float) -> float:
-        """Return the brightness of both cameras' images, 1 without flicker and settled."""
+        """Return both images' brightness: 1 without flicker and with settled exposure."""
         f, settling = self.scenario.faults.flicker, self.scenario.faults.settling
         since = time - max((s for s in settling.again_s if s <= time), default=0.0)
         exposure = 1 + (settling.gain - 1) * math.exp(-since / settling.time_s)

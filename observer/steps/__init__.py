@@ -1,6 +1,6 @@
-"""The paper's method step by step, on one frozen pair of frames: to look at, to teach, to print.
+"""The paper's method step by step on one frozen pair of frames, for study, teaching and print.
 
-``observe_pair`` observes a pair, ``nine_steps`` tells what each step found; ``pictures`` draws it
+``observe_pair`` observes a pair, ``nine_steps`` returns what each step found; ``pictures`` draws it
 and ``tables`` gives its data::
 
     from observer.opening import open_source

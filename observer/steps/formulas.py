@@ -1,6 +1,6 @@
 """Formulas, declared once: as MathML for a page, and as a line of text for a figure.
 
-A formula is a string or a ``Math`` of strings and further ``Math``. A string is taken apart into
+A formula is a string or a ``Math`` of strings and further ``Math``. A string is tokenized into
 names, numbers and signs, as in ``"x + 1"``; a name of several letters stays one name.
 """
 
@@ -16,12 +16,12 @@ _Kind = Literal["row", "sub", "sup", "frac", "root", "under", "matrix", "size", 
 Formula = Union[str, "Math"]
 
 _TOKEN = re.compile(r"[0-9]+(?:\.[0-9]+)?|[^\W\d_]+′*|\S")
-# Spaces that part signs in a declaration, but not in a line of text.
+# Spaces that separate signs in a declaration, but are dropped in a line of text.
 _TIGHT_BEFORE = re.compile(r"(?<=\S) +([),])")
 _TIGHT_BEHIND = re.compile(r"(\() +")
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _PRIME = "′"
-# Of space between two formulas.
+# Space between two formulas.
 _GAP = "    "
 _ELEMENTS = {
     "row": "mrow",
@@ -40,8 +40,8 @@ class Math:
     """Part of a formula.
 
     Attributes:
-        kind: how the parts stand to each other. parts: of a matrix its elements, row by row.
-        columns: of a matrix.
+        kind: how the parts are arranged. parts: for a matrix its elements, row by row.
+        columns: number of columns of a matrix.
     """
 
     kind: _Kind
@@ -50,7 +50,7 @@ class Math:
 
 
 def row(*parts: Formula) -> Math:
-    """Parts beside each other."""
+    """Parts next to each other."""
     return Math("row", parts)
 
 
@@ -75,7 +75,7 @@ def root(*parts: Formula) -> Math:
 
 
 def under(base: Formula, below: Formula) -> Math:
-    """A sign with something below it, as a sum with what it runs over."""
+    """A sign with something below it, such as a sum with its index."""
     return Math("under", (base, below))
 
 
@@ -85,12 +85,12 @@ def matrix(rows: Sequence[Sequence[Formula]]) -> Math:
 
 
 def size(*parts: Formula) -> Math:
-    """The size of a number or a vector, between bars."""
+    """The magnitude of a number or a vector, between bars."""
     return Math("size", parts)
 
 
 def gap() -> Math:
-    """Space between two formulas in a row, which may also stand below each other."""
+    """Space between two formulas in a row; they may also be stacked."""
     return Math("gap", ())
 
 
@@ -108,7 +108,7 @@ def mathml(formula: Formula) -> tuple[str, ...]:
 
 
 def _apart(formula: Formula) -> Iterator[Formula]:
-    """Yield what stands between the gaps of a row."""
+    """Yield the formulas between the gaps of a row."""
     parts: list[Formula] = []
     for part in _beside(formula):
         if isinstance(part, Math) and part.kind == "gap":
@@ -120,7 +120,7 @@ def _apart(formula: Formula) -> Iterator[Formula]:
 
 
 def _beside(formula: Formula) -> Iterator[Formula]:
-    """Yield the parts of a row, and of rows in it."""
+    """Yield the parts of a row, and of rows nested in it."""
     if isinstance(formula, str) or formula.kind != "row":
         yield formula
         return
@@ -187,7 +187,7 @@ def _element(formula: Formula) -> str:
         return f"<{name}>{''.join(parts)}</{name}>"
     cells = [f"<mtd>{part}</mtd>" for part in parts]
     lines = [cells[k : k + formula.columns] for k in range(0, len(cells), formula.columns)]
-    # A page draws the brackets: without a font for formulas they would not grow.
+    # The page draws the brackets: without a math font they would not stretch.
     table = "".join(f"<mtr>{''.join(line)}</mtr>" for line in lines)
     return f"<mtable>{table}</mtable>"
 
@@ -198,7 +198,7 @@ def _token(token: str) -> str:
     if token[0].isalpha():
         name = token.rstrip(_PRIME)
         element = f"<mi>{escape(name)}</mi>"
-        # Raised by itself, in fonts for formulas and others.
+        # The prime character is raised by itself, in math fonts and others.
         prime = f'<mo lspace="0" rspace="0">{_PRIME}</mo>'
         return element if name == token else f"<mrow>{element}{prime}</mrow>"
     return f"<mo>{escape(token)}</mo>"

@@ -1,4 +1,4 @@
-"""Steps 4 to 6: what moves otherwise than the background, in the image."""
+"""Steps 4 to 6: what moves differently from the background, in the image."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ _LOW = str.maketrans("123", "₁₂₃")
 
 
 def _operations(decomposition: Mapping[str, Any]) -> list[Number]:
-    """Return what the matrix does, by the operations of the paper's table I."""
+    """Return the matrix as the operations of the paper's table I."""
     angle, shear = decomposition["rotation_rad"], decomposition["shear"]
     x, y = decomposition["scale"]
     return [
@@ -122,7 +122,7 @@ def warp_step(pair: ObservedPair) -> PaperStep:
 
 
 def differences(pair: ObservedPair) -> tuple[Float64Array, Float64Array, np.ndarray]:
-    """Return the image of t+dt minus that of t, as sizes, and where that is known.
+    """Return the absolute difference of the images of t+dt and t, and where it is known.
 
     Returns:
         before: (H, W) grey levels. after: (H, W) the same after image transformation. valid:

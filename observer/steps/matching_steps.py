@@ -1,4 +1,4 @@
-"""Steps 1 to 3: what is seen twice."""
+"""Steps 1 to 3: the images, their features, and the matches."""
 
 from __future__ import annotations
 

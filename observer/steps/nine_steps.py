@@ -1,6 +1,6 @@
 """The nine steps of the paper, each with its formula, its numbers and its parameters.
 
-They are counted as the modules of ``observer.methods.planar`` and ``observer.vision`` count them:
+They are numbered as in the modules of ``observer.methods.planar`` and ``observer.vision``:
 1 a rectified pair at t and at t+dt, 2 features, 3 matches, 4 the camera's own motion, 5 image
 transformation, 6 residual optical flow, 7 stereo, 8 displacement over dt, 9 obstacles.
 """

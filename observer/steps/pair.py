@@ -18,13 +18,14 @@ from observer.truth.contract import Truth
 from observer.truth.matching import TruthMatcher
 from observer.types import FullTrace, NoTrace, Observation, StereoFrame
 
-# Beyond those that a track needs to be confirmed: it may be missed in some.
+# Frames beyond those that a track needs to be confirmed: it may be missed in some.
 _SPARE_FRAMES = 2
-# Of a source without a recorded obstacle to choose by: by then something moves in every scenario.
+# Seconds: default frame of a source without recorded obstacles; by then something moves in every
+# scenario.
 _USUAL_S = 2.0
-# Of a source that can only be played, a frame further in takes too long.
+# Frames: reaching a later one takes too long in a source that can only be played from the start.
 _MOST_PLAYED = 3000
-# Of the images that are kept: more than are observed for a pair, unless they are very large.
+# Bytes of the cached images: more than are observed for a pair, unless they are very large.
 _MOST_BYTES = 96 << 20
 
 
@@ -33,7 +34,7 @@ class TrueSpeed:
     """True speed of a body that is in sight.
 
     Attributes:
-        name: for people. speed_mps: at the instant to which the obstacles' velocities belong.
+        name: shown to people. speed_mps: at the instant to which the obstacles' velocities belong.
         track_id: of the obstacle that it was matched with, or None.
     """
 
@@ -44,13 +45,13 @@ class TrueSpeed:
 
 @dataclass(frozen=True, eq=False)
 class ObservedPair:
-    """The images of t and t+dt with everything that the method made of them.
+    """The images of t and t+dt with everything that the method computed from them.
 
     Attributes:
-        frame: position in the source of the image of t+dt, from 0. first: of the first frame that
-            was observed for it, so that tracks are confirmed.
+        frame: position in the source of the image of t+dt, from 0. first: position of the first
+            frame that was observed for it, so that tracks are confirmed.
         trace: intermediate results (see ``observer.observer``).
-        observation: the result. parameters: that it was observed with. camera: the rectified pair.
+        observation: the result. parameters: those used. camera: the rectified pair.
         truth: the true bodies in sight; None without ground truth.
     """
 
@@ -69,10 +70,10 @@ class ObservedPair:
 
 
 class FrameReader:
-    """Frames of a source by their position; those read last are kept.
+    """Frames of a source by their position; the last ones used are cached.
 
     Args:
-        source: not live; nobody else reads it.
+        source: not live; nothing else may read from it.
     """
 
     def __init__(self, source: Source) -> None:
@@ -97,7 +98,7 @@ class FrameReader:
         return self._kept[position]
 
     def begins_segment(self, position: int) -> bool:
-        """Return whether the recorded run began anew with this frame, which was read before."""
+        """Return whether a segment of the recorded run began at this frame, already read."""
         return self._begins.get(position, False)
 
     def _read(self, position: int) -> None:
@@ -118,7 +119,7 @@ class FrameReader:
         """Refuse a position that the source is known not to have.
 
         Raises:
-            SourceError: it has none such.
+            SourceError: there is no such frame, or it takes too long to reach.
         """
         count = self.source.info.frame_count
         if position < 0 or (count is not None and position >= count):
@@ -157,7 +158,7 @@ def _bytes(item: StereoFrame | str) -> int:
 def frames_before(parameters: Parameters) -> int:
     """Return how many frames are observed before the wanted one.
 
-    As many as the pair is apart, as a track needs to be confirmed, and two to spare.
+    The sum of the pair's interval, the frames a track needs to be confirmed, and two spare ones.
     """
     return parameters.frames.interval + parameters.tracking.confirm_hits + _SPARE_FRAMES
 
@@ -165,7 +166,7 @@ def frames_before(parameters: Parameters) -> int:
 def usual_frame(source: Source) -> int:
     """Return the position of a frame that is worth looking at.
 
-    Of a recording the one with the most significant moving obstacle, the first of equals.
+    For a recording it is the one with the most significant moving obstacle, the first of equals.
     """
     info = source.info
     last = None if info.frame_count is None else info.frame_count - 1
@@ -195,7 +196,7 @@ def observe_pair(
     calibration: StereoCalibration | None = None,
     truth: Truth | None = None,
 ) -> ObservedPair:
-    """Observe the pair that ends with a frame, and the frames before it that tracks need.
+    """Observe the pair that ends with a frame, after the earlier frames that tracks need.
 
     Args:
         frame: position in the source, from 0.
@@ -250,9 +251,9 @@ def observe_pair(
 
 
 def _matcher(truth: Truth | None, time: float, first: int) -> TruthMatcher | None:
-    """Return what relates truth to the observation; None where nothing can.
+    """Return the matcher of ground truth and observation; None if they cannot be related.
 
-    Only the source's own beginning is common to both where the camera's true pose is not known.
+    If the camera's true pose is unknown, both share only the source's first frame.
     """
     if truth is None or (first > 0 and truth.camera_pose(time) is None):
         return None

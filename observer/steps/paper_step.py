@@ -1,4 +1,4 @@
-"""What a step of the paper consists of, and what several of them share."""
+"""Data of one step of the paper, and functions that several steps share."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from observer.steps.pair import ObservedPair
 
 @dataclass(frozen=True)
 class Number:
-    """A figure of a step.
+    """A numeric result of a step.
 
     Attributes:
-        name: for people. value: None where it is not known. digits: worth showing after the point.
+        name: shown to people. value: None if unknown. digits: decimals worth showing.
     """
 
     name: str
@@ -32,12 +32,12 @@ class PaperStep:
     """One step of the method on one pair.
 
     Attributes:
-        number: from 1 to 9. key: for files and code. title, text: for people.
+        number: from 1 to 9. key: for files and code. title, text: shown to people.
         caption: what the colours in its picture mean.
         formula: with the names that the text uses.
         numbers: of this pair.
-        parameters: dotted names of those that act in this step.
-        missing: why it has no result in this frame; None where it has one.
+        parameters: dotted names of the parameters that affect this step.
+        missing: why it has no result in this frame; None if it has one.
     """
 
     number: int
@@ -52,7 +52,7 @@ class PaperStep:
 
 
 def lost(pair: ObservedPair) -> str | None:
-    """Return why the pair has no result from the ego-motion on; None where it has one."""
+    """Return why the pair has no results from the ego-motion on; None if it has."""
     ego = pair.trace["ego_motion"]
     if ego.homography is not None:
         return None
@@ -61,7 +61,7 @@ def lost(pair: ObservedPair) -> str | None:
 
 
 def percent(count: int, total: int) -> float | None:
-    """Return a share in percent; None of nothing."""
+    """Return a share in percent; None if the total is 0."""
     return 100 * count / total if total else None
 
 

@@ -1,4 +1,4 @@
-"""Pictures of the nine steps, as figures for a page and for paper."""
+"""Pictures of the nine steps, as figures for the web page and for print."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from observer.steps.space_steps import shown_obstacles, true_speed_of
 from observer.types import Obstacle, TrackState
 from observer.vision.stereo import sample_disparity
 
-# Width of a whole figure on paper, inches.
+# Inches: width of a whole figure in print.
 _WIDTH = 9.6
-# Grey levels that are drawn white in pictures of differences.
+# Grey levels: a difference drawn white in pictures of differences.
 _WHITE = 64
-# Of the views from above: depth shown, relative to the farthest dynamic point.
+# Views from above: depth shown, relative to the farthest dynamic point.
 _BEYOND = 1.5
 _LEAST_DEPTH_M = 1.5
-# And half the width shown, relative to that depth.
+# Views from above: half the width shown, relative to that depth.
 _ASIDE = 0.65
 _WRAPPED = 120
 _INLIER = "#3fd46a"
@@ -67,7 +67,7 @@ def step_figure(pair: ObservedPair, number: int, *, labelled: bool = False) -> F
     figure = _nothing(pair, step.missing) if step.missing else _DRAWN[number - 1](pair)
     for axes in figure.axes:
         for image in axes.images:
-            # Kept in a file as it is, not as many times larger as the figure's resolution.
+            # Store the image in its own size, not resampled to the figure's resolution.
             image.set_interpolation("none")
     if labelled:
         _label(figure, pair, step)
@@ -103,7 +103,7 @@ def _images(pair: ObservedPair) -> Figure:
     figure, found = picture_axes(titles, _size(pair), _WIDTH / 2, columns=2)
     names = ("previous_left", "previous_right", "left", "right")
     for axes, name in zip(found, names, strict=True):
-        # Only grey images of t are kept; the same in all makes them comparable.
+        # Of t only grey images are kept; showing all in grey makes them comparable.
         image = as_gray(trace[name])
         show_image(axes, image)
         axes.axhline(image.shape[0] / 2, color=ORANGE, linewidth=1.0)
@@ -246,7 +246,7 @@ def _box(axes: Axes, one: Obstacle, true: float | None) -> None:
 
 
 def _with_plan(pair: ObservedPair, *, equal: bool = False) -> tuple[Figure, Axes, Axes]:
-    """Make a figure with axes for a picture or a chart, and to its right for a view from above."""
+    """Make a figure with axes for a picture or chart and, to its right, for a view from above."""
     width, height = _size(pair)
     ratio = 1.0 if equal else 1.7
     figure = Figure(
@@ -265,7 +265,7 @@ def _plan(axes: Axes, pair: ObservedPair, title: str) -> None:
     there = np.isfinite(known) & (known > 0)
     points: NDArray[Any] = pair.camera.triangulate(px[there], known[there])
     moving = trace["motions"].points_previous if "motions" in trace else np.empty((0, 3))
-    # What moves decides how far is shown; without it, what stands.
+    # The range follows the moving points; without any, the static ones.
     farthest = moving[:, 2].max(initial=0.0)
     if not len(moving) and len(points):
         farthest = np.median(points[:, 2])

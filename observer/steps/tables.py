@@ -20,7 +20,8 @@ _Rows = tuple[Sequence[str], Iterable[Sequence[Any]]]
 def step_table(pair: ObservedPair, number: int) -> str:
     """Return the data of one step as CSV with a header; unknown values are empty.
 
-    Coordinates are pixels in rectified images, or metres in the camera frame that the name says.
+    Coordinates are pixels in rectified images, or metres in the camera frame of the instant that
+    the column's name gives.
 
     Raises:
         ValueError: there is no such step.
@@ -37,7 +38,7 @@ def step_table(pair: ObservedPair, number: int) -> str:
 
 
 def _told(value: Any) -> Any:
-    """Return a value as it is written: plain, with all its digits, nothing where unknown."""
+    """Return a value as it is written: plain, with all its digits, empty if unknown."""
     if value is None or (isinstance(value, float | np.floating) and not np.isfinite(value)):
         return ""
     if isinstance(value, bool | np.bool_):

@@ -1,4 +1,4 @@
-"""Contract of a source of ground truth: motion capture, a simulator, a file; never an input."""
+"""Contract of a source of ground truth (motion capture, simulator, file); never an input."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal, Protocol, get_args
 
 from observer.geometry import Float64Array, Pose
 
-# u0 v0 u1 v1 in the rectified left image; the centre of a pixel has whole coordinates.
+# u0 v0 u1 v1 in the rectified left image; pixel centres have integer coordinates.
 Box = tuple[float, float, float, float]
 
 Kind = Literal["robot", "person"]
@@ -28,9 +28,9 @@ class TrueBody:
             (sin yaw, 0, cos yaw), so 0 is straight ahead and positive is to the right.
         visible: share of the body that the left camera sees, 0 to 1; None where unknown.
         commanded_speed: m/s as commanded to the robot, None where unknown.
-        box_px: around what the left camera sees of it; None where nothing of it is seen, or
-            that is unknown.
-        kind: of thing; None where unknown.
+        box_px: around what the left camera sees of it; None where it sees nothing of it, or
+            where that is unknown.
+        kind: None where unknown.
     """
 
     id: int
@@ -55,7 +55,7 @@ class Truth(Protocol):
     """True states over time, on the source's clock."""
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """Return every body known at ``time``; one without data there (a gap) is left out."""
+        """Return every body known at ``time``; bodies in a gap are left out."""
         ...
 
     def camera_pose(self, time: float) -> Pose | None:

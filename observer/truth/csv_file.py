@@ -1,11 +1,11 @@
-"""Ground truth as a table, ``truth.csv``: a row for each body at each frame, in the world frame.
+"""Ground truth as a table, ``truth.csv``: one row per body and frame, in the world frame.
 
 Columns: ``frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw`` (metres, m/s, radians,
 seconds on the source's clock; sizes are length, width, height as in ``TrueBody``), and optionally
 ``name,role,commanded_speed``, ``box_u0,box_v0,box_u1,box_v1`` (pixels), ``kind`` and
 ``T_world_camera`` as ``camera_x`` ... ``camera_qw`` .... Further columns are ignored. An empty
-``visible``, ``commanded_speed``, box or ``kind`` is unknown, an empty position says that the body
-was not seen at that instant, an empty id leaves only the camera.
+``visible``, ``commanded_speed``, box or ``kind`` is unknown; an empty position means that the body
+was not seen at that instant; with an empty id the row gives only the camera.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ _BOX = ("box_u0", "box_v0", "box_u1", "box_v1")
 _COLUMNS = (*_REQUIRED, "name", "role", "commanded_speed", *_BOX, "kind", *_CAMERA)
 _ROLES = ("obstacle", "observer")
 
-# Between samples further apart than this nothing is known: a gap.
+# Samples further apart than this bound a gap, in which nothing is known.
 _MAX_GAP_FRAMES = 3.0
-# This close to a sample, the sample speaks even at the edge of a gap.
+# This close to a sample its value is used even at the edge of a gap.
 _HOLD_FRAMES = 0.5
 
 _Sample = TypeVar("_Sample")
@@ -58,7 +58,7 @@ class TruthSample:
 
 
 def write_truth_csv(path: Path | str, rows: Iterable[TruthSample]) -> None:
-    """Write samples so that ``CsvTruth`` reads every digit back.
+    """Write samples so that ``CsvTruth`` reads them back exactly.
 
     Raises:
         TruthError: the file cannot be written.
@@ -81,11 +81,11 @@ class SampledTruth:
     """Ground truth at any instant, from samples.
 
     Between consecutive frames values are interpolated linearly (a pose's rotation along the
-    shortest arc). Where a body is absent from a frame, or frames lie more than three median
-    intervals apart, is a gap: there it is known only within half a frame of a sample.
+    shortest arc). There is a gap where a body is absent from a frame or frames are more than three
+    median intervals apart: in it, values are known only within half a frame of a sample.
 
     Attributes:
-        samples: one for each frame, by rising time.
+        samples: one for each frame, by ascending time.
     """
 
     def __init__(self, samples: tuple[TruthSample, ...]) -> None:
@@ -99,7 +99,7 @@ class SampledTruth:
         ]
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """Return every body known at ``time``, by id; one in a gap is left out."""
+        """Return every body known at ``time``, sorted by id; bodies in a gap are left out."""
         found = []
         for series in self._series:
             between = series.at(time)
@@ -132,7 +132,7 @@ class CsvTruth(SampledTruth):
 
 
 class _Series(Generic[_Sample]):
-    """Samples of a body or pose by rising time; None at frames at which it was not seen."""
+    """Samples of a body or pose by ascending time; None at frames where it was not seen."""
 
     def __init__(self, times: Sequence[float], values: Sequence[_Sample | None]) -> None:
         self._times = times
@@ -264,7 +264,7 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
 
 @dataclass(frozen=True)
 class _Row:
-    """Cells of a line by column, and the line's name for messages."""
+    """Cells of a line by column, and the line's location for messages."""
 
     cells: Mapping[str, str]
     where: str
@@ -329,7 +329,7 @@ class _Row:
     def number(self, column: str) -> float:
         text = self._text(column)
         try:
-            # float() also reads "1_000"; nobody means that in a table of measurements.
+            # float() also accepts "1_000", which is surely an error in a table of measurements.
             value = float(text.replace("_", "?"))
         except ValueError:
             raise TruthError(

@@ -42,8 +42,8 @@ class TruthMatcher:
     """Transforms truth into the observation's world frame and matches it with reported obstacles.
 
     Truth's world is the camera frame at the source's first frame; an observation's is the camera
-    frame at its segment's first valid pose. The two are aligned once for each segment, at that
-    pose, so that the drift behind it stays visible.
+    frame at its segment's first valid pose. The two are aligned once per segment, at that pose, so
+    that later drift stays visible.
     """
 
     def __init__(self, truth: Truth) -> None:
@@ -55,7 +55,7 @@ class TruthMatcher:
     def match(self, observation: Observation, source_time: float) -> list[TrueBodyEntry]:
         """Return an entry per true body at ``source_time``, as in ``ObservationEvent.truth``.
 
-        Empty as long as the two world frames cannot be aligned.
+        The list is empty as long as the two world frames cannot be aligned.
         """
         if self._segment != observation.segment:
             self._segment, self._T_world_truth = observation.segment, None
@@ -79,7 +79,7 @@ class TruthMatcher:
         return TruthSample(frame, time, self._bodies(source_time), pose)
 
     def _bodies(self, source_time: float) -> tuple[TrueBody, ...]:
-        # Asked for twice a frame, and a simulator renders to know what is visible.
+        # Called twice per frame, and a simulator has to cast rays to find what is visible.
         if self._newest is None or self._newest[0] != source_time:
             self._newest = source_time, self._truth.bodies(source_time)
         return self._newest[1]
@@ -89,7 +89,7 @@ class TruthMatcher:
             return None
         T_truth_camera = self._truth.camera_pose(source_time)
         if T_truth_camera is None:
-            # Without a true camera pose, only the source's own beginning is common to both.
+            # Without a true camera pose, the two worlds share only the source's first frame.
             return Pose.identity() if observation.segment == 0 else None
         return observation.T_world_camera @ T_truth_camera.inverse()
 

@@ -1,9 +1,9 @@
-"""Data of motion capture, in its own room frame and on its own clock.
+"""Motion capture data, in its own room frame and on its own clock.
 
-Files (``observer.truth.files``) and live servers (``observer.truth.live``) give these types;
-``observer.truth.alignment`` brings them onto the source's clock and into the observer's world.
+Files (``observer.truth.files``) and live servers (``observer.truth.live``) produce these types;
+``observer.truth.alignment`` converts them to the source's clock and the observer's world.
 The room frame is whatever the system was set up with; Vicon's and VRPN's have z up, and Motive's is
-turned to it where its files are read.
+rotated to z up when its files are read.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class BodySample:
 
     Attributes:
         name: the body's, as the system names it.
-        time: the server's own stamp, seconds; only differences of it mean something.
+        time: the server's own stamp, seconds; only differences are meaningful.
         received: the host's monotonic clock at reception, seconds.
         position: (3,) metres, room frame; None where the body was not seen.
         rotation: (3, 3) ``R_room_body``; None where unknown.
@@ -44,12 +44,12 @@ class Trajectory:
 
     Attributes:
         name: as the system names it.
-        times: (N,) seconds, strictly rising, on the system's clock.
+        times: (N,) seconds, strictly increasing, on the system's clock.
         positions: (N, 3) metres, room frame; NaN rows are gaps.
-        rotations: (N, 3, 3) ``R_room_body``, NaN in gaps; None for what has no orientation.
+        rotations: (N, 3, 3) ``R_room_body``, NaN in gaps; None without orientation.
 
     Raises:
-        TruthError: shapes differ, or times do not rise.
+        TruthError: shapes differ, or times do not increase.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Trajectory:
     def fixed_points(self, offset: Float64Array | None) -> Float64Array:
         """Return positions (N, 3) of a point at an offset (3,) in the body's axes.
 
-        Those of the body's origin where the offset is None or the body has no rotations.
+        If the offset is None or the body has no rotations, return those of the body's origin.
         """
         if offset is None or self.rotations is None:
             return self.positions
@@ -98,8 +98,8 @@ class Capture:
     """Content of a file, or what was recorded live.
 
     Attributes:
-        format: what it was recognised as, in words for people, as in ``Vicon Tracker objects``.
-        rate_hz: nominal; None where samples have stamps of their own and no rate is told.
+        format: the recognised format in words for people, such as ``Vicon Tracker objects``.
+        rate_hz: nominal; None where samples have their own stamps and no rate is given.
         bodies: by name, in the order of the file: rigid bodies, or single markers.
         notes: what was understood and decided, one sentence each (units, angles, gaps).
     """
@@ -114,7 +114,7 @@ class Capture:
 
 
 def rising_samples(samples: Iterable[BodySample]) -> dict[str, list[BodySample]]:
-    """Return samples by body in order of arrival, without those whose stamp did not rise."""
+    """Return samples by body in order of arrival, without those whose stamp did not increase."""
     bodies: dict[str, list[BodySample]] = {}
     for sample in samples:
         kept = bodies.setdefault(sample.name, [])

@@ -1,4 +1,4 @@
-"""Opening of any truth file as truth of observed frames: aligned already, or aligned here."""
+"""Opens any truth file as truth of observed frames: already aligned, or aligned here."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class OpenedTruth:
 
     Attributes:
         truth: on the frames' clock and in their world.
-        capture, alignment: what it was made of; None for ``truth.csv``, which needs neither.
+        capture, alignment: what it was made from; None for ``truth.csv``, which needs neither.
     """
 
     truth: Truth
@@ -44,7 +44,7 @@ def open_truth(
     """Read a truth file, recognised by its content, and align it with what was observed.
 
     Args:
-        lines: of ``observe``, as plain dictionaries; only looked at where there is to align.
+        lines: of ``observe``, as plain dictionaries; used only if alignment is needed.
         rate_hz, angles: as for ``read_capture``.
 
     Raises:

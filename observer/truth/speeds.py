@@ -1,6 +1,6 @@
 """Velocities of motion capture from positions alone, by symmetric windows.
 
-A causal filter lags behind the motion, and that lag would pass for an offset of the clocks.
+A causal filter would lag behind the motion, and the lag would look like a clock offset.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import numpy as np
 
 from observer.geometry import Float64Array
 
-# A step in time longer than this many median steps is a jump: samples are missing there.
+# A time step longer than this many median steps is a jump: samples are missing there.
 JUMP_STEPS = 1.5
-# Steps that differ by less than this share of the median are equal but for rounding.
+# Steps that differ by less than this share of the median are equal except for rounding.
 _EQUAL_STEPS = 1e-6
 # Windows fitted at once, which bounds the memory.
 _AT_ONCE = 20_000
@@ -27,17 +27,17 @@ def smoothed_velocity(
 ) -> Float64Array:
     """Return velocities (N, 3) m/s: at each sample, the slope of a polynomial fitted around it.
 
-    For equal steps in time this is the filter of Savitzky and Golay (Smoothing and
-    Differentiation of Data by Simplified Least Squares Procedures, 1964); for unequal ones the
-    same fit at the samples' own times.
+    For equal time steps this is the filter of Savitzky and Golay (Smoothing and Differentiation
+    of Data by Simplified Least Squares Procedures, 1964); for unequal ones it is the same fit at
+    the samples' own times.
 
     Args:
-        times: (N,) seconds, rising. positions: (N, 3) metres, NaN rows are gaps.
+        times: (N,) seconds, increasing. positions: (N, 3) metres, NaN rows are gaps.
         window: samples in a fit, odd. order: the polynomial's, smaller than ``window``.
         longest_step: in median steps; a longer one is a jump in time.
 
     Returns:
-        NaN wherever the window leaves the data or touches a gap or a jump in time.
+        NaN wherever the window extends beyond the data or touches a gap or a jump in time.
 
     Raises:
         ValueError: ``window`` is even, or not larger than ``order``, or ``order`` is below 1.
@@ -68,8 +68,8 @@ def smoothed_velocity(
 
 
 def _slope_weights(offsets: Float64Array, order: int) -> Float64Array:
-    """Return weights (M, W) of values at ``offsets`` (M, W) in the polynomial's slope at 0."""
-    # Offsets are scaled to 1, so that the normal equations stay well conditioned.
+    """Return weights (M, W) that give the polynomial's slope at 0 from values at ``offsets``."""
+    # Scale the offsets to 1, so that the normal equations stay well conditioned.
     scale = np.abs(offsets).max(axis=1)[:, None]
     powers = (offsets / scale)[:, :, None] ** np.arange(order + 1)
     across = np.swapaxes(powers, 1, 2)

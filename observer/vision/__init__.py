@@ -1,1 +1,1 @@
-"""The method's stages, one file each; none knows another."""
+"""Vision stages and checks that the methods share."""

@@ -13,7 +13,7 @@ from observer.kernels.lasting_errors import lasting_errors
 
 @dataclass(frozen=True, eq=False)
 class CameraRate:
-    """The camera's motion per second: a static point p, camera frame, moves by turn x p + shift.
+    """The camera's motion per second: a static point p, camera frame, moves at turn x p + shift.
 
     Attributes:
         turn: (3,) rad/s. shift: (3,) m/s.
@@ -29,7 +29,7 @@ class CameraRate:
 
     @staticmethod
     def of(T_current_previous: Pose, dt: float) -> CameraRate:
-        """Make it of the motion over ``dt`` seconds."""
+        """Return the rate of a motion over ``dt`` seconds."""
         return CameraRate(T_current_previous.rotvec / dt, T_current_previous.translation / dt)
 
     def over(self, dt: float) -> Pose:
@@ -39,12 +39,12 @@ class CameraRate:
     def velocity_by_bias(
         self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
     ) -> Float64Array:
-        """(N, 3) m/s per pixel, camera axes: how points seem to move by a lasting disparity error.
+        """(N, 3) m/s per pixel, camera axes: apparent velocity from a constant disparity error.
 
         A disparity d that is wrong by b puts the point p to p - p b/d. As the camera drives, d
-        changes and with it the error: it moves by -b/d (p' + p Z'/Z), where p' is how the point
-        moves relative to the camera and Z' how its depth changes (the derivative of p b/d, with
-        d = f B / Z). No number of sightings reduces this error, unlike noise.
+        changes and with it the error: it moves at -b/d (p' + p Z'/Z), where p' is the point's
+        velocity relative to the camera and Z' the rate of its depth (the derivative of p b/d, with
+        d = f B / Z). Unlike noise, this error is not reduced by more sightings.
 
         Args:
             place: (N, 3) metres, camera frame. velocity: (N, 3) m/s, the points' own, camera axes.
@@ -54,12 +54,12 @@ class CameraRate:
     def velocity_by_distortion(
         self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
     ) -> Float64Array:
-        """(N, 3) m/s, camera axes: how points seem to move by distortion that was not calibrated.
+        """(N, 3) m/s, camera axes: apparent velocity from residual lens distortion.
 
-        Where the image is stretched by too much, all that passes seems to pass too fast, by the
-        same share. Given is what it makes of the flow if the share is 1 in the corners of the
-        image. From there it falls with the fourth power of the distance from the principal point:
-        distortion does, and it is known worst where the board was rarely seen.
+        Where the image is stretched too much, everything passing there seems too fast by the same
+        share. The result is for a share of 1 in the image's corners, falling towards the principal
+        point with the fourth power of the distance: so does distortion, and the calibration is
+        worst near the edges, where the board was rarely seen.
 
         Args:
             place, velocity: as of ``velocity_by_bias``.
@@ -74,7 +74,7 @@ class CameraRate:
         bias_px: float,
         stretch: float,
     ) -> Float64Array:
-        """(N, 2, 3) m/s, camera axes: of the disparity and of distortion, one deviation of each.
+        """(N, 2, 3) m/s, camera axes: one-sigma errors from the disparity and from distortion.
 
         Args:
             place, velocity: as of ``velocity_by_bias``. bias_px, stretch: one standard deviation
@@ -86,7 +86,7 @@ class CameraRate:
     def _drifts(
         self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
     ) -> Float64Array:
-        """(N, 2, 3) m/s, camera axes: per pixel of disparity, and by a stretch of 1."""
+        """(N, 2, 3) m/s, camera axes: per pixel of disparity, and per unit distortion."""
         return lasting_errors(
             np.ascontiguousarray(place), np.ascontiguousarray(velocity), self.turn, self.shift,
             camera.numbers, camera.corner_px**2,

@@ -1,9 +1,10 @@
-"""Lasting bias of all disparities, estimated while driving from near against far points.
+"""Constant bias of all disparities, estimated online by comparing near with far points.
 
-A wrong vergence, and much alike a wrong principal point of the right camera, makes all disparities
-too small by ``b g`` pixels, with ``g = 1 + x_r^2`` over the right image. A near point's flow then
-tells another length of the camera's way than a far point's. ``vergence_fit`` eliminates way and
-turn of a pair of views; here the pairs are summed by their information.
+A wrong vergence (and, similarly, a wrong principal point of the right camera) makes all
+disparities too small by ``b g`` pixels, with ``g = 1 + x_r^2`` over the right image. The flow of
+near points then implies a different translation of the camera than that of far points.
+``vergence_fit`` eliminates the motion of each pair of views; here the pairs are summed by their
+information.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.vision.vergence_fit import SeenTwice, way_equation
 
-# Each pair of views halves the weight of those 40 pairs before it: cameras warm up.
+# The weight of a pair of views halves every 40 pairs: the bias drifts as cameras warm up.
 _KEEP = 0.5 ** (1 / 40)
-# Points of one scene err together: the variance is at least so many times that of independent
-# errors, and a part of it is the same for all pairs, pixels. As simulated and real drives show.
+# Errors of points in one scene are correlated: the variance is at least this many times that of
+# independent errors, and one part, pixels, is common to all pairs (from simulated and real drives).
 _LEAST_EXCESS = 4.0
 _SHARED_PX = 0.05
 _LEAST_PAIRS = 2.5
@@ -31,7 +32,7 @@ _SURE_SIGMAS = 3.0
 
 @dataclass(frozen=True)
 class DisparityBias:
-    """What is known of the bias so far, pixels at the image's centre; seen disparities lack it.
+    """Estimate of the bias so far, pixels at the image's centre, to be added to disparities.
 
     Attributes:
         information: 1/px^2, and vector: 1/px, summed over the pairs of views.
@@ -44,10 +45,10 @@ class DisparityBias:
     pairs: float = 0.0
 
     def with_pair(self, seen: SeenTwice, camera: StereoCamera, doubt_px: float) -> DisparityBias:
-        """Add what a pair of views tells; nothing where it fits no one motion.
+        """Add the information of a pair of views, unless too few points fit one motion.
 
         Args:
-            doubt_px: deviation of an error that is the same for all points of the pair.
+            doubt_px: standard deviation of an error common to all points of the pair.
         """
         equation = way_equation(seen, camera, (self.px / camera.fx, 0.0), 1.0)
         if equation is None:
@@ -68,12 +69,12 @@ class DisparityBias:
 
     @property
     def px(self) -> float:
-        """What is to be added to disparities at the image's centre, pixels; 0 while unknown."""
+        """Correction to add to disparities at the image's centre, pixels; 0 while unknown."""
         return self.vector / self.information if self.information > 0 else 0.0
 
     @property
     def sigma_px(self) -> float:
-        """One standard deviation of it, by how much the pairs contradict each other."""
+        """One standard deviation of it, including the scatter between pairs."""
         if self.pairs < _LEAST_PAIRS:
             return math.inf
         excess = (self.square - self.px * self.vector) / (self.pairs - 1)
@@ -81,18 +82,18 @@ class DisparityBias:
 
     @property
     def known(self) -> bool:
-        """True once the bias is known well, whether there is one or not."""
+        """Whether the bias is known well, even if it is zero."""
         return self.sigma_px < _KNOWN_PX
 
     @property
     def sure(self) -> bool:
-        """True once the bias is known well, and is none of chance."""
+        """Whether the bias is known well and significantly differs from zero."""
         return self.known and abs(self.px) > _SURE_SIGMAS * self.sigma_px
 
 
 def bias_profile(
     px: NDArray[np.floating], disparity: Float64Array, camera: StereoCamera
 ) -> Float64Array:
-    """(N,) by how much a bias is larger at points (N, 2) px, left image, than at the centre."""
+    """(N,) factor by which a bias is larger at points (N, 2) px, left image, than at the centre."""
     x = (px[:, 0] - disparity - camera.cx) / camera.fx
     return np.asarray(1 + x * x, dtype=np.float64)

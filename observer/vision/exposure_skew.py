@@ -1,14 +1,14 @@
-"""Time between the exposures of free-running cameras that nobody told, from what stands.
+"""Unknown exposure skew between free-running cameras, estimated from static points.
 
-Where the right camera exposes later by tau, a point that moves along the row with u' seems to have
-the disparity ``d - tau u'``. While the camera turns at a constant rate that looks like any other
+If the right camera exposes later by tau, a point with flow u' along the row seems to have the
+disparity ``d - tau u'``. While the camera turns at a constant rate this looks like any other
 scene; when the turn begins or ends, all disparities change by ``-tau`` times the change of u'. Over
-a frame static points tell it by
+a frame, static points show it by
 
     Delta d = c (1 + x^2) + alpha d^2 + beta x d + gamma y d,    c = -tau Delta u'
 
-where alpha, beta and gamma take up the camera's own motion. The flow at a frame is that before and
-after it, so that every frame is judged one frame late.
+where alpha, beta and gamma absorb the camera's own motion. The flow at a frame is interpolated from
+the intervals before and after it, so every frame is evaluated one frame late.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from observer.robust import median
 
 _LEAST_POINTS = 30
 _LEAST_DISPARITY_PX = 1.0
-# Points of one scene err together: the fit knows c so many times worse, and never better than
-# this, pixels.
+# Errors of points in one scene are correlated: factor on the sigma of c from the fit, and its
+# minimum, pixels.
 _SHARED = 2.0
 _LEAST_SIGMA_PX = 0.03
-# Where a turn begins within a frame, the flow between frames is known to this share of its bend;
-# that counts as for a skew of so many seconds.
+# If a turn begins within a frame, the interpolated flow is uncertain by this share of its second
+# difference; its effect is computed for a skew of this many seconds.
 _BEND, _BEND_SKEW_S = 0.25, 0.01
-# Free-running cameras drift apart within minutes.
+# Seconds: old frames are forgotten, as free-running cameras drift apart within minutes.
 _MEMORY_S = 60.0
 _KNOWN_S = 0.002
 _SURE_SIGMAS = 3.0
@@ -62,7 +62,7 @@ class DisparityStep:
         dt: float,
         camera: StereoCamera,
     ) -> DisparityStep | None:
-        """Fit the change by iterated weights; None where too few points tell it.
+        """Fit the change with iterated weights; None if there are too few points.
 
         Args:
             before_px, now_px: (N, 2) pixels, left image. before_disparity, now_disparity: (N,)
@@ -84,11 +84,11 @@ class DisparityStep:
 
 @dataclass(frozen=True)
 class ExposureSkew:
-    """What is known so far of the time by which the right camera exposes later.
+    """Estimate so far of the time by which the right camera exposes later.
 
     Attributes:
         information: 1/s^2, and vector: 1/s, summed over the frames.
-        recent: the last two frames, older first; None where a frame told nothing.
+        recent: the last two frames, older first; None for a frame without a fit.
     """
 
     information: float = 0.0
@@ -96,7 +96,7 @@ class ExposureSkew:
     recent: tuple[DisparityStep | None, DisparityStep | None] = (None, None)
 
     def after(self, step: DisparityStep | None) -> ExposureSkew:
-        """Add one more frame, by which the frame before it can be judged."""
+        """Add one more frame, with which the frame before it can be evaluated."""
         first, middle = self.recent
         recent = (middle, step)
         if first is None or middle is None or step is None:
@@ -112,7 +112,7 @@ class ExposureSkew:
         )
 
     def interrupted(self) -> ExposureSkew:
-        """The same, where the next frame does not follow the last one."""
+        """Return the same estimate for when the next frame does not follow the last one."""
         return ExposureSkew(self.information, self.vector)
 
     @property
@@ -127,11 +127,11 @@ class ExposureSkew:
 
     @property
     def sure(self) -> bool:
-        """True once the skew is known well, and is none of chance."""
+        """Whether the skew is known well and significantly differs from zero."""
         return self.sigma_s < _KNOWN_S and abs(self.skew_s) > _SURE_SIGMAS * self.sigma_s
 
 
 def _between(before: DisparityStep, after: DisparityStep) -> float:
-    """Flow at the frame between two frame intervals, px/s."""
+    """Return the flow at the frame between two frame intervals, px/s."""
     span = before.dt + after.dt
     return (before.flow_px_s * after.dt + after.flow_px_s * before.dt) / span

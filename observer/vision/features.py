@@ -1,4 +1,4 @@
-"""Step 2 of the method: feature points on the image at t, spread over the image in buckets."""
+"""Step 2 of the method: feature points in the image at t, spread over the image in buckets."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from observer.parameters import FeaturesParameters
 from observer.types import Image
 from observer.vision.surf import surf_points
 
-# The grid shares the points out after detection, so more than are wanted must be found first.
+# The grid selects points after detection, so more than wanted must be detected first.
 _CANDIDATES_PER_FEATURE = 4
 _MIN_DISTANCE_PX = 4
 # KAZE's own default (1e-3) leaves dark, weakly textured surfaces without a single point.
 _KAZE_THRESHOLD = 1e-4
-# MSER by OpenCV's defaults is for few, large regions; what is followed is a small window, so here
-# they are small (pixels), weaker (grey levels) and may lie one in another.
+# OpenCV's MSER defaults are for few, large regions; small windows are tracked, so here regions are
+# small (pixels), weaker (grey levels) and may be nested.
 _MSER = {"delta": 2, "min_area": 10, "max_area": 400, "max_variation": 0.5, "min_diversity": 0.1}
-# Relative to the strongest corner: as good as any at all.
+# Relative to the strongest corner; accepts practically any corner.
 _LEAST_QUALITY = 1e-6
 
 
@@ -33,8 +33,8 @@ class Features:
 
     Attributes:
         px: (N, 2) float32 pixels.
-        keypoints: the same points as OpenCV's detector described them (scale, angle), which its
-            own descriptor needs; None for detectors that have no descriptor of their own.
+        keypoints: the same points as OpenCV's detector returned them (scale, angle), which its
+            own descriptor needs; None for detectors without a descriptor of their own.
         detector: the detector's name.
     """
 
@@ -47,10 +47,10 @@ class Features:
 
 
 def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
-    """Find feature points on a grey (H, W) image.
+    """Find feature points in a grey (H, W) image.
 
     ``fast`` is the paper's choice; ``shi_tomasi`` is its minimum eigenvalue and ``harris`` its
-    Harris-Stephens detector. An image without texture gives no features, never an error.
+    Harris-Stephens detector. An image without texture gives no features, not an error.
 
     Raises:
         InputError: ``surf`` is asked for and its extra is not installed.
@@ -68,12 +68,12 @@ def detect_features(image: Image, parameters: FeaturesParameters) -> Features:
 
 
 def strongest_first(image: Image, parameters: FeaturesParameters, most: int) -> NDArray[np.float32]:
-    """Feature points (N, 2) px wherever they are, the strongest first.
+    """Return feature points (N, 2) px from the whole image, the strongest first.
 
-    A corner may be as weak as it will: the strongest of the whole image says nothing of others.
+    Weak corners are included: the strength of the image's strongest one does not matter here.
 
     Args:
-        image: (H, W) grey. most: so many are enough, for detectors that can be told so.
+        image: (H, W) grey. most: enough points, for detectors that can limit them.
 
     Raises:
         InputError: ``surf`` is asked for and its extra is not installed.
@@ -93,7 +93,7 @@ def spread(
 ) -> NDArray[np.intp]:
     """Select the points to keep so that every cell of a grid gets an equal share.
 
-    A well textured obstacle would otherwise hold most of the points and be taken for the
+    Otherwise a well textured obstacle could hold most of the points and be mistaken for the
     background.
 
     Args:
@@ -114,7 +114,7 @@ def spread(
     rank = np.arange(len(order)) - starts[cell[order]]
     share = max(1, -(-max_count // (rows * columns)))
     order, rank = order[rank < share], rank[rank < share]
-    # Shares are rounded up; the weakest of the fullest cells make room.
+    # Shares are rounded up; the weakest points of the fullest cells are dropped.
     last = np.lexsort((px[order, 0], px[order, 1], -response[order], rank))
     return np.asarray(order[last[:max_count]], dtype=np.intp)
 
@@ -122,7 +122,7 @@ def spread(
 def _candidates(
     image: Image, parameters: FeaturesParameters, most: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], Sequence[cv2.KeyPoint]]:
-    """Pixels (N, 2), strengths (N,), and the points as the detector describes them, if it does."""
+    """Return pixels (N, 2), strengths (N,), and the detector's keypoints, if it has any."""
     if parameters.detector in ("shi_tomasi", "harris"):
         return *corners(image, parameters, most), ()
     if parameters.detector == "surf":
@@ -130,7 +130,7 @@ def _candidates(
     else:
         keypoints = _detector(parameters, most).detect(image)
     px = np.asarray(cv2.KeyPoint.convert(keypoints), dtype=np.float32).reshape(-1, 2)
-    # MSER knows no strength; the larger region is the more stable one.
+    # MSER has no strength; larger regions are more stable.
     strength = attrgetter("size" if parameters.detector == "mser" else "response")
     return px, np.fromiter(map(strength, keypoints), np.float32, len(keypoints)), keypoints
 
@@ -138,10 +138,10 @@ def _candidates(
 def corners(
     image: Image, parameters: FeaturesParameters, most: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Corners (N, 2) px of ``shi_tomasi`` or ``harris``, and their strengths (N,).
+    """Return corners (N, 2) px of ``shi_tomasi`` or ``harris``, and their strengths (N,).
 
     Args:
-        image: (H, W) grey. most: so many at most, the strongest first; 0 for all.
+        image: (H, W) grey. most: largest number, the strongest first; 0 for all.
     """
     found, quality = cv2.goodFeaturesToTrackWithQuality(
         image,
@@ -151,7 +151,7 @@ def corners(
         cast(Any, None),
         useHarrisDetector=parameters.detector == "harris",
     )
-    # None where there is no corner at all, which the type stubs do not know.
+    # OpenCV returns None if there is no corner at all; the type stubs do not say so.
     if cast(Any, found) is None:
         return np.empty((0, 2), np.float32), np.empty(0, np.float32)
     px = np.asarray(found, dtype=np.float32).reshape(-1, 2)

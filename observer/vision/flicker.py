@@ -1,6 +1,6 @@
 """Check of the images over time: light or exposure that flickers.
 
-A camera that turns sees darker and lighter places too, but not to and fro several times a second.
+A turning camera sees darker and lighter places too, but not back and forth several times a second.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-# Seconds over which turns of the brightness are counted.
+# Seconds over which reversals of the brightness are counted.
 FLICKER_WINDOW_S = 1.0
-# It flickers if the brightness turns so often by this factor or more, up and down together.
+# It flickers if the brightness reverses this often, up and down together, by this factor or more.
 _LEAST_TURNS = 3
 _LEAST_SWING = math.log(1.15)
 
@@ -31,10 +31,10 @@ def flicker_reason(levels: Sequence[float]) -> str | None:
 
 
 def _turns(levels: Sequence[float]) -> int:
-    """Return how often the levels turned by ``_LEAST_SWING`` or more."""
+    """Return how often the levels reversed by ``_LEAST_SWING`` or more."""
     turns = 0
     rising: bool | None = None
-    # Since the last turn.
+    # Extremes since the last reversal.
     low = high = levels[0]
     for level in levels:
         low, high = min(low, level), max(high, level)

@@ -1,8 +1,8 @@
 """Checks of a stereo pair: exposure, frozen images, row alignment, swapped sides.
 
-Every check takes arrays and answers with one sentence, or with None where nothing is wrong. The
-thresholds were set on all built-in scenarios with several seeds and on three drives of KITTI; each
-says what was seen there and what it leaves for others.
+Every check takes arrays and returns one sentence, or None if nothing is wrong. The thresholds were
+set on all built-in scenarios with several seeds and on three KITTI drives; the comments give the
+values observed there and the margins.
 """
 
 from __future__ import annotations
@@ -19,23 +19,24 @@ from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
 from observer.vision.swapped import swapped_sentence
 
-# Brightness is judged on about so many samples on a grid, whatever the size of the picture; each
-# is the mean of some neighbours, which halves their noise.
+# Brightness is tested on about this many samples on a grid, whatever the image size; each is the
+# mean of some neighbours, which halves the noise.
 _SAMPLES = 2048
 _NEIGHBOURS = 4
-# The brightest 5 % of a usable picture are far above this; a black one with noise is below.
+# Grey levels: the brightest 5 % of a usable image are far above this, of a black one with noise
+# below.
 _BLACK = 20.0
 _WHITE = 250.0
-# Between the darkest and the brightest 5 %: 60 grey levels and more in every scene. Noise alone of
-# 3 grey levels makes 5 of it.
+# Grey levels between the darkest and the brightest 5 %: 60 and more in every scene. Noise of 3 grey
+# levels alone gives 5.
 _UNIFORM = 8.0
-# The middle one of the three quartiles' ratios was 0.91 to 1.06 everywhere, although a thing near
-# one of the cameras moves a single quartile by a fifth.
+# The median of the three quartiles' ratios was 0.91 to 1.06 everywhere, although an object near
+# one of the cameras changes a single quartile by a fifth.
 _GAIN_RATIO = 1.25
-# Side of the patch about a matched point by which its brightness is taken.
+# Side of the patch around a matched point over which its brightness is averaged.
 _PATCH_PX = 5
-# The mean step between pixels of one image was 0.89 to 1.12 of the other's everywhere. Noise has
-# steps of its own, so that a covered lens keeps some.
+# The mean step between pixels of one image was 0.89 to 1.12 of the other's everywhere. Noise also
+# makes steps, so a covered lens keeps some.
 _DETAIL_RATIO = 0.55
 _DETAIL_STEP_PX = 3
 _DETAIL_ROWS = 4
@@ -50,8 +51,8 @@ def exposure_reason(
 
     Args:
         left, right: (H, W) grey.
-        matched: pixels (N, 2) of the same things in each, where most of the image is matched: they
-            decide whether it is the cameras that differ in brightness.
+        matched: pixels (N, 2) of the same points in each, if most of the image is matched: they
+            decide whether the cameras themselves differ in brightness.
     """
     views = {"left": _quantiles(left), "right": _quantiles(right)}
     dead = {name: what for name, view in views.items() if (what := _emptiness(view)) is not None}
@@ -80,13 +81,13 @@ def exposure_reason(
 
 
 def equally_bright(left: Image, right: Image, px: Float64Array, right_px: Float64Array) -> bool:
-    """Return whether the same things are equally bright in both images of a pair.
+    """Return whether the same points are equally bright in both images of a pair.
 
-    Somebody who stands close to the cameras fills more of one image than of the other, so that
-    the images differ although the cameras do not.
+    A person close to the cameras fills more of one image than of the other, so the images differ
+    in brightness although the cameras do not.
 
     Args:
-        left, right: (H, W) grey, rectified. px, right_px: (N, 2) pixels of things in each, N > 0.
+        left, right: (H, W) grey, rectified. px, right_px: (N, 2) pixels of the points, N > 0.
     """
     before, after = _levels(left, px), _levels(right, right_px)
     ratio = median(after / np.maximum(before, 1.0))
@@ -94,7 +95,7 @@ def equally_bright(left: Image, right: Image, px: Float64Array, right_px: Float6
 
 
 def _levels(image: Image, px: Float64Array) -> Float64Array:
-    """(N,) mean grey levels about pixels (N, 2)."""
+    """(N,) mean grey levels around pixels (N, 2)."""
     smooth = cv2.blur(image, (_PATCH_PX, _PATCH_PX))
     u, v = (np.ascontiguousarray(px[None, :, k], np.float32) for k in range(2))
     sampled = cv2.remap(smooth, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -106,9 +107,8 @@ def frozen_reason(
 ) -> str | None:
     """Check whether a camera delivered the same image twice in a row.
 
-    No sensor does: its noise alone changes pixels. Pictures without noise (drawn ones, a video
-    that repeats frames) may be equal while everything stands still; then nothing is lost, for
-    nothing moves. Takes 0.01 ms.
+    No sensor does: its noise alone changes pixels. Images without noise (rendered ones, or a video
+    that repeats frames) may be equal while nothing moves; then no motion is missed. Takes 0.01 ms.
 
     Args:
         previous_left, previous_right, left, right: (H, W) or (H, W, 3), as delivered or rectified.
@@ -133,12 +133,12 @@ class VerticalError:
 
     Attributes:
         median_px: the median, signed. centre_px: the fitted plane at the principal point.
-        p95_px: 95 % of what fits the fitted plane lies within
-            this distance of 0. typical_px: root mean square of the fitted plane over the image.
-        typical_std_px: its standard deviation.
-        roll_rad: by how much the right image is turned against the left one, clockwise positive.
-        stretch: by how much the right image is higher than the left one; 0.01 is one per cent.
-        count: points that fit.
+        p95_px: 95 % of the points that fit the plane lie within this distance of 0.
+        typical_px: root mean square of the fitted plane over the image. typical_std_px: its
+            standard deviation.
+        roll_rad: rotation of the right image relative to the left one, clockwise positive.
+        stretch: by how much the right image is taller than the left one; 0.01 is one per cent.
+        count: number of points that fit.
     """
 
     median_px: float
@@ -151,12 +151,12 @@ class VerticalError:
     count: int
 
 
-# Fewer say too little about a slope.
+# Fewer points determine a slope too poorly.
 _MIN_ROW_POINTS = 20
 _FIT_ROUNDS = 4
 # Tukey's weight is 0 beyond this many standard deviations and keeps 95 % of the information.
 _TUKEY_SIGMAS = 4.7
-# Lucas-Kanade finds rows to 0.05 px at best; perfect data shall not make everything an outlier.
+# Lucas-Kanade finds rows to 0.05 px at best; keeps perfect data from becoming outliers.
 _MIN_SIGMA_PX = 0.05
 _SURE_SIGMAS = 3.0
 
@@ -164,14 +164,15 @@ _SURE_SIGMAS = 3.0
 def vertical_error(
     px_left: NDArray[np.floating], vertical_disparity: NDArray[np.floating], camera: StereoCamera
 ) -> VerticalError | None:
-    """A plane through the vertical disparities, by Tukey's weights; None with too few points.
+    """Fit a plane to the vertical disparities with Tukey's weights; None with too few points.
 
     A wrong pitch between the cameras shifts all rows, a wrong roll tilts them along u, a wrong
     focal length along v (Hartley and Zisserman, Multiple View Geometry, 11.12). Takes 0.3 ms.
 
     Args:
         px_left: (N, 2) pixels in the left image.
-        vertical_disparity: (N,) v_left - v_right in pixels; what is not finite is left out.
+        vertical_disparity: (N,) v_left - v_right in pixels; values that are not finite are left
+            out.
     """
     vertical = np.asarray(vertical_disparity, dtype=np.float64)
     known = np.isfinite(vertical)
@@ -179,7 +180,7 @@ def vertical_error(
         return None
     y = vertical[known]
     px = np.asarray(px_left, dtype=np.float64)[known]
-    # In half image sizes, so that all three parameters are pixels of about the same worth.
+    # In half image sizes, so that all three parameters are pixels of comparable effect.
     half = np.array([camera.width / 2, camera.height / 2])
     A = np.column_stack([np.ones(len(y)), (px - (camera.cx, camera.cy)) / half])
     plane = np.array([median(y), 0.0, 0.0])
@@ -189,7 +190,7 @@ def vertical_error(
         residual = y - A @ plane
         sigma = max(_MIN_SIGMA_PX, MAD_TO_SIGMA * median(np.abs(residual)))
         weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * sigma)) ** 2, 0, None) ** 2
-        # One part in a million of a prior keeps points on one line from making a slope of nothing.
+        # A tiny prior of 1e-6 keeps collinear points from producing an arbitrary slope.
         information = (A * weight[:, None]).T @ A + np.diag([0.0, 1e-6, 1e-6]) * len(y)
         plane = np.linalg.solve(information, A.T @ (weight * y))
     fitting = weight > 0
@@ -216,8 +217,8 @@ def vertical_error(
 def rectification_reason(error: VerticalError | None, warn_px: float = 1.0) -> str | None:
     """Check whether the rows of a rectified pair are too far apart for matching along rows.
 
-    Block matching loses its support within one to two pixels, hence ``warn_px``. What stands
-    above it by less than three of its standard deviations is not reported.
+    Block matching loses its support within one to two pixels, hence ``warn_px``. An error that
+    exceeds it by less than three standard deviations is not reported.
     """
     if error is None or error.typical_px - _SURE_SIGMAS * error.typical_std_px <= warn_px:
         return None
@@ -228,7 +229,7 @@ def rectification_reason(error: VerticalError | None, warn_px: float = 1.0) -> s
     )
 
 
-# Both directions take 2 ms at this size; a larger picture is shrunk to it.
+# Both orders take 2 ms at this size; a larger image is reduced to it.
 _SWAP_PIXELS = 32768
 _SWAP_LEAST_SHRINK = 2.0
 _SWAP_BLOCK_PX = 15
@@ -239,25 +240,26 @@ _FIXED_POINT = 16
 # least 3.1 times as many in the right order in every single pair.
 _SWAP_MIN_SUPPORT = 0.15
 _SWAP_RATIO = 2.0
-# Rows of the reduced images, each of two pixels and more, by which they are tried. Where the rows
-# are right, one row beside them finds 0.92 times as many partners at most; 4 px beside, 0.7.
+# Row shifts tried, in rows of the reduced images, each two pixels or more. With correct rows, a
+# shift by one row finds at most 0.92 times as many partners; by 4 px, 0.7.
 _MOST_ROWS, _ROWS_RATIO = 8, 1.15
 
 
 def mismatch_reason(left: Image, right: Image, max_disparity_px: int) -> str | None:
     """Check why so little of a pair matches: left and right swapped, or rows far apart.
 
-    Block matching of the pair as it is, in the other order, where no match lies further to the
-    left, and with the right image shifted by whole rows; disparities below one pixel, where the
-    order makes no difference, do not count. Takes 2 ms at 512x256 for each of 18 matchings at most,
-    so it is meant to be asked now and then while stereo finds little.
+    Runs block matching on the pair as it is, in the other order, and with the right image shifted
+    by whole rows. In the wrong order there are no true matches at positive disparities;
+    disparities below one pixel, where the order makes no difference, do not count. Takes 2 ms at
+    512x256 for each of at most 18 matchings, so call it only now and then while stereo finds
+    little.
 
     Args:
         left, right: (H, W) grey, rectified. max_disparity_px: as of the stereo stage.
     """
     shrink = max(_SWAP_LEAST_SHRINK, (left.size / _SWAP_PIXELS) ** 0.5)
     size = (max(1, round(left.shape[1] / shrink)), max(1, round(left.shape[0] / shrink)))
-    # At most a quarter of the width, so that half of it can be judged in both orders.
+    # At most a quarter of the width, so that half of it can be tested in both orders.
     count = min(-(-int(max_disparity_px / shrink) // 16), size[0] // 64) * 16
     if count == 0 or size[1] <= _SWAP_BLOCK_PX + 2 * _MOST_ROWS:
         return None
@@ -300,7 +302,7 @@ def _support(left: Image, right: Image, count: int) -> float:
 
 
 def _quantiles(image: Image) -> Float64Array:
-    """(5,) grey levels that 5, 25, 50, 75 and 95 % of the samples do not exceed."""
+    """(5,) the 5, 25, 50, 75 and 95 % quantiles of the grey levels."""
     step = max(1, int((image.size / _SAMPLES) ** 0.5))
     whole = image[step // 2 :: step, : image.shape[1] // step * step]
     neighbours = min(_NEIGHBOURS, step)
@@ -331,5 +333,5 @@ def _detail(image: Image) -> float:
 
 
 def _is_same(a: Image, b: Image) -> bool:
-    # Most pictures differ in their first rows already.
+    # Fast path: most images already differ in their first rows.
     return a.shape == b.shape and np.array_equal(a[:2], b[:2]) and np.array_equal(a, b)

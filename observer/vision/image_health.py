@@ -1,4 +1,4 @@
-"""Health of the images over time: what keeps a pair from being used, one sentence each."""
+"""Health of the images over time: every fault of a pair as one sentence."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from observer.vision.image_checks import (
 from observer.vision.swapped import says_swapped
 from observer.vision.view import StereoRows, View
 
-# One equal pair may be a repeated frame of a video.
+# A single repeated pair may be a repeated frame of a video.
 _FROZEN_FRAMES = 2
-# Rows drift slowly; looking now and then is enough, and what was found stays until the next look.
+# Frames between two checks of the rows: they drift slowly; the result is kept until the next check.
 _ROWS_EVERY = 5
-# So much of what is seen must be matched before its brightness speaks for both cameras.
+# Share of the features that must be matched for their brightness to represent both cameras.
 _MOSTLY_MATCHED = 0.6
-# Below this share of features with depth, or with fewer matches, it is worth asking why; while it
-# lasts again after so many frames.
+# Below this share of features with depth, or with fewer matches, the cause is looked for, and again
+# every so many frames while it lasts.
 _POOR_STEREO, _FEW_MATCHES = 0.35, 40
 _ASK_EVERY = 10
 
 
 class ImageHealth:
-    """Gives one sentence for everything that is wrong with the images of a frame."""
+    """Returns one sentence for each fault of a frame's images."""
 
     def __init__(self, camera: StereoCamera) -> None:
         self._camera = camera
@@ -58,13 +58,13 @@ class ImageHealth:
         """Return what is wrong with this view.
 
         Args:
-            stereo_share: share of its features whose depth is known; None where the method has
-                not matched it, as of the first view of a segment.
-            rows: its stereo matches, where there are any.
+            stereo_share: share of its features whose depth is known; None if the method has not
+                matched it, as for the first view of a segment.
+            rows: its stereo matches, if there are any.
         """
         exposure = exposure_reason(view.left, view.right)
         if exposure is not None:
-            # It may be the scene that is unequally bright, which the matches tell.
+            # The scene itself may look unequally bright to the two cameras; matches show that.
             exposure = exposure_reason(view.left, view.right, _matched(rows, stereo_share))
         frozen = self._look_frozen(view)
         flicker = self._look_at_light(view)
@@ -76,7 +76,7 @@ class ImageHealth:
 
     def _look_at_light(self, view: View) -> str | None:
         if self._light and view.time < self._light[-1][0]:
-            # Time went back: nothing of before is of the last second.
+            # Time went backwards: the earlier levels are not from the last second.
             self._light.clear()
         self._light.append((view.time, math.log1p(cv2.mean(view.left)[0])))
         while view.time - self._light[0][0] > FLICKER_WINDOW_S:
@@ -99,8 +99,8 @@ class ImageHealth:
         rows: StereoRows | None,
     ) -> None:
         poor = stereo_share < _POOR_STEREO or (rows is not None and len(rows.px) < _FEW_MATCHES)
-        # A swapped pair may match by chance, even well: the first one is asked in any case, and
-        # what was found stays until a later look says otherwise.
+        # A swapped pair may match by chance, even well: the first pair is always tested, and a
+        # finding stays until a later test contradicts it.
         if poor or says_swapped(self._mismatch) or not self._asked:
             self._asked = True
             if self._doubtful_frames % _ASK_EVERY == 0:
@@ -117,7 +117,7 @@ class ImageHealth:
 def _matched(
     rows: StereoRows | None, stereo_share: float | None
 ) -> tuple[Float64Array, Float64Array] | None:
-    """Pixels (N, 2) of the same things in both images; None where too few are matched."""
+    """Return pixels (N, 2) of the same points in both images; None if too few are matched."""
     if rows is None or stereo_share is None or stereo_share < _MOSTLY_MATCHED:
         return None
     known = np.isfinite(rows.disparity)

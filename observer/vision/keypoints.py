@@ -1,4 +1,4 @@
-"""Choice of the points to track: evenly over the image, more densely where things move."""
+"""Choice of the points to track: evenly over the image, more densely where something moves."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from observer.vision.features import strongest_first
 
 # Where something moves, cells are this many times smaller.
 _FINER = 2
-# Corners are looked for in an image this many times smaller: a point to follow is a window, and
-# need not be a corner to the pixel.
+# Corners are detected in an image reduced by this factor: a window is tracked, so the corner need
+# not be located to the pixel.
 _REDUCTION = 2
-# Side of the patch, in the smaller image, whose gradients make a corner. It is smaller than the
-# window that is followed, so that the corner lies near the point and not at the window's edge.
+# Side of the patch, in the reduced image, over which a corner is measured. It is smaller than the
+# tracked window, so that the corner lies near the point and not at the window's edge.
 _CORNER_PX = 3
 # OpenCV's smaller eigenvalue is that of the mean gradient matrix in (2 / 255 grey levels/px)^2,
-# and in the smaller image gradients are steeper.
+# and in the reduced image gradients are steeper.
 _GREY_PER_ROOT = 255 / 2 / _REDUCTION
-# Most empty cells are empty because nothing in them can be followed; each is tried once in so
+# Most empty cells are empty because nothing in them can be tracked; each is tried once in this
 # many frames.
 _TURNS = 2
-# Strong points crowd, so more than one a cell must be found for most cells to get one.
+# Strong points cluster, so several per cell must be detected for most cells to get one.
 _CANDIDATES_PER_CELL = 8
-# Making the image smaller smooths it: so much of the gradients of fine texture remains.
+# Share of the gradients of fine texture that remains after reducing the image, which smooths it.
 _SMOOTHED = 0.5
-# Side of the neighbourhood, in the smaller image, that shows whether there is but a straight edge,
-# and the ratio of the eigenvalues of its gradient matrix below which there is.
+# Side of the neighbourhood, in the reduced image, tested for being only a straight edge, and the
+# ratio of the eigenvalues of its gradient matrix below which it is.
 _EDGE_WINDOW = 7
 _EDGE_RATIO = 0.05
 
@@ -41,12 +41,12 @@ def attention(
     px: NDArray[np.float32],
     parameters: KltTrackingParameters,
 ) -> NDArray[np.bool_]:
-    """Return which cells of the image deserve more points, (rows, columns).
+    """Return which cells of the image get more points, (rows, columns).
 
     Args:
         size: width and height of the image, pixels.
         boxes_px: (B, 4) pixels u0 v0 u1 v1 around obstacles.
-        px: (N, 2) pixels, points that move.
+        px: (N, 2) pixels of moving points.
     """
     side = parameters.spacing_px
     width, height = size
@@ -86,7 +86,7 @@ def density_weights(
 
 
 def one_per_cell(cell: NDArray[np.intp], sightings: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Return the indices, ascending, of the longest followed point in each cell.
+    """Return the indices, ascending, of the longest tracked point in each cell.
 
     Args:
         cell: (N,) number of the cell each point is in.
@@ -106,10 +106,10 @@ def new_keypoints(
     parameters: Parameters,
     turn: int | None = None,
 ) -> NDArray[np.float32]:
-    """Return new points (N, 2) px: the strongest of every cell in which no point is followed.
+    """Return new points (N, 2) px: the strongest in every cell without a tracked point.
 
-    The minimum eigenvalue is what Lucas-Kanade goes by, and is computed for the cells at once;
-    the other detectors look at the whole image.
+    The minimum eigenvalue, on which Lucas-Kanade depends, is evaluated per cell; the other
+    detectors run on the whole image.
 
     Args:
         image: (H, W) grey. taken, marked, turn: as of ``strongest_corners``.
@@ -132,19 +132,19 @@ def strongest_corners(
     parameters: KltTrackingParameters,
     turn: int | None = None,
 ) -> NDArray[np.float32]:
-    """Return the strongest corner (N, 2) px of every cell in which no point is followed.
+    """Return the strongest corner (N, 2) px in every cell without a tracked point.
 
-    A corner is as strong as the smaller eigenvalue of its gradient matrix, for this is what
-    Lucas-Kanade goes by (Shi and Tomasi: Good Features to Track, CVPR 1994).
+    The strength of a corner is the smaller eigenvalue of its gradient matrix, on which
+    Lucas-Kanade depends (Shi and Tomasi: Good Features to Track, CVPR 1994).
 
     Args:
         image: (H, W) grey. taken: numbers of the cells that have a point, as of ``grid_cells``.
         marked: (rows, columns) of ``attention``.
-        turn: number of the frame; of the cells that are not marked only one in ``_TURNS`` is
-            looked at, each frame another one. None looks at all of them.
+        turn: frame number; only one in ``_TURNS`` of the unmarked cells is searched, in turn from
+            frame to frame. None searches all of them.
     """
     strength = np.asarray(cv2.cornerMinEigenVal(cv2.pyrDown(image), _CORNER_PX), np.float32)
-    # The least strength of a corner that can be followed.
+    # The least strength of a corner that can be tracked.
     least = (_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2
     found = strongest_of_cells(
         strength,
@@ -187,7 +187,7 @@ def first_in_empty(
 def _wanted(
     taken: NDArray[np.intp], marked: NDArray[np.bool_], turn: int | None
 ) -> NDArray[np.bool_]:
-    """(2 rows, 2 columns) of the finer cells: in which a point is wanted."""
+    """(2 rows, 2 columns) in which of the finer cells a new point is wanted."""
     number, turns = (0, 1) if turn is None else (turn, _TURNS)
     return wanted_cells(np.ascontiguousarray(taken, np.int64), marked, _FINER, number, turns)
 
@@ -195,8 +195,8 @@ def _wanted(
 def has_corner(image: Image, px: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(N,) whether the texture at pixels (N, 2) varies in more than one direction.
 
-    By the eigenvalues of the gradient matrix, of the image (H, W) made smaller, whose noise
-    would otherwise pass for texture across an edge. Along a straight edge a match may slide.
+    Tested by the eigenvalues of the gradient matrix in the reduced image, since noise at full
+    resolution would look like texture along an edge. Along a straight edge a match may slide.
     """
     scale = 1 / _REDUCTION
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)

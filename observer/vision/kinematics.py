@@ -8,7 +8,7 @@ from observer.geometry import Float64Array
 
 
 def speed_std(velocity: Float64Array, covariance: Float64Array) -> float:
-    """One standard deviation of the length of a velocity, m/s.
+    """Return one standard deviation of the length of a velocity, m/s.
 
     To first order it is the deviation along the velocity. Noise across it can only lengthen the
     vector, by tr(C_across) / (2 |v|) to second order, which matters for slow obstacles.
@@ -26,14 +26,14 @@ def speed_std(velocity: Float64Array, covariance: Float64Array) -> float:
 def closing_speed(
     position: Float64Array, velocity: Float64Array, camera_velocity: Float64Array
 ) -> float:
-    """m/s by which an obstacle at (3,) m comes nearer to the camera; both velocities (3,) m/s.
+    """Return the speed, m/s, at which an obstacle at (3,) m approaches the camera.
 
-    All in the camera's axes.
+    Velocities are (3,) m/s over ground; all in the camera's axes.
     """
     distance = max(float(np.linalg.norm(position)), 1e-9)
     return float((camera_velocity - velocity) @ position / distance)
 
 
 def out_of_sight(missed_s: float, known: str) -> str:
-    """Explain a coasting obstacle: not seen for so many seconds, and what is known of it."""
+    """Explain a coasting obstacle: how long it was not seen, and what is known of it."""
     return f"not seen for {missed_s:.1f} s, position predicted; {known}"

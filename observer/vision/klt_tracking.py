@@ -13,19 +13,19 @@ from observer.kernels.track_checks import around_the_circle, on_the_row, with_re
 from observer.parameters import FlowParameters, KltTrackingParameters
 from observer.types import Image
 
-# OpenCV gives the smaller eigenvalue of the mean gradient matrix in 1/1024 (grey levels/px)^2.
+# OpenCV returns the smaller eigenvalue of the mean gradient matrix in 1024 (grey levels/px)^2.
 _EIGENVALUE_UNIT = 1024.0
-# Lucas-Kanade ends when it moves less than this, px, or after so many steps: few from where a
-# point is expected, OpenCV's own number from where it was.
+# Lucas-Kanade ends when a step is below this, px, or after this many steps: few when starting from
+# a prediction, OpenCV's default when starting from the old position.
 _CONVERGED_PX = 0.01
 _STEPS_FROM_EXPECTED, _STEPS = 15, 30
-# The first attempt, the checks, and the other camera's view of points whose depth is known, start
-# where the answer should be: a pyramid would only find what is somewhere else. What the first
-# attempt does not find is searched for over all levels.
+# The first attempt, the checks, and the match in the other camera of points with known depth all
+# start at the predicted place: a pyramid would only find wrong matches elsewhere. Points that the
+# first attempt does not find are searched for over all levels.
 _NEAR_LEVELS = 0
-# Pyramid levels while nothing is known of the camera's motion, and once it is.
+# Pyramid levels while the camera's motion is unknown, and once it is known.
 FIRST_LEVELS, LEVELS = 4, 2
-# The disparity of a new point is known to about a pixel, and of a blurred one to a few.
+# The disparity of a new point is known to about a pixel, that of a blurred one to a few.
 _COARSE_LEVELS = 1
 # A mean absolute difference m of normally distributed noise means a deviation of m sqrt(pi / 2).
 _DEVIATION = np.float32(np.sqrt(np.pi / 2))
@@ -40,7 +40,7 @@ class Sightings:
     Attributes:
         px: (N, 2) float32 pixels, left image. right_px: (N, 2) float32, right image; NaN where
             the point has no match there.
-        found: (N,) whether the point was followed in the left image and passed its checks.
+        found: (N,) whether the point was tracked in the left image and passed its checks.
         sigma: (N, 2) float32 pixels, one standard deviation of ``px`` and of the match in the
             right image.
     """
@@ -61,27 +61,27 @@ def track_stereo_points(
     levels: int,
     parameters: KltTrackingParameters,
 ) -> Sightings:
-    """Track points by Lucas-Kanade, back again, and around the circle of the four images.
+    """Track points by Lucas-Kanade, with forward-backward check and circular matching.
 
-    A point is found if following it back returns to within ``back_check_px`` of its start and its
+    A point is found if tracking it back returns to within ``back_check_px`` of its start and its
     surroundings have texture in every direction. Its match in the right image counts if the two
-    ways there, left(t) - left(t+dt) - right(t+dt) and left(t) - right(t) - right(t+dt), meet
+    paths there, left(t) - left(t+dt) - right(t+dt) and left(t) - right(t) - right(t+dt), meet
     within ``circle_px`` (Geiger, Ziegler, Stiller: StereoScan, IV 2011).
 
     Args:
         previous, current: left and right image (H, W) grey, rectified.
-        px, right_px: (N, 2) at t; NaN in ``right_px`` where there is no match, then the circle
-            is not closed and the match at t+dt counts alone.
-        expected_px, expected_disparity: (N, 2), (N,) where the points should be at t+dt; NaN
-            disparities leave the right image out.
-        levels: of the pyramid, beyond the full image: how far off the expectation may be.
+        px, right_px: (N, 2) at t; NaN in ``right_px`` where there is no match; then there is no
+            circular check and the match at t+dt counts alone.
+        expected_px, expected_disparity: (N, 2), (N,) predictions for t+dt; points with NaN
+            disparity are not matched in the right image.
+        levels: pyramid levels beyond the full image: how far off the prediction may be.
     """
     p = parameters
     height, width = current[0].shape
     end, found = np.ascontiguousarray(expected_px, np.float32), np.zeros(len(px), np.bool_)
     difference = texture = np.zeros(len(px), np.float32)
     for depth in dict.fromkeys((min(_NEAR_LEVELS, levels), levels)):
-        # What is expected outside the image is not searched for.
+        # Points predicted outside the image are not searched for.
         open_ = np.flatnonzero(~found & _inside(expected_px, current[0]))
         if len(open_) == 0:
             break
@@ -109,7 +109,7 @@ def track_stereo_points(
         current, end.take(seen, axis=0), expected_disparity.take(seen), p, _NEAR_LEVELS
     )
     before = right_px.take(seen, axis=0)
-    # Of these there are two ways to the right image, and they must meet.
+    # For these there are two paths to the right image, which must meet.
     circle = np.flatnonzero(np.isfinite(before[:, 0]) & np.isfinite(matched[:, 0]))
     around = _flow(
         previous[1],
@@ -146,11 +146,11 @@ def track_points(
     *,
     back_check: bool,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Track points from one image to another, each from where it was.
+    """Track points from one image to another, starting at their old positions.
 
-    A point is refused where it is lost, leaves the image, has less than ``min_texture`` in any
+    A point is rejected if it is lost, leaves the image, has less than ``min_texture`` in any
     direction (along a straight edge it would slide) or its surroundings differ by more than
-    ``max_error``; with ``back_check`` also where tracking it back does not return to within
+    ``max_error``; with ``back_check`` also if tracking it back does not return to within
     ``back_check_px`` of the start.
 
     Args:
@@ -180,14 +180,14 @@ def match_right(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Match points (N, 2) of the left image in the right one, (N, 2) float32 pixels.
 
-    NaN where it is not known beforehand to within a few pixels, where Lucas-Kanade loses it, and
-    where the match lies off the row by more than ``row_px``. Also (N,) grey levels: by how much
-    the surroundings of both differ on average.
+    NaN where the disparity is not known beforehand to within a few pixels, where Lucas-Kanade loses
+    the point, and where the match is off the row by more than ``row_px``. Also returns (N,) grey
+    levels, the mean difference of the surroundings.
 
     Args:
         pair: left and right image (H, W) grey, rectified.
         expected_disparity: (N,) pixels, NaN unknown.
-        levels: of the pyramid, beyond the full image: how far off the expectation may be.
+        levels: pyramid levels beyond the full image: how far off the prediction may be.
     """
     height, width = pair[1].shape
     px = np.ascontiguousarray(px, np.float32)
@@ -208,26 +208,26 @@ def match_right(
 def as_bright_as(first: Image, second: Image, *, ignore_black: bool = False) -> Image:
     """Return the second image (H, W), scaled to the brightness of the first.
 
-    Lucas-Kanade compares grey levels, so that a light that flickers looks like motion to it.
+    Lucas-Kanade compares grey levels, so a flickering light looks like motion to it.
 
     Args:
         ignore_black: compare only where the second image is not 0, as outside a warped image.
     """
     seen = np.not_equal(second, 0).view(np.uint8) if ignore_black else None
     before, after = cv2.mean(first, seen)[0], cv2.mean(second, seen)[0]
-    # Below a grey level the scaling would make the image worse by rounding.
+    # Below one grey level, rounding would make the scaled image worse.
     if min(before, after) < 1 or abs(after - before) < 1:
         return second
     return np.asarray(cv2.convertScaleAbs(second, alpha=before / after), dtype=np.uint8)
 
 
 class _Flow(NamedTuple):
-    """What Lucas-Kanade says of N points.
+    """Result of Lucas-Kanade for N points.
 
     Attributes:
         px: (N, 2) float32 pixels in the second image. status: (N,) not 0 where it found them.
         quality: (N,) mean absolute difference, grey levels, or the smaller eigenvalue of the
-            gradient matrix, in OpenCV's unit. Of lost points it is left as the memory was found.
+            gradient matrix, in OpenCV's unit; uninitialized for lost points.
     """
 
     px: NDArray[np.float32]
@@ -255,7 +255,7 @@ def _flow(
     """Track points by Lucas-Kanade, with the quality of the match or of the texture.
 
     Args:
-        px, start: (N, 2) in the first image, and about where in the second; None: where they were.
+        px, start: (N, 2) in the first image, and initial guess in the second; None: as ``px``.
     """
     if len(px) == 0:
         return _Flow(px.copy(), np.zeros(0, np.uint8), np.zeros(0, np.float32))

@@ -1,8 +1,8 @@
 """Life cycle of a track, the same for every method: tentative, confirmed, coasting, ended.
 
-Which evidence confirms a track is the method's own; what follows from it is decided here. The
-numbers of tracks follow it: provisional while tentative, lasting once confirmed. At a frame whose
-pose is not known obstacles coast, and are nowhere in the world.
+Each method decides which evidence confirms a track; the consequences are decided here. Track ids
+follow the state: provisional while tentative, permanent once confirmed. At a frame without a known
+pose, obstacles coast and have no world position.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ def next_state(state: TrackState, *, seen: bool, confirmed: bool) -> TrackState:
     """Return the state of a track after a frame.
 
     Args:
-        seen: whether it was seen in this frame. confirmed: whether its evidence is enough by now;
-            a track that was confirmed once needs no more of it.
+        seen: whether it was seen in this frame. confirmed: whether its evidence is sufficient by
+            now; ignored once the track has been confirmed.
     """
     if state is TrackState.TENTATIVE:
         return TrackState.CONFIRMED if seen and confirmed else state
@@ -34,36 +34,36 @@ def expired(state: TrackState, missed: float, *, coast: float, patience: float) 
     """Return whether a track ends.
 
     Args:
-        missed: for how long it was not seen; all three in the same unit, seconds or frames.
-        coast: how long a confirmed track is kept unseen. patience: a tentative one.
+        missed: how long it has not been seen; all three in the same unit, seconds or frames.
+        coast: how long a confirmed track is kept unseen. patience: how long a tentative one.
     """
     return missed > (patience if state is TrackState.TENTATIVE else coast)
 
 
 class TrackIds:
-    """Numbers of tracks; what seems to move for a moment uses up none that is shown."""
+    """Ids of tracks; false alarms of a moment do not use up permanent ids."""
 
     def __init__(self, lasting: Iterator[int] | None = None) -> None:
-        """``lasting`` gives each confirmed track its own, above zero; from 1 if left out."""
+        """``lasting`` supplies the positive ids of confirmed tracks; from 1 if left out."""
         self._lasting = count(1) if lasting is None else lasting
         self._provisional = count(_FIRST_PROVISIONAL, -1)
 
     def provisional(self) -> int:
-        """Return a number for a tentative track: below zero, and below that of no obstacle."""
+        """Return an id for a tentative track: below -1, which stands for no obstacle."""
         return next(self._provisional)
 
     def confirmed(self, number: int) -> int:
-        """Return the number of a confirmed track; one that has a lasting number keeps it."""
+        """Return the id of a confirmed track; a permanent id is kept."""
         return next(self._lasting) if is_provisional(number) else number
 
 
 def is_provisional(number: int) -> bool:
-    """Return whether this is the number of a track that was never confirmed."""
+    """Return whether this is the id of a track that was never confirmed."""
     return number <= _FIRST_PROVISIONAL
 
 
 def without_pose(obstacle: Obstacle) -> Obstacle:
-    """The same obstacle without all that only the camera's pose can tell."""
+    """Return the obstacle without the values that require the camera's pose."""
     return replace(
         obstacle,
         position=None,
@@ -80,11 +80,11 @@ def while_lost(
 ) -> tuple[Obstacle, ...]:
     """Return the obstacles that are reported while nothing can be measured.
 
-    The camera is taken to stand where it was last, for the sake of its own view alone; what has
-    not been seen for longer than obstacles coast is left out.
+    The camera is assumed to be where it was last, only to extrapolate in its own frame; obstacles
+    unseen for longer than ``coast_s`` are left out.
 
     Args:
-        last: each obstacle at the last frame whose pose is known, and for how many seconds it had
+        last: each obstacle at the last frame whose pose is known, and the seconds for which it had
             not been seen by then.
         elapsed_s: seconds since that frame. coast_s: how long an obstacle is kept unseen.
     """

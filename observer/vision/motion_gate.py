@@ -1,4 +1,4 @@
-"""Gate for the camera's estimated motion: implausible jumps are refused."""
+"""Gate for the camera's estimated motion: implausible jumps are rejected."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.robust import median
 
-# What a body that carries a camera can do. A car brakes at 10 m/s^2, a drone turns over at
-# 20 rad/s^2, and shaking by a quarter of a degree at 11 Hz amounts to 21 rad/s^2.
+# m/s^2 and rad/s^2: limits of a body that carries a camera. A car brakes at 10 m/s^2, a drone
+# turns over at 20 rad/s^2, and shaking by a quarter of a degree at 11 Hz gives 21 rad/s^2.
 _MAX_ACCELERATION = 20.0
 _MAX_ANGULAR_ACCELERATION = 50.0
-# A bump (a threshold, a kerb) changes the velocity at once, however short the time between frames.
+# A bump (a threshold, a kerb) changes the velocity at once, however short the frame interval.
 _BUMP_MPS = 0.5
 _BUMP_RADPS = 0.3
-# No camera of ours is that fast; holds where there is no motion yet to compare with.
+# No supported camera moves faster; these limits apply even without an earlier motion.
 _MAX_SPEED = 100.0
 _MAX_TURN_RATE = 20.0
-# A frame's stamp may be late by so much of the time between two frames; the speed seems wrong by
-# as much.
+# A timestamp may be late by this share of the frame interval, which makes the speed wrong by the
+# same share.
 _STAMP_SHARE = 0.25
-# Measurement noise explains this many standard deviations, but never more than as much again as
-# the body can do: a motion that is uncertain beyond that says nothing.
+# Measurement noise is allowed for with this many standard deviations, but at most with the
+# physically possible change once more: a motion more uncertain than that is useless.
 _SIGMAS = 4.0
-# Motions further back do not tell how fast the camera moves now.
+# Older motions do not tell how fast the camera moves now.
 RECENT_MOTIONS = 3
-# A frame is worth comparing with for so long.
+# Seconds: after a longer gap motions are not compared.
 _MAX_GAP_S = 1.0
-# After dropped frames the camera may well have turned back meanwhile, which is no contradiction to
-# how features were found; what the body can do still holds.
+# Seconds: after a longer gap (dropped frames) the camera may have turned back meanwhile, so the
+# tracking reach proves nothing; the physical limits still hold.
 _MAX_REACH_GAP_S = 0.15
 
 
@@ -58,7 +58,7 @@ class CameraMotion:
     def from_pose(
         time: float, dt: float, T_current_previous: Pose, covariance: Float64Array | None
     ) -> CameraMotion:
-        """Make it of the motion between two frames and its (6, 6) covariance (rad, m), if known.
+        """Create it from the motion between two frames and its (6, 6) covariance, if known.
 
         Raises:
             ValueError: ``dt`` is not positive.
@@ -82,7 +82,7 @@ class ImageReach:
 
     Attributes:
         focal_px: focal length. depth_m: median depth of the points that gave the motion.
-        reach_px: as far as tracking follows: half its window times 2 to the pyramid's levels.
+        reach_px: tracking range: half the window times 2 to the number of pyramid levels.
     """
 
     focal_px: float
@@ -91,7 +91,7 @@ class ImageReach:
 
     @staticmethod
     def of(camera: StereoCamera, disparity: Float64Array, reach_px: float) -> ImageReach | None:
-        """Make it of features with these disparities (N,) px; None if all are unknown."""
+        """Create it from features with these disparities (N,) px; None if all are unknown."""
         known = disparity[np.isfinite(disparity)]
         if len(known) == 0:
             return None
@@ -100,7 +100,7 @@ class ImageReach:
 
 
 class MotionGate:
-    """Remembers the motions that it accepted; a jump is refused and not remembered."""
+    """Remembers the accepted motions; a jump is rejected and not remembered."""
 
     def __init__(self) -> None:
         self._recent: deque[CameraMotion] = deque(maxlen=RECENT_MOTIONS)
@@ -113,12 +113,12 @@ class MotionGate:
         covariance: Float64Array | None,
         reach: ImageReach | None,
     ) -> str | None:
-        """Return why this motion cannot be true, in one sentence; else None, and remember it.
+        """Return why this motion is impossible, in one sentence; otherwise remember it.
 
         Args:
             time: of the later frame, seconds. dt: between the two, seconds.
             covariance: (6, 6) of the motion (rad, m), None unknown.
-            reach: how far features could be followed; None where they were not followed.
+            reach: how far features could be tracked; None if they were not tracked.
         """
         motion = CameraMotion.from_pose(time, dt, T_current_previous, covariance)
         reason = jump_reason(motion, tuple(self._recent), reach)
@@ -133,13 +133,13 @@ def jump_reason(
     """Return why a motion contradicts the plausible ones before it, or None.
 
     A body cannot change its velocity faster than its drive, its brakes or a bump allow, and a
-    motion that would have moved the picture further than features can be followed was not found
-    by following them. Of the last ``RECENT_MOTIONS`` the one that fits best decides, so that
-    neither hard braking nor shaking faster than the frame rate is a jump. Takes 0.01 ms.
+    motion that shifts the image further than features can be tracked cannot have been found by
+    tracking. The best-fitting one of the last ``RECENT_MOTIONS`` decides, so that neither hard
+    braking nor shaking faster than the frame rate counts as a jump. Takes 0.01 ms.
 
     Args:
-        motion: the newest. recent: those before it that were no jumps themselves, oldest first.
-        reach: left out where features are found by their descriptors alone.
+        motion: the newest. recent: accepted ones before it, oldest first.
+        reach: left out if features are matched by their descriptors alone.
     """
     speed = float(np.linalg.norm(motion.velocity))
     turn = float(np.linalg.norm(motion.turn_rate))
@@ -150,7 +150,8 @@ def jump_reason(
         )
     if not recent:
         return None
-    # What fits an older motion within the time since the last one shows the last one to be odd.
+    # All are compared over the time since the last motion: if an older one fits within it, the last
+    # one was the odd one out.
     last = recent[-1]
     gap = max(abs(motion.time - motion.dt / 2 - (last.time - last.dt / 2)), 1e-3)
     if gap > _MAX_GAP_S:
@@ -190,7 +191,7 @@ def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> s
 
 
 def _beyond_reach(motion: CameraMotion, earlier: CameraMotion, reach: ImageReach) -> str | None:
-    # By how much the picture moves otherwise than if the camera had gone on as before.
+    # Image shift relative to that of a camera moving on as before.
     turned = float(np.linalg.norm(motion.turn_rate - earlier.turn_rate)) * motion.dt
     moved = float(np.linalg.norm(motion.velocity - earlier.velocity)) * motion.dt
     depth = max(reach.depth_m, 1e-3)

@@ -12,13 +12,13 @@ from observer.kernels.neighbourhoods import linked
 
 
 def summed(pairs: NDArray[np.intp], columns: list[Float64Array]) -> Float64Array:
-    """(N, sum of C) over each point and all its neighbours, of columns (N, C).
+    """Return the sums (N, sum of C) of columns (N, C) over each point and all its neighbours.
 
     Args:
         pairs: (P, 2) neighbours, each pair once.
     """
     own = np.concatenate(columns, axis=1)
-    # Each pair both ways, ordered by the point that sums.
+    # Each pair both ways, ordered by the point whose sum it enters.
     point, other = np.concatenate([pairs, pairs[:, ::-1]]).T
     order = np.argsort(point, kind="stable")
     point, other = point[order], other[order]
@@ -31,9 +31,9 @@ def summed(pairs: NDArray[np.intp], columns: list[Float64Array]) -> Float64Array
 def grouped(
     pairs: NDArray[np.intp], chosen: NDArray[np.bool_], min_points: int
 ) -> NDArray[np.int64]:
-    """(N,) number of the group, largest first, of chosen points (N,) that hang together.
+    """Return the group number (N,) of connected chosen points (N,), largest group first.
 
-    From 0; -1 for all other points, and for groups of fewer than ``min_points``.
+    Numbers count from 0; -1 for all other points and for groups of fewer than ``min_points``.
     """
     group = np.full(len(chosen), -1)
     members = np.flatnonzero(chosen)
@@ -51,10 +51,10 @@ def grouped(
 def false_alarms_per_test(
     false_alarms_per_frame: float, ready: NDArray[np.bool_], neighbours: NDArray[Any]
 ) -> float:
-    """The rate that each test may have: points judged with their neighbours are not independent.
+    """Return the rate allowed per test; tests of points pooled with neighbours are not independent.
 
     Args:
-        ready: (N,) which points are judged. neighbours: (N,) with how many, themselves included.
+        ready: (N,) which points are tested. neighbours: (N,) with how many, themselves included.
     """
     count = int(np.count_nonzero(ready))
     each = max(1.0, float(neighbours[ready].mean())) if count else 1.0

@@ -1,4 +1,4 @@
-"""Rectification of a calibrated pair's two images, for all other stages."""
+"""Rectification of a calibrated pair's images, for all other stages."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from observer.types import Image
 # cv2.initUndistortRectifyMap's pair of maps: (H, W, 2) int16 and (H, W) uint16.
 _Maps = tuple[NDArray[np.int16], NDArray[np.uint16]]
 
-# A plane image of a fisheye lens grows without bound towards 90 degrees, and what is there gets
-# ever blurrier; further than this from the axis the rectified image does not look sideways.
+# Largest half field of view of the rectified image: a perspective image of a fisheye lens grows
+# without bound, and gets ever blurrier, towards 90 degrees.
 _WIDEST_HALF_VIEW_RAD = np.deg2rad(60.0)
-# Maps are in steps of 1/32 px: this far within its frame no pixel is mixed with what is outside.
+# Maps have steps of 1/32 px: this far inside the frame no pixel is interpolated with the outside.
 _FRAME_MARGIN_PX = 0.05
-# How exactly a rectified point must come back to the pixel it was made of.
+# Pixels: how exactly a rectified point must project back to its original pixel.
 _POINT_TOLERANCE_PX = 0.01
 
 
@@ -27,16 +27,15 @@ class Rectification:
     """Remaps a pair so that one scene point lies in the same row of both images.
 
     Bouguet's method as in OpenCV's ``stereoRectify``, at the input's size with alpha 0: every
-    pixel of the result comes from a pixel of the input. Images of a calibration that is rectified
-    already are handed through untouched. Images of fisheye lenses are turned by the same
-    rotations; they become plane images of the widest view that both cameras fill, at most 120
-    degrees across.
+    pixel of the result comes from a pixel of the input. Images of an already rectified calibration
+    are passed through unchanged. Fisheye images are rotated in the same way; they become
+    perspective images of the widest view that both cameras fill, at most 120 degrees across.
 
     Attributes:
         camera: the rectified pair.
         R_rectified_left: (3, 3) rotation from the left camera's own frame into the rectified
             left camera's, which is the **camera** frame everywhere else.
-        R_rectified_right: (3, 3) the same of the right camera.
+        R_rectified_right: (3, 3) the same for the right camera.
 
     Raises:
         CalibrationError: the right camera does not stand to the right of the left one, or the
@@ -73,7 +72,7 @@ class Rectification:
                 )
 
     def apply(self, left: Image, right: Image) -> tuple[Image, Image]:
-        """The rectified pair: same sizes and channels as the input.
+        """Return the rectified pair, with sizes and channels as the input.
 
         Args:
             left, right: (H, W) grey or (H, W, 3) BGR uint8 of the calibration's size.
@@ -88,7 +87,7 @@ class Rectification:
         return _remap(left, self._maps[0]), _remap(right, self._maps[1])
 
     def apply_left(self, left: Image) -> Image:
-        """The rectified left image alone, as ``apply`` gives it.
+        """Return the rectified left image alone, as ``apply`` does.
 
         Raises:
             CalibrationError: it is not of the size the calibration was made for.
@@ -110,14 +109,14 @@ class Rectification:
     ) -> tuple[Float64Array, Float64Array]:
         """Map pixels of the original images to the rectified ones: (N, 2) and (M, 2).
 
-        Also outside the rectified images' frames.
+        The results may lie outside the rectified images.
 
         Args:
             left_px, right_px: (N, 2) and (M, 2) pixels of the left and of the right image.
 
         Returns:
-            Pixels of the rectified images; NaN where a pixel is none of a point in front of the
-            rectified camera, or the lens model does not reach that far.
+            Pixels of the rectified images; NaN where the ray does not point forwards from the
+            rectified camera, or the lens model is not valid that far out.
         """
         left, right = self._lenses
         return (
@@ -135,7 +134,7 @@ class Rectification:
         finite = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
         points = np.where(finite.reshape(-1, 1), given, 0.0).reshape(-1, 1, 2)
         undistort = cv2.fisheye.undistortPoints if self._fisheye else cv2.undistortPointsIter
-        # As seen by the camera itself, so that what lies behind the rectified one is told apart.
+        # In the original camera's frame, so that rays behind the rectified camera can be detected.
         plane = undistort(points, K, D, R=np.eye(3), P=np.eye(3), criteria=criteria)
         rays = np.ones((len(given), 3))
         rays[:, :2] = np.asarray(plane, dtype=np.float64).reshape(-1, 2)
@@ -158,9 +157,9 @@ class Rectification:
     ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
         """R1, R2, P1 and P2 as OpenCV's stereoRectify returns them, for equidistant lenses too.
 
-        OpenCV's own ``fisheye.stereoRectify`` looks at four pixels to choose the focal length:
-        what it chooses leaves the frame at the corners, or makes far less of the images than is
-        there. The rotations know no lens and are those of stereoRectify.
+        OpenCV's own ``fisheye.stereoRectify`` chooses the focal length from four pixels: the result
+        leaves the frame at the corners, or uses far less of the images than possible. The rotations
+        do not depend on the lens and are those of stereoRectify.
         """
         c, ((K1, D1), (K2, D2)) = self._calibration, self._lenses
         if self._fisheye:
@@ -186,7 +185,7 @@ class Rectification:
         calibration = self._calibration
         last = np.array([calibration.width - 1.0, calibration.height - 1.0])
         lenses = [(*lens, R) for lens, R in zip(self._lenses, (R1, R2), strict=True)]
-        # Both look to the middle of where their two image centres point.
+        # The optical axis: the mean direction of the two image centres.
         axis = np.mean(
             [
                 np.ravel(cv2.fisheye.undistortPoints((last / 2).reshape(1, 1, 2), K, D, R=R))
@@ -206,7 +205,7 @@ class Rectification:
             rays = np.column_stack([frame / focal + axis, np.ones(len(frame))])
             for K, D, R in lenses:
                 px = fisheye_pixels(rays @ R, K, D)
-                # NaN, which is no pixel, compares false.
+                # NaN, an invalid pixel, compares false.
                 if not ((px >= _FRAME_MARGIN_PX) & (px <= last - _FRAME_MARGIN_PX)).all():
                     return False
             return True
@@ -223,7 +222,7 @@ class Rectification:
                 f"no view; check that K1, D1, K2, D2 and R belong to "
                 f"{calibration.width}x{calibration.height} images of these cameras"
             )
-        # Halved until the two are equal to a hundredth of a pixel at the frame.
+        # Bisect until the two agree to a hundredth of a pixel at the image's edge.
         while narrow - wide > 1e-5 * wide:
             between = (narrow + wide) / 2
             narrow, wide = (between, wide) if is_filled(between) else (narrow, between)
@@ -246,8 +245,7 @@ class Rectification:
     def _check_result(self, P1: Float64Array, P2: Float64Array) -> None:
         focal = float(P1[0, 0])
         usual = float(self._calibration.K1[0, 0])
-        # Coefficients that belong to another lens or size make alpha 0 zoom into (or out to)
-        # nothing.
+        # With coefficients of another lens or image size, alpha 0 zooms in (or out) without limit.
         if not (
             np.isfinite(P1).all()
             and np.isfinite(P2).all()
@@ -279,11 +277,11 @@ def _distortion(D: Float64Array) -> Float64Array:
 
 
 def fisheye_pixels(rays: Float64Array, K: Float64Array, D: Float64Array) -> Float64Array:
-    """Pixels (N, 2) of rays (N, 3) by an equidistant lens, all in the camera's frame.
+    """Return pixels (N, 2) of rays (N, 3) in the camera's frame through an equidistant lens.
 
     theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8) (Kannala and Brandt
     2006; OpenCV's module fisheye). NaN for rays that do not point forward, and where theta_d
-    no longer grows with theta, so that two rays would meet in one pixel.
+    no longer grows with theta, so that two rays would share one pixel.
     """
     r = np.hypot(rays[:, 0], rays[:, 1])
     theta = np.arctan2(r, rays[:, 2])
@@ -297,8 +295,9 @@ def fisheye_pixels(rays: Float64Array, K: Float64Array, D: Float64Array) -> Floa
 
 
 def _is_one_view(fixed: NDArray[np.int16], size: tuple[int, int]) -> bool:
-    """Return whether a map takes its pixels from inside the image, neighbours from neighbours."""
-    # Every 16th pixel shows a fold. alpha 0 rests on a grid of 9 x 9 points, hence the margin.
+    """Return whether a map samples inside the image only and does not fold."""
+    # Every 16th pixel is enough to see a fold. OpenCV computes alpha 0 on 9 x 9 points only, hence
+    # the margin.
     u, v = fixed[::16, ::16, 0].astype(int), fixed[::16, ::16, 1].astype(int)
     margin = 0.02 * max(size)
     inside = (u > -margin) & (u < size[0] + margin) & (v > -margin) & (v < size[1] + margin)

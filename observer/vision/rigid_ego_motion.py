@@ -1,4 +1,4 @@
-"""The camera's own motion as a rigid one, with six degrees of freedom."""
+"""The camera's own motion as a rigid motion with six degrees of freedom."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class RigidEgoMotion:
     """The camera's pose at t+dt, and its motion since t (see ``observer.types.EgoMotion``).
 
     Attributes:
-        camera: the rectified pair, by which ``predict`` projects.
-        inliers: (N,) which points follow it: the static background.
+        camera: the rectified pair, used by ``predict``.
+        inliers: (N,) which points follow the motion: the static background.
         T_camera_world: pose at t+dt; None while lost.
         T_current_previous: the motion; None while lost.
         pose_covariance: (6, 6) of both, as rotation vector (rad) and translation (m) in the
             camera's axes; None while lost.
         residual_rms: of the inliers, in standard deviations of their noise; NaN while lost.
-        noise_scale: by how much all points, not only the inliers, scatter more than their noise;
-            by the median, so that obstacles do not count.
+        noise_scale: ratio of the scatter of all points, not only the inliers, to their noise; by
+            the median, so that obstacles do not count.
     """
 
     camera: StereoCamera
@@ -45,11 +45,11 @@ class RigidEgoMotion:
 
     @property
     def homography(self) -> None:
-        """No image is warped."""
+        """None: no image is warped."""
         return None
 
     def refused(self, reason: str) -> RigidEgoMotion:
-        """The same, lost for this reason."""
+        """Return this motion as lost, for the given reason."""
         return RigidEgoMotion(self.camera, Status.LOST, (*self.reasons, reason), self.inliers)
 
     def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:

@@ -18,12 +18,12 @@ _SPECKLE_RANGE_PX = 2
 _LEFT_RIGHT_TOLERANCE_PX = 1
 # Neighbouring pixels that differ by more than this belong to different surfaces.
 _EDGE_PX = 1.0
-# Around the points that are asked for, so that they are matched with their surroundings.
+# Margin around the requested points, so that they are matched with their surroundings.
 _MARGIN_PX = 32
 
 
 def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> NDArray[np.float32]:
-    """Dense disparity of a rectified pair.
+    """Return the dense disparity of a rectified pair.
 
     ``bm`` is block matching. ``sgbm`` is semi-global matching (Hirschmueller, 2008) along the
     three directions of OpenCV's ``MODE_SGBM_3WAY``, which is twice as fast on two cores as five
@@ -38,8 +38,8 @@ def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> ND
     count = _disparities(parameters)
     block = parameters.block_px | 1
     height, width = left.shape
-    # The matchers leave the first ``count`` columns out, although points there may well be seen
-    # by the right camera too; a margin that nothing matches gives these columns back.
+    # The matchers skip the first ``count`` columns, although the right camera may see points there
+    # too; a margin on the left recovers these columns.
     wide_left = cv2.copyMakeBorder(left, 0, 0, count, 0, cv2.BORDER_REPLICATE)
     wide_right = cv2.copyMakeBorder(right, 0, 0, count, 0, cv2.BORDER_REPLICATE)
     matcher: cv2.StereoMatcher
@@ -65,7 +65,7 @@ def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> ND
         )
     fixed = np.asarray(matcher.compute(wide_left, wide_right))[:, count:]
     disparity = fixed.astype(np.float32) / np.float32(_FIXED_POINT)
-    # A match beyond the right image's left edge was made in the margin.
+    # Drop matches beyond the right image's left edge, which lie in the margin.
     columns = np.arange(width, dtype=np.float32)
     known = (fixed > 0) & (disparity <= columns)
     return np.where(known, disparity, np.float32(np.nan))
@@ -74,7 +74,7 @@ def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> ND
 def disparity_around(
     left: Image, right: Image, px: NDArray[np.float32], parameters: StereoParameters
 ) -> NDArray[np.float32]:
-    """Disparity as by ``disparity_map``, but only in the rectangle around some points.
+    """Return the disparity as ``disparity_map``, but only in the rectangle around some points.
 
     Matching is the most expensive step of all, and the transformed pair is needed only where
     something moves.
@@ -100,11 +100,11 @@ def disparity_around(
 
 
 def sample_disparity(disparity: NDArray[np.float32], px: NDArray[np.float32]) -> Float64Array:
-    """Disparity (N,) at subpixel positions (N, 2), NaN where unknown.
+    """Return the disparity (N,) at subpixel positions (N, 2), NaN where unknown.
 
-    Bilinear between the four pixels around. Between two surfaces there is no meaningful value in
-    the middle, so positions whose known neighbours differ by more than a pixel are unknown, as
-    are those of which less than half the weight is known.
+    It is interpolated bilinearly. Between two surfaces the mean is meaningless, so positions whose
+    known neighbours differ by more than a pixel are unknown, as are those with less than half of
+    the weight known.
     """
     height, width = disparity.shape
     position = np.asarray(px, dtype=np.float64).reshape(-1, 2)
@@ -135,7 +135,7 @@ def point_cloud(
     parameters: StereoParameters,
     max_points: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """The dense cloud for display: at most ``max_points``, on a regular grid of pixels.
+    """Return the dense cloud for display: at most ``max_points``, on a regular pixel grid.
 
     Args:
         disparity: (H, W) pixels, NaN = unknown.
@@ -160,5 +160,5 @@ def point_cloud(
 
 
 def _disparities(parameters: StereoParameters) -> int:
-    """Number of disparities that are searched: OpenCV wants a multiple of 16."""
+    """Return the number of disparities to search: OpenCV requires a multiple of 16."""
     return -(-parameters.max_disparity_px // 16) * 16

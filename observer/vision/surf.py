@@ -1,9 +1,9 @@
 """SURF points and descriptors by mahotas, which the extra ``surf`` installs.
 
-No wheel of OpenCV holds SURF (Bay, Ess, Tuytelaars, Van Gool: Speeded-Up Robust Features, CVIU
-110, 2008). mahotas is imported at the first use only, so that everybody else starts without it.
-Its orientations spread by some degrees: on turned noise its best match was the right one for 70 %
-of the points at 10 degrees and for 45 % at 30, which is no matter between frames of a video.
+OpenCV's wheels do not contain SURF (Bay, Ess, Tuytelaars, Van Gool: Speeded-Up Robust Features,
+CVIU 110, 2008). mahotas is imported on first use, so that it is not needed otherwise. Its
+orientations scatter by some degrees: on rotated noise its best match was correct for 70 % of the
+points at 10 degrees and for 45 % at 30, which does not matter between frames of a video.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from observer.errors import InputError
 from observer.geometry import Float64Array
 from observer.parameters.surf_extra import surf_missing
 
-# The determinant of the Hessian from which mahotas takes a point; its own default, which leaves
-# noise of 2 grey levels without points and finds about 1,000 in a picture of 512x256.
+# Least determinant of the Hessian for a point; mahotas' default, which finds no points in noise of
+# 2 grey levels and about 1,000 in an image of 512x256.
 _THRESHOLD = 0.1
 _OCTAVES, _SCALES, _STEP_PX = 4, 6, 1
 # mahotas counts scale in sigma of its smallest filter, OpenCV size in pixels across the filter:
@@ -29,7 +29,7 @@ _PX_PER_SCALE = 9 / 1.2
 
 
 def surf_points(image: NDArray[np.uint8], most: int) -> tuple[cv2.KeyPoint, ...]:
-    """At most ``most`` SURF points of a grey (H, W) image, the strongest first.
+    """Return at most ``most`` SURF points of a grey (H, W) image, the strongest first.
 
     ``response`` is the determinant of the Hessian and ``class_id`` the sign of its trace: -1 for
     a bright blob, 1 for a dark one.
@@ -48,7 +48,7 @@ def surf_points(image: NDArray[np.uint8], most: int) -> tuple[cv2.KeyPoint, ...]
 def surf_descriptors(
     image: NDArray[np.uint8], points: tuple[cv2.KeyPoint, ...]
 ) -> tuple[NDArray[np.float32], Float64Array]:
-    """The points of ``surf_points`` that have a whole patch in the image, and their descriptors.
+    """Return the points whose whole patch is in the image, and their descriptors.
 
     Returns:
         px (N, 2) float32; values (N, 64) of length 1, to be compared by Euclidean distance.
@@ -63,7 +63,7 @@ def surf_descriptors(
         return np.empty((0, 2), np.float32), np.empty((0, 64))
     # Rows of y, x, scale, score, sign, angle and the 64 values.
     found = np.asarray(_mahotas().descriptors(image, rows), dtype=np.float64)
-    # A patch without any gradient has a descriptor of no length.
+    # A patch without any gradient has a zero descriptor, NaN once normalised.
     found = found[np.isfinite(found).all(axis=1)]
     return found[:, 1::-1].astype(np.float32), found[:, 6:]
 

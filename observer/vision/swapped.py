@@ -1,6 +1,6 @@
 """The sentence for a pair whose left and right images are swapped, and how to recognise it.
 
-All depths of such a pair are invented, so that it is refused where other faults only degrade.
+All depths from such a pair are wrong, so it is refused where other faults only degrade.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ def swapped_sentence(swapped: float, as_given: float) -> str:
 
 
 def says_swapped(reason: str | None) -> bool:
-    """Return whether a reason is that sentence."""
+    """Return whether a reason says that left and right are swapped."""
     return reason is not None and reason.startswith(_BEGIN)
 
 
 def swapped_reason(reasons: Iterable[str]) -> str | None:
-    """Return the reason of a frame that says so; None if none does."""
+    """Return the first of a frame's reasons that says so; None if none does."""
     return next((reason for reason in reasons if says_swapped(reason)), None)

@@ -1,19 +1,20 @@
-"""Estimation of the vergence from two views whose distance is known.
+"""Estimation of the vergence error from two views, with or without a known distance between them.
 
-A wrong vergence v (radians, the real right camera turned towards the left one beyond what the
+A vergence error v (radians, the real right camera turned towards the left one beyond what the
 calibration says) shifts every point of the right image by ``f g v`` along its row, with
 ``g = 1 + x_r^2`` and x_r the point's ``(u_r - c_x) / f``; all disparities are too small by it. With
 the true disparity ``d = d_seen + f g v`` the inverse depth of a point m = (x, y, 1) is
 ``rho = d / (f B)``, and after the camera's motion (R, t) it is seen at ``q = R m + t rho``,
 ``x' = q_x / q_z``, ``y' = q_y / q_z``, ``d'_seen = f B rho / q_z - f g' v``.
 
-Where t is taken from the images with v = 0, each point asks for a way of ``d / d_seen`` of the
-seen one: ways seem longer or shorter by the factor ``1 - f v <g / d>``, with the mean over the
-points weighted by what each tells of the way, about d^2. So the way by the wheels tells v, as well
-as the scene's disparities are small: f v is known to ``sigma_wheels d``. And as near and far points
-ask for different ways, the spread of disparities tells v even where the wheels' scale is unknown.
-Both follow from one fit of R, t, v and the wheels' scale; R and t are of no interest. Without
-wheels near against far points alone tell v.
+If t is estimated from the images with v = 0, each point implies a true distance of ``d / d_seen``
+times the estimated one: distances seem longer or shorter by the factor ``1 - f v <g / d>``, with
+the mean over the points weighted by their information on the distance, about d^2. So the distance
+by wheel odometry determines v, the better the smaller the disparities are: f v is known to
+``sigma_wheels d``. And since near and far points imply different distances, the spread of
+disparities determines v even if the wheels' scale is unknown. Both follow from one fit of R, t, v
+and the wheels' scale; R and t are eliminated. Without odometry, only near against far points
+determine v.
 """
 
 from __future__ import annotations
@@ -27,25 +28,25 @@ from observer.geometry import Float64Array, Pose, rotation_matrix
 from observer.robust import MAD_TO_SIGMA, median
 from observer.vision.view import StereoRows
 
-# Standard deviation of a followed point and of its disparity, pixels.
+# Standard deviation of a tracked point and of its disparity, pixels.
 _SIGMA_PX = 0.15
 _STEPS = 3
 # Tukey's weight is 0 beyond this many standard deviations.
 _TUKEY_SIGMAS = 4.7
 _LEAST_POINTS = 30
-# Disparities below are as good as none; the method clips them.
+# Smaller disparities are useless; the method clips them.
 _LEAST_DISPARITY_PX = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class SeenTwice:
-    """N static points in two views, and the way between them.
+    """N static points in two views, and the motion between them.
 
     Attributes:
         before_px, now_px: (N, 2) pixels, rectified left image.
         before_disparity, now_disparity: (N,) pixels.
-        T_now_before: the camera's motion as the images tell it; where the fit begins.
-        way_m: length of the camera's way by the wheels, metres; None where no wheels tell it.
+        T_now_before: the camera's motion from the images; where the fit starts.
+        way_m: distance the camera moved by wheel odometry, metres; None without odometry.
         way_std_m: one standard deviation of it beyond the wheels' scale.
     """
 
@@ -67,8 +68,8 @@ class SeenTwice:
     ) -> SeenTwice:
         """Match the points of two views by their numbers.
 
-        What moves among them is left to the fit's own weights: the method's inliers are those
-        that fit the calibration as it is, right or wrong.
+        Moving points are left to the fit's robust weights: the method's inliers cannot be used,
+        as they are the points that fit the possibly wrong calibration.
         """
         at_a, at_b = (
             np.flatnonzero(rows.disparity > _LEAST_DISPARITY_PX) for rows in (before, now)
@@ -92,11 +93,11 @@ class SeenTwice:
 class WayEquation:
     """``information @ (v, s) = vector``: vergence v, rad, and the wheels' scale error s, a share.
 
-    The true way is 1 + s times what the wheels tell.
+    The true distance is 1 + s times that of the odometry.
 
     Attributes:
         information: (2, 2). vector: (2,). square: ``(v, s)^T information (v, s)`` of the pair's
-            own best v and s, by which several pairs can be checked against each other.
+            own best v and s, for checking several pairs against each other.
     """
 
     information: Float64Array
@@ -107,14 +108,15 @@ class WayEquation:
 def way_equation(
     seen: SeenTwice, camera: StereoCamera, start: tuple[float, float], scale_sigma: float
 ) -> WayEquation | None:
-    """Gauss and Newton's steps for motion, vergence and scale; the motion is then eliminated.
+    """Fit motion, vergence and scale by Gauss-Newton, then eliminate the motion.
 
     Args:
-        start: v and s where the fit begins. scale_sigma: of s; it only holds the fit, and is no
-            part of the result, for all pairs of a robot share it. Without a way nothing tells s.
+        start: v and s where the fit starts. scale_sigma: prior of s; it only stabilises the fit
+            and is not part of the result, as all pairs of a robot share it. Without ``way_m``, s is
+            undetermined.
 
     Returns:
-        None where too few points fit one motion.
+        The equation; None if too few points fit one motion.
     """
     f, B = camera.fx, camera.baseline
     mid, focal = np.array([camera.cx, camera.cy]), np.array([camera.fx, camera.fy])
@@ -136,7 +138,7 @@ def way_equation(
         w = 1 / q[2]
         x, y, depth = q[0] * w, q[1] * w, rho * w
         residual = np.stack([now[0] - x, now[1] - y, d_now + g_now * theta[0] - B * depth])
-        # What the second view changes by with the first one's disparity.
+        # Derivative of the second view's prediction by the first one's disparity.
         lever = np.stack([(t[0] - x * t[2]) * w, (t[1] - y * t[2]) * w, w - depth * w * t[2]])
         lever[:2] /= B
         px, py, pz = p * w
@@ -166,7 +168,7 @@ def way_equation(
         held, pull = H.copy(), b.copy()
         held[7, 7] += scale_sigma**-2
         pull[7] -= theta[1] * scale_sigma**-2
-        # A pair of which all points are equally far leaves v and s open but for the prior.
+        # If all points are equally far, only the prior determines v and s.
         step = np.linalg.solve(held + 1e-9 * np.diag(np.diag(held)), pull)
         at, before_step = theta, (H, b)
         R, t, theta = rotation_matrix(step[:3]) @ R, t + step[3:6], theta + step[6:]

@@ -17,7 +17,7 @@ class View:
 
     Attributes:
         index: number of the frame. time: exposure of the left image, seconds, source clock.
-        right_time: exposure of the right one, seconds; None where it is that of the left.
+        right_time: exposure of the right one, seconds; None if it is that of the left.
         left, right: (H, W). odometry: of the robot's wheels; None unknown.
     """
 
@@ -30,7 +30,7 @@ class View:
 
     @staticmethod
     def of(frame: StereoFrame, left: Image, right: Image) -> View:
-        """The view of a frame whose rectified images in grey are these."""
+        """Return the view of a frame with its rectified grey images."""
         return View(frame.index, frame.time, frame.right_time, left, right, frame.odometry)
 
 
@@ -41,7 +41,7 @@ class StereoRows:
     Attributes:
         px: (N, 2) pixels, left image. offset_px: (N,) left minus right row, pixels.
         disparity: (N,) pixels at the left image's exposure; NaN unknown.
-        number: (N,) each point's own number, never used twice in a segment.
+        number: (N,) each point's own number, never reused within a segment.
     """
 
     px: Float64Array

@@ -1,4 +1,4 @@
-"""Motion of the camera by what the wheels have summed up."""
+"""Motion of the camera from wheel odometry."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.types import Odometry
 
-# By so much of the motion, and by so much beside, wheels and images may differ: rad/s and m/s.
+# Wheels and images may differ by this share of the motion plus these rates, rad/s and m/s.
 _SHARE_OFF, _TURN_RATE_OFF, _SPEED_OFF = 0.15, 0.1, 0.15
 
 
 def driven_way(before: Odometry | None, now: Odometry | None) -> float | None:
-    """Metres between two places by odometry, where both are known."""
+    """Return the metres between two places by odometry; None unless both are known."""
     if before is None or now is None:
         return None
     return float(np.hypot(now.x - before.x, now.y - before.y))
 
 
 def driven_step(before: Odometry, now: Odometry, mount: CameraMount) -> tuple[Pose, float, float]:
-    """The camera's motion ``T_now_before`` by the wheels, its length (m) and its turn (rad)."""
+    """Return the camera's motion ``T_now_before`` by odometry, its length (m) and turn (rad)."""
     turn = now.yaw - before.yaw
     c, s = np.cos(before.yaw), np.sin(before.yaw)
     dx, dy = now.x - before.x, now.y - before.y
@@ -32,11 +32,11 @@ def driven_step(before: Odometry, now: Odometry, mount: CameraMount) -> tuple[Po
 def agrees(
     T_now_before: Pose, before: Odometry | None, now: Odometry | None, mount: CameraMount, dt: float
 ) -> bool:
-    """Return whether the wheels tell the same motion of the camera over a step of ``dt`` seconds.
+    """Return whether odometry agrees with a camera motion over a step of ``dt`` seconds.
 
-    False where one of the two places is unknown. The bounds allow for wheels that slip, for the
-    travel between frame and packet, and for a mount that was measured by hand; whoever walks
-    beyond them is not mistaken for the background.
+    False if one of the two places is unknown. The bounds allow for wheel slip, for the delay
+    between frame and odometry packet, and for a mount measured by hand, but not for a walking
+    person mistaken for the background.
     """
     if before is None or now is None:
         return False

@@ -69,7 +69,7 @@ def starved(
     as_json: JsonOption = False,
     output: OutputOption = None,
 ) -> None:
-    """Measure how old what is shown gets on a small part of one core; needs root."""
+    """Measure how old the displayed data gets on a small share of one core; needs root."""
     from tools.benchmark.starved import StarvedFigures, starved_figures
     from tools.benchmark.starved_report import starved_markdown
 
@@ -87,7 +87,7 @@ def starved(
 def recording(
     seconds: SecondsOption = 15.0, as_json: JsonOption = False, output: OutputOption = None
 ) -> None:
-    """Measure what recording 640x480 pairs takes from the loop, at each pace and in each mode."""
+    """Measure what recording 640x480 pairs costs the loop, at each pace and in each mode."""
     from tools.benchmark.recording_cost import RecordingFigures, recording_figures
     from tools.benchmark.recording_report import recording_markdown
 

@@ -17,8 +17,8 @@ from scipy.stats import t as student
 from observer.geometry import Float64Array
 
 _MB = 1024 * 1024
-# Parts of a process's memory in proc(5) that it alone makes grow: pages of files, such as
-# libraries, are left out, because the system brings them in and drops them as it likes.
+# Parts of a process's memory in proc(5) that only the process itself makes grow: file pages, such
+# as libraries, are left out, because the system loads and drops them as it likes.
 _OWN_MEMORY = ("RssAnon", "RssShmem", "VmSwap")
 _READINGS, _READING_INTERVAL_S = 5, 0.1
 # Fewer samples have no slope worth judging.
@@ -84,7 +84,7 @@ class Slope:
 
     Attributes:
         per_hour: its slope. std: standard error of the slope, which allows for samples that
-            resemble the one before.
+            correlate with the one before.
         count: samples.
     """
 
@@ -113,8 +113,8 @@ def slope(
 ) -> Slope | None:
     """Fit a straight line by least squares; None for fewer than ``LEAST_SAMPLES``.
 
-    Memory wanders: what one sample is above the line, the next is too. The standard error of
-    independent samples is widened accordingly, by the residuals' correlation with their
+    Memory wanders: if one sample is above the line, the next one tends to be too. The standard
+    error of independent samples is widened accordingly, by the residuals' correlation with their
     predecessors.
     """
     if len(values) < LEAST_SAMPLES:
@@ -132,8 +132,8 @@ def slope(
 
 
 def grows(counts: Sequence[int]) -> bool:
-    """Return whether a number of threads or descriptors only grew: its least of the last third is
-    more than its most of the first third.
+    """Return whether a number of threads or descriptors grew: the minimum of its last third exceeds
+    the maximum of its first third.
     """
     third = len(counts) // 3
     return third > 0 and min(counts[-third:]) > max(counts[:third])

@@ -11,7 +11,7 @@ import psutil
 
 from app.client.server_process import MeasurementError
 
-# As containers are limited: so much time in each period, then none until the next.
+# As for containers: a quota of time in each period, then none until the next.
 PERIOD_S = 0.1
 _V1, _V2 = Path("/sys/fs/cgroup/cpu"), Path("/sys/fs/cgroup")
 _NAME = "dynamic-observer-benchmark"
@@ -50,7 +50,7 @@ def _limit(pid: int, group: Path, share: float) -> None:
             (group / "cpu.cfs_quota_us").write_text(str(quota))
         realtime = group / "cpu.rt_runtime_us"
         if realtime.exists():
-            # Of each second. Without it no realtime process may join, as the drive process is one.
+            # Of each second. Without it, no realtime process such as the drive process may join.
             realtime.write_text(str(round(share * 1e6)))
         _move(pid, group)
     except OSError as error:
@@ -58,7 +58,7 @@ def _limit(pid: int, group: Path, share: float) -> None:
 
 
 def _dissolve(group: Path, root: Path) -> None:
-    """Move whoever is in a group to the root, and remove it.
+    """Move all processes of a group to the root, and remove the group.
 
     A process that is just ending keeps it busy for a moment, and one may just be starting another.
     """

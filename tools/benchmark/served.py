@@ -14,7 +14,7 @@ from observer.evaluation.targets import Target
 from tools.benchmark.browser import PageFigures, page_figures
 from tools.benchmark.viewers import Drained, scene_viewer, stalled_viewer, viewers
 
-# Wait for a new client after which it counts as never served.
+# Seconds that a new client waits before it counts as never served.
 _PATIENCE_S = 45.0
 _FAST = 4.0
 _SETTLING_S = 1.0
@@ -22,8 +22,8 @@ _SETTLING_S = 1.0
 _TURNS = 3
 # Same window as the status's rates.
 _RATE_WINDOW_S = 2.0
-# Least part of its rate that the loop keeps with all viewers, and that viewers keep beside one that
-# reads nothing. Rates of short measurements differ by some per cent by themselves.
+# Least share of its rate that the loop keeps with all viewers, and that viewers keep beside one
+# that reads nothing. Rates of short measurements differ by some per cent in any case.
 LEAST_WITH_VIEWERS, _LEAST_BESIDE_STALLED = 0.9, 0.9
 
 
@@ -90,7 +90,7 @@ class DenseCloudRates:
         without, watched: unique frames per second without and with one watching scene.
         clouds_per_s: rate while it is watched.
         age_s: mean time since reception of the pair behind the newest cloud.
-        median_ms: time to make one cloud. coarseness: pixels along one matched pixel.
+        median_ms: time to make one cloud. coarseness: downscaling factor for matching.
         failures: failures of the watching client.
     """
 

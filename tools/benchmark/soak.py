@@ -1,4 +1,4 @@
-"""Soak: a server on one busy day after another, and what its processes hold in the evenings.
+"""Soak: a server on one busy day after another, and what its processes hold every evening.
 
 Each day somebody opens pages, drives a robot, records a run while parameters change, downloads its
 report, plays a recording and leaves. Samples are taken when all have left and the cameras are
@@ -25,19 +25,19 @@ from tools.benchmark.process_growth import ProcessUse, Slope, grows, slope, stea
 from tools.benchmark.soak_lab import ROLE, Lab, running_lab
 from tools.benchmark.viewers import viewers
 
-# Caches, pools and what the allocator keeps for each thread fill for half an hour: in a soak of
-# 34 min on a busy machine nothing grew any more from the 28th on.
+# Caches, pools and the allocator's memory for each thread fill for half an hour: in a soak of
+# 34 min on a busy machine nothing grew any more after the 28th minute.
 _WARM_UP = 0.5
 MOST_MB_PER_HOUR = 1.0
 _VIEWERS, _PICTURES = 3, 60
 _PROGRAMME = "square_obstacle"
-# Of each day's first run.
+# Downloaded for each day's first run.
 FILES = ("report", "speeds?format=csv", "export?format=zip", "chart")
 _CHANGES = itertools.cycle(
     ({"obstacles.coast_s": 0.8}, {"klt_tracking.window_px": 15}, {"guard.acceleration_mps2": 0.5})
 )
 _CHANGE_INTERVAL_S = 1.0
-# For what the last viewers leave behind to be released.
+# Time until what the last viewers leave behind is released.
 _SETTLING_S = 2.0
 _CONNECTED_WITHIN_S = 3.0
 
@@ -84,8 +84,8 @@ class SoakFigures:
 
     Attributes:
         evenings: all samples. warm_up: number of the first ones that are not judged.
-        refusals: what the server refused, with how often: an obstacle in the way is none of its
-            faults, but a soak in which everything was refused shows nothing.
+        refusals: what the server refused, with counts: an obstacle in the way is not its fault,
+            but a soak in which everything was refused shows nothing.
         log_mb, tracebacks: of the server's log.
     """
 
@@ -151,7 +151,7 @@ def soak_figures(
 
     Args:
         minutes: duration. run_s: duration of each run, of which there are two a day; the rest of
-            the day takes about half a minute. least_days: go on for, however long that takes.
+            the day takes about half a minute. least_days: minimum number, however long they take.
         files: downloaded every day. pictures: number of different pairs that cameras show.
         say: receives one line a day.
 
@@ -291,7 +291,7 @@ class _Day:
 
 
 def sampled(evenings: Sequence[Evening], most: int) -> list[Evening]:
-    """Return at most so many samples, evenly spread, the first and the last among them."""
+    """Return at most ``most`` samples, evenly spread, the first and the last among them."""
     if len(evenings) <= most:
         return list(evenings)
     step = (len(evenings) - 1) / (most - 1)

@@ -1,7 +1,7 @@
 """A lab to soak a server in: two network cameras, and an emulated robot behind a TCP port.
 
-The engine of a simulated source paints textures of hundreds of megabytes, beside which nothing that
-grows slowly is seen; one of cameras holds some tens.
+With a simulated source the engine holds hundreds of megabytes of textures, which hide any slow
+growth; with cameras it holds some tens.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Lab:
             time.sleep(0.1)
 
     def download(self, path: str) -> int:
-        """Fetch a file and forget it; return its size in bytes.
+        """Fetch a file and discard it; return its size in bytes.
 
         Raises:
             MeasurementError: it was refused.
@@ -81,7 +81,7 @@ def running_lab(pictures: int) -> Iterator[Lab]:
         pictures: number of different pairs that the cameras show, to and fro.
 
     Raises:
-        MeasurementError: the server did not start, or takes no cameras.
+        MeasurementError: the server did not start, or did not accept the cameras.
     """
     world = World(load_scenario(_SCENARIO))
     robot = serve_tcp(EmulatedRobot(_MODEL, now=time.monotonic(), seed=0))

@@ -1,4 +1,4 @@
-"""Server with live cameras on a part of one core: how old is what it shows."""
+"""Server with live cameras on a share of one core: how old the displayed data is."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class StarvedFigures:
         share: of one core, in periods of ``PERIOD_S``. camera_rate, rate: frames per second that
             the cameras deliver, and that were observed. observations: their number.
         age_median_s, age_p95_s, age_max_s: from reception of a frame until it was sent to a page.
-        reduced_to: what was left of the processing at the end; None for all.
+        reduced_to: the reduced processing at the end; None for full processing.
         restarts: of the engine.
     """
 

@@ -18,7 +18,7 @@ from websockets.typing import Subprotocol
 
 from app.client.server_process import MeasurementError, RunningServer
 
-# At the lowest priority, beside a busy server, a farewell to it takes long.
+# At the lowest priority, beside a busy server, closing the connections takes long.
 _STOP_TIMEOUT_S = 120.0
 _LOWEST_PRIORITY = 19
 
@@ -75,8 +75,8 @@ def _clients(
         await asyncio.gather(*tasks, return_exceptions=True)
 
     def run() -> None:
-        # Viewers are other computers: what they do with a message takes no time from the server,
-        # so here they get what the server leaves.
+        # Real viewers run on other computers and take no processor time from the server, so these
+        # only get the time that it leaves.
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LOWEST_PRIORITY)
         loop.run_until_complete(all_of_them())
 
@@ -121,10 +121,10 @@ async def _stall(server: RunningServer, drained: Drained) -> None:
     )
     async with scene as a, live as b, view as c:
         try:
-            # What nobody takes from a socket fills its queue, and then the connection.
+            # Messages that nobody reads fill the socket's queue, and then the connection.
             await asyncio.get_running_loop().create_future()
         finally:
-            # Behind what was not read no answer to a farewell is found.
+            # The reply to a close handshake would wait behind all that was not read.
             for socket in (a, b, c):
                 socket.transport.abort()
 
@@ -143,7 +143,7 @@ async def _drained_socket(
 
 
 def server_socket(server: RunningServer, path: str, subprotocol: str = "") -> connect:
-    """Return a connection to enter, signed in as an operator's."""
+    """Return a connection to enter, signed in as an operator."""
     return connect(
         f"ws://127.0.0.1:{server.port}{path}",
         additional_headers={"Authorization": f"Bearer {server.token}"},

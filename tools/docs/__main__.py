@@ -17,9 +17,9 @@ from mkdocs.exceptions import Abort, MkDocsException
 
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "docs" / "site"
-# Built last: where it is missing, so may be others.
+# Written last: if it is missing, other files may be missing too.
 STAMP = ".complete"
-# They name the address of a site that is on the web, which this one has not.
+# They contain the address of a public site, which this one does not have.
 _NOT_SERVED = ("404.html", "sitemap.xml", "sitemap.xml.gz", "objects.inv")
 
 
@@ -29,7 +29,7 @@ def build_site(site: Path) -> None:
     Raises:
         MkDocsException: a page is faulty; what is wrong was logged.
     """
-    # Built aside and renamed, so that an interrupted build leaves no half of a site.
+    # Built aside and renamed, so that an interrupted build leaves no half-built site.
     fresh = site.with_name(f"{site.name}.new")
     shutil.rmtree(fresh, ignore_errors=True)
     configuration = load_config(str(ROOT / "docs" / "mkdocs.yml"), site_dir=str(fresh), strict=True)

@@ -20,7 +20,7 @@ from observer.types import Image as Picture
 
 ROOT = Path(__file__).resolve().parents[2]
 PICTURE = ROOT / "docs" / "pages" / "images" / "paper-and-default.webp"
-# The layout is named, so that the picture is the same each time.
+# The seed is fixed, so that the picture is the same each time.
 _SOURCE = "simulated:lab?seed=7"
 _PRESETS = ("paper", "default")
 # The robot turns back, and the camera turns as well.

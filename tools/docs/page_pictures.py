@@ -29,17 +29,17 @@ _DESKTOP: ViewportSize = {"width": 1280, "height": 800}
 # All parts of the live view at once.
 _LARGE: ViewportSize = {"width": 1440, "height": 900}
 _PHONE: ViewportSize = {"width": 390, "height": 844}
-# Frames of a run that is worth a report, and of a chart that shows something; captured views.
+# Frames that make a run worth a report, and a chart worth a look; number of captured views.
 _RUN_FRAMES = 375
 _CHART_FRAMES = 240
 _VIEWS = 7
 _LONG_MS = 300_000
-# Within which a busy computer draws the scene by its processor.
+# Time in which even a busy computer draws the scene without a graphics card.
 _DRAWN_MS = 15_000
 _SLOW_RATE = 0.25
-# Colours of the controls and axes alone; a point cloud has tens of thousands.
+# Colours: the controls and axes alone have fewer; a point cloud has tens of thousands.
 _EMPTY_SCENE = 5000
-# WebGL by the processor, where no graphics card is.
+# Software WebGL, for computers without a graphics card.
 _OPTIONS = ("--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader")
 
 
@@ -59,10 +59,10 @@ class Shot:
 
 
 def _live(page: Page, server: RunningServer) -> None:
-    # A busy computer keeps up, and the page is sent every frame.
+    # Slowly, so that a busy computer keeps up and the page is sent every frame.
     _play(server, _SLOW_RATE)
     _observe(server, _CHART_FRAMES)
-    # What is drawn late would be shown as stale.
+    # Paused, because what is drawn late would be shown as stale.
     _pause(server)
     _wait(lambda: _scene_colours(page) > _EMPTY_SCENE)
     page.wait_for_timeout(_DRAWN_MS)
@@ -74,7 +74,7 @@ def _scene_colours(page: Page) -> int:
 
 
 def _compare(page: Page, server: RunningServer) -> None:
-    # It begins by itself where none was made, and wants the processor for itself.
+    # A comparison starts by itself if none was made, and needs the processor for itself.
     _pause(server)
     _go(page, server, "#methods")
     split = page.locator("observer-methods-split")
@@ -107,7 +107,7 @@ def _report(page: Page, server: RunningServer) -> None:
     page.wait_for_timeout(2000)
 
 
-# What makes runs comes after what shows the newest, and what changes the source last.
+# Shots that make runs follow those that show the newest; one that changes the source is last.
 SHOTS = (
     Shot("panel", _live, _LARGE),
     Shot("phone", _live, _PHONE),
@@ -164,7 +164,7 @@ def _pause(server: RunningServer) -> None:
 
 
 def _observe(server: RunningServer, frames: int) -> None:
-    """Wait until the server has observed so many more frames."""
+    """Wait until the server has observed this many more frames."""
 
     def count() -> int:
         return int(server.request("GET", "/api/status")["frames_observed"])

@@ -1,4 +1,4 @@
-"""Pages of the documentation that are made of the declarations in the code, while it is built.
+"""Pages of the documentation that are generated from the code's declarations during its build.
 
 mkdocs calls ``on_files`` (``hooks`` in ``docs/mkdocs.yml``). None of these pages is committed, so
 none can disagree with what the code declares.
@@ -26,7 +26,7 @@ _PROGRAM = "dynamic-observer"
 
 
 def command_page() -> str:
-    """Return every command of the command line with all it takes, as its ``--help`` says it."""
+    """Return every command of the command line with all it takes, as in its ``--help``."""
     parts = [
         "# Commands",
         "In a clone the command is `.venv/bin/dynamic-observer`. Data goes to standard output or "
@@ -133,7 +133,7 @@ GENERATED: Mapping[str, Callable[[], str]] = {
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the made pages and the page's own logo to those that mkdocs found."""
+    """Add the generated pages and the page's own logo to those that mkdocs found."""
     for name, make in GENERATED.items():
         files.append(File.generated(config, name, content=make()))
     logo = str(ROOT / "static" / "logo.svg")

@@ -2,8 +2,8 @@
 
     python tools/packaging/audit.py [options of pip-audit]
 
-Where the package index tells none, which not every mirror does, this says so and passes. What
-cannot be fixed yet is accepted in ``pyproject.toml``, each with its reason:
+If the package index does not report any, as some mirrors do not, this says so and passes. Those
+that cannot be fixed yet are accepted in ``pyproject.toml``, each with its reason:
 
     [tool.audit.accepted]
     GHSA-xxxx-xxxx-xxxx = "why it does no harm here, and what it waits for"
@@ -23,13 +23,13 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-# Certainly on an index that knows vulnerabilities: pip-audit's own pin.
+# pip-audit's own pin: every index that reports vulnerabilities knows it.
 _PROBE = "pip_audit"
 _TIMEOUT_S = 5
 
 
 class Unanswered(Exception):
-    """The index tells no vulnerabilities; the sentence says why."""
+    """The index reports no vulnerabilities; the sentence says why."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Audit:
 
 
 def audit(constraints: Path, options: Sequence[str] = ()) -> Audit:
-    """Ask the index for all pinned packages, after one that it must know if it answers at all.
+    """Query the index about all pinned packages, after one that it knows if it answers at all.
 
     Args:
         constraints: a file of NAME==VERSION. options: further ones of pip-audit.
@@ -113,7 +113,7 @@ def _vulnerability(package: Mapping[str, Any], told: Mapping[str, Any]) -> Vulne
 
 
 def problems(found: Audit, accepted: Mapping[str, str]) -> list[str]:
-    """Return a sentence for each thing to do; none where all is well.
+    """Return a sentence for each thing to do; none if all is well.
 
     Args:
         accepted: reasons by the id of a vulnerability, or one of its aliases.

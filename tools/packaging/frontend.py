@@ -20,8 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 STATIC = ROOT / "static"
 VENDOR = STATIC / "vendor"
 MODULES = STATIC / "node_modules"
-# Made from what the product declares: file below static/app -> module that says it, npm's script
-# that makes the file of that.
+# Generated from declarations in the code: file below static/app -> module that prints them, npm
+# script that makes the file from that.
 MADE: dict[str, tuple[str, str]] = {
     "contract.d.ts": ("tools.packaging.page_types", "types"),
     "elements/glossary.js": ("tools.packaging.page_glossary", "glossary"),
@@ -71,7 +71,7 @@ def vendor() -> bool:
 
 
 def types() -> None:
-    """Write the page's types and glossary as the product declares them; needs its packages."""
+    """Generate the page's types and glossary from the code's declarations; needs its packages."""
     development()
     for name in MADE:
         (STATIC / "app" / name).write_text(_made(name), encoding="utf-8")
@@ -177,7 +177,7 @@ def _npm(arguments: list[str]) -> None:
 
 
 def _environment() -> dict[str, str]:
-    # Programs on node look for it on the path: this Python's own serves if there is no other.
+    # Node programs look for node on the path: this Python's own is used if there is no other.
     own = str(Path(sys.executable).parent)
     return {**os.environ, "PATH": os.pathsep.join([os.environ.get("PATH", os.defpath), own])}
 

@@ -37,7 +37,7 @@ class StaticFilesHook(BuildHookInterface[Any]):
         subprocess.run([sys.executable, str(frontend), "vendor"], check=True)
         if self.target_name == "wheel":
             root = Path(self.root)
-            # Building it takes all that the server needs, which no build environment has.
+            # Building it needs all packages of the server, which a build environment lacks.
             if not (root / "docs" / "site" / ".complete").is_file():
                 self.app.display_warning("no documentation in the wheel; make docs builds it")
             for folder, home in (

@@ -2,7 +2,7 @@
 
     python -m tools.packaging.page_glossary
 
-``tools/packaging/frontend.py types`` makes ``static/app/elements/glossary.js`` of it.
+``tools/packaging/frontend.py types`` makes ``static/app/elements/glossary.js`` from it.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python -m tools.packaging.page_types
 
-``tools/packaging/frontend.py types`` makes the page's types of it.
+``tools/packaging/frontend.py types`` makes the page's types from it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def page_schema() -> dict[str, Any]:
 
 
 def _extending(name: str, schemas: dict[str, Any]) -> Any:
-    """Return a schema as the largest one that it extends, and what it adds; else as it is."""
+    """Return a schema as an extension of the largest one that it contains, or else unchanged."""
     schema = schemas[name]
     own = schema.get("properties", {})
     contained = {
@@ -70,7 +70,7 @@ def _untitled(schema: Any) -> Any:
         return [_untitled(each) for each in schema]
     if not isinstance(schema, dict):
         return schema
-    # A property that is named title is no text.
+    # A property named title is not a string.
     titled = isinstance(schema.get("title"), str)
     return {k: _untitled(v) for k, v in schema.items() if not (titled and k == "title")}
 

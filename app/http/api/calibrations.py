@@ -34,7 +34,7 @@ from observer.calibration.formats.understanding import Cameras, NamedFile
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
-# More than any calibration has; what more there is, is refused by its number.
+# Files: more than any calibration has; an upload of this many is refused for its number.
 _MOST = 10
 
 
@@ -54,7 +54,7 @@ def _listed(id: NameInPath, server: TheServer) -> CalibrationRecord:
     return find_calibration(server.storage, id)
 
 
-# Read in a thread.
+# FastAPI runs this synchronous dependency in a thread.
 Listed = Annotated[CalibrationRecord, Depends(_listed)]
 
 
@@ -147,7 +147,7 @@ async def activate(id: NameInPath, server: TheServer) -> Status:
 )
 async def get_file(id: NameInPath, server: TheServer) -> Response:
     record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
-    # Not as YAML: OpenCV's first line, %YAML:1.0, is none.
+    # Not served as YAML: OpenCV's first line, %YAML:1.0, is not valid YAML.
     name = f"calibration-{record.id[:12]}.yaml"
     return attachment(record.text, name, "application/octet-stream")
 

@@ -30,15 +30,15 @@ def _feeds(connection: HTTPConnection) -> dict[str, ViewFeed]:
 
 Feeds = Annotated[dict[str, ViewFeed], Depends(_feeds)]
 
-# Of a run, a calibration or anything else with a name or an id.
+# Name or id of a run, a calibration or anything else.
 NameInPath = Annotated[str, Path(max_length=100)]
 
 
 def who(request: Request, name: str | None = None) -> str:
-    """Say who asks: there is one token for all, so it is where they are.
+    """Say who asks: all share one token, so they are identified by their address.
 
     Args:
-        name: as they call themselves.
+        name: the name they gave.
     """
     where = "this computer" if request.client is None else request.client.host
     if name is not None:
@@ -53,10 +53,10 @@ def attachment(content: str | bytes, name: str, media_type: str) -> Response:
 
 
 def plain_name(name: str | None, otherwise: str) -> str:
-    """Return an uploaded file's name without its folders and without what is no text.
+    """Return an uploaded file's name without its folders and without unprintable characters.
 
     Args:
-        otherwise: where nothing of it is left.
+        otherwise: the name if nothing is left.
     """
     last = (name or "").replace("\\", "/").rpartition("/")[2]
     plain = "".join(c for c in last if c.isprintable())[:_LONGEST_NAME]

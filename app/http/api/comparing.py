@@ -62,6 +62,6 @@ async def get_picture(server: TheServer) -> Response:
 
 @router.post("/cancel", summary="End the comparison", responses={})
 async def cancel_comparison(server: TheServer) -> ComparisonStatus:
-    """Nothing of it is kept; earlier comparisons are."""
+    """Discards it; earlier comparisons are kept."""
     await server.runs.methods.cancel()
     return server.runs.methods.facts()

@@ -17,7 +17,7 @@ router = APIRouter(tags=["source"])
 
 @router.get("/devices", summary="Cameras and serial ports")
 async def get_devices() -> Devices:
-    """Searched at every request; no serial port is opened. What cannot be used says why."""
+    """Searched at every request; no serial port is opened. Unusable devices say why."""
     devices = await asyncio.to_thread(list_devices)
     ports = await asyncio.to_thread(find_serial_ports, Machine())
     cameras = [_entry(each) for each in devices if each.can_capture or each.trouble]

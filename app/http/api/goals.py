@@ -1,4 +1,4 @@
-"""Goal of the observer: it drives there by itself, around what moves."""
+"""Goal of the observer: it drives there by itself, around moving obstacles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The history: runs found again."""
+"""The history: searching runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.http.api.values import Tag
 router = APIRouter(prefix="/history", tags=["runs"])
 
 _MOST_TAGS = 20
-# PostgreSQL has no NUL in texts.
+# PostgreSQL allows no NUL in text.
 _TEXT = r"^[^\x00]*$"
 
 

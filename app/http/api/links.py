@@ -34,7 +34,7 @@ Wanted = Annotated[AccessWord, Query(description="What the link allows.")]
 async def get_links(
     request: Request, sharing: TheSharing, admission: TheAdmission, access: Wanted = "read_only"
 ) -> ShareLinks:
-    """With the newest read-only link; a read-only client gets the link that it came by."""
+    """With the newest read-only link; a read-only client gets the link that it signed in with."""
     return _links(request, sharing, admission, access)
 
 
@@ -81,7 +81,7 @@ async def make_read_only_link(admission: TheAdmission) -> ReadOnlyLinkNow:
     responses=refusals(404, 422),
 )
 async def revoke_read_only_link(id: NameInPath, admission: TheAdmission) -> None:
-    """Ends all sessions and WebSockets that came by it at once.
+    """Immediately ends all sessions and WebSockets opened with it.
 
     If it was the last one, a new link replaces it.
     """

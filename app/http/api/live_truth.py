@@ -1,4 +1,4 @@
-"""Live motion capture: what is listened to, and how it is aligned with what is observed."""
+"""Live motion capture: which system to listen to, and how it is aligned with observations."""
 
 from __future__ import annotations
 

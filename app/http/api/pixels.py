@@ -1,4 +1,4 @@
-"""Any pixel can be asked."""
+"""Explanation of why a pixel counts as moving, static or undecided."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programmes: timed velocities for robots, those of the project and a person's own."""
+"""Programmes: timed velocities for robots, built-in ones and the user's own."""
 
 from __future__ import annotations
 

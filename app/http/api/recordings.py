@@ -1,4 +1,4 @@
-"""The last half minute, kept when something has happened."""
+"""Clips of the last half minute, saved when something has happened."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _SCHEMAS = "#/components/schemas/"
 
 
 def _answer(model: type[Problems | Refused], description: str) -> dict[str, Any]:
-    # By reference: given as a model, each takes the framework a millisecond, hundreds of times.
+    # By reference: from a model, each of these hundreds takes the framework a millisecond.
     schema = {"$ref": _SCHEMAS + model.__name__}
     return {"description": description, "content": {"application/json": {"schema": schema}}}
 
@@ -32,7 +32,7 @@ GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
     ),
     429: _answer(Refused, "Too many wrong tokens from this address."),
 }
-# And of requests that may have a body.
+# What it may also answer to requests that may have a body.
 BODY_RESPONSES: dict[str, dict[str, Any]] = {
     "413": _answer(Refused, "The body is too large."),
     "415": _answer(Refused, "The body is of the wrong kind."),

@@ -1,4 +1,4 @@
-"""The rig: how the cameras stand on their robot, typed in or estimated."""
+"""The rig: how the cameras are mounted on their robot, entered by hand or estimated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots: connecting, arming, stopping. What moves them comes over ``/api/drive``."""
+"""Robots: connecting, arming, stopping. Drive commands come over ``/api/drive``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from observer.rig.rig import RobotModel, Role
 
 router = APIRouter(prefix="/robots", tags=["robots"])
 
-# Answers are what the drive process says; they are described, not checked again.
+# Answers come from the drive process; they are documented here, but not validated again.
 _ROBOTS: dict[int | str, dict[str, Any]] = {200: {"model": RobotsNow}}
 
 

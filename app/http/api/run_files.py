@@ -1,4 +1,4 @@
-"""Files made of a run: its chart, its report, and files for other tools."""
+"""Files made from a run: its chart, its report, and files for other tools."""
 
 from __future__ import annotations
 

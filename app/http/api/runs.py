@@ -1,4 +1,4 @@
-"""Runs: observations that are kept."""
+"""Runs: recorded observations."""
 
 from __future__ import annotations
 

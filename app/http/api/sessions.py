@@ -1,6 +1,6 @@
-"""What one may do, and signing out.
+"""Access rights, and signing out.
 
-Signing in is no part of REST: scripts bring the token itself.
+Signing in is not part of the REST interface: scripts send the token itself.
 """
 
 from __future__ import annotations

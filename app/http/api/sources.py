@@ -65,7 +65,7 @@ async def get_picture(
     if entry is None:
         raise NotThere(f"there is no such source in the list: {spec[:80]!r}")
     jpeg = await while_there(request, server.source.thumbnails.find(entry))
-    # A scenario looks the same tomorrow; what a folder shows is nobody else's business.
+    # A scenario always looks the same; pictures of private data must not stay in a cache.
     kept = {"cache-control": "private, max-age=86400"} if entry.group == "simulated" else {}
     return Response(jpeg, media_type="image/jpeg", headers=kept)
 

@@ -1,4 +1,4 @@
-"""Truth files: upload, list, take off the list."""
+"""Ground-truth files: upload, list, delete."""
 
 from __future__ import annotations
 

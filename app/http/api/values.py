@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, Stri
 
 from observer.parameters import without_effect
 
-# JSON has no NaN, but Python's reader takes it; strict types refuse it, and true as a number.
+# Python's JSON parser accepts NaN; strict, finite types reject it, and true as a number.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Value = StrictBool | StrictInt | StrictFloat | StrictStr
 # What a person calls something: one line, no control characters.
@@ -19,9 +19,9 @@ Name = Annotated[
 Tag = Annotated[
     str, Field(strict=True, min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]+$")
 ]
-# Of any number of lines.
+# Text of any number of lines.
 Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=r"^[^\x00]*$")]
-# Generous to callers who send no body at all.
+# Id of a lease or a calibration, or name of a programme.
 Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
 Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
 # More than there are parameters.
@@ -32,10 +32,10 @@ Changes = Annotated[
 
 
 def notes_on(changes: Iterable[str], values: Mapping[str, Any]) -> list[str]:
-    """Return a sentence on each changed parameter that does not act with the method in force.
+    """Return a sentence on each changed parameter that has no effect with the current method.
 
     Args:
-        changes: dotted names. values: all that are in force.
+        changes: dotted names. values: all current values.
     """
     idle = without_effect(changes, values["ego_motion.model"])
     return [f"{name} {sentence}" for name, sentence in idle.items()]

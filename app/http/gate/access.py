@@ -1,8 +1,8 @@
-"""What a sign-in allows: an operator changes things, a read-only link watches.
+"""What a sign-in allows: an operator may change things, a read-only link only watches.
 
 The gate (``app.http.gate.security``) refuses every request of a read-only link that could change
-something, new routes included; the few that are allowed all the same are listed here. The drive
-socket asks for itself.
+something, new routes included; the few exceptions are listed here. The drive socket checks access
+itself.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from enum import StrEnum
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anything."
 
-# Method and path of what also those may do who only watch; * stands for one part of the path.
+# Method and path of requests that read-only clients may make too; * is one segment of a path.
 FOR_EVERYONE = (
-    # Whoever sees that something goes wrong stops the robots.
+    # Anyone who sees something go wrong may stop the robots.
     ("POST", "/api/robots/stop"),
     # One's own session.
     ("DELETE", "/api/session"),

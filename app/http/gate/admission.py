@@ -1,5 +1,5 @@
-"""Who may come in: scripts by the token itself, browsers by the session that they got for it.
-And as what: operators, or those who only watch (``app.http.gate.access``).
+"""Admission: scripts by the token itself, browsers by the session that they got for it; each as
+an operator or as a read-only client (``app.http.gate.access``).
 
 The only place that reads the cookie, for requests, WebSockets and the viewer alike.
 """
@@ -22,8 +22,8 @@ from app.http.gate.token import TokenGuard, Verdict
 
 COOKIE_NAME = "dynamic_observer_session"
 
-# Keys of a request's state: its session, None where it came with a token; the read-only link that
-# either came by, None of an operator's.
+# Keys of a request's state: its session (None if it came with a token), and the read-only link
+# behind either (None for an operator).
 _SESSION = "session"
 _LINK = "link"
 # More than a browser sends in one cookie; one request must not try a list of tokens.
@@ -50,7 +50,7 @@ class Refusal:
     """Reply sent in place of the application's.
 
     Attributes:
-        on_page: whether the sign-in page, which asks for the token anyway, gives the detail too.
+        on_page: whether the sign-in page shows the detail too; it asks for the token in any case.
     """
 
     status: int
@@ -76,7 +76,7 @@ class Admission:
     def admit(self, scope: Scope) -> Refusal | None:
         """Return why a request may not come in, or None if it may.
 
-        ``session_of``, ``link_of`` and ``access_of`` then tell by what, and as what.
+        ``session_of``, ``link_of`` and ``access_of`` then tell what admitted it, and its access.
         """
         viewed = self.viewed(scope)
         if viewed is not None:
@@ -102,7 +102,7 @@ class Admission:
         """Exchange a token for a session, and return its ``Set-Cookie``.
 
         A browser that has a session keeps it: somebody may be driving in another of its tabs. Only
-        who watched becomes an operator by an operator's link, or watches by another one.
+        a read-only session is replaced, by an operator's or by one of another read-only link.
         """
         refusal = self._check_token(scope, tokens)
         if refusal is not None:
@@ -120,7 +120,7 @@ class Admission:
         return self._cookie(session_id, int(self.sessions.lifetime_s))
 
     async def sign_out(self, session: Session) -> str:
-        """End a session and return the ``Set-Cookie`` that takes its cookie away."""
+        """End a session and return the ``Set-Cookie`` that deletes its cookie."""
         self.sessions.end(session)
         await self.file.save()
         return self._cookie("", 0)
@@ -132,12 +132,12 @@ class Admission:
         return link
 
     async def revoke(self, link: ReadOnlyLink) -> None:
-        """End a read-only link, with all sessions and WebSockets that came by it."""
+        """End a read-only link, with all sessions and WebSockets opened with it."""
         self.sessions.revoke(link)
         await self.file.save()
 
     async def sign_out_everywhere(self) -> str:
-        """End every session and return the ``Set-Cookie`` that takes the cookie away."""
+        """End every session and return the ``Set-Cookie`` that deletes the cookie."""
         self.sessions.end_all()
         await self.file.save()
         return self._cookie("", 0)
@@ -160,7 +160,7 @@ class Admission:
             return None
         if verdict is Verdict.LIMITED:
             return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
-        # An id of a session is no guess at the token: it may have ended, or be another server's.
+        # A session id is no guess at the token: the session may have ended or be another server's.
         missing = _SESSION_ENDED if ended else _SIGN_IN_FIRST
         text = missing if verdict is Verdict.MISSING else _WRONG_TOKEN
         on_page = text is not _SIGN_IN_FIRST
@@ -174,26 +174,26 @@ class Admission:
 
 
 def session_of(scope: Scope) -> Session | None:
-    """Return the session by which a request was admitted; None where it came with the token."""
+    """Return the session by which a request was admitted; None if it came with the token."""
     session: Session | None = scope.get("state", {}).get(_SESSION)
     return session
 
 
 def link_of(scope: Scope) -> ReadOnlyLink | None:
-    """Return the read-only link by which a request was admitted; None of an operator's."""
+    """Return the read-only link by which a request was admitted; None for an operator."""
     link: ReadOnlyLink | None = scope.get("state", {}).get(_LINK)
     return link
 
 
 def connections_of(scope: Scope) -> Connections | None:
-    """Return with what an admitted connection ends; None of the operators' token itself."""
+    """Return the session or link that a connection ends with; None for the operators' token."""
     return session_of(scope) or link_of(scope)
 
 
 def access_of(scope: Scope) -> Access:
     """Return what an admitted request may do.
 
-    One that nobody admitted may only watch.
+    A request that was not admitted may only watch.
     """
     is_operator = _LINK in scope.get("state", {}) and link_of(scope) is None
     return Access.OPERATOR if is_operator else Access.READ_ONLY
@@ -205,7 +205,7 @@ def header_values(scope: Scope, name: bytes) -> list[str]:
 
 
 def _note_viewer(scope: Scope, session: Session) -> None:
-    """Note what the key for the 3D scene admits: it ends with the session, and only watches."""
+    """Note an admission by the 3D scene's key: it ends with the session, and only watches."""
     scope.setdefault("state", {}).update({SIGNED_IN: True, _SESSION: session})
 
 

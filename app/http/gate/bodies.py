@@ -11,7 +11,7 @@ JSON_KIND = "application/json"
 FORM_KIND = "application/x-www-form-urlencoded"
 UPLOAD_KIND = "multipart/form-data"
 
-# Time and bytes for which a sender is still read whose body nobody wants.
+# Seconds and bytes for which an unwanted body is still read.
 _LINGER_S = 1.0
 _LINGER_BYTES = 8 * 1024 * 1024
 
@@ -42,8 +42,8 @@ class LimitedBody:
 
     Use ``receive`` and ``send`` in place of the connection's own: once the limit is passed, the
     application fails to read and its reply is dropped, so that the caller can refuse the request.
-    A connection with a body that the application left unread serves no other request; it is closed
-    after a moment, for at once a client that is still sending would never see the reply.
+    A connection whose body the application left unread serves no other request. It is closed after
+    a moment; if closed at once, a client that is still sending would never see the reply.
 
     Args:
         comes: whether the request has a body at all.

@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass(eq=False, kw_only=True)
 class Connections:
-    """What admits connections for as long as it is in force: a session, or a read-only link.
+    """Session or read-only link, which admits connections for as long as it is valid.
 
     Attributes:
         over: whether it has ended. closers: each closes one of its open connections.
@@ -37,13 +37,13 @@ class Connections:
 
 
 async def run_connected(by: Connections, job: Awaitable[None]) -> bool:
-    """Run a connection's job, cancelled where what admitted it ends; return whether it did."""
+    """Run a connection's job, cancelled when its session or link ends; return whether it ended."""
     task = asyncio.ensure_future(job)
     with by.connected(task.cancel):
         try:
             await task
         except asyncio.CancelledError:
-            # Otherwise it is the server that shuts down, and cancels this one.
+            # Otherwise the server is shutting down and cancels this task.
             caller = asyncio.current_task()
             if not by.over or (caller is not None and caller.cancelling()):
                 raise

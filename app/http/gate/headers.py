@@ -15,8 +15,8 @@ PANEL_POLICY = (
 )
 # viser's client is one file with everything inline, beside which our own scripts are loaded. This
 # is the strictest policy that lets it render without errors (its splat sorter, a WebAssembly
-# module, compiles functions from text at start). sandbox: it has an origin of its own. So neither
-# can it do what the panel may, nor does the panel wait while it draws: browsers give it a process.
+# module, compiles functions from text at start). sandbox: it has an origin of its own, so it cannot
+# do what the panel may, and its drawing does not block the panel: browsers give it a process.
 VIEWER_POLICY = (
     "sandbox allow-scripts; default-src 'none'; "
     "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
@@ -29,7 +29,7 @@ DOCS_POLICY = (
     "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
 )
-# Of a page of the documentation; Material for MkDocs writes style attributes and has its search in
+# For pages of the documentation; Material for MkDocs writes style attributes and runs its search in
 # a worker.
 _HELP_POLICY = (
     "default-src 'none'; script-src 'self' {scripts}; worker-src 'self'; "

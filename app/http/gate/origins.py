@@ -42,12 +42,12 @@ class Names:
     """The names under which browsers may reach the server.
 
     DNS rebinding puts the attacker's name into ``Host``, so a list of names stops the attack (and
-    no other check of the request does). A number, as in 192.168.1.5, is nobody's name: a page that
-    has it in its address came from there.
+    no other check of the request does). An IP address such as 192.168.1.5 cannot be rebound: a page
+    that has it in its address came from there.
 
     Attributes:
         own: allowed on any port. with_port: names allowed with one port only.
-        numbers: whether the server answers to every number; so one that listens on every address.
+        numbers: whether it answers to every IP address, as a server listening on all of them does.
         explicit: names given by ``--allowed-host``.
         tls: whether the server itself speaks https.
     """

@@ -1,4 +1,4 @@
-"""Read-only links: tokens that let watch, each of which can be revoked alone."""
+"""Read-only links: tokens for watching only, each of which can be revoked by itself."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from app.http.gate.connections import Connections
 
 _ID_BYTES = 8
-# A link for each class, and for each visitor; bounds what every check of a token takes.
+# Enough for one per class or visitor; bounds the cost of each check of a token.
 MOST_LINKS = 20
 
 
@@ -22,7 +22,7 @@ class ReadOnlyLink(Connections):
     """Read-only link in force.
 
     Attributes:
-        id: no secret. token: signs a browser in. made: seconds since 1970.
+        id: not secret. token: signs a browser in. made: seconds since 1970.
     """
 
     id: str
@@ -33,8 +33,8 @@ class ReadOnlyLink(Connections):
 class ReadOnlyLinks:
     """Table of the read-only links in force; there is always one to share. Used in the event loop.
 
-    Tokens are made from the operators' token, which cannot be told from them, and from the link's
-    id: they last as long as that token, and a file of ids signs nobody in.
+    Tokens are derived from the operators' token, which they do not reveal, and from the link's id:
+    they last as long as that token, and a file of ids signs nobody in.
 
     Args:
         token: the operators'. wall_clock: seconds since 1970.
@@ -93,7 +93,7 @@ class ReadOnlyLinks:
         return link
 
     def revoke(self, link: ReadOnlyLink) -> None:
-        """End a link and close what is connected by its token itself."""
+        """End a link and close the connections made directly with its token."""
         if self._links.pop(link.id, None) is None:
             return
         link.end()
@@ -101,14 +101,14 @@ class ReadOnlyLinks:
         self.changed()
 
     def restore(self, kept: Iterable[tuple[str, float]]) -> None:
-        """Go on with the links of an earlier process: what it had of ``kept``."""
+        """Restore the links of an earlier process from what its ``kept`` returned."""
         links = [self._link(id, made) for id, made in kept]
         if links:
             self._links = {link.id: link for link in links[-MOST_LINKS:]}
             self.changed()
 
     def kept(self) -> list[tuple[str, float]]:
-        """Return id and time of making of each, oldest first."""
+        """Return id and creation time of each link, oldest first."""
         return [(link.id, link.made) for link in self._links.values()]
 
     def _ensure_one(self) -> None:

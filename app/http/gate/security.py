@@ -1,8 +1,8 @@
 """The gate in front of every route, mount and WebSocket, new ones included.
 
 Pure ASGI, because the framework's HTTP middleware never sees WebSockets and dependencies never see
-mounts. Checks run in this order: name (400), origin (403), token or session (401, 429), what it
-allows (403), kind of body (415), size (413).
+mounts. Checks run in this order: name (400), origin (403), token or session (401, 429), access
+(403), kind of body (415), size (413).
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class Gate:
     def _refuse_page(self, scope: Scope, host: NetworkName) -> Refusal | None:
         origins = header_values(scope, b"origin")
         for origin in origins:
-            # Of the sandboxed page of the 3D scene, which has the key to nothing else.
+            # The sandboxed page of the 3D scene; its key admits it to nothing else.
             if origin == "null" and self._policy.admission.viewed(scope) is not None:
                 continue
             if not self._policy.names.accepts_origin(origin, host):
@@ -221,7 +221,7 @@ def sign_in_headers(page: str) -> dict[str, str]:
 
 
 def refused_page(page: str, refusal: Refusal) -> str:
-    """Return the sign-in page, with the reason of the refusal if there is more to it."""
+    """Return the sign-in page, with the refusal's reason where that says more than the page."""
     if not refusal.on_page:
         return page
     detail = html.escape(refusal.detail[:1].upper() + refusal.detail[1:])

@@ -1,4 +1,4 @@
-"""File that keeps sessions and read-only links over a restart, so that an open page goes on."""
+"""File that keeps sessions and read-only links across restarts, so that open pages go on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = structlog.get_logger(__name__)
 SESSION_FILE = "sessions.json"
 
 _LOOK_EVERY_S = 30.0
-# The times of the last use are no more exact than this after a crash.
+# After a crash, the times of last use are only as exact as this.
 _LOOKS_PER_SAVE = 10
 _MOST_BYTES = 1024 * 1024
 
@@ -33,12 +33,12 @@ class _Kept(BaseModel):
     digest: str = Field(pattern=r"^[0-9a-f]{64}$")
     started: float = Field(allow_inf_nan=False)
     used: float = Field(allow_inf_nan=False)
-    # Id of the read-only link that it came by.
+    # Id of the read-only link that it was opened with.
     link: str | None = None
 
 
 class _KeptLink(BaseModel):
-    """Read-only link in the file; its token is made from the operators', which is not there."""
+    """Read-only link in the file; its token is derived from the operators', which is not stored."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -56,12 +56,12 @@ class _Content(BaseModel):
 class SessionFile:
     """File of the sessions.
 
-    What cannot be written ends with the process, and does no harm to what goes on. But no session
-    that was signed out comes back, and no link that was revoked: if the file cannot be replaced, it
-    is deleted.
+    If it cannot be written, sessions end with the process; nothing else is affected. But no
+    signed-out session and no revoked link may come back: if the file cannot be replaced, it is
+    deleted.
 
     Args:
-        path: None where the token, too, ends with the process.
+        path: None if the token, too, ends with the process.
         wall_clock: seconds since 1970.
     """
 
@@ -76,7 +76,7 @@ class SessionFile:
         self._in_file: set[bytes | str] = set()
 
     def load(self) -> None:
-        """Go on with the sessions of an earlier process; with none if the file is damaged."""
+        """Restore the sessions of an earlier process, or none if the file is damaged."""
         if self._path is None:
             return
         try:

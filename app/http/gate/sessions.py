@@ -33,9 +33,9 @@ class Session(Connections):
 
     Attributes:
         digest: of its id. started, used: monotonic seconds of signing in and of the last use.
-        link: the read-only link that it came by; None of an operator's.
-        viewer_key: admits the page of its 3D scene, and to nothing but the scene. It is part of
-            that page's address: the page has an origin of its own and sends no cookie.
+        link: the read-only link that it was opened with; None for an operator's.
+        viewer_key: admits the page of its 3D scene, to that scene only. It is part of the page's
+            address, because the page has an origin of its own and sends no cookie.
     """
 
     digest: bytes
@@ -50,7 +50,7 @@ class SessionAge:
     """Session as it outlives the process: its digest, and seconds since its start and last use.
 
     Attributes:
-        link: id of the read-only link that it came by; None of an operator's.
+        link: id of the read-only link that it was opened with; None for an operator's.
     """
 
     digest: bytes
@@ -65,10 +65,9 @@ class Sessions:
     Args:
         token: what the sessions were exchanged for.
         clock: monotonic seconds. The wall clock may jump while somebody drives.
-        unused_s: a session ends after so long without a request or an open connection.
-        lifetime_s: it ends so long after signing in, whatever is done with it.
-        most: of more sessions, those give way that were not used for longest and have no open
-            connection.
+        unused_s: a session ends after this long without a request or an open connection.
+        lifetime_s: it ends this long after signing in, even while in use.
+        most: beyond this number, the least recently used sessions without open connections end.
 
     Attributes:
         links: the read-only links in force.
@@ -95,7 +94,7 @@ class Sessions:
         return self._lifetime_s
 
     def start(self, link: ReadOnlyLink | None = None) -> str:
-        """Start a session, an operator's without a read-only link, and return its id."""
+        """Start a session (an operator's if no link is given) and return its id."""
         session_id, now = secrets.token_urlsafe(_ID_BYTES), self._clock()
         session = self._session(self._digest(session_id), now, now, link)
         self._sessions[session.digest] = session
@@ -119,7 +118,7 @@ class Sessions:
         return None
 
     def renew(self, session: Session) -> None:
-        """Begin a session's lifetime again: its browser has brought the token once more."""
+        """Restart a session's lifetime: its browser has sent the token again."""
         session.started = session.used = self._clock()
 
     def end(self, session: Session) -> None:
@@ -133,7 +132,7 @@ class Sessions:
             self.end(session)
 
     def revoke(self, link: ReadOnlyLink) -> None:
-        """End a read-only link, the sessions that came by it, and their connections."""
+        """End a read-only link, the sessions opened with it, and their connections."""
         self.links.revoke(link)
         for session in self._by(link):
             self.end(session)
@@ -168,16 +167,16 @@ class Sessions:
         ]
 
     def restore(self, ages: Iterable[SessionAge]) -> None:
-        """Add the sessions of an earlier process, but for those that have ended meanwhile.
+        """Add the sessions of an earlier process, except those that have ended meanwhile.
 
-        The links that they came by are restored first.
+        Their links must have been restored before.
         """
         now = self._clock()
         for each in ages:
             link = self.links.get(each.link)
             if link is None and each.link is not None:
                 continue
-            # The wall clock, by which these ages were reckoned, may have been set back.
+            # The ages come from the wall clock, which may have been set back.
             session = self._session(
                 each.digest,
                 now - max(0.0, each.age_s),
@@ -212,7 +211,7 @@ class Sessions:
         return now - session.started > self._lifetime_s or unused_s > self._unused_s
 
     def _make_room(self, new: Session) -> None:
-        """End the session that was not used for longest, if there are too many."""
+        """End the least recently used idle session if there are too many."""
         if len(self._sessions) <= self._most:
             return
         idle = [each for each in self._sessions.values() if not each.closers and each is not new]

@@ -1,8 +1,8 @@
 """Connections that have not signed in: few at a time, and not for long.
 
-A person who presses Stop needs a descriptor and an answer, whatever others do to the port. So a
-connection that asks for nothing, or has had its answer without signing in, counts as a stranger's;
-the oldest of the address with most of them is ended to let another one in.
+A person who presses Stop needs a file descriptor and an answer, whatever others do to the port. So
+a connection that sends no request, or was answered without signing in, counts as a stranger's; to
+let another one in, the oldest of the address with the most of them is ended.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-# Browsers open a handful of connections before they ask for anything.
+# Browsers open a handful of connections before they send a request.
 _MOST = 100
 # A request's head is a few hundred bytes.
 _WITHIN_S = 10.0
@@ -30,7 +30,7 @@ SIGNED_IN = "signed_in"
 
 @dataclass(eq=False)
 class _Known:
-    """A connection, the address it came from, and since when it asks for nothing."""
+    """Connection, the address it came from, and since when it has been idle."""
 
     connection: weakref.ref[socket.socket]
     address: str
@@ -41,7 +41,7 @@ class Strangers:
     """Keeps account of connections by their descriptors; used in the event loop.
 
     Args:
-        clock: monotonic seconds. most: at a time. within_s: after so long each is ended.
+        clock: monotonic seconds. most: allowed at a time. within_s: idle time until each is ended.
     """
 
     def __init__(
@@ -56,12 +56,12 @@ class Strangers:
 
     @property
     def count(self) -> int:
-        """Return how many strangers are connected and ask for nothing."""
+        """Return the number of strangers that are connected and idle."""
         self._forget_closed()
         return len(self._waiting)
 
     def come(self, connection: socket.socket, address: str) -> None:
-        """Take a new connection into account."""
+        """Register a new connection."""
         number = connection.fileno()
         self._others.pop(number, None)
         self._waiting.pop(number, None)
@@ -74,13 +74,13 @@ class Strangers:
             self._others[number] = known
 
     def answered(self, number: int, *, signed_in: bool) -> None:
-        """Note that the answer was sent; who has not signed in waits again."""
+        """Note that the answer was sent; a connection that is not signed in waits again."""
         if not signed_in and (known := self._others.pop(number, None)) is not None:
             known.since = self._clock()
             self._waiting[number] = known
 
     def make_room(self) -> bool:
-        """Return whether there is room for another one; if not, end one that gives way."""
+        """Return whether there is room for another one; if not, end one to make room."""
         if len(self._waiting) < self._most or self.count < self._most:
             return True
         busiest = Counter(each.address for each in self._waiting.values()).most_common(1)[0][0]
@@ -88,21 +88,21 @@ class Strangers:
         return False
 
     def sweep(self) -> None:
-        """End those who have asked for nothing for too long."""
+        """End those that have been idle for too long."""
         self._forget_closed()
         latest = self._clock() - self._within_s
         for number in [n for n, each in self._waiting.items() if each.since < latest]:
             self._end(number)
 
     async def watch(self) -> None:
-        """Sweep again and again, until cancelled."""
+        """Sweep periodically, until cancelled."""
         while True:
             await asyncio.sleep(_LOOK_EVERY_S)
             self.sweep()
 
     def _end(self, number: int) -> None:
         connection = self._waiting.pop(number).connection()
-        # Its transport reads the end, and closes it.
+        # Its transport then reads the end of the stream and closes it.
         if connection is not None:
             with contextlib.suppress(OSError):
                 connection.shutdown(socket.SHUT_RDWR)
@@ -119,14 +119,14 @@ def _is_closed(known: _Known) -> bool:
 
 
 class GuardedListener(socket.socket):
-    """A socket for TCP that accepts no more strangers than there is room for.
+    """TCP socket that accepts no more strangers than there is room for.
 
     Attributes:
-        strangers: takes account of whom it accepts.
+        strangers: registers each connection that it accepts.
     """
 
     def __init__(self, strangers: Strangers, family: int = socket.AF_INET) -> None:
-        # Only with its protocol named does asyncio switch delays off.
+        # asyncio sets TCP_NODELAY only if the protocol is named.
         super().__init__(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
         self.strangers = strangers
 
@@ -134,7 +134,7 @@ class GuardedListener(socket.socket):
         """Accept a connection.
 
         Raises:
-            BlockingIOError: there is none, or one must be ended first: the event loop asks again.
+            BlockingIOError: there is none, or one must be ended first: the event loop retries.
         """
         if not self.strangers.make_room():
             raise BlockingIOError
@@ -144,7 +144,7 @@ class GuardedListener(socket.socket):
 
 
 def guarded_protocol(strangers: Strangers) -> type[H11Protocol]:
-    """Return uvicorn's protocol of HTTP, which tells ``strangers`` who asks and who is answered."""
+    """Return uvicorn's HTTP protocol, extended to report requests and answers to ``strangers``."""
 
     class GuardedProtocol(H11Protocol):
         _number = -1

@@ -22,7 +22,7 @@ _WRONG_PER_WINDOW = 5
 _WINDOW_S = 60.0
 # Bounds the memory that many addresses can take; the oldest is forgotten first.
 _MOST_ADDRESSES = 4096
-# A browser that is opened by the server asks within seconds; a slow one within this time.
+# Seconds: the browser that the server opens sends its request sooner, even a slow one.
 _ONCE_S = 60.0
 
 
@@ -91,7 +91,7 @@ class TokenGuard:
     The right token always works: nobody can lock the operator out by guessing.
 
     Args:
-        token: the operators'. clock: monotonic seconds. links: those that let watch.
+        token: the operators'. clock: monotonic seconds. links: the read-only ones.
     """
 
     def __init__(self, token: str, clock: Callable[[], float], links: ReadOnlyLinks) -> None:
@@ -102,19 +102,19 @@ class TokenGuard:
         self._once: tuple[bytes, float] | None = None
 
     def once(self) -> str:
-        """Return a token for operators that works once and for a minute.
+        """Return an operators' token that works once, within a minute.
 
-        For the link with which this computer's browser is opened: other users see the arguments
-        of its process.
+        It is for the link with which this computer's browser is opened: other users can see the
+        command line of that process.
         """
         token = new_token()
         self._once = (digest(token), self._clock() + _ONCE_S)
         return token
 
     def check(self, address: str | None, candidates: Iterable[str]) -> Verdict | ReadOnlyLink:
-        """Check whether one of the tokens is right; the operators' counts first.
+        """Check whether one of the tokens is right; the operators' takes precedence.
 
-        A read-only link's gives that link.
+        For a read-only link's token, return that link.
 
         Args:
             address: the client's network address; None if there is none.
@@ -134,7 +134,7 @@ class TokenGuard:
         return Verdict.WRONG if self._count(_network(address)) else Verdict.LIMITED
 
     def _is_once(self, given: list[bytes]) -> bool:
-        """Return whether one is the token that works once; from now on it does not."""
+        """Return whether one of them is the one-time token, and use it up."""
         if self._once is None:
             return False
         once, until = self._once
@@ -159,7 +159,7 @@ class TokenGuard:
 
 
 def _network(address: str | None) -> str:
-    """Return the counting unit: one IPv4 address, or one IPv6 site, whose holder has 2**64."""
+    """Return the counting unit: an IPv4 address, or an IPv6 /64, whose holder has 2**64."""
     if address is None:
         return ""
     try:

@@ -1,7 +1,7 @@
-"""How often one client is sent something new: half as often, and half again, while it lags.
+"""Rate at which one client is sent something new: halved, and halved again, while it lags.
 
-A stream that waits for nothing but the client's acknowledgement fills a slow network, and all else
-that goes the same way waits behind it: the other streams, and commands to a robot. So a client that
+A stream paced only by the client's acknowledgements fills a slow network, and everything else on
+that path queues behind it: the other streams, and commands to a robot. So a client that
 acknowledges late has its rate halved, up to three times, and gets it back step by step.
 """
 
@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-# On a network that keeps up, and a page that paints, it takes less than 0.1 s.
+# If the network keeps up and the page paints, an acknowledgement takes less than 0.1 s.
 _LATE_S = 0.4
-# One late acknowledgement may be a page that did something else for a moment.
+# One late acknowledgement may come from a page that was busy for a moment.
 _LATE_IN_A_ROW = 3
 _MOST_HALVINGS = 3
-# A step back up after so long without a late one.
+# One step back up after this long without a late acknowledgement.
 _RECOVERS_S = 1.0
-# Of the measured time between two sends, by each one.
+# Of each new gap between two sends in their moving average.
 _WEIGHT = 0.3
-# A longer one was a pause.
+# A longer gap was a pause, and counts as this.
 _LONGEST_GAP_S = 1.0
 
 
@@ -52,14 +52,14 @@ class Budget:
         """Note that one is sent now."""
         now = self._clock()
         if self._sent is not None and self.halvings == 0:
-            # The client's own rate: as often as there was something new and it had acknowledged.
+            # The client's own rate: as often as there is something new and it has acknowledged.
             gap = min(now - self._sent, _LONGEST_GAP_S)
             before = gap if self._interval_s is None else self._interval_s
             self._interval_s = before + _WEIGHT * (gap - before)
         self._sent = now
 
     def acknowledged(self, delay_s: float) -> None:
-        """Note that the client has acknowledged one, or that it is given up, after so long."""
+        """Note that an acknowledgement took this long, or was given up after it."""
         now = self._clock()
         if delay_s > _LATE_S:
             self._good_since = None

@@ -7,7 +7,7 @@ the host's clock, but arriving messages bound it. No message takes negative time
     offset >= ping sent - stamp of its answer                        of every answered ping.
 
 The smallest ``arrival - stamp`` of the last seconds is the offset plus the delay of the quickest
-message, which is taken for half the quickest round trip. Every delay of a message after its stamp
+message, which is taken to be half the quickest round trip. Every delay of a message after its stamp
 (the page's own queue, the network, buffers in either kernel, this server's event loop) makes it
 older, because arrival is when the application reads it.
 """
@@ -102,7 +102,7 @@ class CommandAge:
         """Return whether a command that arrives now can be fresh at all.
 
         If a round trip takes longer than the lifetime of a command, nobody can tell how much of
-        it was the way here.
+        it was spent on the way here.
         """
         rtt = self._rtt(now)
         return rtt is not None and rtt <= COMMAND_FRESH_S and now - self._trips[-1][0] <= _LOST_S

@@ -15,7 +15,7 @@ GOING_AWAY = 1001
 TRY_LATER = 1013
 
 _LONGEST_JSON = 1000
-# In what uvicorn raises for a message behind the end of the connection.
+# Part of the error that uvicorn raises for a message sent after the end of the connection.
 _SENT_TOO_LATE = "after sending 'websocket.close'"
 
 
@@ -78,9 +78,9 @@ async def until_one_ends(socket: WebSocket, *jobs: Coroutine[Any, Any, None]) ->
 
 
 def _is_ordinary(end: BaseException) -> bool:
-    """Return whether a socket's job ended so because its client left, or was sent away."""
+    """Return whether a socket's job ended because its client left or was disconnected."""
     if isinstance(end, RuntimeError):
-        # The server closed it for what the client sent, before it told us.
+        # The server closed it because of what the client sent, before telling us.
         return _SENT_TOO_LATE in str(end)
     return isinstance(end, (asyncio.CancelledError, WebSocketDisconnect))
 
@@ -94,5 +94,5 @@ async def close(socket: WebSocket, code: int, reason: str = "") -> None:
         try:
             await socket.close(code, reason.encode()[:123].decode(errors="ignore"))
         except (RuntimeError, WebSocketDisconnect):
-            # The client was quicker.
+            # The client closed first.
             return

@@ -50,7 +50,7 @@ _REFUSALS = (Conflict, FieldError, NotAvailable)
 
 
 class DriveSocket:
-    """Socket of one operator; of who only watches, it takes the stop alone."""
+    """Socket of one operator; from a read-only client it accepts only the stop."""
 
     def __init__(self, socket: WebSocket, server: Server, name: str | None) -> None:
         self._socket = socket

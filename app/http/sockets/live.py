@@ -200,7 +200,7 @@ class _Page:
         self._status_due = True
         self._robots_due = True
         self._wheels_told = server.driving.wheels.newest
-        # Pages ask for what was logged before they came.
+        # Pages request earlier log entries themselves.
         self._log_told = hub.newest_entry
         self._budget = Budget(server.clock)
         # A page opened while playback is paused shows the current frame.
@@ -244,7 +244,7 @@ class _Page:
                     await self._wake.wait()
 
     def _pause_s(self, until_beat_s: float) -> float:
-        """Return how long nothing may be due, unless something happens."""
+        """Return how long to wait unless something happens before."""
         if self._observation_due and (held_s := self._budget.wait_s) > 0:
             return min(until_beat_s, held_s)
         return until_beat_s

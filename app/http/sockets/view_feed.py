@@ -14,7 +14,7 @@ _POLL_S = 0.008
 
 
 class ViewFeed:
-    """Feed of one view. Shared memory cannot wake readers, so it is polled while any wait."""
+    """Feed of one view. Shared memory cannot wake readers, so it is polled while it is watched."""
 
     def __init__(self, server: Server, name: str) -> None:
         self._server = server

@@ -1,8 +1,8 @@
 """Proxy for viser: its page, and its WebSocket, filtered.
 
-viser authenticates nobody and listens on loopback only, where it admits nobody but us. Of what
-browsers send only the camera pose goes through: our scene needs nothing else, and some other
-messages would open the machine to the outside.
+viser has no authentication and listens on loopback only, where it admits only this proxy. Of the
+messages from browsers only the camera pose passes: our scene needs nothing else, and some of the
+others would expose the machine.
 
 The page is sandboxed and sends no cookies, so each session has it under an address with a key.
 """
@@ -42,8 +42,8 @@ _CAMERA_GAP_S = 0.01
 # "No status" and "lost" exist only as reports, never on the wire.
 _NEVER_SENT = (1005, 1006, 1015)
 _LONGEST_SUBPROTOCOL = 100
-# What lets the client work in a sandbox, and joins it to the panel around it; of
-# ``static/app/scene-frame``.
+# Scripts of ``static/app/scene-frame``, which let the client work in a sandbox and connect it to
+# the panel around it.
 _OUR_SCRIPTS = (
     b'<script src="app/module-workers.js" crossorigin></script>'
     b'<script src="app/viewer-link.js" crossorigin></script>'
@@ -93,7 +93,7 @@ def prepared_page(page: bytes) -> PreparedPage:
 
 
 class ViewerDoor:
-    """The routes' access to the viewer, which may come later or never."""
+    """Gives the routes access to the viewer, which may start late or not at all."""
 
     def __init__(self) -> None:
         self.viewer: Viewer = NullViewer("the 3D viewer is starting")
@@ -213,7 +213,7 @@ async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
                 await upstream.send(data)
             except ConnectionClosed:
                 return
-            # Whoever sends more waits, rather than everybody else.
+            # Throttle only the client that sends too much, not everyone.
             await asyncio.sleep(_CAMERA_GAP_S)
 
 

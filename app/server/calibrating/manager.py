@@ -146,7 +146,7 @@ class CalibrationManager:
         }
         with contextlib.suppress(ValueError):
             return of_plain(Calibration, known | record.info)
-        # Damaged by hand: the calibration's own text tells what matters.
+        # The record was damaged by hand: the calibration's own text has the essential facts.
         facts = calibration_facts(read_calibration(record.text, name=record.name))
         notes = ["the additional data stored with this calibration is damaged and ignored"]
         return of_plain(Calibration, known | facts | {"notes": notes})

@@ -1,7 +1,7 @@
 """The calibration in progress: the board, the cameras, the views so far.
 
-The engine finds the boards and reports them; the captured views are kept here, so that they outlive
-an engine. Everything runs in the event loop.
+The engine finds the boards and reports them; the captured views are kept here, so that they survive
+the loss of an engine. Everything runs in the event loop.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class CalibratedCameras:
     """Cameras that a calibration belongs to.
 
     Attributes:
-        source: the text that opens them, as far as it may be shown.
-        devices: as in ``SourceInfo.devices``. settings: settings of each camera, in words by name.
+        source: the text that opens them, without passwords.
+        devices: as in ``SourceInfo.devices``. settings: settings of each camera, text by name.
     """
 
     source: str | None
@@ -66,7 +66,7 @@ class CalibrationSession:
     """
 
     def __init__(self, shared: Shared) -> None:
-        """Start without a calibration; the followers are told whenever ``facts`` change."""
+        """Start without a calibration; followers are notified whenever ``facts`` change."""
         self._shared = shared
         self._changed = shared.followers.status_changed
         self.computation = Computation(self._changed)
@@ -117,7 +117,7 @@ class CalibrationSession:
             raise Conflict(str(error)) from error
         views = {name: _swapped(kept) for name, kept in self._views.items()}
         facts = await self._ask_to_begin(source, board, views)
-        # The result was for swapped cameras.
+        # The result was for the cameras in the other order.
         await self.computation.cancel()
         self.computation.result = None
         self.source, self._views = source, views

@@ -64,7 +64,7 @@ def keep_upload(
     A complete OpenCV file is stored unchanged; the others are stored as OpenCV YAML.
 
     Args:
-        size, cameras: as for ``read_any``. unit: as for ``parse_unit``; None takes the format's.
+        size, cameras: as for ``read_any``. unit: as for ``parse_unit``; None for the format's own.
 
     Raises:
         FieldError: the files are not a usable calibration; one sentence says why.
@@ -99,7 +99,7 @@ def _length_unit(said: str | None) -> LengthUnit | None:
 
 
 def _as_it_came(files: Sequence[NamedFile]) -> str | None:
-    """Return the text of a single file that the engine reads unchanged."""
+    """Return the text of a single file if the engine can read it unchanged, else None."""
     if len(files) != 1:
         return None
     try:
@@ -111,7 +111,7 @@ def _as_it_came(files: Sequence[NamedFile]) -> str | None:
 
 
 def keep_own_calibration(storage: Storage, text: str, run: RunRecord) -> RunRecord:
-    """Store the calibration that came with a run's source: the source may change, the run must not.
+    """Store the source's own calibration with a run: the source may change, the run must not.
 
     It is not listed, because nobody uploaded it; the run refers to it by its content hash.
     """
@@ -183,12 +183,12 @@ async def check_by_tape(
 
 
 def with_tape_check(record: CalibrationRecord, rig_m: float, tape_m: float) -> list[Any]:
-    """Return the tape checks of a calibration with another one, as they are stored.
+    """Return the tape checks of a calibration with a new one added, in stored form.
 
-    What was damaged by hand is as unknown as with a calibration that was uploaded.
+    Report fields damaged by hand count as unknown, as for an uploaded calibration.
 
     Args:
-        rig_m, tape_m: range of the point as the rig and as the tape has it.
+        rig_m, tape_m: range of the point as measured by the rig and by the tape.
 
     Raises:
         FieldError: the lengths cannot be compared.
@@ -220,7 +220,7 @@ class _Board:
 async def refine_rows(
     engine: Engine, storage: Storage, active: CalibrationRecord | None
 ) -> CalibrationRecord:
-    """Make a new calibration whose rows are corrected by recent images, and a drifted vergence.
+    """Make a new calibration with rows, and a drifted vergence, corrected from recent images.
 
     The calibration in use stays in use, unchanged.
 
@@ -248,7 +248,7 @@ async def refine_rows(
 
 
 def _changes(facts: Mapping[str, Any]) -> str:
-    """Return in words what a refinement changed, by its facts as in ``Refined``."""
+    """Describe in words what a refinement changed, given its facts as in ``Refined``."""
     rows = f"epipolar error {facts['before_px']:.2f} px before, {facts['after_px']:.2f} px after"
     degrees = {
         name: math.degrees(facts[f"{name}_rad"])
@@ -266,4 +266,4 @@ def _changes(facts: Mapping[str, Any]) -> str:
 
 
 def _unheard(_: Progress) -> None:
-    """Ignore progress: work of a second or two does not need it."""
+    """Ignore progress: the work takes only a second or two."""

@@ -18,12 +18,12 @@ class ParametersInForce:
     """State of the parameters.
 
     Attributes:
-        values: all values. revision: grows by one with every change of an observation parameter,
+        values: all values. revision: incremented with every change of an observation parameter,
             across restarts too. preset: the preset with these values, or None once a value differs.
-        based_on: the preset that the values come from; those that differ are changed by hand.
+        based_on: the preset that the values come from; values that differ were changed by hand.
         frame: the first frame they apply to; None if no source was open or the frame is not yet
             known.
-        driving_revision: grows by one with every other change, from 0 at the start.
+        driving_revision: incremented with every other change, from 0 at the start.
     """
 
     values: AllParameters
@@ -36,7 +36,7 @@ class ParametersInForce:
 
 @dataclass(frozen=True)
 class Revision:
-    """Accepted change of the parameters, with the values that it changed."""
+    """Accepted change of the parameters, with the changed values."""
 
     after: ParametersInForce
     difference: dict[str, ParameterValue]
@@ -50,11 +50,11 @@ def restored_parameters(
 ) -> tuple[ParametersInForce, str | None]:
     """Restore the parameters of the last session.
 
-    A later version may have other parameters or bounds. A value that it refuses is left at its
-    default, with a warning.
+    They may have been saved by a version with other parameters or bounds. A value that this version
+    refuses is reset to its default, with a warning.
 
     Args:
-        presets: the saved presets, by name. based_on: the name of the last one, as far as known.
+        presets: the saved presets, by name. based_on: the name of the last preset, if known.
 
     Returns:
         The parameters, and a warning of one sentence if some could not be restored.
@@ -71,7 +71,7 @@ def restored_parameters(
 
 
 def _listed(names: Iterable[str]) -> str:
-    """Return names for people; what was damaged by hand may hold anything."""
+    """Format names for display; data damaged by hand may hold any characters."""
     return ", ".join(name if name.isprintable() else repr(name) for name in names)
 
 
@@ -86,9 +86,9 @@ def change(
 
     Args:
         changes: dotted name -> new value.
-        presets: the saved presets, by name; the built-in ones are known.
+        presets: the saved presets, by name, without the built-in ones.
         start: the values to change; the current ones if left out.
-        based_on: the preset that the values come from; the one as before if left out.
+        based_on: the preset that the values come from; unchanged if left out.
 
     Raises:
         ParameterError: names every refused field and its range.
@@ -111,11 +111,11 @@ def named(
     presets: Mapping[str, Mapping[str, ParameterValue]],
     based_on: str | None,
 ) -> ParametersInForce:
-    """Return the same values with the preset that they are, and the one that they come from.
+    """Return the same values with the preset they equal, if any, and the one they are based on.
 
     Args:
-        presets: the saved presets, by name. based_on: the one that they came from so far; where
-            there is none of that name any more, the built-in one that is nearest takes its place.
+        presets: the saved presets, by name. based_on: the preset they were based on so far; if it
+            no longer exists, the nearest built-in preset replaces it.
     """
     preset = matching_preset(current.values, presets, based_on)
     if preset is None and based_on not in (*BUILT_IN, *presets):
@@ -131,18 +131,18 @@ def matching_preset(
 ) -> str | None:
     """Return the name of the preset with exactly these values.
 
-    Where several have them it is the preferred one, else a built-in one.
+    If several have them, return the preferred one, else a built-in one.
     """
     flat = values.flat()
     equal = [name for name in reversed(BUILT_IN) if built_in(name).flat() == flat]
-    # One that was saved before a parameter was added has that one's default.
+    # A preset saved before a parameter was added takes the default of that parameter.
     declared = AllParameters().flat()
     equal += [name for name, saved in presets.items() if {**declared, **saved} == flat]
     return preferred if preferred in equal else next(iter(equal), None)
 
 
 def built_in(name: str) -> AllParameters:
-    """Return a built-in preset, with the parameters of driving at their defaults."""
+    """Return a built-in preset, with the driving parameters at their defaults."""
     return AllParameters().changed(preset(name).flat())
 
 

@@ -94,7 +94,7 @@ class ParameterManager:
         """Return the parameters of a preset with changes; put nothing into force.
 
         Args:
-            own: the values to change without a preset; those unknown here are left out.
+            own: the values to start from without a preset; unknown parameters are left out.
 
         Raises:
             FieldError, ParameterError: as ``plan``.
@@ -119,7 +119,7 @@ class ParameterManager:
         """Change parameters from the next frame on, completely or not at all.
 
         Args:
-            based_on: the preset that the values come from; the one as before if left out.
+            based_on: the preset that the values come from; unchanged if left out.
 
         Raises:
             FieldError: there is no such preset.
@@ -145,7 +145,7 @@ class ParameterManager:
         except NotAvailable as error:
             if not isinstance(error.__cause__, ProcessUnavailable):
                 raise
-            # The next engine gets them together with its source.
+            # The next engine receives them together with its source.
             frame = None
         return self.adopt(revision, frame, None if run is None else run.id)
 
@@ -172,7 +172,7 @@ class ParameterManager:
         self._writer.post(partial(save, now.revision, values, now.preset, now.based_on))
 
     def _call(self, same: ParametersInForce) -> None:
-        """Take what the same values are called now."""
+        """Adopt new preset names for unchanged values."""
         if same != self.current:
             self.current = same
             self._remember()
@@ -200,10 +200,10 @@ class ParameterManager:
         """Save values under a name.
 
         Args:
-            help: that of the replaced preset if left out.
-            values: dotted name -> value, names of former versions included, over the defaults; the
-                values in force if left out, which come from this preset from then on.
-            replace: save in place of a preset of that name.
+            help: description; if left out, that of the replaced preset.
+            values: dotted name -> value, applied to the defaults; names from earlier versions are
+                accepted. If left out, the values in force, which are then based on this preset.
+            replace: replace an existing preset of that name.
 
         Raises:
             Conflict: the name is taken. ParameterError: names every refused field and its range.

@@ -1,4 +1,4 @@
-"""Survey by a short drive, recorded frame by frame, to estimate the camera's place on the robot."""
+"""Survey by a short drive, recorded frame by frame, to estimate the camera's pose on the robot."""
 
 from __future__ import annotations
 

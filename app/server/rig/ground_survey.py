@@ -25,7 +25,7 @@ async def survey_floor(engine: Engine, camera: StereoCamera | None) -> FloorEsti
         camera: the rectified camera from the engine's state.
 
     Raises:
-        Conflict: nothing is open, or the floor is not recognisable; one sentence says what would
+        Conflict: no source is open, or the floor cannot be recognised; one sentence says what would
             help.
         NotAvailable: there is no engine at the moment.
     """

@@ -48,14 +48,12 @@ class RigStore:
 
     @property
     def text(self) -> str:
-        """Return the rig as stored in the file, with the keys of ports."""
+        """Return the rig as stored in the file, including the keys in ports."""
         return rig_text(self.rig)
 
     @property
     def observed_text(self) -> str:
-        """Return ``text`` without the parts that do not concern observing: ports, and the keys in
-        them.
-        """
+        """Return ``text`` without the ports and their keys, which do not concern observing."""
         return text_without_ports(self.rig)
 
     def keep(self, rig: Rig) -> None:
@@ -104,9 +102,10 @@ class RigStore:
             raise FieldError(("body", "mount", key), sentence) from error
 
     def with_port(self, role: Role, port: str, model: RobotModel | None) -> Rig:
-        """Return the rig with another port and model of a robot; model None: reported by the robot.
+        """Return the rig with a robot's port and model changed.
 
-        A port given in its displayed form keeps its hidden key.
+        With model None the robot reports its model. A port given in its displayed form keeps its
+        hidden key.
 
         Raises:
             FieldError: the text names no port.
@@ -130,7 +129,7 @@ class RigStore:
         return replace(self.rig, ports=ports)
 
     def observes_alike(self, rig: Rig) -> bool:
-        """Return whether a source would be observed the same way with another rig."""
+        """Return whether a source would be observed in the same way with the given rig."""
         return _as_observed(rig) == _as_observed(self.rig)
 
     def parsed(self, text: str) -> Rig:
@@ -164,7 +163,7 @@ def _keep_unreadable(path: Path) -> None:
     except (InputError, UnicodeDecodeError):
         aside = path.with_name(f"{path.name}.unreadable")
         number = 1
-        # A file that was moved aside before is somebody's work as well.
+        # Do not overwrite a file moved aside earlier: it is somebody's work as well.
         while aside.exists():
             number += 1
             aside = path.with_name(f"{path.name}.unreadable-{number}")

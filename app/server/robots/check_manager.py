@@ -46,7 +46,7 @@ class CheckManager:
         Args:
             folder: folder of the records; None stores none. circumstances: returns those in force.
             changed: called when ``facts`` change. soon: runs work in the background.
-            clock: the host's monotonic clock, which times stops.
+            clock: the host's monotonic clock, on which stops are timed.
         """
         self.records = CheckRecords(folder)
         self._circumstances = circumstances
@@ -61,12 +61,12 @@ class CheckManager:
     # --- events of the drive process -------------------------------------------------------
 
     def drive_said(self, robots: Robots) -> None:
-        """Take the robots' state from ``DriveState.facts``."""
+        """Handle the robots' state from ``DriveState.facts``."""
         if self._check is not None:
             self._check.robot_said(robots.get(self._check.role))
 
     def stopped(self, event: StoppedEvent) -> None:
-        """Take the stop of a robot that moved."""
+        """Handle the stop of a moving robot."""
         check = self._check
         if check is None or check.over():
             return
@@ -111,7 +111,7 @@ class CheckManager:
 
         Raises:
             Conflict: no check is in progress. FieldError, StorageFull: the check ended with this
-                step and could not be stored; it stays, and ``give_up`` tries again.
+                step but could not be stored; it is kept, and ``give_up`` retries.
         """
         check = self._going()
         check.skip(by, time_of_day())
@@ -120,8 +120,9 @@ class CheckManager:
             await self._save()
 
     async def give_up(self, by: str) -> None:
-        """End the check in its present state and store it; store one that ended but is not stored
-        yet.
+        """End the check in its present state and store it.
+
+        If it has already ended but is not stored yet, just store it.
 
         Raises:
             Conflict: no check is in progress. FieldError, StorageFull: it could not be stored.
@@ -134,7 +135,7 @@ class CheckManager:
         await self._save()
 
     async def close(self) -> None:
-        """Store what is not stored yet, at the end of the server."""
+        """Store a check that is not stored yet, at the server's shutdown."""
         check = self._check
         if check is not None and self._saved is None:
             check.give_up("the server shutting down", time_of_day())

@@ -1,4 +1,4 @@
-"""Records of guided checks: dated JSON files for programs, with Markdown beside them for people."""
+"""Records of guided checks: dated JSON files for programs, each with a Markdown file for people."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST_BYTES = 1_000_000
 _MOST_ALIKE = 999
 # A check older than a month should be repeated.
 _LASTS = timedelta(days=30)
-# Where people call an outcome otherwise than the record.
+# Outcomes that are displayed under another name than in the record.
 _OUTCOMES = {"given_up": "aborted"}
 
 
@@ -76,7 +76,7 @@ class CheckRecords:
         ]
 
     def newest(self, role: Role) -> CheckRecord | None:
-        """Return the newest complete record of a role, except those given up."""
+        """Return the newest record of a role, except aborted checks."""
         found = (each for _, each in self._newest() if each.role == role)
         return next((each for each in found if each.outcome != "given_up"), None)
 
@@ -86,7 +86,7 @@ class CheckRecords:
         Raises:
             NotThere: there is no record of this name.
         """
-        # Only names from a listing of the folder lead to a file.
+        # Only names from a listing of the folder may become paths.
         if name in self._names():
             with contextlib.suppress(OSError, UnicodeDecodeError):
                 text = self._file(name, suffix).read_text(encoding="utf-8")

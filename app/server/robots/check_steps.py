@@ -11,7 +11,7 @@ from observer.rig.rig import Role
 
 # Time limit between the cause of a stop and the zero velocity on the robot's port.
 PROMISED_MS = 300.0
-# A stop from a lower speed shows nothing.
+# A stop from a lower speed proves nothing.
 MOVING_MPS = 0.1
 
 _CAUSES = {
@@ -68,7 +68,7 @@ class Step(CheckStep):
 
 
 def _step(name: str, title: str, instruction: str, *kinds: str) -> Step:
-    """Return a step that waits for a stop; nothing of the stop is known yet."""
+    """Return a step that waits for a stop, with all facts of the stop unknown."""
     of_stop = [each.name for each in fields(CheckStep)[4:]]
     return Step(name, title, instruction, "waiting", **dict.fromkeys(of_stop), kinds=kinds)
 

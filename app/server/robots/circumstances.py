@@ -1,4 +1,4 @@
-"""Circumstances of a check, and their changes since."""
+"""Circumstances of a check, and what has changed since."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Circumstances:
 
     Attributes:
         software: versions by name. source: as shown to users.
-        calibration: its id; None: the source's own. rig: its id, the same for rigs that
+        calibration: its id; None for the source's own. rig: its id, the same for rigs that
             differ only in the robots' ports.
         rig_yaml: the rig as its file holds it, without ports, which may contain keys.
         guard: its parameters by dotted name.
@@ -40,7 +40,7 @@ class Circumstances:
         rig: Rig,
         guard: Mapping[str, Any],
     ) -> Circumstances:
-        """Return the circumstances with a rig."""
+        """Return the circumstances for a rig."""
         text = text_without_ports(rig)
         return Circumstances(software, source, calibration, _id_of(text), text, dict(guard))
 

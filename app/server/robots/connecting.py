@@ -55,14 +55,14 @@ def wanted_robots(state: StateEvent, rig: Rig) -> dict[Role, ConnectRobot]:
 
 
 class Connecting:
-    """Synchroniser that tells each drive process what it lacks of the wanted state.
+    """Synchroniser that sends each drive process what it lacks of the wanted state.
 
-    One robot's port never delays the other's; no robot is given before the stop and the guard's
-    parameters.
+    One robot's port never delays the other's; no robot is assigned before the stop and the guard's
+    parameters have been sent.
 
     Attributes:
-        trouble: why a robot could not be given, by role.
-        complaint: why the guard's parameters could not be given.
+        trouble: why a robot could not be assigned, by role.
+        complaint: why the guard's parameters were refused.
         stop_due: who asked for a stop that no drive process has confirmed yet.
         stopped: the stop latch as last reported by the drive process; the next process begins with
             it.
@@ -72,11 +72,11 @@ class Connecting:
         self._drive = drive
         self._guard = guard
         self._wanted: dict[Role, ConnectRobot] = {}
-        # What this drive process was told, refused requests included: repeating them does not help.
-        # A role is missing while its state is unknown: the process was told, but did not answer.
+        # What was sent to this drive process, including refused requests, which are not repeated.
+        # A role is missing while its state is unknown, because the process has not answered.
         self._told: dict[Role, ConnectRobot | None] = {}
         self._told_guard: dict[str, Any] = {}
-        # Generation of the present process (0: none), and of the one that got stop and guard.
+        # Generation of the present process (0: none), and of the one that received stop and guard.
         self._generation = 0
         self._begun = 0
         self._settings_due = asyncio.Event()
@@ -93,11 +93,11 @@ class Connecting:
             due.set()
 
     def look(self) -> None:
-        """Check for changed guard parameters."""
+        """Check whether a stop or changed guard parameters must be sent."""
         self._settings_due.set()
 
     def drive_started(self, generation: int) -> None:
-        """Give a new process everything again; a stop stays in force."""
+        """Send a new process everything again; a stop stays in force."""
         if self.stop_due is None and self.stopped is not None:
             self.stop_due = self.stopped.by
         self._generation = generation
@@ -105,7 +105,7 @@ class Connecting:
         self._settings_due.set()
 
     def drive_lost(self) -> None:
-        """Forget what the lost process was told."""
+        """Forget what was sent to the lost process."""
         self._generation = 0
         self._forget()
 
@@ -116,7 +116,7 @@ class Connecting:
         self.complaint = None
 
     def given(self, role: Role) -> ConnectRobot | None:
-        """Return the robot given to the drive process, if it is the wanted one."""
+        """Return the robot assigned to the drive process, if it is the wanted one."""
         told = self._told.get(role)
         return told if told == self._wanted.get(role) and role not in self.trouble else None
 
@@ -130,7 +130,7 @@ class Connecting:
     async def _tell_settings(self) -> None:
         generation = self._generation
         if generation == 0:
-            # The next process is told when it has started.
+            # The settings are sent once the next process has started.
             return
         if self.stop_due is not None:
             await ask_drive(self._drive, StopRobots(self.stop_due))
@@ -166,7 +166,7 @@ class Connecting:
             self.trouble[role] = f"the {role} is not connected: {complaint}"
 
     async def _refusal(self, command: ToDrive[None], timeout_s: float = 1.0) -> str | None:
-        """Return why a command was finally refused; None if it was not."""
+        """Send a command; return why it was refused for good, or None if it was accepted."""
         try:
             await ask_drive(self._drive, command, timeout_s=timeout_s)
         except (FieldError, Conflict) as error:
@@ -176,7 +176,7 @@ class Connecting:
 
 
 async def _keep(due: asyncio.Event, tell: Callable[[], Awaitable[None]]) -> None:
-    """Send whenever due, and again after a missing reply."""
+    """Send whenever due, and retry after a missing reply."""
     again = False
     while True:
         with contextlib.suppress(TimeoutError):

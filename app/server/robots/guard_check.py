@@ -18,11 +18,11 @@ _MARGIN = "guard.margin_m"
 
 
 class GuardCheck:
-    """Guided check of one role. Pure: the caller passes the time of day, ISO 8601 in UTC.
+    """Guided check of one role. It reads no clock: the caller passes the time, ISO 8601 in UTC.
 
     Attributes:
         steps: in order. ended_at: None while the check is in progress.
-        given_up_by: who gave it up, in words; None if nobody did.
+        given_up_by: who aborted it, in words; None if nobody did.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class GuardCheck:
         return self.ended_at is not None
 
     def robot_said(self, robot: RobotNow | None) -> None:
-        """Take the state of the robot from ``DriveState.facts``."""
+        """Handle the state of the robot from ``DriveState.facts``."""
         present = self.present
         if present is None:
             return
@@ -83,7 +83,7 @@ class GuardCheck:
         self.steps[present] = replace(step, state="driving" if drives else "waiting")
 
     def stopped(self, event: StoppedEvent, at: str) -> None:
-        """Take a stop; the first one that fits the present step becomes its result."""
+        """Handle a stop; the first one that fits the present step becomes its result."""
         present = self.present
         if present is None or event.role != self.role:
             return

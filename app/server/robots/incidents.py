@@ -43,15 +43,15 @@ class IncidentKeeper(Protocol):
     def happened(self, incident: Incident) -> None: ...
 
     def stopped(self, incident: Incident, role: Role) -> None:
-        """Take the measured stop of a robot, which is now among the incident's ``stops``."""
+        """Handle a robot's measured stop, which has been added to the incident's ``stops``."""
         ...
 
 
 class Incidents:
     """List of the newest incidents.
 
-    Measurements of an incident go to the run in which it happened, even if that run has ended
-    since.
+    Measurements of an incident go to the run in which it happened, even if that run has since
+    ended.
     """
 
     def __init__(

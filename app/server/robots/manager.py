@@ -59,14 +59,14 @@ class RunKeeper(IncidentKeeper, Protocol):
     def measured(self, sample: WheelSample) -> None: ...
 
     def heard(self, facts: DriveFacts, source: SourceTime) -> None:
-        """Take the robots' states and the goal."""
+        """Store the robots' states and the goal."""
         ...
 
 
 class RobotManager:
     """Manager of the robots: follows the drive process, configures it and forwards requests.
 
-    Runs in the event loop's thread and holds no lock of the server: a stop waits for nobody.
+    Runs in the event loop's thread and takes no lock of the server, so a stop never waits.
 
     Attributes:
         operators: who drives. wheels: speeds sent and measured. incidents: the newest ones.
@@ -91,7 +91,7 @@ class RobotManager:
         Args:
             rig: returns the rig in force. guard: returns the guard's parameters, by dotted name.
             changed: called when ``facts`` change. run: returns the run being recorded.
-            source_time: the clock of the open source, on which speeds are.
+            source_time: the clock of the open source, on which speeds are timed.
             circumstances: returns the circumstances of a check. check_folder: folder of its
                 records, if any.
             clock: the host's monotonic clock.
@@ -123,7 +123,7 @@ class RobotManager:
     # --- life cycle ------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Start the drive process in the background: the server works without it as well."""
+        """Start the drive process in the background; the server also works without it."""
         self._unsubscribe = self._drive.subscribe(self._on_event)
         self._background.start(self._start())
         self._background.start(self._connecting.run())
@@ -143,7 +143,7 @@ class RobotManager:
             self._trouble = f"robots cannot be driven: {error}"
             self._changed()
             return
-        # The process may have started before anybody subscribed.
+        # The process may have started before the subscription.
         health = self._drive.health
         if health.alive and health.generation > self._generation:
             self._started(health.generation)
@@ -201,7 +201,7 @@ class RobotManager:
             "with the next drive process"
         )
         log.error("drive_lost", reason=event.reason)
-        # Robots that are no longer heard are not shown as connected.
+        # Robots without a drive process must not be shown as connected.
         self._facts = replace(_NOTHING_KNOWN, stopped=self._facts.stopped)
         self._connecting.drive_lost()
         self.operators.drive_lost(event.reason)
@@ -258,7 +258,7 @@ class RobotManager:
 
     @property
     def loop_late_p99_ms(self) -> float | None:
-        """Return the drive loop's 99th percentile of lateness; None if it reports none."""
+        """Return the 99th percentile of the drive loop's lateness; None if it reports none."""
         return None if self._facts.loop is None else self._facts.loop.late_p99_ms
 
     @property
@@ -281,7 +281,7 @@ class RobotManager:
 
         Raises:
             NotAvailable: there is no drive process at the moment, or it does not answer; the next
-                process gets the stop before it gets a robot.
+                process receives the stop before it is assigned a robot.
         """
         log.warning("robots_stopped", by=by)
         self._connecting.stop_due = by
@@ -301,7 +301,7 @@ class RobotManager:
     async def reset(self, by: str) -> None:
         """Release the stop; all robots stay disarmed."""
         log.warning("stop_reset", by=by)
-        # A stop that arrives from here on is a new one and stays in force.
+        # A stop requested from here on is a new one and stays in force.
         due, self._connecting.stop_due = self._connecting.stop_due, None
         try:
             await self.ask(ResetStop(by))
@@ -310,7 +310,7 @@ class RobotManager:
             raise
 
     def check_programme(self, start: StartProgramme) -> None:
-        """Check that the programme's robots are armed, before anything is opened for it.
+        """Check that the programme's robots are armed; call it before opening anything for it.
 
         Raises:
             Conflict: a robot is not armed.
@@ -320,11 +320,10 @@ class RobotManager:
                 raise Conflict(f"the {role} is not armed; arm it first")
 
     async def arm_again(self, start: StartProgramme) -> None:
-        """Re-arm the programme's robots after the source was reopened with new ones of the same
-        world.
+        """Re-arm the programme's robots, which reopening the source has replaced.
 
-        Done only for the operator who has just requested the programme and holds the leases of
-        robots that were armed.
+        Do this only for the operator who has just requested the programme, and who holds the leases
+        of robots that were armed.
 
         Raises:
             Conflict: they cannot be armed, or not in time, or all robots were stopped.

@@ -16,7 +16,8 @@ from observer.rig.rig import Role
 log = structlog.get_logger(__name__)
 
 _LONGEST_NAME = 40
-# Consecutive events in which the drive process names another holder: one may cross the reply.
+# Consecutive events that must name another holder before a lease counts as lost: one event may have
+# been sent just before the reply that granted the lease.
 _TIMES_UNNAMED = 2
 
 
@@ -25,8 +26,8 @@ class Operator:
     """Person at an open drive socket.
 
     Attributes:
-        name: shown to others, unique among operators.
-        lost: called with role and sentence when a lease ends without being released.
+        name: name shown to others, unique among operators.
+        lost: called with the role and a sentence when a lease ends without being released.
         leases: leases by role.
     """
 
@@ -77,10 +78,10 @@ class Operators:
             self._soon(self._release(role, lease))
 
     async def take(self, operator: Operator, role: Role, *, takeover: bool) -> str:
-        """Return the lease on a role; the existing one if the operator already has it.
+        """Take the lease on a role and return it; return the operator's existing one, if any.
 
         Raises:
-            Conflict: somebody else holds it. FieldError, NotAvailable: as ``ask_drive`` raises.
+            Conflict: somebody else holds it. FieldError, NotAvailable: as for ``ask_drive``.
         """
         if role in operator.leases:
             return operator.leases[role]
@@ -109,7 +110,7 @@ class Operators:
         return next((each.name for each in self._present if role in each.leases), None)
 
     def drive_said(self, robots: Robots) -> None:
-        """End leases that the drive process does not know.
+        """End leases that the drive process no longer knows.
 
         Args:
             robots: the robots in its facts.
@@ -125,7 +126,7 @@ class Operators:
                     self._lose(operator, role, robot.why or f"control of the {role} was released")
 
     def drive_lost(self, sentence: str) -> None:
-        """End all leases: they went with the drive process."""
+        """End all leases, which were lost with the drive process."""
         for operator in tuple(self._present):
             for role in tuple(operator.leases):
                 self._lose(operator, role, sentence)
@@ -140,6 +141,5 @@ class Operators:
         try:
             await self._ask(ReleaseLease(role, lease))
         except (Conflict, FieldError, NotAvailable) as error:
-            # The lease is no longer in force, or was lost with its process; either way it has
-            # ended.
+            # Either the lease is no longer in force or it was lost with its process.
             log.info("lease_not_released", role=role, reason=str(error))

@@ -1,4 +1,4 @@
-"""Library of programmes: those of the project, and the user's own as files."""
+"""Library of programmes: the project's own, and the user's as files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from observer.motion_profiles.profile_file import profile_from_text
 
 FOLDER_NAME = "programmes"
 _SUFFIX = ".yaml"
-# More than anybody stores; a listing reads each of them.
+# More than any user needs; a listing reads every file.
 _MOST_OWN = 200
 
 
@@ -31,7 +31,7 @@ class ProfileLibrary:
     """Reader and writer of the programme files; call it in a thread.
 
     Args:
-        folder: folder of the user's own; None: only those of the project.
+        folder: folder of the user's programmes; None: only the project's.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -55,7 +55,7 @@ class ProfileLibrary:
         """
         if name in profile_names():
             return KeptProfile(load_profile(name), False)
-        # Only names from a listing of the folder lead to a file.
+        # Only names from a listing of the folder may become paths.
         own = self._own(name) if name in self._own_names() else None
         if own is not None:
             return own
@@ -65,9 +65,9 @@ class ProfileLibrary:
         """Save a programme under its own name; replace the user's older version.
 
         Raises:
-            FieldError: the text is no programme, or it cannot be written. Conflict: the name
+            FieldError: the text is not a programme, or it cannot be written. Conflict: the name
                 belongs to a programme of the project, or there are too many. StorageFull: the disk
-                    is full.
+                is full.
         """
         try:
             profile = profile_from_text(text)
@@ -97,7 +97,7 @@ class ProfileLibrary:
         self._file(name).unlink(missing_ok=True)
 
     def _own(self, name: str) -> KeptProfile | None:
-        """Read a file; return None if it is no valid programme of that name."""
+        """Read a file; return None if it is not a valid programme of that name."""
         with contextlib.suppress(InputError):
             profile = read_profile(self._file(name))
             if profile.name == name:

@@ -1,4 +1,4 @@
-"""Figures of a measured stop for people."""
+"""Figures of a measured stop for display."""
 
 from __future__ import annotations
 

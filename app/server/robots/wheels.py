@@ -19,7 +19,7 @@ class WheelSample(WheelSpeed):
     """Measured wheel speed.
 
     Attributes:
-        number: counted from 1, without gaps. segment: that of the frame before it.
+        number: counted from 1, without gaps. segment: segment of the preceding frame.
     """
 
     number: int
@@ -42,11 +42,11 @@ class WheelLog:
     def take(self, event: WheelSpeedEvent, at: SourceInstant | None) -> WheelSample | None:
         """Store a measurement.
 
-        Returns None if the event has no measurement, if it is not later than the role's last one,
-        and while the source's clock is unknown.
+        Return None if the event's values are not finite, if it is not later than the role's last
+        one, or while the source's clock is unknown.
 
         Args:
-            at: the event's time on the source's clock, where known.
+            at: the event's time on the source's clock, if known.
         """
         if not (math.isfinite(event.time) and math.isfinite(event.sent_mps)):
             return None

@@ -93,13 +93,11 @@ class RunArchive:
         return await self._recording_of(record)
 
     async def speeds(self, run_id: str) -> list[SpeedRow]:
-        """Return all speeds of a run; while it is in progress, without those of the last half
-        second.
-        """
+        """Return all speeds of a run; of a run in progress, all but the last half second."""
         await self.find(run_id)
         return await asyncio.to_thread(self._storage.speeds, run_id)
 
     async def incidents(self, run_id: str) -> list[IncidentRecord]:
-        """Return what stopped robots during a run, oldest first."""
+        """Return the incidents that stopped robots during a run, oldest first."""
         await self.find(run_id)
         return await asyncio.to_thread(self._storage.incidents, run_id)

@@ -1,4 +1,4 @@
-"""Heavy work on runs, done by commands in separate processes, never by the server."""
+"""Heavy work on runs, done by commands in separate processes, never in the server's own."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
 
-# Lower priority than the engine and the drive process, whose loops must not notice the work.
+# Lower priority than the engine and the drive process, whose loops the work must not disturb.
 _NICENESS = 15
 _CLI = "app.cli"
-# Exit codes of a command that refuses and says why in one sentence.
+# Exit codes of a command that refuses and gives the reason in one sentence.
 _REFUSALS = (1, 2)
 _SAYS = "dynamic-observer: "
 _WORK = ".work-"
@@ -35,14 +35,14 @@ _LOGGED = 2000
 
 
 class CommandRefused(DynamicObserverError):
-    """Refusal by a command to do the work on this run; the sentence is the command's."""
+    """Refusal by a command to do its work on this run; the sentence is the command's own."""
 
 
 class RunCommands:
-    """Runner of one command after the other; each ends when nobody waits for it any more.
+    """Runs one command after the other; each ends when nobody waits for it any more.
 
     Args:
-        folder: the data folder, which holds unfinished files meanwhile.
+        folder: the data folder, which holds the files while they are being made.
         time_limit_s: a command that takes longer is terminated.
     """
 
@@ -56,7 +56,7 @@ class RunCommands:
         """Run a command to its end; cancelling terminates it.
 
         Args:
-            words: words of the command line. module: another module to run as by ``python -m``.
+            words: words of the command line. module: module to run, as with ``python -m``.
 
         Raises:
             CommandRefused: the command refused. StorageFull: the disk is full.

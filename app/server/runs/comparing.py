@@ -1,4 +1,4 @@
-"""Comparison of two methods: a worker observes the same frames with both, beside what is open."""
+"""Comparison of two methods: a worker observes the same frames with both, in the background."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ from observer.recording.run_folder import RECORDING, RUNS
 
 log = structlog.get_logger(__name__)
 
-# By which they are found again in the history.
+# Tag by which the resulting runs can be found in the history.
 TAG = "comparison"
 _SIMULATED = "simulated:"
 _PICTURE = "picture.jpg"
-# Half a minute of a camera's images, and some.
+# Free space required: half a minute of camera images, with a margin.
 _SPARE_BYTES = 500 << 20
 _LONGEST_TITLE = 80
 
@@ -55,10 +55,10 @@ class _Order:
     """Source of a comparison.
 
     Attributes:
-        title: what people call it. spec: opens it. shown: the same without passwords.
+        title: display name. spec: spec that opens it. shown: the spec without passwords.
         calibration: used instead of its own, or None.
-        clip: a recording that was saved for this, or None.
-        original: the run whose recording it is, or None.
+        clip: temporary recording saved for the comparison, or None.
+        original: id of the run whose recording it is, or None.
     """
 
     title: str
@@ -70,12 +70,12 @@ class _Order:
 
 
 class MethodComparison:
-    """Runner of one comparison at a time, which ends as two ordinary runs.
+    """Runs one comparison at a time, which results in two ordinary runs.
 
-    Neither the open source nor the parameters in force change, and a live run goes on.
+    Neither the open source nor the parameters in force change, and a live run continues.
 
     Args:
-        held: returns whether it has to stand still, because a robot is armed.
+        held: returns whether it must be suspended because a robot is armed.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class MethodComparison:
         self._trouble: str | None = None
 
     def facts(self) -> ComparisonStatus:
-        """Return how far it is, and what came of the newest one."""
+        """Return the progress of the present comparison and the result of the newest one."""
         progress = self._progress
         going = None
         if progress is not None:
@@ -120,13 +120,14 @@ class MethodComparison:
         """Begin to observe the same frames once with each preset.
 
         Args:
-            source: None for the open one: of live cameras the last seconds, else the first ones.
-            seconds: of the source.
+            source: None for the open one. Of live cameras the last seconds are used, otherwise the
+                first.
+            seconds: seconds of the source to compare.
 
         Raises:
-            Conflict: another comparison is going, a robot is armed, or the open source has no
-                last seconds. FieldError: a value is refused.
-            NotAvailable: the last seconds cannot be had now. StorageFull: there is no room.
+            Conflict: another comparison is in progress, a robot is armed, or the last seconds of
+                the open source are not kept. FieldError: a value is refused.
+            NotAvailable: the last seconds cannot be saved now. StorageFull: there is no room.
         """
         if self._progress is not None:
             raise Conflict("two methods are being compared already; wait for it, or cancel it")
@@ -136,7 +137,7 @@ class MethodComparison:
                 "it first"
             )
         parameters = [self._parameters.compose(name, {}, {}) for name in presets]
-        # Taken before anything is waited for, so that a second request is refused.
+        # Set before the first await, so that a second request is refused.
         self._progress = Progress("starting", 0.0)
         try:
             order = await self._order(source)
@@ -152,9 +153,9 @@ class MethodComparison:
         return self.facts()
 
     async def picture(self) -> bytes | None:
-        """Return the newest frame with what each method found, side by side; a JPEG.
+        """Return a JPEG of the newest frame with each method's result, side by side.
 
-        None while nothing is being compared, or there is no frame yet.
+        Return None while nothing is being compared, or there is no frame yet.
         """
         path = self._picture
         if path is not None:
@@ -163,7 +164,7 @@ class MethodComparison:
         return None
 
     async def cancel(self) -> None:
-        """End the comparison in progress, if any; nothing stays of it."""
+        """Cancel the comparison in progress, if any, and discard its results."""
         task = self._task
         if task is not None:
             task.cancel()
@@ -204,7 +205,7 @@ class MethodComparison:
             title=_title(opening),
             spec=str(clip),
             shown=shown_spec(opening.source),
-            # It was observed with the one in force, which its recording holds.
+            # The calibration in force; if that is the source's own, the clip holds it.
             calibration=opening.calibration,
             clip=clip,
             original=None,
@@ -251,7 +252,7 @@ class MethodComparison:
                 name=f"{order.title}, {preset}",
                 preset=preset,
                 parameters=parameters.values.flat(),
-                # The others are re-runs of it, which have their images from there.
+                # The other runs count as re-runs of the first and use its images.
                 images="jpeg" if number == 0 else "none",
             )
             runs.append(run)
@@ -270,7 +271,7 @@ class MethodComparison:
         self._progress = progress
 
     def _keep(self, order: _Order, job: CompareMethods, done: Compared) -> list[RunRecord]:
-        """Make runs of what the worker wrote, of all or of none; in a thread."""
+        """Store the worker's results as runs, all or none; call it in a thread."""
         records: list[RunRecord] = []
         try:
             for run, segments in zip(job.runs, done.segments, strict=True):
@@ -325,7 +326,7 @@ class MethodComparison:
 
 
 async def _whole(work: Coroutine[Any, Any, _T]) -> _T:
-    """Do the work to its end, even if this is cancelled meanwhile."""
+    """Finish the work even if this task is cancelled meanwhile."""
     working = asyncio.ensure_future(work)
     try:
         return await asyncio.shield(working)
@@ -340,6 +341,6 @@ def _title(opening: Opening) -> str:
 
 
 def _run_of(path: Path) -> str | None:
-    """Return the id of the run whose recording this is, or None."""
+    """Return the id of the run whose recording this path is, or None."""
     is_one = path.name == RECORDING and path.parent.parent.name == RUNS
     return path.parent.name if is_one else None

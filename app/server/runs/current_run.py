@@ -1,4 +1,4 @@
-"""The run in progress: its rows for the database, and the time of writing them."""
+"""The run in progress: its rows for the database, and when they are written."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class CurrentRun:
         clock: monotonic seconds.
 
     Attributes:
-        most_rows: limit of waiting rows, of which the newest stay; a quarter of an hour, or some 20
-            MB.
+        most_rows: limit of waiting rows, beyond which the oldest are dropped; a quarter of an hour,
+            or some 20 MB.
         programme: whether the run began with a programme, which then ends with it.
-        robots: rows on the robots for the recording.
+        robots: robot states for the recording.
         time: the run's clock and length.
     """
 
@@ -59,14 +59,14 @@ class CurrentRun:
         self.programme = False
         self.robots = RobotFeed()
         self.time = RunTime()
-        # How often a new engine went on with it, and whether a frame of the newest one came.
+        # Number of times a new engine continued the run, and whether its first frame is still due.
         self.replaced = 0
         self._reopened = False
         self._storage = storage
         self._writer = writer
         self._clock = clock
         self._rows = PendingRows(self.most_rows)
-        # Whether a write is queued or being retried: it includes the rows that arrive meanwhile.
+        # Whether a write is queued or being retried; it will include rows that arrive meanwhile.
         self._asked = False
         self._began = self._flushed = clock()
         # The database's number of each incident; used only in the writer's thread.
@@ -80,7 +80,7 @@ class CurrentRun:
         """Store the speeds of one frame.
 
         Args:
-            driven: roles whose commands come through ``measured``.
+            driven: roles whose commanded speeds come through ``measured``.
         """
         self.frames += 1
         self.segments = max(self.segments, int(event.line["segment"]) + 1)
@@ -90,15 +90,14 @@ class CurrentRun:
         self._collect(rows)
 
     def resumed(self, segment: int) -> None:
-        """Go on with a new engine, which opened the source anew, as this segment."""
+        """Continue with a new engine, which has reopened the source, as this segment."""
         self.segments = max(self.segments, segment + 1)
         self.replaced += 1
         self._reopened = True
 
     def measured(self, sample: WheelSample) -> None:
         """Store the commanded and measured wheel speeds of a robot."""
-        # Before the run's first frame the newest frame belongs to the previous source, on another
-        # clock.
+        # Before the run's first frame the source's clock is still that of the previous source.
         if self.frames:
             self._collect(wheel_rows(self.id, sample, self.time.offset_s))
 
@@ -120,17 +119,17 @@ class CurrentRun:
             self.robots.happened(incident)
 
     def stopped(self, incident: Incident, role: Role) -> None:
-        """Store how a robot stopped in an incident; works after the end of the run, too."""
+        """Store how a robot stopped in an incident; this also works after the end of the run."""
         self._writer.post(partial(self._write_stop, incident.number, role, incident.stops[role]))
 
     def flush(self) -> None:
-        """Write the rows so far; if that is impossible now, they go with the next ones."""
+        """Write the rows so far; if that is impossible now, they are written with the next ones."""
         self._flushed = self._clock()
         if not self._asked:
             self._asked = self._writer.post(self._write, self._wrote)
 
     def now(self) -> str:
-        """Return the time of day by the monotonic clock, counted from the run's start."""
+        """Return the time of day: the run's start plus the monotonic time since."""
         passed = timedelta(seconds=self._clock() - self._began)
         began = datetime.fromisoformat(self.record.started_at)
         return (began + passed).isoformat(timespec="microseconds")
@@ -162,7 +161,7 @@ class CurrentRun:
             ended: the result of ``ended``.
 
         Raises:
-            StorageError: rows that could not be written stay for the next attempt.
+            StorageError: rows that could not be written are kept for the next attempt.
         """
         self._write()
         return self._storage.update_run(
@@ -199,7 +198,7 @@ class CurrentRun:
             raise
 
     def _wrote(self, value: object, error: BaseException | None) -> None:
-        """Note the end of a write: its rows are stored, or wait again."""
+        """Note the end of a write: its rows are stored or were put back."""
         del value, error
         self._asked = False
 
@@ -208,7 +207,7 @@ class CurrentRun:
 
     def _write_stop(self, number: int, role: Role, figures: StopMeasured) -> None:
         incident = self._incidents.get(number)
-        # None: the incident could not be written, which was reported then.
+        # None: the incident itself could not be written, which has been reported.
         if incident is not None:
             self._storage.append_stop(incident, role, figures)
 
@@ -222,12 +221,12 @@ def speed_rows(
 ) -> Iterator[SpeedRow]:
     """Yield the rows of one observation: estimates, truth and commands, as far as present.
 
-    A coasting obstacle was not seen, so its speed is a gap. The drive process supplies the commands
-    of ``driven`` roles, so those of the truth are left out.
+    A coasting obstacle was not seen, so its speed is None. The drive process supplies the commands
+    of ``driven`` roles, so the truth's commands for these are left out.
 
     Args:
         line, truth: as in the ``ObservationEvent``.
-        offset_s: of the run's clock to the source's.
+        offset_s: offset of the run's clock from the source's.
     """
     segment = int(line["segment"])
 

@@ -1,4 +1,4 @@
-"""End of a run, in the engine and, once the disk has room, in the database."""
+"""End of a run: in the engine, and in the database as soon as the disk has room."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ async def end_recording(engine: Engine, opening: Opening) -> RecordingStatus | N
     with contextlib.suppress(NotAvailable, Conflict, FieldError, StorageFull):
         recording = await ask(engine, StopRun())
         if not opening.endless:
-            # The run ended with its source's recording; the preview plays it in a loop.
+            # During the run the source played only once; the preview loops it again.
             await ask(engine, SetPlayback(loop=True))
     return recording
 

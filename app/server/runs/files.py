@@ -26,9 +26,9 @@ from observer.version import library_version
 ChartFormat = Literal["csv", "png", "svg", "pdf"]
 ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
 
-# Prefixes of files that nobody needs to read by name.
+# Prefixes of cache files, which users do not access by name.
 _CHART, _FRAMES = ".chart-", ".frames-"
-# Number of what these files have in them: another one where a field is added.
+# Version of the content of these files; change it when a field is added.
 _FORM = 4
 # Results are far smaller than the run's recording; this much space stays free.
 _SPARE_BYTES = 100 << 20
@@ -56,15 +56,15 @@ class RunFiles:
     def __init__(self, storage: Storage, archive: RunArchive) -> None:
         self._storage = storage
         self._archive = archive
-        # A chart does not wait for a video.
+        # Two queues, so that a chart does not wait for a video.
         self.quick = RunCommands(storage.folder, time_limit_s=_QUICK_S)
         self._long = RunCommands(storage.folder, time_limit_s=_LONG_S)
 
     async def chart(self, run: RunRecord) -> bytes:
         """Return the values of a run's chart as JSON, see ``app.reports.run_chart.chart_values``.
 
-        For a run that is in progress, or has no recording, they come from the database, without
-        errors.
+        For a run in progress or without a recording they come from the database, without error
+        figures.
 
         Raises:
             Conflict: its recording or its truth cannot be read. NotAvailable: the command failed.
@@ -78,15 +78,15 @@ class RunFiles:
     async def frames(
         self, run: RunRecord, first: int = 0, count: int | None = None, most: int | None = None
     ) -> bytes:
-        """Return what was found in frames as JSON, see ``app.contract.run_frames``.
+        """Return the results of frames as JSON, see ``app.contract.run_frames``.
 
         Args:
-            first: position of the first one, from 0. count: of frames from there on; None: all.
-            most: of more, so many are told that are evenly spread over them.
+            first: position of the first frame, from 0. count: number of frames; None: all the rest.
+            most: maximum number of frames to return; if there are more, an evenly spaced subset.
 
         Raises:
-            NotThere: it has no recording. Conflict: its recording is being written, or it or its
-                truth cannot be read. NotAvailable: the command failed.
+            NotThere: the run has no recording. Conflict: its recording is being written, or it or
+                its truth cannot be read. NotAvailable: the command failed.
         """
         path = await self._archive.recording(run.id)
         content = await self._kept(run, path, _FRAMES, "frames")
@@ -95,12 +95,12 @@ class RunFiles:
         return await asyncio.to_thread(some_frames, content, first, count, most)
 
     def keep_frames(self, run: RunRecord, content: bytes) -> None:
-        """Keep what ``frames`` would make of the run, where somebody has made it already."""
+        """Cache content for ``frames`` that has already been made elsewhere."""
         path = self._storage.folder.run(run.id) / RECORDING
         _keep(_kept_file(run, path, _FRAMES), _FRAMES, content)
 
     async def _kept(self, run: RunRecord, path: Path, prefix: str, command: str) -> bytes:
-        """Return the JSON that a command makes of a run; it is made once."""
+        """Return the JSON that a command makes of a run, cached after the first time."""
         kept = await asyncio.to_thread(_kept_file, run, path, prefix)
         with contextlib.suppress(OSError):
             return await asyncio.to_thread(kept.read_bytes)
@@ -112,7 +112,7 @@ class RunFiles:
     async def chart_file(
         self, run: RunRecord, format: ChartFormat, begin: float | None, end: float | None
     ) -> MadeFile:
-        """Make the chart between two instants of the run's clock, seconds; None: its own ends.
+        """Make the chart between two instants of the run's clock, seconds; None: start or end.
 
         Raises:
             Conflict, NotAvailable: as for ``chart``.
@@ -124,7 +124,7 @@ class RunFiles:
         return await self._made(run, self.quick, "chart", f"speeds.{format}", options)
 
     async def report(self, run: RunRecord) -> MadeFile:
-        """Make one page with the paper's figures, redone from the run.
+        """Make one page with the paper's figures, reproduced from the run.
 
         Raises:
             Conflict, NotAvailable: as for ``chart``.
@@ -176,9 +176,7 @@ class RunFiles:
 
 
 def file_stem(run: RunRecord) -> str:
-    """Return the run's name as every system takes it within a file's name; its id if that is
-    empty.
-    """
+    """Return the run's name reduced to characters valid in file names; its id if none remain."""
     name = "".join("_" if c in _IN_NO_NAME or not c.isprintable() else c for c in run.name)
     return name.strip(" .")[:_LONGEST_STEM] or run.id
 
@@ -201,7 +199,7 @@ async def _asked(work: Any) -> None:
 
 
 async def _opened(path: Path, name: str) -> MadeFile:
-    """Open the file; its name disappears with its folder while it is read."""
+    """Open the file; it stays readable after its folder has been deleted."""
     file = await asyncio.to_thread(path.open, "rb")
     return MadeFile(file, path.stat().st_size, name)
 
@@ -212,7 +210,7 @@ def _content(made: MadeFile) -> bytes:
 
 
 def _kept_file(run: RunRecord, recording: Path, prefix: str) -> Path:
-    """Return a file whose name changes whenever its content may change."""
+    """Return the path of a cache file, whose name changes whenever its content may change."""
     stat = recording.stat()
     facts = [_FORM, library_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
     key = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]

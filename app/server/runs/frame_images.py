@@ -1,4 +1,4 @@
-"""Images of recorded frames, one at a time, as a page shows them beside what was found."""
+"""Images of recorded frames, one at a time, for a page to show beside the results."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from observer.recording.reader import Recording
 from observer.recording.run_folder import RECORDING
 from observer.vision.rectification import Rectification
 
-# Two runs side by side, and the two that somebody else looks at.
+# Two runs side by side, for each of two users.
 _MOST_OPEN = 4
 # An open file of a deleted run keeps its disk space.
 _IDLE_S = 60.0
 _LOOK_S = 20.0
 _JPEG_QUALITY = 85
-# As of the live views: no part of the page shows more.
+# As for the live views: no part of the page shows more pixels.
 _MAX_WIDTH = 1280
 
 
@@ -46,12 +46,12 @@ class FrameImages:
         self._lock = threading.Lock()
 
     async def jpeg(self, run_id: str, position: int) -> bytes:
-        """Return the rectified left image of a frame, in which the boxes of its obstacles are.
+        """Return the rectified left image of a frame, to which the obstacles' boxes refer.
 
-        A re-run has the images of the run that it re-ran.
+        A re-run uses the images of the run that it re-ran.
 
         Args:
-            position: of the frame in the run, from 0.
+            position: position of the frame in the run, from 0.
 
         Raises:
             NotThere: there is no such run, no such frame, or no image of it.
@@ -62,7 +62,7 @@ class FrameImages:
         return await asyncio.to_thread(self._jpeg, own, images, position)
 
     async def keep_tidy(self) -> None:
-        """Close what nobody reads any more, until this is cancelled; then close everything."""
+        """Close recordings no longer read, until cancelled; then close all."""
         try:
             while True:
                 await asyncio.sleep(_LOOK_S)
@@ -79,7 +79,7 @@ class FrameImages:
             raise NotThere(str(error)) from error
 
     def _opened(self, own: Path, images: Path) -> _Opened:
-        """Return the open recordings of a run, those of ``own`` and its images."""
+        """Return the run's recording ``own`` and the one with its images, opened together."""
         try:
             stats = [each.stat() for each in (own, images)]
         except OSError as error:
@@ -96,7 +96,7 @@ class FrameImages:
             return found
 
     def _close_idle(self, before: float | None) -> None:
-        """Close what was not used since then; all of it if None."""
+        """Close the recordings not used since then; None closes all."""
         with self._lock:
             for key, opened in list(self._open.items()):
                 if before is None or opened.used_at < before:
@@ -109,8 +109,8 @@ class _Opened:
     """Open recordings of one run.
 
     Attributes:
-        own: recording that says which frames the run has. images: that holds their images.
-        lock: held by whoever reads. used_at: by the clock.
+        own: recording that lists the run's frames. images: recording that holds their images.
+        lock: held while reading. used_at: time of the last use, on the clock.
     """
 
     own: Path
@@ -152,7 +152,7 @@ class _Opened:
 
     @cached_property
     def _positions(self) -> dict[tuple[int, float], int]:
-        """Positions of the frames with images, by number and time, which a re-run keeps."""
+        """Positions of the frames with images, by frame number and time, which a re-run keeps."""
         return {(f.index, f.time): k for k, f in enumerate(self._pictured.frames)}
 
     @cached_property

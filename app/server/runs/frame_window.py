@@ -1,6 +1,6 @@
-"""Some of a run's frames, out of what is kept of all of them.
+"""A window of a run's frame results, cut out of the stored JSON of all frames.
 
-An hour of them are tens of megabytes, of which a page shows one at a time.
+An hour of frames takes tens of megabytes, of which a page shows one frame at a time.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import msgspec
 
 
 class _Frames(msgspec.Struct):
-    """``app.contract.run_frames.RunFrames``, each of whose frames stays the text that it is."""
+    """``app.contract.run_frames.RunFrames`` with each frame left as undecoded JSON."""
 
     width: int
     height: int
@@ -25,12 +25,12 @@ class _Frames(msgspec.Struct):
 
 
 def some_frames(content: bytes, first: int, count: int | None, most: int | None) -> bytes:
-    """Return the JSON of a window of frames, or of some that are evenly spread over it.
+    """Return the JSON of a window of frames, or of some that are evenly spaced within it.
 
     Args:
-        content: JSON of all.
-        first: position of the first one. count: of the window's frames; None: all from there on.
-        most: number that is told of them; None: all.
+        content: JSON of all frames.
+        first: position of the first frame. count: size of the window; None: all from there on.
+        most: maximum number of frames to return; None: all.
     """
     found = msgspec.json.decode(content, type=_Frames)
     end = found.count if count is None else min(first + count, found.count)

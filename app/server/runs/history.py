@@ -19,7 +19,8 @@ from app.storage import UNDO, RunRecord, Storage, StorageError, StorageMissing
 
 log = structlog.get_logger(__name__)
 
-# Measuring visits every file of the data folder, and typing a search asks many times a second.
+# Seconds to cache the disk use: measuring it visits every file of the data folder, and typing a
+# search requests it many times a second.
 _DISK_AGE_S = 5.0
 
 
@@ -29,7 +30,7 @@ class RunHistory:
     Args:
         current: returns the run in progress, or None. clock: monotonic seconds.
         undo: time during which a deleted run can be recovered.
-        renamed: called when a run has another name.
+        renamed: called when a run has been renamed.
     """
 
     def __init__(
@@ -59,10 +60,10 @@ class RunHistory:
         limit: int = 50,
         offset: int = 0,
     ) -> History:
-        """Return runs with every word in name, notes or tags, and with every tag.
+        """Return the runs with every word of the text in name, notes or tags, and with every tag.
 
         Args:
-            deleted: recoverable runs instead of the others.
+            deleted: return deleted but recoverable runs instead of the others.
         """
         find, tags = self._storage.find_runs, tuple(tags)
         found, all_tags = await asyncio.gather(

@@ -44,7 +44,7 @@ from observer.recording.payloads import Images
 from observer.rig.rig import ROLES
 from observer.vision.swapped import swapped_reason
 
-# Within so many frames of its beginning a run ends if left and right turn out to be swapped.
+# Number of frames from its beginning within which a run ends if left and right are found swapped.
 _FIRST_FRAMES = 30
 # Interval; at most this much of the robots' data is lost with the server.
 _TELL_S = 0.5
@@ -55,9 +55,10 @@ class RunManager:
 
     Attributes:
         running: the run in progress.
-        archive, history, files, images: the stored runs. truths: truth laid over them.
+        archive, history, files, images: the stored runs. truths: ground truth added to them.
         reruns: recordings that are observed again.
-        clips: saves clips of the last half minute. methods: compares two on the same frames.
+        clips: saves clips of the last half minute. methods: compares two methods on the same
+            frames.
     """
 
     def __init__(
@@ -118,7 +119,7 @@ class RunManager:
     # --- life cycle ------------------------------------------------------------------------
 
     def load(self) -> None:
-        """Tidy up after a server that ended during a run; the server starts in another thread."""
+        """Tidy up after a server that ended during a run; call it in a worker thread."""
         self.files.quick.tidy()
         self._interrupted = [run.id for run in self._storage.mark_interrupted_runs()]
 
@@ -132,7 +133,7 @@ class RunManager:
         self._soon(asyncio.to_thread(self._measure_older))
 
     def _measure_older(self) -> None:
-        """Measure the runs of before lengths were kept; in a worker thread."""
+        """Measure older runs that were stored without a length; in a worker thread."""
         for run_id in self._storage.unmeasured_runs():
             measure_run(self._storage, run_id)
 
@@ -159,9 +160,9 @@ class RunManager:
 
         Args:
             record: images to record.
-            source: the open source if left out. calibration_id: the source's own if left out
-                but a source is given; if both are left out, the one in use.
-            programme: started after the run's start, and ended with it.
+            source: the open source if left out. calibration_id: if left out, the source's own,
+                or the one in use if the source is left out too.
+            programme: programme that starts right after the run and ends with it.
 
         Raises:
             Conflict: a run is in progress, or the programme cannot be driven. FieldError,
@@ -265,7 +266,7 @@ class RunManager:
     ) -> RunRecord:
         """Begin to observe a run's recording again in a worker, as a new run without images.
 
-        Truth laid over the original run is laid over the new one after its end.
+        Ground truth added to the original run is added to the new one after its end.
 
         Args:
             preset: None for the run's initial parameters.
@@ -306,7 +307,7 @@ class RunManager:
             run.observed(event, [role for role in ROLES if self._robots.is_driven(role)])
 
     def state_changed(self, event: StateEvent) -> None:
-        """End the run when the recording that it plays ends."""
+        """End the run when the source that it plays ends."""
         run = self.running
         playback = event.playback
         if run is not None and event.run_id == run.id and playback and playback.ended:
@@ -331,7 +332,7 @@ class RunManager:
     async def delete(self, run_id: str) -> None:
         """Hide a run that has ended; ``history.recover`` brings it back.
 
-        A re-run in progress is cancelled, and nothing stays of it.
+        A re-run in progress is cancelled and deleted for good.
         """
         if self.reruns.is_going(run_id):
             await self.reruns.cancel(run_id)
@@ -342,7 +343,7 @@ class RunManager:
             await self.history.discard(run_id)
 
     def _end_swapped(self, run: CurrentRun, event: ObservationEvent) -> None:
-        """End a run of swapped cameras: whatever it would go on to measure would be invented."""
+        """End a run whose cameras are swapped: its measurements would be meaningless."""
         reason = swapped_reason(event.line["reasons"])
         if reason is not None:
             self._soon(self._end(run, RunState.FAILED, reason))
@@ -356,7 +357,7 @@ class RunManager:
         """End the run in progress; call this with the shared lock held, or at shutdown.
 
         Args:
-            reason: why it ended, in a sentence; None if somebody ended it.
+            reason: one sentence on why it ended; None for a regular end.
         """
         run = self.running
         assert run is not None
@@ -372,10 +373,10 @@ class RunManager:
         try:
             written = await write_end(self._writer, write, run.id, self._soon)
         finally:
-            # Only now: until the end is written, the database says that the run is in progress.
+            # Not earlier: until the end is written, the database says that the run is in progress.
             self.running = None
         if run.replaced or recording is None:
-            # An engine that was lost had observed more than its recording holds.
+            # A lost engine had observed more frames than its recording holds.
             self._soon(asyncio.to_thread(measure_run, self._storage, run.id))
         if state is RunState.FINISHED:
             self._soon(self.truths.run_ended(run.record, self._live_truth.order))

@@ -12,7 +12,7 @@ class PendingRows:
     """Queue of rows in order of arrival; the oldest are dropped if there are too many.
 
     Args:
-        most: limit of waiting rows.
+        most: maximum number of waiting rows.
 
     Attributes:
         lost: number of dropped rows.

@@ -26,7 +26,7 @@ from observer.rig.rig import ROLES, Role
 
 log = structlog.get_logger(__name__)
 
-# Two robots, ten rows a second: half a minute without an engine.
+# Two robots, ten rows a second each: half a minute without an engine.
 _MOST_ROWS = 600
 _MOST_INCIDENTS = 100
 # Role of the robot that is sent to goals.
@@ -61,7 +61,7 @@ class RobotFeed:
 
         Args:
             drive: state of the drive process.
-            source: the clock of the open source; None if it is not that of the run yet.
+            source: the clock of the open source; None while that is not yet the run's source.
         """
         for role in ROLES:
             robot = drive.robots.get(role)
@@ -78,7 +78,7 @@ class RobotFeed:
     def _goal_of_run(self, goal: GoalNow | None) -> GoalNow | None:
         """Return a goal while the robot drives to it, and once at its end.
 
-        How an earlier one ended has nothing to do with this run.
+        The end of an earlier goal does not belong to this run.
         """
         drove, self._drives = self._drives, goal is not None and goal.state == "driving"
         return goal if drove or self._drives else None
@@ -105,7 +105,7 @@ class RobotFeed:
 
 
 async def tell_robots(engine: Engine, robots: RobotFeed) -> None:
-    """Send the robots' states to the recording; without an engine they are lost."""
+    """Send the robots' states to the recording; they are lost if there is no engine."""
     told = robots.take()
     if told is not None:
         with contextlib.suppress(NotAvailable, Conflict, FieldError):
@@ -115,7 +115,8 @@ async def tell_robots(engine: Engine, robots: RobotFeed) -> None:
 def complete_recording(storage: Storage, run_id: str) -> None:
     """Add the index to an interrupted run's recording, so that every tool opens it quickly.
 
-    The run is then as long as its recording: the last heartbeat was before or after its end.
+    The run's length is then taken from the recording: the database was last updated at some other
+    time.
     """
     from observer.recording.writer import complete
 
@@ -130,7 +131,7 @@ def complete_recording(storage: Storage, run_id: str) -> None:
 
 
 def measure_run(storage: Storage, run_id: str) -> None:
-    """Keep a run's length and number of frames as its recording has them, if there is one."""
+    """Store a run's length and number of frames from its recording, if there is one."""
     from observer.recording.reader import Recording
 
     path = storage.folder.run(run_id) / RECORDING

@@ -1,4 +1,4 @@
-"""Re-runs: the recordings of runs, observed again in workers beside whatever is open."""
+"""Re-runs: the recordings of runs, observed again by workers in the background."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ _RESULTS = ".results.jsonl"
 
 @dataclass(eq=False)
 class _Going:
-    """A re-run that is not finished.
+    """Unfinished re-run.
 
     Attributes:
-        share: of the frames that are observed. recorded: whether its recording is complete.
+        share: share of the frames observed so far. recorded: whether its recording is complete.
     """
 
     record: RunRecord
@@ -57,12 +57,12 @@ class _Going:
 
 
 class Reruns:
-    """Runner of one re-run after the other; used in the event loop.
+    """Runs one re-run after the other; used in the event loop.
 
-    Neither the open source nor the parameters in force change, and a live run goes on.
+    Neither the open source nor the parameters in force change, and a live run continues.
 
     Args:
-        held: returns whether a re-run has to stand still, because a robot is armed.
+        held: returns whether a re-run must be suspended because a robot is armed.
     """
 
     def __init__(self, shared: Shared, truths: TruthFiles, held: Callable[[], bool]) -> None:
@@ -75,7 +75,7 @@ class Reruns:
         self._going: dict[str, _Going] = {}
 
     def facts(self) -> list[RerunStatus]:
-        """Return the re-runs that are not finished, in their order."""
+        """Return the unfinished re-runs, in the order of their start."""
         held = self._held()
         return [
             filled(
@@ -151,14 +151,14 @@ class Reruns:
         return record
 
     async def cancel(self, run_id: str) -> None:
-        """End a re-run in progress and delete what there is of it; else do nothing."""
+        """Cancel a re-run in progress and delete it; do nothing if it is not in progress."""
         if (going := self._going.get(run_id)) is None:
             return
         await _ended(going)
         await self._forget(run_id)
 
     async def close(self) -> None:
-        """End all re-runs; they stay as interrupted ones."""
+        """End all re-runs; they are kept as interrupted runs."""
         for going in tuple(self._going.values()):
             await _ended(going)
             if going.recorded:
@@ -229,7 +229,7 @@ class Reruns:
         going.recorded = True
 
     async def _forget(self, run_id: str) -> None:
-        """Delete a run that came to nothing."""
+        """Delete a run that failed to start or was cancelled."""
         with contextlib.suppress(NotAvailable, StorageError):
             await self._writer.submit(partial(self._storage.delete_run, run_id))
 

@@ -19,10 +19,9 @@ _FEWEST_STEPS = 2
 
 
 def chart_of_rows(rows: Iterable[SpeedRow]) -> ChartValues:
-    """Return the values of ``app.reports.run_chart.chart_values``, without matching tracks to
-    bodies.
+    """Return chart values as ``app.reports.run_chart.chart_values``, without errors and switches.
 
-    So they have neither errors nor identity switches.
+    Tracks are not matched to bodies, so there are neither error figures nor identity switches.
     """
     found: defaultdict[tuple[Any, ...], list[SpeedRow]] = defaultdict(list)
     for row in rows:
@@ -65,8 +64,9 @@ def _curve(rows: Sequence[SpeedRow]) -> ChartCurve:
 def _broken(
     rows: Sequence[SpeedRow],
 ) -> Iterator[tuple[float, float | None, float | None]]:
-    """Yield time, speed and deviation of each row, and None in every gap, so that no line is drawn
-    across it.
+    """Yield time, speed and standard deviation of each row, with None values in every gap.
+
+    So no line is drawn across a gap.
     """
     steps = [after.time - before.time for before, after in pairwise(rows)]
     longest = _GAP_STEPS * median(steps) if len(steps) >= _FEWEST_STEPS else math.inf

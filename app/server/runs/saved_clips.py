@@ -17,11 +17,11 @@ from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
 
-# Delay after a guard stop until the robot has surely stopped; and the least interval between two
-# clips.
+# Delay after a guard stop by which the robot has certainly stopped, and the minimum interval
+# between two clips.
 _BEHIND_STOP_S = 3.0
 _BETWEEN_RINGS_S = 30.0
-# A quarter of a gigabyte onto a slow disk.
+# Enough to write a quarter of a gigabyte to a slow disk.
 _SAVE_TIMEOUT_S = 30.0
 
 
@@ -42,8 +42,8 @@ class SavedClips:
         """Save the clip with the current run, or in the folder ``rings`` without one.
 
         Raises:
-            Conflict: the open source has no ring buffer. StorageFull: there is no room for the
-                clip.
+            Conflict: no ring buffer is kept for the open source. StorageFull: there is no room for
+                the clip.
             NotAvailable: saving failed, or there is no engine at the moment.
         """
         run = self._shared.run()
@@ -77,7 +77,7 @@ class SavedClips:
         await asyncio.to_thread(remove_clip, await self.find(name))
 
     def drive_said(self, event: object) -> None:
-        """Save a clip shortly after a guard stop, so that the stop is in it."""
+        """Save a clip shortly after a guard stop, so that it includes the whole stop."""
         if not (self._automatic and isinstance(event, IncidentEvent) and event.kind == "guard"):
             return
         now = self._shared.clock()
@@ -92,7 +92,7 @@ class SavedClips:
             saved = await self.save()
             log.info("ring_saved", file=saved.file)
         except Conflict:
-            # No ring is kept for a source that can be played again.
+            # No ring buffer is kept for a source that can be replayed.
             pass
         except DynamicObserverError as error:
             log.warning("ring_not_saved", reason=str(error))

@@ -37,7 +37,7 @@ _ALL_OPEN = AlignChoicesEntry(None, (), {}, None, None)
 def kept_choices(run: RunRecord) -> AlignChoicesEntry | None:
     """Return the choices stored with a run's alignment; None without one.
 
-    Those unknown to earlier versions stay open.
+    Choices that an earlier version did not store stay open.
     """
     if run.alignment is None:
         return None
@@ -45,10 +45,10 @@ def kept_choices(run: RunRecord) -> AlignChoicesEntry | None:
 
 
 class TruthFiles:
-    """Store of truth files, which lays them over runs.
+    """Stores truth files and adds them to runs.
 
     Args:
-        commands: commands that read files and align runs.
+        commands: runs the commands that read files and align runs.
     """
 
     def __init__(self, storage: Storage, archive: RunArchive, commands: RunCommands) -> None:
@@ -63,7 +63,7 @@ class TruthFiles:
     async def upload(
         self, content: IO[bytes], name: str, rate_hz: float | None, angles: AngleReading | None
     ) -> TruthEntry:
-        """Read a truth file and store it; the same content is the same truth.
+        """Read a truth file and store it; uploading the same content again adds no second truth.
 
         Args:
             content: read from its beginning. name: file name with its extension.
@@ -84,7 +84,7 @@ class TruthFiles:
             try:
                 await self._commands.run(*words)
             except CommandRefused as error:
-                # The command knows the file by another name.
+                # The command uses a temporary name for the file.
                 sentence = str(error).replace(str(file), name).replace(file.name, name)
                 raise FieldError(("body", "file"), sentence) from error
             told = await asyncio.to_thread(_read, output)
@@ -154,10 +154,10 @@ class TruthFiles:
         return filled(AlignedRunEntry, run, alignment=facts, sentence=found["words"])
 
     async def run_ended(self, run: RunRecord, heard: LiveTruthOrder | None) -> None:
-        """Lay the truth that belongs to an ended run over it; failures are only logged.
+        """Add its truth to a run that has ended; failures are only logged.
 
-        This is the live motion capture, which was aligned only some time after it began to arrive,
-        or the truth laid over the run that this one re-ran.
+        For a re-run, that is the truth added to the original run. Otherwise it is the live motion
+        capture, which during the run was aligned only some time after it began to arrive.
 
         Args:
             heard: live motion capture in use.
@@ -190,7 +190,7 @@ def truth_entry(record: TruthRecord) -> TruthEntry:
     try:
         info = of_plain(TruthInfo, record.info)
     except ValueError:
-        # Damaged by hand. The file itself is whole: its name says what it contains.
+        # The stored facts were damaged by hand, but the file itself is intact: list it by name.
         notes = ["the facts stored about this file are damaged; upload it again to restore them"]
         info = TruthInfo(record.format, None, None, (), notes, TruthReading(None, None))
     return filled(TruthEntry, record, info=info)

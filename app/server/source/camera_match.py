@@ -1,4 +1,4 @@
-"""Cameras of a calibration: finding them, and comparing their settings with the present ones."""
+"""Matching of calibrations to cameras: by device, and by comparing camera settings."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from app.contract.values import of_plain
 from app.storage import CalibrationRecord, Storage
 from observer.opening import live_devices
 
-# Settings that move the lens or choose the pixels: another value makes it another camera.
+# Settings that move the lens or select the pixels: changing them invalidates the calibration.
 _DECISIVE = ("focus", "size")
 
 
 @dataclass(frozen=True)
 class BoundCameras:
-    """Cameras that a calibration was made with, and their settings then; empty: not known."""
+    """Cameras that a calibration was made with, and their settings then; empty if unknown."""
 
     devices: tuple[str, ...] = ()
     settings: tuple[Mapping[str, str], ...] = ()
@@ -26,7 +26,7 @@ class BoundCameras:
 def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord | None:
     """Return the newest calibration made with the cameras that ``source`` names.
 
-    None if the source is not live, or has no such calibration.
+    Return None if the source is not live, or there is no such calibration.
     """
     devices = live_devices(source)
     if not devices:
@@ -68,7 +68,7 @@ def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | No
 
 
 def bound_cameras(record: CalibrationRecord) -> BoundCameras:
-    """Return the cameras of a calibration; none where the record was damaged by hand."""
+    """Return the cameras of a calibration; none if the record was damaged by hand."""
     with contextlib.suppress(ValueError):
         return of_plain(BoundCameras, record.info.get("bound", {}))
     return BoundCameras()

@@ -1,4 +1,4 @@
-"""Sources to choose from: opened lately, built in, and how to name others."""
+"""Sources to choose from: recently opened ones, built-in ones, and templates for others."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from app.server.source.opening import RUN
 from observer.opening import SourceKind, shown_spec, source_kind
 from observer.simulation.scenarios import load_scenario, scenario_names
 
-# What a newcomer looks for, in this order; the others follow by name.
+# Scenarios for new users, listed first in this order; the others follow by name.
 _FIRST = ("lab", "people", "drive", "calibration", "webcams", "crossing", "parked_beside_moving")
 _GROUPS: Mapping[SourceKind, SourceGroup] = {
     "simulated": "simulated",
@@ -83,11 +83,11 @@ _TEMPLATES = (
 def source_entries(
     recent: Sequence[str] = (), names: Mapping[str, str] | None = None
 ) -> tuple[SourceEntry, ...]:
-    """Return what was opened lately and is not built in, the scenarios, and templates of others.
+    """Return the recently opened sources that are not built in, the scenarios, and the templates.
 
     Args:
-        recent: specs that were opened, the last one first.
-        names: what people call some of them, by spec.
+        recent: specs of opened sources, the last one first.
+        names: display names of some of them, by spec.
     """
     names = names or {}
     places = {spec: k for k, spec in enumerate(recent)}
@@ -98,7 +98,7 @@ def source_entries(
 
 
 def source_title(spec: str) -> str:
-    """Return what people call a source, as on its tile: "The lab" or a folder's last name."""
+    """Return the display name of a source, as on its tile: "The lab", or a folder's own name."""
     entry = _entry(spec, None)
     return shown_spec(spec) if entry is None else entry.title
 
@@ -125,7 +125,7 @@ def _scenario(spec: str, name: str, addition: str = "") -> SourceEntry:
 
 @functools.lru_cache(maxsize=16)
 def is_for_calibrating(spec: str) -> bool:
-    """Return whether a source is a scenario that is there to be calibrated, by a board it shows."""
+    """Return whether a source is a scenario made for calibrating, with the board it shows."""
     name = spec.partition("?")[0].removeprefix("simulated:")
     if not spec.startswith("simulated:") or name not in scenario_names():
         return False
@@ -134,7 +134,7 @@ def is_for_calibrating(spec: str) -> bool:
 
 
 def _entry(spec: str, name: str | None) -> SourceEntry | None:
-    """Return the entry of a source that was opened lately; None of a kind that is gone."""
+    """Return the entry of a recently opened source; None if its kind no longer exists."""
     kind: SourceKind | None = "recording" if spec.startswith(RUN) else source_kind(spec)
     if kind is None:
         return None

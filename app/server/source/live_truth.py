@@ -31,7 +31,7 @@ class LiveTruthManager:
         """Start without motion capture; ``load`` restores the choice.
 
         Args:
-            spec: replaces the earlier choice.
+            spec: motion capture that replaces the stored choice; None keeps that.
         """
         self.order: LiveTruthOrder | None = None
         self._shared = shared
@@ -46,7 +46,7 @@ class LiveTruthManager:
         stored = self._storage.get_setting(_KEY)
         kept = _order(stored)
         if self._spec is not None and (kept is None or kept.spec != self._spec):
-            # The chosen bodies have the names of another system.
+            # Discard the chosen bodies: their names belong to another system.
             kept = LiveTruthOrder(self._spec)
             self._storage.set_setting(_KEY, plain(kept))
         self.order = kept
@@ -58,10 +58,10 @@ class LiveTruthManager:
         """Listen to this motion capture from now on and store the choice; the source stays open.
 
         Returns:
-            The status as in ``StateEvent.truth``; also None if there is no engine to listen yet.
+            The status as in ``StateEvent.truth``; also None if there is no engine yet.
 
         Raises:
-            FieldError: it names no live motion capture; nothing is changed.
+            FieldError: the order names no live motion capture; nothing is changed.
             StorageError: the choice could not be stored; nothing is changed.
         """
         async with self._shared.lock:
@@ -71,7 +71,7 @@ class LiveTruthManager:
             self.order = order
             facts: LiveTruthStatus | None = None
             with contextlib.suppress(NotAvailable):
-                # A restarting engine receives it together with its source.
+                # A restarting engine receives the order together with its source.
                 facts = await ask(self._shared.engine, SetTruth(order), field=("body", "spec"))
             self._shared.followers.status_changed()
             return facts
@@ -81,7 +81,7 @@ def checked(order: LiveTruthOrder) -> LiveTruthOrder:
     """Return the order if it can be carried out.
 
     Raises:
-        FieldError: it names no live motion capture, or the observer is to be ignored.
+        FieldError: the order names no live motion capture, or ignores the observer.
     """
     spec = order.spec.strip()
     if not spec.isprintable() or len(spec) > _LONGEST_SPEC:

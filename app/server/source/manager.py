@@ -37,10 +37,10 @@ class SourceManager:
     Attributes:
         wanted: the source that is open or should be.
         state: the engine's last reported state. latest: the newest observation.
-        local_map: of the observer; None before the first.
+        local_map: newest local map of the observer; None before the first.
         time: the open source's clock.
-        before: what was open before a run's recording was; None without one.
-        recent: sources that were opened lately. thumbnails: pictures of sources to choose from.
+        before: the source that was open before a run's recording was opened; None if there is none.
+        recent: recently opened sources. thumbnails: pictures of sources to choose from.
         generation: number of the present engine process.
         restoring: whether a new engine still has to open the lost one's source.
         fruitless_losses: engines lost since the last observation or the last change of source.
@@ -78,7 +78,7 @@ class SourceManager:
         self._live_truth = live_truth
 
     def load(self) -> None:
-        """Find the calibration of the first source; the server starts in another thread."""
+        """Find the calibration of the first source; call it in a worker thread."""
         self.recent.load()
         calibration = calibration_of_cameras(self._storage, self.wanted.source)
         self.wanted = replace(
@@ -108,10 +108,10 @@ class SourceManager:
                 self.before = before
 
     async def go_back(self) -> None:
-        """Open again what was open before a run's recording.
+        """Reopen the source that was open before a run's recording.
 
         Raises:
-            Conflict: there is nothing to go back to; otherwise as ``open``.
+            Conflict: there is nothing to go back to. Otherwise as for ``open``.
         """
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it before you open another source")
@@ -123,10 +123,10 @@ class SourceManager:
             self._shared.followers.status_changed()
 
     async def use(self, opening: Opening) -> None:
-        """Observe this from now on, also after a restart of the engine.
+        """Observe this source from now on, also after a restart of the engine.
 
         Raises:
-            FieldError: it cannot be used; the previous source stays open.
+            FieldError: the source cannot be used; the previous one stays open.
             NotAvailable: there is no engine at the moment.
         """
         await self.observe(opening)
@@ -145,14 +145,14 @@ class SourceManager:
         record: RecordOrder | None = None,
         parameters: ParametersInForce | None = None,
     ) -> str:
-        """Open it in the engine and return the text of the calibration in use.
+        """Open a source in the engine and return the text of the calibration in use.
 
         Args:
             run_id, segment, record: of the run that records it.
-            parameters: parameters; those in force if left out.
+            parameters: those in force if left out.
 
         Raises:
-            FieldError, NotAvailable: as ``use``.
+            FieldError, NotAvailable: as for ``use``.
         """
         parameters = parameters or self._parameters.current
         command = OpenSource(
@@ -177,14 +177,14 @@ class SourceManager:
         return str(reply.calibration_yaml)
 
     def _rate(self, opening: Opening) -> float:
-        """Return the rate to play at: the present one of the same source."""
+        """Return the playback rate: the present one if the source stays the same, else 1."""
         before, playback = self.state.source, self.state.playback
         same = before is not None and before.spec == shown_spec(opening.source)
         return playback.rate if same and playback is not None else 1.0
 
     @property
     def name(self) -> str | None:
-        """Return what people call the open source: the run whose recording it is, or its spec."""
+        """Return the display name of the open source: the run of a recording, or its spec."""
         info = self.state.source
         if info is None:
             return None
@@ -192,7 +192,7 @@ class SourceManager:
         return (wanted.name if shown_spec(wanted.source) == info.spec else None) or info.spec
 
     async def run_renamed(self) -> None:
-        """Look up what people call the source: a run has another name."""
+        """Update the display name of the source after a run was renamed."""
         if self.wanted.name is not None:
             name = await asyncio.to_thread(self._storage.recording_name, self.wanted.source)
             self.wanted = replace(self.wanted, name=name)
@@ -200,7 +200,7 @@ class SourceManager:
 
     @property
     def to_calibrate(self) -> str | None:
-        """Return the wanted source where it waits for a calibration, which the page offers."""
+        """Return the wanted source if it must be calibrated first, which the page offers."""
         wanted = self.wanted
         waits = wanted.calibration is None and is_for_calibrating(wanted.source)
         return wanted.source if waits else None
@@ -208,7 +208,7 @@ class SourceManager:
     async def restore(self) -> None:
         """Observe the wanted source again, without its calibration if that does not fit.
 
-        One that waits for a calibration stays closed.
+        A source that must be calibrated first stays closed.
 
         Raises:
             FieldError: the source cannot be opened. NotAvailable: there is no engine.
@@ -230,7 +230,7 @@ class SourceManager:
         try:
             await self.restore()
         except (FieldError, Conflict, NotAvailable) as error:
-            # Nothing from the calibration stays open afterwards.
+            # Do not leave the calibration's source open.
             await ask(self._engine, CloseSource())
             self.failed(str(error))
         self._shared.followers.status_changed()
@@ -246,7 +246,7 @@ class SourceManager:
     def state_changed(self, event: StateEvent) -> bool:
         """Store the engine's state; return False if it must not be shown yet."""
         if self.restoring and event.state is EngineState.IDLE:
-            # A new engine has no source open yet; until it has, the lost state is shown.
+            # A new engine has no source open yet; until it has, show the lost engine's state.
             self.state = replace(self.state, preparing=event.preparing)
             return False
         self.state = event

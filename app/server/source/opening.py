@@ -12,7 +12,7 @@ from observer.errors import SourceError
 from observer.recording.run_folder import find_recording
 
 _LONGEST_SPEC = 1000
-# Names the recording of a stored run without the path of its file.
+# Prefix of a spec that names the recording of a stored run by the run's id, not by its path.
 RUN = "run:"
 
 
@@ -21,7 +21,7 @@ class Opening:
     """Source with the calibration that replaces its own.
 
     Attributes:
-        name: words for people, of a run's recording; else None.
+        name: display name of a run's recording; None for other sources.
     """
 
     source: str
@@ -30,7 +30,7 @@ class Opening:
 
     @property
     def endless(self) -> bool:
-        """Return whether a run of it lasts until somebody ends it; a recording ends by itself."""
+        """Return whether a run of it lasts until a user ends it; a recording ends by itself."""
         return self.source.lower().startswith("simulated:")
 
 
@@ -49,7 +49,7 @@ def check_spec(source: str) -> None:
 
 
 def make_opening(storage: Storage, source: str, calibration_id: str | None) -> Opening:
-    """Return the opening that a request names; live cameras default to their newest calibration.
+    """Return the requested opening; live cameras default to their newest calibration.
 
     Raises:
         FieldError: the text names no source, or there is no such calibration.

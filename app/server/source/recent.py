@@ -1,4 +1,4 @@
-"""The sources that were opened lately; they survive a restart of the server."""
+"""Recently opened sources; the list survives a restart of the server."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ _MOST = 12
 
 
 class RecentSources:
-    """Sources by when they were opened; used in the event loop.
+    """Sources in the order of their last opening; used in the event loop.
 
     Attributes:
-        specs: texts that open them, the last one first, without users and passwords.
+        specs: texts that open them, newest first, without user names and passwords.
     """
 
     def __init__(self, shared: Shared) -> None:
-        """Start with none; ``load`` restores those before."""
+        """Start empty; ``load`` restores the stored ones."""
         self.specs: tuple[str, ...] = ()
         self._storage = shared.storage
         self._writer = shared.writer
 
     def load(self) -> None:
-        """Load the earlier ones, in a worker thread, before any other call."""
+        """Load the stored sources; call it in a worker thread, before any other method."""
         stored = self._storage.get_setting(_KEY)
         if isinstance(stored, list):
             self.specs = tuple(each for each in stored if isinstance(each, str))[:_MOST]
 
     def opened(self, source: str) -> None:
-        """Put a source first."""
+        """Put a source at the head of the list."""
         spec = shown_spec(source)
         if spec != source and "@" in source:
-            # It cannot be opened again without its password, which is not for everybody's eyes.
+            # It cannot be reopened without its password, which must not be shown to everyone.
             return
         spec = self._named_by_run(spec)
         if self.specs[:1] == (spec,):
@@ -49,7 +49,7 @@ class RecentSources:
         self._writer.post(partial(self._storage.set_setting, _KEY, list(self.specs)))
 
     async def entries(self) -> list[SourceEntry]:
-        """Return all that can be suggested: these, what is built in, and how to name others."""
+        """Return all suggestions: these sources, the built-in ones, and templates for others."""
         return list(await asyncio.to_thread(self._entries))
 
     def _entries(self) -> tuple[SourceEntry, ...]:
@@ -62,7 +62,7 @@ class RecentSources:
         return source_entries(there, {spec: name for spec, name in names.items() if name})
 
     def _named_by_run(self, spec: str) -> str:
-        """Return the text that names a run's recording by the run; any other one as it is."""
+        """Return the spec that names a run's recording by the run; return any other unchanged."""
         path = Path(spec)
         if path.name != RECORDING or path.parent.parent != self._runs:
             return spec

@@ -36,11 +36,11 @@ class Thumbnails:
         self._folder = folder
         self._make = make
         self._one = asyncio.Lock()
-        # Files of those that have none, and why.
+        # Sources without a picture, by the path it would have, and the reason.
         self._without: dict[Path, str] = {}
 
     async def find(self, entry: SourceEntry) -> bytes:
-        """Return the JPEG of a source; cancelling ends its making.
+        """Return the JPEG of a source; cancelling also stops making it.
 
         Raises:
             NotThere: there is no picture of it.
@@ -51,7 +51,7 @@ class Thumbnails:
         with contextlib.suppress(OSError):
             return await asyncio.to_thread(kept.read_bytes)
         async with self._one:
-            # Whoever waited finds what was made meanwhile.
+            # It may have been made while this waited for the lock.
             with contextlib.suppress(OSError):
                 return await asyncio.to_thread(kept.read_bytes)
             content = await self._made(entry, kept)
@@ -71,7 +71,7 @@ class Thumbnails:
 
 
 def _key(spec: str) -> str:
-    """Return a name that changes with whatever would change the picture."""
+    """Return a name that changes whenever the picture would change."""
     state = "gone"
     if spec.startswith(_SIMULATED):
         name = spec.removeprefix(_SIMULATED).partition("?")[0]
@@ -83,7 +83,7 @@ def _key(spec: str) -> str:
 
 
 def _keep(path: Path, content: bytes) -> None:
-    """Write a picture; without space for it, it is made again the next time."""
+    """Write a picture; if there is no space for it, it is made again next time."""
     part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

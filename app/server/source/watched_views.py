@@ -1,4 +1,4 @@
-"""Watched views and clouds; the engine makes only these."""
+"""Views and clouds being watched; the engine makes only these."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ log = structlog.get_logger(__name__)
 class Watching:
     """Counter of watchers by view; it keeps the engine informed.
 
-    ``watch`` and the functions it yields belong to the event loop's thread.
+    Call all methods, and the functions they return, in the event loop's thread.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -68,7 +68,7 @@ class Watching:
             try:
                 await self._engine.request(WatchViews(names))
             except ProcessUnavailable:
-                # The next engine is told when it has started.
+                # The next engine is told once it has started.
                 self._told = None
             except ProcessRefused as error:
                 log.error("watching_refused", names=names, reason=str(error))

@@ -1,1 +1,1 @@
-"""The paper's method step by step, shown of a frame of any source that can be opened again."""
+"""The paper's method step by step, on a frame of any source that can be reopened."""

@@ -1,4 +1,4 @@
-"""Steps of the method on one pair, observed in a process of its own and kept for a while."""
+"""Steps of the method on one pair, computed in a separate process and cached."""
 
 from __future__ import annotations
 
@@ -28,19 +28,20 @@ from observer.parameters.fields import PLANAR
 _USUAL = "simulated:lab"
 _SIMULATED = "simulated:"
 _PAPER = "paper"
-# Of answers that are kept; a picture has some hundred kilobytes.
+# Size of the answer cache; a picture takes some hundred kilobytes.
 _MOST_BYTES = 32 << 20
-# The process keeps images of a source that may be deleted, and memory.
+# Seconds after which an idle process is ended: it holds memory, and files of a source that may be
+# deleted.
 _IDLE_S = 60.0
 
 
 @dataclass(frozen=True)
 class PairChoice:
-    """Pair that a request names.
+    """Requested pair.
 
     Attributes:
-        source: None for the open one, or what comes nearest to it. frame: None for one that is
-            worth looking at. preset: that the values come from. changes: dotted name -> value.
+        source: None for the open one, or a substitute if that is live. frame: None for one worth
+            looking at. preset: preset that the values come from. changes: dotted name -> value.
     """
 
     source: str | None
@@ -51,7 +52,7 @@ class PairChoice:
 
 @dataclass(frozen=True)
 class _Found:
-    """A choice with its source found: as it is told, and what the worker has to know."""
+    """Resolved choice: the source's display spec, and what the worker needs to know."""
 
     source: str
     look: Look
@@ -63,8 +64,8 @@ class MethodStepsManager:
     """Maker of the steps' facts and files; used in the event loop.
 
     Args:
-        held: returns whether nothing may be computed now, because a robot is armed.
-        worker: makes the process, which is started when it is needed.
+        held: returns whether nothing may be computed now because a robot is armed.
+        worker: makes the handle of the process, which starts when needed.
     """
 
     def __init__(
@@ -81,13 +82,13 @@ class MethodStepsManager:
         self._held = held
         self._make_worker = worker
         self._worker: LastingWorker | None = None
-        # Gives the worker one job at a time; what nobody waits for any more is not begun.
+        # Submits one job at a time to the worker; jobs cancelled while they wait never start.
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="method steps")
         self._resting: asyncio.TimerHandle | None = None
         self._kept: OrderedDict[str, Steps | bytes] = OrderedDict()
 
     async def steps(self, choice: PairChoice) -> MethodSteps:
-        """Return what each step found.
+        """Return the results of each step.
 
         Raises:
             FieldError, ParameterError: the choice is refused. Conflict: a robot is armed.
@@ -117,11 +118,11 @@ class MethodStepsManager:
         """Return the picture or the data of one step.
 
         Args:
-            number: from 1 to 9. dark: for a page with a dark ground. labelled: with title, formula
-                and meaning.
+            number: from 1 to 9. dark: for a page with a dark background. labelled: with title,
+                formula and meaning.
 
         Raises:
-            FieldError, ParameterError, Conflict, NotAvailable: as ``steps``.
+            FieldError, ParameterError, Conflict, NotAvailable: as for ``steps``.
         """
         found = await self._find(choice)
         job = DrawStep(found.look, number, format_, dark, labelled)
@@ -137,7 +138,7 @@ class MethodStepsManager:
         if self._worker is not None:
             await asyncio.to_thread(self._worker.close)
 
-    # --- what is asked for -------------------------------------------------------------------
+    # --- the request -------------------------------------------------------------------------
 
     async def _find(self, choice: PairChoice) -> _Found:
         before = self._parameters.compose(choice.preset, {}, {}).values.flat()
@@ -158,10 +159,10 @@ class MethodStepsManager:
         return _Found(named, look, _of(before, own), _of(after, own))
 
     async def _opening(self, source: str | None) -> Opening:
-        """Return the source to look at, which the server may open anyway.
+        """Return the source to look at; only sources already known to the server are allowed.
 
         Raises:
-            FieldError: it is live, or nobody has opened it here.
+            FieldError: the source is live, or was never opened on this server.
         """
         wanted = self._source.wanted
         if source is None:
@@ -184,7 +185,7 @@ class MethodStepsManager:
         return await asyncio.to_thread(make_opening, self._storage, source, None)
 
     async def _usual(self) -> str:
-        """Return the open source, or where it is live the newest recording of a run."""
+        """Return the open source; if it is live, the newest recording, or else the lab scenario."""
         wanted = self._source.wanted.source
         if not live_devices(wanted) and exclusive_world(wanted) is None:
             return wanted
@@ -196,7 +197,7 @@ class MethodStepsManager:
         return _USUAL
 
     def _named(self, opening: Opening) -> str:
-        """Return the text that names a source: a run's recording by the run, not by its path."""
+        """Return the spec of a source that names a run's recording by the run, not by its path."""
         return (
             opening.source if opening.name is None else f"{RUN}{Path(opening.source).parent.name}"
         )
@@ -216,7 +217,7 @@ class MethodStepsManager:
         result = await self._done(job)
         self._keep(key, result)
         if isinstance(result, Steps) and job.look.frame is None:
-            # The page goes on with the frame that it was told.
+            # The page's next requests will name the frame it was told.
             self._keep(_key(replace(job, look=replace(job.look, frame=result.frame))), result)
         return result
 
@@ -240,7 +241,7 @@ class MethodStepsManager:
         return answer.result
 
     def _rest(self) -> None:
-        """End the process, which nobody has needed for a while; the next request starts another."""
+        """End the process after it has been idle for a while; the next request starts another."""
         worker, self._worker = self._worker, None
         if worker is not None:
             self._thread.submit(worker.close)
@@ -252,10 +253,10 @@ class MethodStepsManager:
 
 
 def _check_effect(choice: PairChoice, values: Mapping[str, Any]) -> None:
-    """Refuse a method without these steps, and values that do nothing.
+    """Refuse a method without these steps, and values without effect.
 
     Raises:
-        FieldError: it is no planar method. ParameterError: names each value without effect.
+        FieldError: it is not a planar method. ParameterError: names each value without effect.
     """
     model = str(values["ego_motion.model"])
     if model not in PLANAR:
@@ -279,7 +280,7 @@ def _of(values: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
 
 
 def _state(spec: str) -> str:
-    """Return a text that changes with the files of a source."""
+    """Return a text that changes when the files of a source change."""
     if spec.startswith(_SIMULATED):
         return ""
     try:
@@ -290,7 +291,7 @@ def _state(spec: str) -> str:
 
 
 def _key(job: DrawStep) -> str:
-    # Parameters stand in the order of their declaration.
+    # This is unambiguous because parameters are always in the order of their declaration.
     return repr(job)
 
 

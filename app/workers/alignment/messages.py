@@ -19,8 +19,8 @@ class Choices:
     Attributes:
         observer: the body that carries the camera; None if it is to be found.
         ignore: bodies to leave out.
-        mount: of the camera.
-        T_body_base: of the observer's body.
+        mount: mount of the camera.
+        T_body_base: pose of the base in the observer's body.
     """
 
     observer: str | None = None
@@ -34,8 +34,8 @@ class Solve:
     """Request to align with the data since the last one.
 
     Attributes:
-        anew: earlier observations belong to another source or another beginning of it.
-        lines: as ``observer.jsonl.observation_line`` makes them.
+        anew: earlier observations belong to another source, or to an earlier start of this one.
+        lines: as made by ``observer.jsonl.observation_line``.
         samples: motion capture's bodies, on its own clock.
         clocks: the relation between both clocks, as known now.
     """
@@ -52,7 +52,7 @@ class Solved:
     """Result of an alignment.
 
     Attributes:
-        state: the alignment, or the reason why there is none, beginning with "not yet aligned".
+        state: the alignment, or the reason why there is none, beginning with "not aligned yet".
         seconds: time it took.
     """
 

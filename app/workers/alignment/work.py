@@ -1,4 +1,4 @@
-"""Job of the alignment worker, done again and again."""
+"""Recurring job of the alignment worker."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from app.workers.alignment.messages import Choices, Solve, Solved
 from observer.truth.alignment.choices import AlignmentChoices, BodyRole
 from observer.truth.alignment.online import OnlineAlignment
 
-# Both clocks are known from arrival times, up to delays.
+# Seconds: the clocks are related by arrival times, so only delays remain to be searched.
 _SEARCH_S = (-1.0, 1.0)
 
 
 class Aligner:
-    """Aligner of the last minutes, which it keeps."""
+    """Aligner that keeps and aligns the data of the last minutes."""
 
     def __init__(self) -> None:
         self._online = OnlineAlignment()
 
     def solve(self, job: Solve) -> Solved:
-        """Add the new data and align, if it is time to."""
+        """Add the new data, and align if an alignment is due."""
         began = time.perf_counter()
         online = self._online
         if job.anew:

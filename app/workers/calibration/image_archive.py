@@ -17,10 +17,10 @@ from observer.image_files.reading import IMAGE_SUFFIXES
 
 MAX_ENTRIES = 1000
 MAX_IMAGE_BYTES = 40 * 1024 * 1024
-# Images are compressed already, so an honest archive hardly grows.
+# Images are compressed already, so a legitimate archive hardly grows.
 MAX_EXPANDED_BYTES = 1024 * 1024 * 1024
 _MAX_RATIO = 100
-# Everything that Python's decompressors raise on damaged archives, beside their own errors.
+# All other exceptions that Python's decompressors raise on damaged archives.
 _DAMAGES = (OSError, ValueError, RuntimeError, EOFError, struct.error, zlib.error, lzma.LZMAError)
 # The archive's end record, and the 64 bit one with its locator before it (APPNOTE.TXT 4.3.14-16).
 _RECORD, _RECORD_64, _LOCATOR = b"PK\x05\x06", b"PK\x06\x06", b"PK\x06\x07"
@@ -48,7 +48,7 @@ class ArchivedPair:
     """Two entries that belong together.
 
     Attributes:
-        name: the common part of both names.
+        name: common part of both names.
         left, right: names within the archive.
     """
 
@@ -61,11 +61,11 @@ class ImageArchive:
     """Opened archive, for use in a ``with`` block.
 
     Attributes:
-        pairs: in the order of their names.
+        pairs: image pairs in the order of their names.
         refused: one sentence for each entry that could not be used.
 
     Raises:
-        CalibrationError: it is no ZIP archive, is dangerous, or holds no image pairs.
+        CalibrationError: the file is not a ZIP archive, is dangerous, or holds no image pairs.
     """
 
     def __init__(self, path: Path) -> None:
@@ -93,7 +93,7 @@ class ImageArchive:
         """Return the bytes of one entry.
 
         Raises:
-            CalibrationError: it is damaged, encrypted or larger than announced.
+            CalibrationError: the entry is damaged, encrypted or too large.
         """
         try:
             with self._zip.open(name) as file:
@@ -144,13 +144,13 @@ def check_archive(path: Path) -> None:
 
 
 def _refuse_long_directory(path: Path) -> None:
-    """Refuse millions of entries before listing them, which takes gigabytes and minutes."""
+    """Refuse millions of entries before they are listed, which takes gigabytes and minutes."""
     with path.open("rb") as file:
         length = file.seek(0, 2)
         file.seek(max(0, length - _RECORD_BYTES - _LONGEST_COMMENT - _LOCATOR_BYTES))
         tail = file.read()
         sizes = []
-        # Whichever record a reader takes for the end, its directory must be short.
+        # Whichever record a reader takes for the end record, its directory must be short.
         for found in re.finditer(re.escape(_RECORD), tail):
             end = tail[found.start() : found.start() + _RECORD_BYTES]
             if len(end) == _RECORD_BYTES:
@@ -163,7 +163,7 @@ def _refuse_long_directory(path: Path) -> None:
                     end = file.read(_RECORD_64_BYTES)
                     if end.startswith(_RECORD_64):
                         sizes.append(int.from_bytes(end[40:48], "little"))
-    # All ones: the 64 bit record holds the size.
+    # A size of all ones means that the 64 bit record holds it.
     if any(MAX_ENTRIES * _ENTRY_BYTES < size != 0xFFFFFFFF for size in sizes):
         raise CalibrationError(
             f"the archive has far more than {MAX_ENTRIES} entries; twenty pairs are enough"

@@ -17,9 +17,9 @@ class FitViews:
     """Request to compute a calibration from boards already found.
 
     Attributes:
-        views: as captured.
-        width, height: of the images they were found in.
-        frame_rate: of the camera, for the verdict on delays; 1/s.
+        views: board views as captured.
+        width, height: size of the images they were found in.
+        frame_rate: 1/s, of the camera, for the verdict on delays.
     """
 
     views: tuple[BoardView, ...]
@@ -43,9 +43,9 @@ class RefineRows:
     """Request to align the rows of a calibration, using pairs of the scene.
 
     Attributes:
-        pairs: as taken, (H, W) grey.
+        pairs: raw pairs, (H, W) grey.
         name: name of the calibration in messages.
-        vergence: as a drive told it; corrected too where it drifted.
+        vergence: vergence measured during a drive; also corrected if it has drifted.
     """
 
     calibration_yaml: str

@@ -11,7 +11,7 @@ from observer.errors import CalibrationError
 
 # An image larger than any camera's is not decoded: a few bytes could fill all memory.
 _MOST_PIXELS = 60_000_000
-# The engine's loop and the server go first.
+# The engine's loop and the server take precedence.
 _WORKER = Worker("app.workers.calibration", 5, {"OPENCV_IO_MAX_IMAGE_PIXELS": str(_MOST_PIXELS)})
 
 

@@ -1,4 +1,4 @@
-"""What was found in each frame of a run, with the counts against ground truth so far."""
+"""Results of each frame of a run, with the counts against ground truth so far."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from observer.recording.reader import Recording
 from observer.truth.contract import Truth
 from observer.vision.rectification import Rectification
 
-# Finer is not seen in a picture.
+# A picture does not show finer digits.
 _PX_DIGITS, _SPEED_DIGITS, _MS_DIGITS = 1, 4, 2
-# An arrow to a place closer to the camera than this would leave every picture.
+# Metres: an arrow to a point closer to the camera than this would leave the picture.
 _NEAREST_M = 0.2
 _TOTAL = "total"
 
-# Of a line: segment and frame.
+# Segment and frame of a line.
 _Place = tuple[int, int]
 
 
@@ -39,10 +39,10 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
     """Return the answer of ``GET /api/runs/{id}/frames``: an entry for each recorded frame.
 
     Args:
-        truth: on the frames' clock and in their world; None without.
+        truth: ground truth on the frames' clock and in their world; None if there is none.
 
     Raises:
-        InputError: the recorded observations are not as this program writes them.
+        InputError: the recorded observations are not in the format that this program writes.
         CalibrationError: the recorded calibration cannot be used.
     """
     camera = Rectification(recording.calibration()).camera
@@ -71,7 +71,7 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
 def _with_lines(
     frames: Sequence[RecordedFrame], lines: Sequence[Mapping[str, Any]]
 ) -> Iterator[tuple[RecordedFrame, Mapping[str, Any] | None]]:
-    """Yield each frame with its line; a killed engine leaves a frame without one."""
+    """Yield each frame with its line, or None: a killed engine leaves a frame without one."""
     at = 0
     for frame in frames:
         line = lines[at] if at < len(lines) else None
@@ -99,7 +99,7 @@ class _Scores:
         return self._false.get(place, set())
 
     def up_to(self, place: _Place | None) -> FrameCounts:
-        """Return the counts up to the next frame; ``place`` is that of its line, if any."""
+        """Return the counts up to and including the next frame, whose line is at ``place``."""
         sums = self._sums
         if place is not None:
             sums.false += len(self.false(place))
@@ -171,14 +171,14 @@ def _obstacles(
             speed_std=None if std is None else round(std, _SPEED_DIGITS),
             box_px=[round(value, _PX_DIGITS) for value in entry["box_px"]],
             arrow_px=_arrow(entry, pose, camera),
-            # Recordings of before tell none.
+            # Older recordings hold no silhouettes.
             silhouette=entry.get("silhouette"),
             false=entry["id"] in false,
         )
 
 
 def _arrow(entry: Mapping[str, Any], pose: Pose | None, camera: StereoCamera) -> list[float] | None:
-    """Return the way of the next second in the image; None where it is not known or not seen."""
+    """Return the motion of the next second in the image; None if unknown or not visible."""
     if entry["motion"] != "moving" or entry["state"] == "coasting":
         return None
     if pose is None or entry["position"] is None or entry["velocity"] is None:

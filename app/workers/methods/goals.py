@@ -13,13 +13,13 @@ from observer.recording.reader import Recording
 from observer.rig.rig import Role
 
 _OBSERVER: Final[Role] = "observer"
-# A robot reports ten times a second; of an older report nothing is told.
+# A robot reports ten times a second; reports further away in time than this are ignored.
 _FRESH_S: Final = 0.5
 _GOAL = TypeAdapter(GoalNow)
 
 
 class Goals:
-    """Goals that a recording tells with the reports of the observer's robot."""
+    """Goals that a recording holds in the reports of the observer's robot."""
 
     def __init__(self, recording: Recording) -> None:
         self._times: list[float] = []
@@ -30,7 +30,7 @@ class Goals:
                 self._facts.append(row.facts.get("goal"))
 
     def of(self, frame: RecordedFrame) -> GoalNow | None:
-        """Return what the report nearest in time tells; None where there was no goal."""
+        """Return the goal in the report nearest in time; None if there was none."""
         after = bisect_left(self._times, frame.received)
         near = [at for at in (after - 1, after) if 0 <= at < len(self._times)]
         gaps = {at: abs(self._times[at] - frame.received) for at in near}
@@ -40,5 +40,5 @@ class Goals:
         try:
             return _GOAL.validate_python(self._facts[at])
         except ValidationError:
-            # Of a version that tells other facts.
+            # Recorded by a version with other fields.
             return None

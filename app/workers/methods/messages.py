@@ -8,19 +8,19 @@ from typing import Any
 
 from observer.recording.payloads import Images
 
-# Files beside a new run's recording: the JSON of ``frames.run_frames``; and for each frame a line
-# of JSON, ``line`` and ``truth``, from which the server makes the run's rows.
+# Files beside a new run's recording: the JSON of ``frames.run_frames``, and a JSON line per frame
+# (``app.workers.frame_results``), from which the server makes the run's rows.
 FRAMES, SPEEDS = "frames.json", "speeds.jsonl"
 
 
 @dataclass(frozen=True)
 class NewRun:
-    """A run to make.
+    """Run to create.
 
     Attributes:
-        folder: for its files; it exists. id, name, preset: as in ``RunFacts``.
-        parameters: all, by dotted name, the guard's too.
-        images: which are recorded.
+        folder: existing folder for its files. id, name, preset: as in ``RunFacts``.
+        parameters: all parameters by dotted name, including the guard's.
+        images: which images are recorded.
     """
 
     folder: str
@@ -37,13 +37,13 @@ class CompareMethods:
 
     Attributes:
         source: as ``observer.opening.open_source`` takes it.
-        seconds: of the source to observe. newest: its last ones, else its first ones; only a
-            recording has last ones.
+        seconds: seconds of the source to observe. newest: take the last seconds, not the first;
+            only possible for a recording.
         calibration_yaml: used instead of the source's own.
-        rig_yaml: in force; tells the camera's mount where the source does not.
-        versions: of the software, by name.
-        picture: path for a JPEG of the newest frame with what each method found, side by side; it
-            is replaced a few times a second.
+        rig_yaml: rig in force; gives the camera's mount if the source does not.
+        versions: software versions by name.
+        picture: path for a JPEG of the newest frame with each method's result, side by side; it is
+            replaced a few times a second.
     """
 
     source: str
@@ -61,9 +61,10 @@ class Compared:
     """End of a comparison.
 
     Attributes:
-        frames: observed. segments, begin_s, duration_s: of the runs, as in ``RunRecord``.
-        calibration_yaml: that they were observed with.
-        spec: of the source, without passwords.
+        frames: number of frames observed. segments, begin_s, duration_s: as in ``RunRecord``;
+            segments for each run.
+        calibration_yaml: calibration that the frames were observed with.
+        spec: spec of the source, without passwords.
     """
 
     frames: int

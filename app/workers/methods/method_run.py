@@ -1,4 +1,4 @@
-"""One of the runs that are made of the same frames."""
+"""One of the runs made from the same frames."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from observer.recording.writer import RecordingWriter
 from observer.truth.contract import TrueBody, Truth
 from observer.types import StereoFrame
 
-# Times whose truth is remembered: that of the frame being observed and of the next one.
+# Frames whose truth is remembered: the one being observed and the next one.
 _REMEMBERED = 2
 
 
 class KnownTruth:
-    """Truth about a few instants, for all methods; fulfils ``observer.truth.contract.Truth``.
+    """Truth at a few instants, for all methods; implements ``observer.truth.contract.Truth``.
 
-    A simulator renders to know what is visible, and only one thread may use it: that which reads
-    the source calls ``look``, and any thread may ask about these instants afterwards.
+    A simulator renders to determine what is visible, and only one thread may use it: the thread
+    that reads the source calls ``look``; afterwards any thread may query these instants.
     """
 
     def __init__(self, truth: Truth) -> None:
@@ -41,7 +41,7 @@ class KnownTruth:
         self._known: dict[float, tuple[tuple[TrueBody, ...], Pose | None]] = {}
 
     def look(self, time: float) -> None:
-        """Find out what is true at an instant; the oldest one is forgotten."""
+        """Look up the truth at an instant; the oldest instant is forgotten."""
         known = [*self._known.items()][1 - _REMEMBERED :]
         found = self._truth.bodies(time), self._truth.camera_pose(time)
         self._known = {**dict(known), time: found}
@@ -54,10 +54,10 @@ class KnownTruth:
 
 
 class MethodRun:
-    """Observer with its recording, and with what the server keeps of each frame.
+    """Observer with its recording and the per-frame results for the server.
 
     Attributes:
-        segments: number of them so far.
+        segments: number of segments so far.
 
     Raises:
         RecordingError, OSError: a file cannot be written.
@@ -77,7 +77,7 @@ class MethodRun:
             read_calibration(facts.calibration_yaml, name="the calibration"),
             Parameters().changed(Parameters.own(run.parameters)),
             mount=facts.camera_mount(),
-            # Whatever else keeps the machine busy is no part of a method's cost.
+            # Other load on the machine must not count as the method's cost.
             clock=time.thread_time,
         )
         self._speeds = (self._folder / SPEEDS).open("wb")
@@ -88,7 +88,7 @@ class MethodRun:
         self.segments = 1
 
     def observe(self, frame: StereoFrame, begins: Begins | None) -> ObservationLine:
-        """Observe the next frame, keep what was found and return its JSON line."""
+        """Observe the next frame, write the result and return its JSON line."""
         if begins is not None:
             self._observer.begin_segment()
         self._writer.frame(frame, begins=None if begins is None else "segment")
@@ -105,7 +105,7 @@ class MethodRun:
         self._speeds.close()
 
     def write_frames(self) -> None:
-        """Write what was found in each frame; call ``finish`` first."""
+        """Write the results of each frame; call ``finish`` first."""
         with Recording(self._folder / RECORDING) as recording:
             found = run_frames(recording, recording.truth())
         text = json.dumps(plain(found), allow_nan=False)

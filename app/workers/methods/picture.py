@@ -1,4 +1,4 @@
-"""Picture of what the methods find at the moment, for who waits."""
+"""Picture of the methods' current results, shown while a comparison runs."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _WIDTH, _QUALITY = 1280, 75
 
 
 class MethodsPicture:
-    """JPEG of the newest frame with what each method found, side by side.
+    """JPEG of the newest frame with each method's result, side by side.
 
     Args:
-        path: of the file, which is replaced a few times a second.
+        path: path of the file, which is replaced a few times a second.
     """
 
     def __init__(self, path: Path, calibration: StereoCalibration) -> None:
@@ -32,14 +32,14 @@ class MethodsPicture:
         self._shown: float | None = None
 
     def show(self, frame: StereoFrame, lines: Sequence[ObservationLine]) -> None:
-        """Replace the picture, if it is time to."""
+        """Replace the picture if an update is due."""
         now = time.monotonic()
         if self._shown is not None and now - self._shown < _EVERY_S:
             return
         self._shown = now
         left = self._rectification.apply_left(frame.left)
         both = np.hstack([draw_overlay(left, line) for line in lines])
-        # Whoever reads it finds a whole one.
+        # Replace atomically: a reader never finds a partial file.
         part = self._path.with_suffix(".part")
         part.write_bytes(encode_jpeg(both, _QUALITY, most_width=_WIDTH))
         part.replace(self._path)

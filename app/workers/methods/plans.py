@@ -1,4 +1,4 @@
-"""Scene of each frame from above, in a level plane of the segment's world."""
+"""Plan of each frame: the scene from above, in a level plane of the segment's world."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ _DIGITS = 3
 
 
 class Plans:
-    """Maker of the plans of a run's frames, which come in order.
+    """Maker of the plans of a run's frames, which must come in order.
 
     Args:
-        truth: on the frames' clock; its world is related to each segment's at the first pose.
+        truth: ground truth on the frames' clock; its world is related to each segment's at the
+            segment's first pose.
     """
 
     def __init__(self, recording: Recording, truth: Truth | None) -> None:
@@ -44,8 +45,8 @@ class Plans:
         """Return the plan of the next frame.
 
         Args:
-            line: of its observation; None of a frame that was not observed.
-            goal: of the observer at that time; None if it had none.
+            line: JSON line of its observation; None if the frame was not observed.
+            goal: goal of the observer at that time; None if it had none.
         """
         time = self._clock.add_recorded(frame)
         if line is None:
@@ -64,7 +65,7 @@ class Plans:
         )
 
     def _way(self, pose: Pose | None, goal: GoalNow | None) -> list[list[float]]:
-        """Return the goal and the planned path to it; nothing unless it is driven to."""
+        """Return the goal and the planned path to it; empty unless the robot drives to it."""
         if pose is None or self._T_camera_base is None or goal is None or goal.place is None:
             return []
         if goal.state != "driving":
@@ -111,7 +112,7 @@ class Plans:
                 yield PlanBody(body.name, _flat(self._T_level_world.apply(at)), velocity)
 
     def _world(self, truth: Truth, time: float, pose: Pose | None) -> Pose | None:
-        """Return ``T_world_truth`` of the present segment; None as long as it is not known."""
+        """Return ``T_world_truth`` of the present segment; None while it is unknown."""
         known = self._T_world_truth.get(self._segment)
         if known is not None or pose is None:
             return known
@@ -119,7 +120,7 @@ class Plans:
         if T_truth_camera is not None:
             self._T_world_truth[self._segment] = pose @ T_truth_camera.inverse()
         elif self._segment == 0:
-            # Only the source's own beginning is common to both.
+            # Only in the first segment, at the source's start, do both worlds coincide.
             self._T_world_truth[0] = Pose.identity()
         return self._T_world_truth.get(self._segment)
 
@@ -128,7 +129,7 @@ class Plans:
 
 
 def plan_maps(recording: Recording) -> list[PlanMap]:
-    """Return the local maps of a run that have a place in it, in order."""
+    """Return the local maps of a run whose pose is known, in order."""
     T_level_world = level_pose(recording.facts.camera_mount())
     found = []
     for one in maps_in_force(recording):
@@ -153,7 +154,7 @@ def plan_maps(recording: Recording) -> list[PlanMap]:
 
 
 def _flat(vector: Float64Array) -> list[float]:
-    # Without -0.0.
+    # Adding 0.0 turns -0.0 into 0.0.
     return [round(float(value), _DIGITS) + 0.0 for value in vector[:2]]
 
 

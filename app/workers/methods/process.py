@@ -8,7 +8,7 @@ from app.runtime.jobs import Progress
 from app.runtime.worker import Worker
 from app.workers.methods.messages import Compared, CompareMethods
 
-# Driving robots, observing live frames and serving pages go before this.
+# Driving robots, observing live frames and serving pages take precedence.
 _WORKER = Worker("app.workers.methods", 15)
 
 
@@ -19,7 +19,7 @@ async def compare_in_worker(
 
     Args:
         progress: called in the event loop on every progress report.
-        held: as of ``Worker.do``.
+        held: as for ``Worker.do``.
 
     Raises:
         JobFailed: the frames cannot be observed; one sentence says why.

@@ -31,7 +31,7 @@ from observer.rig.rig_file import read_rig
 from observer.sources.contract import Source
 from observer.types import StereoFrame
 
-# Shares of the whole that opening the source and reading the results take.
+# Shares of the total progress for opening the source and for reading the results.
 _OPENING, _READING = 0.02, 0.05
 
 
@@ -40,11 +40,11 @@ def compare(job: CompareMethods, report: Report) -> Compared:
 
     Raises:
         SourceError: the source cannot be opened, or has no readable frame.
-        CalibrationError: it has no calibration, or one that cannot be used.
+        CalibrationError: the source has no calibration, or one that cannot be used.
         RecordingError: a recording cannot be written.
     """
     report("opening the source", 0.0)
-    # Processor time is told of each method, in which no further threads may take part.
+    # Each method's CPU time is measured for its thread only, so OpenCV must not use others.
     cv2.setNumThreads(1)
     opened = open_source(job.source)
     with closing(opened.source) as source, ExitStack() as stack:
@@ -62,7 +62,7 @@ def compare(job: CompareMethods, report: Report) -> Compared:
         for frame, begins in _frames(source, job):
             if run_time.begin_s is None:
                 begin -= frame.time
-            # Log times pass as the source's clock does, not as quickly as this machine observes.
+            # Log times follow the source's clock, not the speed at which this machine observes.
             frame = replace(frame, received=begin + frame.time)
             if truth is not None:
                 truth.look(frame.time)
@@ -87,10 +87,10 @@ def compare(job: CompareMethods, report: Report) -> Compared:
 
 
 class _Progress:
-    """The frame that is being observed, and how many were.
+    """Frame being observed, and progress so far.
 
     Attributes:
-        frames: number of those that all methods are done with.
+        frames: number of frames that all methods have observed.
     """
 
     def __init__(self, report: Report, planned: int, picture: MethodsPicture) -> None:
@@ -101,11 +101,11 @@ class _Progress:
         self.frames = 0
 
     def begin(self, frame: StereoFrame, lines: list[Future[ObservationLine]]) -> None:
-        """Take the next frame, with what each method will have found; call ``wait`` first."""
+        """Take the next frame with each method's pending result; call ``wait`` first."""
         self._going = frame, lines
 
     def wait(self) -> None:
-        """Wait until all methods are done with the frame, if there is one, and tell so."""
+        """Wait until all methods have observed the frame, if there is one; report progress."""
         if self._going is None:
             return
         frame, lines = self._going
@@ -150,7 +150,7 @@ def _planned(source: Source, seconds: float) -> int:
 
 
 def _frames(source: Source, job: CompareMethods) -> Iterator[tuple[StereoFrame, Begins | None]]:
-    """Yield the frames of the wanted seconds, each with what begins with it."""
+    """Yield the frames of the wanted seconds, each with what begins at it, if anything."""
     if job.newest and isinstance(source, RecordingSource):
         times = [frame.time for frame in source.recording.frames]
         source.seek(next(k for k, t in enumerate(times) if t > times[-1] - job.seconds))
@@ -161,6 +161,6 @@ def _frames(source: Source, job: CompareMethods) -> Iterator[tuple[StereoFrame, 
         if begin is not None and not 0 <= item.time - begin < job.seconds:
             return
         begins = source.begins if isinstance(source, RecordingSource) else None
-        # The first frame is that of new observers in any case.
+        # The observers are new at the first frame in any case.
         yield item, None if begin is None else begins
         begin = item.time if begin is None else begin

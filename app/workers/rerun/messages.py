@@ -14,10 +14,10 @@ class Rerun:
     Attributes:
         images: path of the recording that holds the frames.
         output: path of the new recording, which holds no images.
-        results: path for what the server keeps of each frame: JSON lines as of ``FrameResult``.
+        results: path for what the server keeps of each frame: ``FrameResult`` as JSON lines.
         id, name, preset, versions: of the new run, as in ``RunFacts``.
-        parameters: all, by dotted name, the guard's too.
-        rig_yaml: of the run; tells the camera's mount where the recording does not.
+        parameters: all parameters by dotted name, including the guard's.
+        rig_yaml: rig of the run; gives the camera's mount if the recording does not.
     """
 
     images: str

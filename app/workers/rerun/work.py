@@ -35,7 +35,7 @@ _REVISION = 0
 def rerun(job: Rerun, report: Report) -> Rerunned:
     """Observe all frames with the parameters of the job.
 
-    Every frame keeps its times, so the new run is as long as the recorded one and shares its clock.
+    Every frame keeps its times, so the new run has the recorded one's length and clock.
 
     Raises:
         SourceError: the recording cannot be read or holds no images.
@@ -73,10 +73,10 @@ def rerun(job: Rerun, report: Report) -> Rerunned:
 
 
 class _Frames(RecordingSource):
-    """Recording as a source that also tells which frame was read last.
+    """Recording as a source that also remembers the frame read last.
 
     Attributes:
-        frame: the last one, received when it was at first. lost: number of unreadable frames.
+        frame: last frame, with its original reception time. lost: number of unreadable frames.
     """
 
     frame: StereoFrame
@@ -84,7 +84,7 @@ class _Frames(RecordingSource):
 
     @property
     def recorded(self) -> RecordedFrame:
-        """Return what was recorded of the last frame."""
+        """Return the recorded facts of the last frame."""
         return self.recording.frames[self.position - 1]
 
     def read(self) -> StereoFrame | SkippedFrame | None:
@@ -107,7 +107,7 @@ class _Kept:
         self.time = RunTime()
         self.frames = 0
         self.segments = 1
-        # Number of the first segment of the present observer.
+        # Number of the present observer's first segment.
         self._first_segment = 0
         self._writer = RecordingWriter(Path(job.output), facts)
         self._observed = ObservedWriter(self._writer, recording.truth())

@@ -14,9 +14,9 @@ class Look:
     """Pair of frames to look at.
 
     Attributes:
-        source: as ``observer.opening.open_source`` takes it. state: changes with its files.
-        frame: position in the source; None for one that is worth looking at.
-        parameters: all that differ from the declared ones, by dotted name.
+        source: as ``observer.opening.open_source`` takes it. state: changes when its files change.
+        frame: position in the source; None lets the worker choose one worth looking at.
+        parameters: all that differ from their defaults, by dotted name.
         calibration_yaml: used instead of the source's own.
     """
 
@@ -29,10 +29,10 @@ class Look:
 
 @dataclass(frozen=True)
 class DrawStep:
-    """Request for the file of one step; without a format, for what all steps found.
+    """Request for the file of one step, or, without a format, for the results of all steps.
 
     Attributes:
-        number: of the step, from 1. dark: for a page with a dark ground; only of pictures.
+        number: number of the step, from 1. dark: for a page with a dark background; only for SVG.
         labelled: with title, formula and meaning.
     """
 
@@ -45,7 +45,7 @@ class DrawStep:
 
 @dataclass(frozen=True)
 class Steps:
-    """What all steps found; as in ``app.contract.steps.MethodSteps``."""
+    """Results of all steps; as in ``app.contract.steps.MethodSteps``."""
 
     frame: int
     frame_count: int | None
@@ -58,12 +58,12 @@ class Steps:
 
 @dataclass(frozen=True)
 class StepsAnswer:
-    """Answer to every request: what was asked for, or one sentence why it cannot be had.
+    """Answer to every request: what was requested, or one sentence on why it was refused.
 
-    A refusal is an answer, too, so that the process goes on with what it keeps.
+    A refusal is an answer too, so the process keeps running with its state.
 
     Attributes:
-        result: None where it was refused. refused: why. place: what of the request was wrong.
+        result: None if refused. refused: the reason. place: the part of the request at fault.
     """
 
     result: Steps | bytes | None

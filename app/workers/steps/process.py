@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from app.runtime.worker import LastingWorker, Worker
 
-# Somebody waits for it, but driving robots, observing live frames and serving pages go before.
+# A user waits for it, but driving robots, observing live frames and serving pages take precedence.
 _WORKER = Worker("app.workers.steps", 10)
 # The first frame of a large folder or of a long video takes a while.
 _LONGEST_S = 90.0

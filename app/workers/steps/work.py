@@ -1,4 +1,4 @@
-"""The worker's side: observes a pair, tells its steps and draws them."""
+"""The worker's side: observes a pair, reports its steps and draws them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from observer.steps import (
 )
 from observer.steps.formulas import mathml, text
 
-# About five megabytes each, for images of the lab.
+# Pairs kept: about 5 MB each for the lab's images.
 _MOST_PAIRS = 6
 
 
@@ -33,7 +33,8 @@ class _Open:
     """The open source.
 
     Attributes:
-        key: what it was opened by. usual: the frame that is looked at first; None: not known yet.
+        key: source and state it was opened with. usual: frame to look at first; None if not known
+            yet.
     """
 
     key: tuple[str, str]
@@ -43,10 +44,10 @@ class _Open:
 
 
 class StepsWork:
-    """Keeper of the source and of the pairs that were looked at last."""
+    """Keeps the source open and caches the pairs looked at last."""
 
     def __init__(self) -> None:
-        """Keep nothing yet."""
+        """Start without a source and with an empty cache."""
         self._open: _Open | None = None
         self._pairs: OrderedDict[str, ObservedPair] = OrderedDict()
 
@@ -131,7 +132,7 @@ def _told(step: PaperStep) -> MethodStep:
 
 
 def _file(pair: ObservedPair, job: DrawStep) -> bytes:
-    # Matplotlib takes as long to load as a pair to observe, and nobody may want a picture.
+    # Loading Matplotlib takes as long as observing a pair, and pictures may never be requested.
     from observer.figures import dark_svg, figure_bytes
     from observer.steps.pictures import step_figure
     from observer.steps.tables import step_table

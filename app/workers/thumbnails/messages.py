@@ -10,7 +10,7 @@ class Picture:
     """Request for a small picture of what a source shows.
 
     Attributes:
-        spec: of a simulated scenario, or of a folder with images.
+        spec: spec of a simulated scenario or of a folder with images.
     """
 
     spec: str

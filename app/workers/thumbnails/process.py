@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.runtime.worker import Worker
 from app.workers.thumbnails.messages import Picture, Pictured
 
-# Nobody waits for a picture: everything else goes first.
+# Nobody waits for a picture: everything else takes precedence.
 _WORKER = Worker("app.workers.thumbnails", 19)
 
 

@@ -13,10 +13,10 @@ from observer.opening import open_source
 from observer.simulation.source import SimulatedSource
 from observer.types import Image, StereoFrame
 
-# Twice the tile's, for screens with more than one pixel to a CSS pixel.
+# Twice the tile's size, for screens with more than one pixel per CSS pixel.
 WIDTH, HEIGHT = 256, 128
 _QUALITY = 80
-# Of frames that cannot be read, before it is given up.
+# Reads attempted before giving up on a source without readable frames.
 _TRIES = 10
 
 

@@ -1,1 +1,1 @@
-"""The monocular method: depth by travel, scale by the ground plane and odometry."""
+"""The monocular method: depth from motion, scale from the ground plane and odometry."""

@@ -1,8 +1,9 @@
-"""Obstacles on the line of sight: their depth by travel does not fit their foot on the ground.
+"""Obstacles moving along the line of sight: their parallax depth contradicts their ground contact.
 
-A point that comes towards the camera stays on its line of sight and looks like one that stands
-nearer. Such a group then floats: where it ends below, the ground is much farther away. What really
-hangs in the air does so, too; the margin is wide, and the obstacle must move over the ground.
+A point that approaches the camera stays on its line of sight and looks like a nearer static point.
+A group of such points seems to float: at its lower edge the ground is much farther away. Objects
+that really hang in the air look the same, so the margin is wide, and the obstacle must also move
+over the ground.
 """
 
 from __future__ import annotations
@@ -22,18 +23,19 @@ from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import MonocularParameters
 from observer.types import Image
 
-# Followed for so long, seconds, and this much nearer than the ground on the same line of sight.
+# Tracked for this long, seconds, and this many times nearer than the ground on the same line of
+# sight.
 _LEAST_AGE_S, _OFF_FLOOR = 0.5, 1.3
-# Points of one thing agree in depth to within this share.
+# Points of one object agree in depth to within this share.
 _ALIKE = 0.25
-# A group must be so many times nearer than its foot, and beyond that by standard deviations.
+# A group must be this many times nearer than its foot, by this many standard deviations.
 _NEARER, _SIGMAS = 2.0, 3.0
-# Depths come from the same poses and are wrong together.
+# Factor on the depth sigma: depths come from the same poses, so their errors are correlated.
 _SHARED = 3.0
 
 
 def off_ground(points: RayPoints, view: GroundView) -> tuple[NDArray[np.bool_], Float64Array]:
-    """(N,) which points seem to stand clear of the ground, and (N,) their inverse distance now."""
+    """(N,) which points seem to be clear of the ground, and (N,) their inverse distance now."""
     here = view.T_world_camera.translation
     gap = points.place() - here
     reach = np.linalg.norm(gap, axis=1)
@@ -61,7 +63,7 @@ def floating(
     view: GroundView,
     p: MonocularParameters,
 ) -> tuple[NDArray[np.int64], Float64Array]:
-    """The groups (N,) that float, all others -1, and (N,) by how many standard deviations."""
+    """Return the groups (N,) that float, -1 elsewhere, and (N,) by how many standard deviations."""
     out, significance = np.full(len(points), -1, np.int64), np.zeros(len(points))
     tilt_sigma = float(np.radians(p.tilt_sigma_deg))
     found = 0

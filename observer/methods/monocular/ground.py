@@ -16,7 +16,7 @@ class GroundPlane:
     """The plane ``down . X = depth``; its own axes are ``right`` and ``ahead``.
 
     Attributes:
-        down: (3,) unit vector, world. depth: metres, of the ground below the world's origin.
+        down: (3,) unit vector, world. depth: metres of the ground below the world's origin.
     """
 
     down: Float64Array
@@ -24,7 +24,7 @@ class GroundPlane:
 
     @staticmethod
     def below(mount: CameraMount) -> GroundPlane:
-        """The ground below the camera of a segment's first frame."""
+        """Return the ground below the camera of a segment's first frame."""
         return GroundPlane(mount.down, mount.height_m)
 
     @property
@@ -68,6 +68,6 @@ class GroundView:
         return np.asarray(centre + reach * ray)
 
     def seen(self, place: Float64Array) -> Float64Array:
-        """(3,) metres, camera frame: of a place (2,) on the ground."""
+        """(3,) metres, camera frame: a place (2,) on the ground."""
         ground = self.ground
         return self.T_world_camera.inverse().apply(ground.axes @ place + ground.depth * ground.down)

@@ -1,9 +1,9 @@
-"""The camera's way in metres by the look of the ground: joints and stains move as the plane does.
+"""The camera's motion in metres from the appearance of the ground, whose texture moves as a plane.
 
-A bare floor has few corners, but its joints and edges are many pixels. Those of one image are laid
-onto the known plane and aligned with another image, from coarse to fine, for all six degrees of
-freedom at once (Baker and Matthews: Lucas-Kanade 20 Years On, IJCV 2004). What stands on the ground
-does not fit and hardly counts.
+A bare floor has few corners, but its joints and edges have many pixels. Those of one image are
+projected onto the known plane and aligned with another image, coarse to fine, for all six degrees
+of freedom at once (Baker and Matthews: Lucas-Kanade 20 Years On, IJCV 2004). Objects standing on
+the ground do not fit the plane and get little weight.
 """
 
 from __future__ import annotations
@@ -24,29 +24,30 @@ from observer.types import Image
 _Float32Array = NDArray[np.float32]
 
 # Standard deviation of the smoothing, px, and the least slope of a pixel that counts, grey
-# levels/px: three times what noise of 2 grey levels leaves of it, or more.
+# levels/px: at least three times the slope that noise of 2 grey levels leaves after smoothing.
 _LEVELS = ((3.0, 0.35), (1.0, 1.2))
 # Brightness that changes more slowly than this many times the smoothing is left out.
 _BAND = 6.0
-# The steepest pixels of each square of this side, px, so that no single thing decides.
+# Only this many of the steepest pixels in each square of this side, px, are used, so that no single
+# object dominates.
 _CELL_PX, _PER_CELL = 16, 12
-# Of the angle below the horizon, its sine; farther off the ground tells little of the way, and
-# what stands there is seen instead.
+# Sine of the angle below the horizon: ground farther off shows little of the translation, and
+# is hidden by objects standing on it.
 _LEAST_SLOPE = 0.14
 _MARGIN_PX = 8
 _ROUNDS = 8
-# An edge lies where the plane has it to within this, px: the ground is not quite flat.
+# Pixels, one standard deviation: deviation of an edge from the plane, as no ground is quite flat.
 _EDGE_SIGMA_PX = 0.3
 _LEAST_NOISE = 0.5
-# Residuals beyond so many standard deviations hardly count, and are outliers.
+# Standard deviations: residuals beyond this are outliers and get little weight.
 _WIDTH = 2.5
-# What must be left for an answer: pixels, the share of them that agrees, and how much of the
-# image's variation is explained.
+# Required for a result: number of pixels, the share of them that agrees, and the explained share
+# of the image's variation.
 _LEAST_PIXELS, _LEAST_AGREEING, _LEAST_EXPLAINED = 150, 0.7, 0.6
-# The last step of a search that has ended, metres.
+# Metres: last step of a search that has converged, and step below which iteration stops.
 _SETTLED_M, _FINE_M = 0.002, 0.0002
 _NEAREST_M = 0.1
-# Errors that all pixels share, as a share of the way: the height's changes and the lens.
+# Errors that all pixels share, as a share of the distance: changes in height, and the lens.
 WAY_SHARED = 0.02
 
 
@@ -64,12 +65,12 @@ class GroundMotion:
 
     @property
     def way_m(self) -> float:
-        """Length of the way."""
+        """Length of the translation, metres."""
         return float(np.linalg.norm(self.T_now_mark.translation))
 
     @property
     def way_sigma(self) -> float:
-        """One standard deviation of the length, as a share of it; infinite where there is none."""
+        """One standard deviation of the length, as a share of it; infinite if the length is 0."""
         way = self.way_m
         if way < 1e-6:
             return float("inf")
@@ -79,7 +80,7 @@ class GroundMotion:
 
 
 class GroundMark:
-    """The ground as one image shows it, with which later ones are compared."""
+    """The ground as seen in one image, the reference for later ones."""
 
     def __init__(self, image: Image, ground: GroundPlane, camera: StereoCamera) -> None:
         """``ground`` is the plane in the axes of the camera that took ``image`` (H, W), grey."""
@@ -91,7 +92,7 @@ class GroundMark:
             [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], axis=2
         )
         near = ray @ ground.down > _LEAST_SLOPE * np.linalg.norm(ray, axis=2)
-        # Above this row all ground is too far off; nothing there is looked at.
+        # Rows above this are skipped: all ground there is too far off.
         first = int(np.argmax(near.any(axis=1))) if near.any() else height - 1
         self._top = max(first - 4 * _MARGIN_PX, 0)
         self._levels = [
@@ -99,11 +100,11 @@ class GroundMark:
         ]
 
     def aligned(self, image: Image, T_guess: Pose, turn_sigma: float) -> GroundMotion | None:
-        """The camera's motion since the mark; None where the ground does not show it.
+        """Return the camera's motion since the mark; None where the ground does not show it.
 
         Args:
-            image: (H, W) grey, now. T_guess: about where the camera is against the mark; of the
-                turn about the plumb line it is sure to within ``turn_sigma``, radians.
+            image: (H, W) grey, now. T_guess: initial estimate of the motion since the mark.
+            turn_sigma: radians, its standard deviation about the vertical.
         """
         pose = T_guess
         for (smoothing, _), (place, value) in zip(_LEVELS, self._levels, strict=True):
@@ -139,11 +140,11 @@ class GroundMark:
         smoothing: float,
         least: float,
     ) -> tuple[Float64Array, _Float32Array]:
-        """(N, 3) metres, camera frame: places on the ground that stand out, and (N,) their look.
+        """(N, 3) metres, camera frame: places of steep ground pixels, and (N,) their values.
 
         Args:
-            ray: (h, W, 3) lines of sight of the rows that are looked at; near: (h, W) which of
-                them meet the ground near enough.
+            ray: (h, W, 3) lines of sight of the rows in use; near: (h, W) which of them meet the
+                ground near enough.
         """
         band, along_u, along_v = _band_and_slopes(image[self._top :], smoothing)
         steep = np.hypot(along_u, along_v)
@@ -183,7 +184,7 @@ class GroundMark:
         noise = max(MAD_TO_SIGMA * float(np.median(np.abs(r))), _LEAST_NOISE)
         variance = noise**2 + _EDGE_SIGMA_PX**2 * (along_u**2 + along_v**2)
         squared = r**2 / variance
-        # Smoothed pixels are wrong together with as many others as the filter is wide.
+        # The errors of smoothed pixels are correlated over the area of the filter.
         trust = 1 / (1 + squared / _WIDTH**2) ** 2 / (variance * 4 * np.pi * smoothing**2)
         by_place = np.empty((len(p), 3))
         by_place[:, 0], by_place[:, 1] = along_u * c.fx * w, along_v * c.fy * w
@@ -198,7 +199,7 @@ class GroundMark:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Normal equations (6, 6), (6,), and how well ``count`` pixels fit before the step."""
+    """Normal equations (6, 6), (6,), and how well ``count`` pixels fitted before the step."""
 
     information: Float64Array
     pull: Float64Array
@@ -210,7 +211,7 @@ class _Fit:
 def _band_and_slopes(
     image: Image, smoothing: float
 ) -> tuple[_Float32Array, _Float32Array, _Float32Array]:
-    """(H, W) grey levels without noise and slow changes, and their slopes along u and v."""
+    """(H, W) band-pass filtered grey levels, and their slopes along u and v."""
     grey = image.astype(np.float32)
     broad = 2 * round(_BAND * smoothing) + 1
     band = cv2.GaussianBlur(grey, (0, 0), smoothing) - cv2.blur(grey, (broad, broad))
@@ -223,7 +224,7 @@ def _band_and_slopes(
 
 
 def _foremost(cell: NDArray[np.intp], key: _Float32Array, most: int) -> NDArray[np.intp]:
-    """Indices of the up to ``most`` items of each cell (N,) that have the least keys (N,)."""
+    """Return the indices of up to ``most`` items per cell (N,) with the smallest keys (N,)."""
     order = np.lexsort((key, cell))
     ordered = cell[order]
     first = np.searchsorted(ordered, ordered, side="left")

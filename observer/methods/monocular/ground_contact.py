@@ -1,4 +1,4 @@
-"""Ground contact of an obstacle: its lowest edge in the image, and that place."""
+"""Ground contact of an obstacle: its lowest edge in the image, and the place on the ground."""
 
 from __future__ import annotations
 
@@ -9,37 +9,36 @@ from observer.geometry import Float64Array
 from observer.methods.monocular.ground import GroundView
 from observer.types import Image
 
-# The lowest points lie at this percentile of the rows, so that a stray one does not count; the box
-# has a margin around the points.
+# Percentile of the points' rows taken as the lowest, to ignore a stray one; and the margin of the
+# box around the points.
 _LOWEST_PERCENT, _MARGIN_PX = 92.0, 3.0
-# Of the box: the middle part of its width that is looked at, and how far above and below its
-# lowest points the obstacle may end, as shares of width and height.
+# Share of the box's width searched to either side of its middle; and how far above and below its
+# lowest points the obstacle may end, as shares of the height.
 _MIDDLE = 0.35
 _ABOVE, _BELOW = 0.2, 0.4
 _LEAST_PX = 4.0
-# An edge is one from this slope on, grey levels/px; at the end of the search it counts this much.
+# Grey levels/px: least slope of an edge; and its weight at the end of the search range.
 _LEAST_EDGE, _FAR_WEIGHT = 3.0, 0.3
 
 Box = tuple[float, float, float, float]
 
 
 def box_around(px: NDArray[np.float32]) -> Box:
-    """The box u0, v0, u1, v1 of points (N, 2), with a margin."""
+    """Return the box u0, v0, u1, v1 of points (N, 2), with a margin."""
     (u0, v0), (u1, v1) = px.min(axis=0) - _MARGIN_PX, px.max(axis=0) + _MARGIN_PX
     return float(u0), float(v0), float(u1), float(v1)
 
 
 def lowest_row(px: NDArray[np.float32]) -> float:
-    """The row of the lowest points (N, 2), but for a stray one."""
+    """Return the row of the lowest points (N, 2), ignoring stray ones."""
     return float(np.percentile(px[:, 1], _LOWEST_PERCENT))
 
 
 def lower_edge(image: Image, box: Box, lowest: float) -> float | None:
-    """The row, pixels, at which the obstacle in the box u0, v0, u1, v1 ends below.
+    """Return the row, pixels, of the lower edge of the obstacle in the box u0, v0, u1, v1.
 
-    The strongest edge across the middle of the box about its lowest points, at the row
-    ``lowest``: there it stands against the ground. None where no edge stands out or the image ends
-    first.
+    It is the strongest edge across the middle of the box near its lowest points, at the row
+    ``lowest``: the contrast against the ground. None if no edge stands out or the image ends first.
     """
     u0, v0, u1, _ = box
     height, width = image.shape
@@ -83,7 +82,7 @@ def ground_place(
 def shared_covariance(
     place: Float64Array, view: GroundView, height_sigma: float, tilt_sigma: float
 ) -> Float64Array:
-    """(2, 2) m^2, ground axes: by how much a wrong height and tilt move a place (2,) on the ground.
+    """(2, 2) m^2, ground axes: covariance of a ground place (2,) from errors of height and tilt.
 
     Args:
         height_sigma: as a share of the height. tilt_sigma: radians.
@@ -103,10 +102,10 @@ def shared_velocity_covariance(
     height_sigma: float,
     tilt_sigma: float,
 ) -> Float64Array:
-    """(2, 2) (m/s)^2: the same of a velocity (2,) against the camera, in the ground's axes.
+    """(2, 2) (m/s)^2: the same for a velocity (2,) relative to the camera, in the ground's axes.
 
-    A distance r = h / tan(angle) that is wrong by a share is so for all that moves there; a wrong
-    tilt makes the share grow with the distance, and the velocity along it wrong twice as much.
+    A relative error of the distance r = h / tan(angle) scales all velocities there alike. A wrong
+    tilt makes that error grow with the distance, and doubles it for the velocity along it.
     """
     gap, reach, height = _reach(place, view)
     along = gap / max(reach, 1e-9)

@@ -1,4 +1,4 @@
-"""The obstacles of one camera: followed, begun, joined and ended, frame by frame."""
+"""The obstacles of one camera: tracked, started, merged and ended, frame by frame."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from observer.types import Image, Obstacle
 from observer.vision.lifecycle import while_lost
 from observer.vision.neighbourhoods import grouped
 
-# Fewer points that seem to float are none.
+# A floating group has at least this many points.
 _LEAST_FLOATING = 4
 
 
 class GroundObstacles:
-    """Obstacles on the ground; without a known ground plane there is nothing to place them on."""
+    """Obstacles on the ground; there are none while the ground plane is unknown."""
 
     def __init__(
         self, camera: StereoCamera, ground: GroundPlane | None, numbers: Iterator[int] | None
@@ -35,7 +35,7 @@ class GroundObstacles:
         self._tracker = GroundTracker(numbers)
 
     def boxes_px(self) -> Float64Array:
-        """(B, 4) pixels, around all obstacles that are seen."""
+        """(B, 4) pixels, around all obstacles seen in this frame."""
         return self._tracker.boxes_px()
 
     def step(
@@ -48,7 +48,7 @@ class GroundObstacles:
         dt: float,
         p: Parameters,
     ) -> RayPoints:
-        """Take in one frame; returns the points with their owners.
+        """Process one frame; return the points with the obstacles they belong to.
 
         Args:
             image: (H, W) grey. T_world_camera: the pose now; T_before_world: of the frame before.
@@ -80,7 +80,7 @@ class GroundObstacles:
         time: float,
         p: Parameters,
     ) -> tuple[Obstacle, ...]:
-        """All obstacles as they are reported; see ``describe_ground_track``."""
+        """Return all obstacles as reported; see ``describe_ground_track``."""
         if self._ground is None:
             return ()
         view = GroundView(self._ground, T_world_camera, self._camera)
@@ -92,7 +92,7 @@ class GroundObstacles:
     def unseen(
         self, T_world_camera: Pose, before: float, time: float, p: Parameters
     ) -> tuple[Obstacle, ...]:
-        """All obstacles at a frame without a pose.
+        """Return all obstacles at a frame without a pose.
 
         Args:
             T_world_camera: the last known pose, of the frame at ``before``, seconds.

@@ -1,7 +1,7 @@
-"""The ground as an odometer: the camera's way in metres where no wheels tell it.
+"""The ground as an odometer: the camera's translation in metres where there are no wheel data.
 
-The mount says how the camera stands above the ground; ``ground_alignment`` tells how it has moved
-since a mark, an image of the ground from which so far is driven until the next.
+The mount gives the camera's pose above the ground; ``ground_alignment`` measures the motion since
+a mark, a reference image of the ground that is used until enough has been driven for the next.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_alignment import WAY_SHARED, GroundMark, GroundMotion
 from observer.types import Image
 
-# The turn of a map's poses is wrong by so much, radians; and that of the turn which explains the
-# first views' points best, for it takes some way for turning.
+# Radians, one standard deviation: rotation of the map's poses, and the rotation that best explains
+# the points of the first views, which mistakes some translation for rotation.
 _MAP_TURN_SIGMA, _FIRST_TURN_SIGMA = 0.003, 0.01
-# The scale of a map by points alone, as a share.
+# Share, one standard deviation: scale of a map from points alone.
 _MAP_SCALE_SIGMA = 0.1
 # Parallax of points that is more than noise, radians.
 _LEAST_PARALLAX = 0.0005
-# The step that is expected follows the last one by this share, so that noise does not lead astray.
+# Weight of the newest step in the predicted one; smooths its noise.
 _STEP_GAIN = 0.3
-# What the ground shows is wrong by at least this, metres; and where it differs by more standard
-# deviations from what points do, it is not the ground.
+# Metres, least standard deviation of a motion measured from the ground; and standard deviations:
+# if it differs by more from the points' motion, it is not the ground.
 _LEAST_WAY_SIGMA_M, _AGREEING_SIGMAS = 0.001, 4.0
-# After such a way, metres, or turn, radians, much of the mark's ground is out of sight.
+# After this translation, metres, or rotation, radians, much of the mark's ground is out of sight.
 _WAY_M, _TURNED_RAD = 0.12, 0.15
 
 
 class GroundFollower:
-    """Follows the ground from a first view on, before anything else is known of the motion."""
+    """Tracks the ground from a first view on, before anything else is known of the motion."""
 
     def __init__(self, image: Image, ground: GroundPlane, camera: StereoCamera) -> None:
         """``ground`` is the plane in the axes of the camera that took ``image`` (H, W), grey."""
@@ -41,17 +41,17 @@ class GroundFollower:
     def followed(
         self, image: Image, R_now_first: Float64Array, parallax: float
     ) -> GroundMotion | None:
-        """The motion since the first view; None where the ground does not show it.
+        """Return the motion since the first view; None where the ground does not show it.
 
         Args:
-            image: (H, W) grey, now. R_now_first: (3, 3) the turn that explains the points best.
-            parallax: radians, of the points beyond that turn; without any there is no way.
+            image: (H, W) grey, now. R_now_first: (3, 3) rotation that best explains the points.
+            parallax: radians, of the points beyond that rotation; zero means no translation.
         """
         if parallax < _LEAST_PARALLAX:
             return None
         ahead = self._place + self._step
         seen = self._mark.aligned(image, Pose(R_now_first, ahead), _FIRST_TURN_SIGMA)
-        # Where it is not seen, it may be again if the camera goes on as it did.
+        # If the ground is not seen now, extrapolate; it may be seen again in a later image.
         now = ahead if seen is None else seen.T_now_mark.translation
         self._step = self._step + _STEP_GAIN * (now - self._place - self._step)
         self._place = now
@@ -59,7 +59,7 @@ class GroundFollower:
 
 
 class GroundOdometer:
-    """Tells the camera's way over the ground, from mark to mark."""
+    """Measures the camera's motion over the ground, from mark to mark."""
 
     def __init__(
         self, image: Image, T_camera_world: Pose, ground: GroundPlane, camera: StereoCamera
@@ -73,18 +73,18 @@ class GroundOdometer:
 
     @property
     def sees(self) -> bool:
-        """True if the ground showed the camera's way in the last image."""
+        """Whether the ground showed the camera's motion in the last image."""
         return self._seen is not None
 
     def measured(
         self, image: Image, T_camera_world: Pose, covariance: Float64Array
     ) -> tuple[Pose, Float64Array] | None:
-        """The camera's pose by the ground, and its information (6, 6).
+        """Return the camera's pose from the ground, and its information (6, 6).
 
         None where the ground does not show it or contradicts the points.
 
         Args:
-            image: (H, W) grey, now. T_camera_world: the pose by points; covariance: (6, 6) its.
+            image: (H, W) grey, now. T_camera_world: the pose from points; covariance: (6, 6) of it.
         """
         self._seen = None
         guess = T_camera_world @ self._T_mark.inverse()
@@ -102,10 +102,10 @@ class GroundOdometer:
         return seen.T_now_mark @ self._T_mark, np.asarray(np.linalg.pinv(own), np.float64)
 
     def compared(self, image: Image, T_camera_world: Pose) -> tuple[float, float] | None:
-        """Logarithm of the ground's way over the map's, and its standard deviation.
+        """Return the logarithm of ground distance over map distance, and its standard deviation.
 
-        Only where the way from the last mark is long enough; there the next mark is made.
-        None elsewhere and where the ground did not show it.
+        A new mark is made once the camera has moved or turned far enough from the last one. None
+        before that, if the distance is too short, and where the ground did not show the motion.
         """
         moved = T_camera_world @ self._T_mark.inverse()
         way = float(np.linalg.norm(moved.translation))

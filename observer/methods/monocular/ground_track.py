@@ -1,4 +1,4 @@
-"""One obstacle on the ground over time, as one camera sees it."""
+"""Track of one obstacle on the ground, seen by one camera."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from observer.types import MotionState, TrackState
 
 @dataclass(eq=False)
 class GroundTrack:
-    """An obstacle that stands and drives on the ground.
+    """An obstacle that stands or moves on the ground.
 
     Attributes:
         id: as of ``Obstacle``. state, motion: as reported.
         mean: (4,) place of its foot, m, and velocity, m/s, on the ground; covariance: (4, 4),
-            of the pixels' noise alone.
+            from the pixel noise alone.
         box_px: u0 v0 u1 v1 in the left image; its lower edge is where it touches the ground.
-        size: (2,) metres: width and height, as the box says at that distance.
-        points: followed points seen on it in this frame. hits: frames in which it moved
+        size: (2,) metres: width and height, from the box at that distance.
+        points: tracked points seen on it in this frame. hits: frames in which it moved
             significantly. missed_s, age_s: seconds since it was seen, and since it began.
         significance: Mahalanobis length of the velocity.
-        evidence: standard deviations by which its points cannot stand, when it began.
-        floating: whether it was found by its foot, not by leaving the lines of sight.
+        evidence: significance, in standard deviations, of its points' motion when it began.
+        floating: whether it was found by its ground contact, not by leaving the epipolar lines.
     """
 
     id: int
@@ -53,7 +53,7 @@ class GroundTrack:
         return self.mean[2:]
 
     def predict(self, dt: float, acceleration: float) -> None:
-        """Drive on for ``dt`` seconds; white acceleration, m/s^2."""
+        """Predict ``dt`` seconds ahead with white-noise ``acceleration``, m/s^2."""
         F = np.eye(4)
         F[0, 2] = F[1, 3] = dt
         G = np.array([[dt * dt / 2, 0], [0, dt * dt / 2], [dt, 0], [0, dt]])
@@ -61,7 +61,7 @@ class GroundTrack:
         self.covariance = F @ self.covariance @ F.T + acceleration**2 * G @ G.T
 
     def update(self, place: Float64Array, noise: Float64Array) -> None:
-        """Take in where its foot (2,) is seen, with covariance (2, 2)."""
+        """Update with the place (2,) where its foot is seen, with covariance (2, 2)."""
         S = self.covariance[:2, :2] + noise
         gain = np.linalg.solve(S, self.covariance[:2]).T
         self.mean = self.mean + gain @ (place - self.mean[:2])
@@ -70,7 +70,7 @@ class GroundTrack:
         self.covariance = left @ self.covariance @ left.T + gain @ noise @ gain.T
 
     def length_to(self, place: Float64Array, noise: Float64Array) -> float:
-        """Mahalanobis length from where it is expected to a place (2,)."""
+        """Return the Mahalanobis distance from its predicted place to a place (2,)."""
         gap = place - self.mean[:2]
         S = self.covariance[:2, :2] + noise
         return float(np.sqrt(max(0.0, float(gap @ np.linalg.solve(S, gap)))))

@@ -1,4 +1,4 @@
-"""Obstacles over time for one camera: by the points on them and by their foot on the ground."""
+"""Tracks obstacles with one camera, by the points on them and by their ground contact."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from observer.parameters import MonocularParameters, ObstacleParameters
 from observer.types import Image, MotionState, TrackState
 from observer.vision.lifecycle import TrackIds, expired, next_state
 
-# A member moves with the others to within so many pixels a frame.
+# Pixels per frame: a member moves with the others to within this.
 _TOGETHER_PX = 0.7
-# Joining asks for this much less of a misfit to the body than to standing, px.
+# Pixels: a point joins if it fits the body better than a static point by this much.
 _BETTER_PX = 0.5
 _FEWEST_MEMBERS = 3
-# The box follows what is measured by this share each frame, beyond what its points tell.
+# Share by which the box moves to its measured edges each frame, after moving with its points.
 _EDGE_GAIN, _SIDE_GAIN = 0.15, 0.15
-# A group within so many standard deviations of an obstacle that is expected belongs to it.
+# Standard deviations: a group this near to an obstacle's predicted place belongs to it.
 _GATE = 3.5
 _FIRST_SPEED = 0.6
-# Significance of the velocity that supports what the lines of sight say.
+# Significance of the velocity that is enough if the lines of sight also show motion.
 _SUPPORT_SIGMAS = 2.0
-# What is nearer than this share of its size, and moves alike in the image, is one obstacle.
+# Boxes with a gap below this share of their size, and similar image motion, are one obstacle.
 _GAP_SHARE, _ALIKE_PX = 0.5, 0.8
-# Seconds: a tentative track that was not seen for so long, or is not confirmed so long after it
-# began, was none.
+# Seconds: a tentative track is dropped if it was not seen for this long, or is not confirmed this
+# long after it began.
 _TENTATIVE_COAST_S = 0.3
 _PATIENCE_S = 3.0
 # An obstacle farther away than this share of the farthest distance ends.
@@ -48,12 +48,12 @@ class GroundTracker:
     """The obstacles of one segment."""
 
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        """``numbers`` gives each confirmed obstacle its own; from 1 if left out."""
+        """``numbers`` supplies the ids of confirmed obstacles; they count from 1 if left out."""
         self._numbers = TrackIds(numbers)
         self.tracks: list[GroundTrack] = []
 
     def boxes_px(self) -> Float64Array:
-        """(B, 4) pixels, around all obstacles that are seen."""
+        """(B, 4) pixels, around all obstacles seen in this frame."""
         seen = [track.box_px for track in self.tracks if track.missed_s == 0]
         return np.array(seen, np.float64).reshape(-1, 4)
 
@@ -69,11 +69,11 @@ class GroundTracker:
         p: MonocularParameters,
         q: ObstacleParameters,
     ) -> RayPoints:
-        """Move every obstacle with its points and its foot; returns the points with their owners.
+        """Move every obstacle with its points and foot; return the points with their obstacles.
 
         Args:
-            significance: (N,) by how much each point cannot stand, beyond which it moves if above
-                ``threshold``. standing_flow: (N, 2) px, how it would have moved if it stood.
+            significance: (N,) of each point's motion; above ``threshold`` it moves.
+            standing_flow: (N, 2) px, image motion of each point if it were static.
         """
         owner = points.obstacle.copy()
         for track in self.tracks:
@@ -92,7 +92,7 @@ class GroundTracker:
             foot = lower_edge(image, box, lowest_row(points.px[kept]))
             if foot is not None:
                 box = (box[0], box[1], box[2], box[3] + _EDGE_GAIN * (foot - box[3]))
-            # The box was mistaken by so much; nothing has moved there.
+            # This is a correction of the box, not motion of the obstacle.
             _shift(track, moved, box, view)
             joining = _joining(points, owner, kept, standing_flow, box)
             owner[joining] = track.id
@@ -116,7 +116,7 @@ class GroundTracker:
         view: GroundView,
         p: MonocularParameters,
     ) -> RayPoints:
-        """Begin an obstacle with every group (N,), or give it to one that is expected there."""
+        """Start an obstacle for every group (N,), or assign it to one predicted there."""
         owner = points.obstacle.copy()
         for number in range(int(groups.max(initial=-1)) + 1):
             members = np.flatnonzero(groups == number)
@@ -151,7 +151,7 @@ class GroundTracker:
         return points.but(obstacle=owner)
 
     def merge(self, points: RayPoints, view: GroundView) -> RayPoints:
-        """Make one obstacle of those that touch in the image and move alike there."""
+        """Merge obstacles that touch in the image and move alike there."""
         owner = points.obstacle.copy()
         flow = (points.px - points.before_px).astype(np.float64)
         seen = [track for track in self.tracks if track.missed_s == 0]
@@ -175,7 +175,7 @@ class GroundTracker:
     def live(
         self, points: RayPoints, view: GroundView, p: MonocularParameters, q: ObstacleParameters
     ) -> RayPoints:
-        """End what was not seen for too long, never was confirmed, or left the ground in reach."""
+        """End obstacles unseen for too long, never confirmed, or out of range."""
         ended = []
         for track in self.tracks:
             if track.missed_s > 0:
@@ -232,7 +232,7 @@ class GroundTracker:
 
 
 def _shift(track: GroundTrack, before: Box, after: Box, view: GroundView) -> None:
-    """Move an obstacle's place, not its velocity, as the foot of its box was corrected."""
+    """Shift an obstacle's place, not its velocity, by the correction of its box's foot."""
     feet = [np.array([(box[0] + box[2]) / 2, box[3]]) for box in (before, after)]
     old, new = (view.contact(foot) for foot in feet)
     if old is None or new is None:
@@ -245,7 +245,7 @@ def _shift(track: GroundTrack, before: Box, after: Box, view: GroundView) -> Non
 def _moved_together(
     points: RayPoints, members: NDArray[np.intp], standing_flow: Float64Array, box: Box
 ) -> tuple[NDArray[np.intp], Box | None]:
-    """The members that move as one, growing or shrinking together, and the box moved with them."""
+    """Return the members that move together, scaling included, and the box moved with them."""
     for _ in range(3):
         if len(members) < _FEWEST_MEMBERS:
             return members, None
@@ -275,7 +275,7 @@ def _joining(
     standing_flow: Float64Array,
     box: Box,
 ) -> NDArray[np.intp]:
-    """Free points in the box that move with the members rather than stand."""
+    """Return the free points in the box that fit the members' motion better than a static one."""
     inside = (points.px[:, 0] >= box[0]) & (points.px[:, 0] <= box[2])
     inside &= (points.px[:, 1] >= box[1]) & (points.px[:, 1] <= box[3])
     inside &= (owner == NO_OBSTACLE) & (points.sightings >= 2)
@@ -287,7 +287,7 @@ def _joining(
 
 
 def _widened(box: Box, px: NDArray[np.float32]) -> Box:
-    """The box, following the extent of its points."""
+    """Return the box, adapted gradually to the extent of its points."""
     u0, v0, u1, _ = box_around(px)
 
     def to(old: float, new: float, outward: bool) -> float:
@@ -308,7 +308,7 @@ def _size(box: Box, place: Float64Array, view: GroundView) -> Float64Array:
 
 
 def _projected(track: GroundTrack, view: GroundView) -> Box:
-    """The box of an obstacle that is not seen, where it should be by now."""
+    """Return the predicted box of an obstacle that is not seen."""
     foot = view.seen(track.place)
     if foot[2] <= 0.1:
         return track.box_px
@@ -322,7 +322,7 @@ def _union(a: Box, b: Box) -> Box:
 
 
 def _near(a: Box, b: Box) -> bool:
-    """Return whether two boxes touch, but for a gap that is small against them."""
+    """Return whether two boxes touch, or their gap is small compared with their size."""
     both = _union(a, b)
     across = (a[2] - a[0]) + (b[2] - b[0]) - (both[2] - both[0])
     down = (a[3] - a[1]) + (b[3] - b[1]) - (both[3] - both[1])

@@ -1,6 +1,7 @@
-"""Initialization from two views far enough apart, and one thing that gives the scale.
+"""Initialization from two views far enough apart, and one source of scale.
 
-That is odometry, points on the ground at a known height, or else the look of that ground.
+The scale comes from odometry, from points on the ground at a known height, or from the ground's
+appearance.
 """
 
 from __future__ import annotations
@@ -26,16 +27,17 @@ NO_GROUND = (
 _REFINE_ROUNDS = 4
 # Noise of the first line of sight, px.
 _FIRST_SIGMA_PX = 0.15
-# Wheels that turned less than this tell no scale, metres.
+# Metres: a shorter distance by wheel odometry gives no scale.
 _LEAST_WAY_M = 0.02
-# A way that the ground tells must be as long, metres, and as certain, as a share of it.
+# A distance measured from the ground must be at least this long, metres, and its sigma at most
+# this share of it.
 _LEAST_GROUND_WAY_M, _LARGEST_GROUND_SIGMA = 0.05, 0.06
-# The points must agree with what the ground shows to within this many standard deviations, and
-# this share of them with the motion that follows.
+# The points must agree with the ground's motion to within this many standard deviations, and this
+# share of them must be inliers of the resulting motion.
 _AGREEING_SIGMAS, _AGREEING_SHARE = 5.0, 0.6
-# Of the points whose parallax is clear, in standard deviations, this share lies in front.
+# Of the points with clear parallax, in standard deviations, at least this share lies in front.
 _CLEAR_SIGMAS, _IN_FRONT_SHARE = 2.0, 0.8
-# Points less than this far below the horizon say nothing of the ground (sine of the angle).
+# Sine of the angle below the horizon: points above this say nothing about the ground.
 _LEAST_SLOPE = 0.06
 
 
@@ -44,7 +46,7 @@ class Initialization:
     """Result of the initialization, in metres.
 
     Attributes:
-        T_now_first: the camera's motion between them. points: those that agree, with depth.
+        T_now_first: the camera's motion between the views. points: the inliers, with depth.
         scale_sigma: of all lengths, as a share.
     """
 
@@ -62,11 +64,13 @@ def initialize_from_two_views(
     p: MonocularParameters,
     camera: StereoCamera,
 ) -> Initialization | str | None:
-    """The motion since the first view; None if not far enough, or why there is no scale.
+    """Return motion and depths since the first view, or the reason why there is no scale.
+
+    None if the points do not agree on a motion, or nothing gives the scale.
 
     Args:
-        first, now: (N, 3) lines of sight of the points in either camera's axes.
-        driven_m: the way between both views by odometry; None where nothing tells it.
+        first, now: (N, 3) lines of sight of the points, each in its own camera's axes.
+        driven_m: distance between both views by odometry; None if unknown.
     """
     sigma = _sight_sigma(points, camera)
     views = two_views(first, now, sigma, camera)
@@ -108,12 +112,12 @@ def initialize_over_ground(
     motion: GroundMotion,
     camera: StereoCamera,
 ) -> Initialization | None:
-    """The same where the look of the ground tells the way.
+    """Return motion and depths since the first view, with the motion measured from the ground.
 
-    None where it does not tell it well enough yet or points contradict it.
+    None if that motion is not certain enough yet, or points contradict it.
 
     Args:
-        first, now: (N, 3) lines of sight of the points in either camera's axes.
+        first, now: (N, 3) lines of sight of the points, each in its own camera's axes.
         motion: since the first view.
     """
     if motion.way_m < _LEAST_GROUND_WAY_M or motion.way_sigma > _LARGEST_GROUND_SIGMA:
@@ -137,9 +141,9 @@ def initialize_over_ground(
     inverse, noise = inverse_distances(first, now, T, sigma)
     clear = estimate.inliers & (np.abs(inverse) > _CLEAR_SIGMAS * noise)
     if np.count_nonzero(clear & (inverse > 0)) < _IN_FRONT_SHARE * np.count_nonzero(clear):
-        # What seemed to be the ground was something that drives, and drives away.
+        # What was taken for the ground was an object driving away.
         return None
-    # Of the others it is known only what is of a new point.
+    # The other points keep the prior of new points.
     told = (inverse > 0) & (noise**2 < points.variance)
     placed = points.but(
         inverse=np.where(told, inverse, points.inverse),
@@ -149,14 +153,14 @@ def initialize_over_ground(
 
 
 def _sight_sigma(points: RayPoints, camera: StereoCamera) -> float:
-    """Noise of a line of sight, radians."""
+    """Return the noise of a line of sight, radians."""
     return float(np.median(np.hypot(points.sigma_px, _FIRST_SIGMA_PX))) / camera.fx
 
 
 def _broad(
     points: RayPoints, first: Float64Array, inverse: Float64Array, noise: Float64Array
 ) -> RayPoints:
-    """The points along their first lines of sight (N, 3), so unsure that only these count."""
+    """Return the points on their first lines of sight (N, 3), with very uncertain depths."""
     return points.but(
         centre=np.zeros((len(points), 3)),
         ray=first,
@@ -173,7 +177,7 @@ def _refined(
     sigma: float,
     camera: StereoCamera,
 ) -> TwoViews:
-    """The same by all points at once, motion and depths in turn, the length of the way kept."""
+    """Refine motion and depths in turn with all points, keeping the baseline's length."""
     everything = np.ones(len(points), np.bool_)
     T, inverse, noise = views.T_second_first, views.inverse, views.sigma
     if len(inverse) != len(points):
@@ -189,7 +193,7 @@ def _refined(
 
 
 def _length_only(T: Pose) -> Float64Array:
-    """Information (6, 6) that holds the length of a way and nothing else."""
+    """Return the information (6, 6) that fixes the length of a translation and nothing else."""
     out = np.zeros((6, 6))
     out[3:, 3:] = 1e4 * np.outer(T.translation, T.translation) / (T.translation @ T.translation)
     return out

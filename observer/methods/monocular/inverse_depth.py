@@ -1,4 +1,4 @@
-"""Depth from travel: each point's inverse depth by all its lines of sight, as if it stood."""
+"""Depth from motion: each point's inverse depth from all its lines of sight, if it is static."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix
 from observer.methods.monocular.rays import RayPoints
 
-# Noise of the anchor's own line of sight, and by how much a followed point drifts, px and
-# px per root second: it is followed from frame to frame and its errors add up.
+# Noise of the anchor's own line of sight, px, and drift of a tracked point, px per root second:
+# it is tracked from frame to frame, so its errors add up.
 _ANCHOR_SIGMA_PX = 0.08
 _DRIFT_PX = 0.12
 _TRUSTED_CHI2 = 9.0
-# Nearest and farthest that a point may be taken for, metres.
+# Metres: nearest and farthest distance allowed for a point.
 NEAREST_M, FARTHEST_M = 0.15, 60.0
 
 
@@ -48,8 +48,8 @@ def lines_of_sight(
 
 
 def expected_sightings(points: RayPoints, T_camera_world: Pose, camera: StereoCamera) -> Expected:
-    """Predict the points' sightings if they are static, with derivatives by depth and pose."""
-    # Times the inverse depth, so that it holds at infinity, too.
+    """Predict the sightings of static points, with derivatives by inverse depth and pose."""
+    # Points are scaled by their inverse depth, so that points at infinity work too.
     gap = T_camera_world.apply(points.centre)
     inverse = np.clip(points.inverse, 1 / FARTHEST_M**2, 1 / NEAREST_M)
     p = T_camera_world.rotate(points.ray) + inverse[:, None] * gap
@@ -65,7 +65,7 @@ def expected_sightings(points: RayPoints, T_camera_world: Pose, camera: StereoCa
 
 
 def sighting_noise(points: RayPoints) -> Float64Array:
-    """(N,) px^2: variance of seeing a point against its anchor."""
+    """(N,) px^2: variance of a sighting relative to the point's anchor."""
     drift = _DRIFT_PX**2 * points.anchor_s
     return np.asarray(points.sigma_px**2 + _ANCHOR_SIGMA_PX**2 + drift, np.float64)
 
@@ -77,11 +77,10 @@ def updated(
     noise_scale: float,
     camera: StereoCamera,
 ) -> RayPoints:
-    """The points after this frame's sightings, with the residuals that remain.
+    """Return the points updated with this frame's sightings, with the remaining residuals.
 
-    A sighting tells the inverse depth once only as well as the noise of the anchor allows, which
-    all sightings share; the variance is therefore kept above what the newest sighting alone,
-    seen over the longest way, can tell.
+    All sightings share the noise of the anchor, which limits how well inverse depth can be known.
+    The variance is therefore kept above half of what the newest sighting alone gives.
 
     Args:
         pose_covariance: (6, 6) of the pose (rad, m). noise_scale: of the pixels' noise.
@@ -98,7 +97,7 @@ def updated(
     W = inverse_2x2(S)
     H, innovation = np.where(good[:, None], H, 0.0), np.where(good[:, None], innovation, 0.0)
     WH = np.einsum("nij,nj->ni", W, H)
-    # What does not stand must not make its depth seem well known.
+    # Down-weight misfits, so that a moving point does not get a seemingly certain depth.
     squared = np.einsum("ni,nij,nj->n", innovation, W, innovation)
     trust = np.minimum(1.0, _TRUSTED_CHI2 / np.maximum(squared, 1e-12))
     gain = (trust * points.variance)[:, None] * WH
@@ -119,7 +118,10 @@ def updated(
 def anchored_anew(
     points: RayPoints, which: NDArray[np.bool_], T_world_camera: Pose, camera: StereoCamera
 ) -> RayPoints:
-    """Some points (N,) anchored where the camera is now, their depth carried over."""
+    """Return the points, those in ``which`` (N,) re-anchored at the camera's pose now.
+
+    Their inverse depths are carried over.
+    """
     centre = T_world_camera.translation
     ray = lines_of_sight(points.px, T_world_camera, camera)
     ahead = points.ray + points.inverse[:, None] * (points.centre - centre)

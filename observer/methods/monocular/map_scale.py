@@ -1,4 +1,4 @@
-"""Keeps the scale of one camera's map, so that it does not drift."""
+"""Correction of the scale of one camera's map, so that it does not drift."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from observer.vision.wheel_odometry import driven_way
 
 
 class MapScale:
-    """The scale of one segment, corrected by the ground and by odometry, where they tell it.
+    """The scale of one segment, corrected by the ground and by odometry where available.
 
     Attributes:
-        odometry: the wheels' sum at the place from which ways are compared; None unknown.
+        odometry: wheel odometry at the place from which distances are compared; None unknown.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class MapScale:
         self.odometry = odometry
 
     def sigma(self, p: MonocularParameters) -> float:
-        """One standard deviation of all lengths, as a share; what is told can itself be wrong."""
+        """Return one sigma of all lengths, as a share, including errors of height and odometry."""
         told = p.height_sigma if self._ground is not None else np.inf
         if self.odometry is not None:
             told = min(told, p.odometry_sigma)
@@ -55,18 +55,18 @@ class MapScale:
         image: Image,
         p: MonocularParameters,
     ) -> RayPoints:
-        """The map after one more frame, enlarged or reduced about the camera.
+        """Return the map after one more frame, rescaled about the camera.
 
         Args:
-            T_camera_world, T_before_world: where the camera is, and was in the frame before.
-            ground_odometer: what the look of the ground tells; None where wheels tell the way.
+            T_camera_world, T_before_world: the camera's pose now and in the frame before.
+            ground_odometer: measures motion from the ground; None where wheel odometry is used.
             image: (H, W) grey, of this frame.
         """
         moved = T_camera_world @ T_before_world.inverse()
         self._sigma = sigma_after_way(self._sigma, float(np.linalg.norm(moved.translation)))
         here = T_camera_world.inverse()
         factor = self._by_odometry(T_camera_world, odometry, p)
-        # Where the ground is bare, points that seem to lie on it stand in front of it.
+        # If the ground is bare, points that seem to lie on it belong to objects in front of it.
         if ground_odometer is None or not ground_odometer.sees:
             factor *= self._by_ground(points, here)
         if ground_odometer is not None:

@@ -1,8 +1,8 @@
-"""One camera: depth by travel, metres by odometry or by the height above the ground.
+"""One camera: depth from motion, scale from odometry or from the height above the ground.
 
-Only the left image is looked at. Points are followed and judged by whether they can stand; an
-obstacle is as far away as the place where it touches the ground. All of this is less certain than
-with two cameras, and says so.
+Only the left image is used. Points are tracked and tested for being static; an obstacle's distance
+is that of its ground contact. All results are less certain than with two cameras, and their
+covariances say so.
 """
 
 from __future__ import annotations
@@ -54,20 +54,20 @@ from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import View
 from observer.vision.wheel_odometry import driven_step, driven_way
 
-# What is assumed of a new point's inverse depth, 1 / camera heights: its mean beyond the least
-# that the ground allows, and its standard deviation.
+# Prior of a new point's inverse depth, 1 / camera heights: its mean above the minimum that the
+# ground allows, and its standard deviation.
 _FIRST_INVERSE, _FIRST_SIGMA = 0.10, 0.25
-# The camera's height where it is not known, for the sake of these alone.
+# Camera height assumed for this prior where it is unknown.
 _SOME_HEIGHT_M = 1.0
-# The noise learnt from the background follows the newest frame by this share.
+# Weight of the newest frame in the noise learnt from the background.
 _NOISE_GAIN = 0.2
-# How far the motion since the last frame may differ from the expected one: radians, metres; with
-# odometry, by shares of what it tells, too; without, by what a robot can accelerate.
+# Standard deviations of the motion since the last frame from the predicted one: with odometry,
+# radians and metres plus shares of the measured motion; without, from a robot's acceleration.
 _STEP_TURN, _STEP_WAY_M = 0.006, 0.0008
 _TURN_SHARE, _WAY_SHARE = 0.05, 0.04
 _TURN_ACCELERATION, _ACCELERATION = 3.0, 3.0
 _FIRST_TURN_RATE, _FIRST_SPEED = 1.0, 1.0
-# Below this share of points with known depth the camera has not travelled enough to tell.
+# Below this share of points with known depth the camera has not translated enough.
 _LEAST_KNOWN = 0.25
 _ANCHOR_TURNS = 4
 _TURNED_RAD = 0.01
@@ -82,7 +82,7 @@ NOT_TRAVELLED = "the camera has not moved far enough yet: monocular depth needs 
 
 
 class MonocularMethod:
-    """Holds the followed points, the obstacles, the pose and the scale of one segment.
+    """Holds the tracked points, the obstacles, the pose and the scale of one segment.
 
     See ``observer.methods.contract.Method``.
     """
@@ -95,10 +95,10 @@ class MonocularMethod:
         numbers: Iterator[int] | None = None,
         mount: CameraMount | None = None,
     ) -> None:
-        """``view`` is the first of a new world; ``numbers`` gives each confirmed track its own.
+        """Start a new world at ``view``; ``numbers`` supplies the ids of confirmed tracks.
 
         Args:
-            mount: how the camera stands on its robot; None where only the parameters can tell.
+            mount: how the camera is mounted on its robot; None if only the parameters may say.
         """
         self._camera = camera
         self._mount = _mount_in_force(mount, parameters)
@@ -111,7 +111,7 @@ class MonocularMethod:
         self._scale = MapScale(
             parameters.monocular.odometry_sigma, self._ground, Pose.identity(), view.odometry
         )
-        # With odometry and mount the motion is known at once, else two views must tell it.
+        # With odometry and mount the motion is known at once; otherwise two views are needed.
         self._started = self._mount is not None and view.odometry is not None
         self._odometer: GroundOdometer | None = None
         self._view = view
@@ -179,7 +179,7 @@ class MonocularMethod:
     def _expectation(
         self, previous: View, view: View, dt: float
     ) -> tuple[Pose, NDArray[np.float64]]:
-        """Predict the camera's pose, and its information (6, 6)."""
+        """Predict the camera's pose and its information (6, 6)."""
         T = self._T_camera_world
         if self._mount is not None and previous.odometry and view.odometry:
             step, way, turn = driven_step(previous.odometry, view.odometry, self._mount)
@@ -195,9 +195,9 @@ class MonocularMethod:
     def _followed(
         self, previous: View, view: View, T_expected: Pose, dt: float, p: Parameters
     ) -> tuple[RayPoints, NDArray[np.bool_]]:
-        """The points that were found again, and (N,) which those are."""
+        """Return the points that were found again, and (N,) which those are."""
         points = self._points
-        # From where it was last seen, not from where it should have been: it may move.
+        # Start from where each point was last seen, not from where it should be: it may move.
         expected = expected_sightings(points, T_expected, self._camera).px + points.residual
         steady = 2 * points.px - points.before_px
         own = points.moving | (points.obstacle != NO_OBSTACLE) | ~np.isfinite(expected).all(axis=1)
@@ -236,13 +236,13 @@ class MonocularMethod:
         return Step(ego, pose, (), 1.0, None, waiting=not self._started)
 
     def _try_to_start(self, points: RayPoints, view: View, p: Parameters) -> str | None:
-        """Return None once it is done, else why it cannot be done yet."""
+        """Try to initialize; return None once done, else the reason why it is not possible yet."""
         driven = driven_way(self._scale.odometry, view.odometry)
         if self._mount is None and driven is None:
             self._view, self._points = view, points
             return NO_SCALE
         if len(points) < p.ego_motion.min_inliers:
-            # Nothing is left of the first view; the world begins anew here.
+            # Too few points of the first view are left; restart the world here.
             self._begin_anew(view, p)
             return f"only {len(points)} points could be tracked: too few features"
         first = points.ray @ self._T_camera_world.rotation.T
@@ -265,7 +265,7 @@ class MonocularMethod:
             return beginning
         turned = float(np.linalg.norm(Pose(R, np.zeros(3)).rotvec))
         if len(points) < _LEAST_LEFT * self._begun_with:
-            # Too much has left the view: what is seen from here is compared with later views.
+            # Too many points have left the view: make this view the new first one.
             self._T_camera_world = Pose(R, np.zeros(3)) @ self._T_camera_world
             self._begin_anew(view, p)
         if turned > _TURNED_RAD or self._T_camera_world.rotvec.any():
@@ -273,7 +273,7 @@ class MonocularMethod:
         return NOT_TRAVELLED
 
     def _begin_anew(self, view: View, p: Parameters) -> None:
-        """Take this view for the first one."""
+        """Make this view the first one."""
         self._view, self._points = view, RayPoints.none()
         self._follower = None
         if not self._started and self._mount is not None:
@@ -299,7 +299,7 @@ class MonocularMethod:
     ) -> PoseEstimate:
         standing = ~points.moving & (points.obstacle == NO_OBSTACLE)
         if standing.sum() < len(points) / 2:
-            # Rather too many obstacles among the background than an obstacle taken for it.
+            # Too few are left: use all points, lest one obstacle be mistaken for the background.
             standing = np.ones(len(points), np.bool_)
         return estimate_pose(
             points,
@@ -350,7 +350,7 @@ class MonocularMethod:
         self._points = anchored_anew(points, old, self._T_camera_world.inverse(), self._camera)
 
     def _renew_points(self, view: View, p: Parameters) -> None:
-        """Leave one point in each square of the image, and find one where there is none."""
+        """Keep one point per square of the image, and add one where there is none."""
         points = self._points
         moving = points.px[points.moving | (points.obstacle != NO_OBSTACLE)]
         size = (self._camera.width, self._camera.height)

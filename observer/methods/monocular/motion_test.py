@@ -1,8 +1,8 @@
-"""Test of motion for one camera: moving points leave their line of sight or the ground plane.
+"""Motion test for one camera: moving points leave their epipolar line or seem below the ground.
 
 Evidence is pooled over neighbours in the image that move alike, against a declared rate of false
-alarms, as with two cameras. What moves along the line of sight stays on it: it betrays itself by
-a depth that does not fit where it touches the ground (``floating``).
+alarms, as with two cameras. Motion along the line of sight is not detected here, but by a depth
+that contradicts the ground contact (``floating``).
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from observer.methods.monocular.rays import RayPoints
 from observer.parameters import EvidenceParameters
 from observer.vision.neighbourhoods import false_alarms_per_test, summed
 
-# Neighbours move alike in the image to within so many pixels a frame, and this share.
+# Neighbours move alike in the image to within this many pixels per frame, plus this share.
 _ALIKE_PX, _ALIKE_SHARE = 0.6, 0.1
 _LEAST_ANCHOR_S = 0.25
-# Depths come from the same poses and are wrong together; as a factor of their variance.
+# Factor on the depth variance: depths come from the same poses, so their errors are correlated.
 _DEPTH_SHARED = 9.0
-# What lies below the ground is farther than it by a margin, as a share of its inverse distance
-# and in 1 / camera heights; so must most neighbours, each by itself.
+# A point below the ground is farther than the ground by a margin: a share of the ground's inverse
+# distance, and in 1 / camera heights. Most of its neighbours must each be so too.
 _FLOOR_SHARE, _SLACK = 0.8, 0.02
 _MOST, _EACH_SIGMAS = 0.7, 2.0
-# From frame to frame the pose's errors add up to a random walk.
+# The pose's errors accumulate over the frames as a random walk.
 _RANDOM_WALK = 1.2
 
 
@@ -41,9 +41,10 @@ class RayEvidence:
     """Motion of N points in the image beyond that of static ones.
 
     Attributes:
-        significance: (N,) standard deviations; 0 where nothing can be said.
-        threshold: above which a point counts as moving.
-        moving: (N,). neighbours: (N,) how many points were pooled. pairs: (P, 2) that agree.
+        significance: (N,) standard deviations; 0 where it was not tested.
+        threshold: significance above which a point counts as moving.
+        moving: (N,). neighbours: (N,) how many points were pooled. pairs: (P, 2) indices of
+            neighbours that move alike.
     """
 
     significance: Float64Array
@@ -68,7 +69,7 @@ def ray_evidence(
 
     Args:
         step_covariance: (6, 6) of the camera's motion over one frame of ``dt`` seconds.
-        noise_scale: of the pixels' noise. tilt_sigma: rad, of the ground against the camera.
+        noise_scale: of the pixel noise. tilt_sigma: rad, of the ground relative to the camera.
     """
     count = len(points)
     ready = (points.sightings >= parameters.min_sightings) & (points.anchor_s >= _LEAST_ANCHOR_S)
@@ -83,7 +84,7 @@ def ray_evidence(
     if ground is not None:
         bound = ground.inverse_distance(points.centre, points.ray)
         slack = _SLACK / ground.depth
-    # The ground itself must not seem to lie below itself by errors of scale and tilt.
+    # The margin keeps ground points from seeming below the ground through errors of scale and tilt.
     excess = _FLOOR_SHARE * np.maximum(bound, 0.0) - slack - points.inverse
     depth_weight = ready / np.maximum(_DEPTH_SHARED * points.variance, 1e-12)
     beyond = ready & (excess * np.sqrt(depth_weight) > _EACH_SIGMAS)
@@ -133,7 +134,7 @@ def _below_ground(
 
 
 def _neighbours(points: RayPoints, ready: NDArray[np.bool_], radius_px: float) -> NDArray[np.intp]:
-    """(P, 2) pairs near in the image that move alike there."""
+    """(P, 2) pairs of points near each other in the image that move alike there."""
     if len(points) < 2:
         return np.zeros((0, 2), np.intp)
     found = cKDTree(points.px).query_pairs(radius_px, output_type="ndarray")

@@ -1,7 +1,7 @@
-"""The camera's pose from lines of sight alone: standing points look as they do from there.
+"""The camera's pose from lines of sight alone: the one that explains where static points are seen.
 
-Least squares that trusts far-off points less and less, from wide to narrow (graduated
-non-convexity), joined with what is known beforehand: odometry or steady motion, and the mount.
+Robust least squares whose kernel narrows from round to round (graduated non-convexity), combined
+with priors: odometry or constant velocity, and the mount.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
 from observer.methods.monocular.rays import RayPoints
 
-# Residuals beyond so many standard deviations hardly count, round after round.
+# Standard deviations beyond which residuals get little weight, round by round.
 _WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.0, 3.0)
 _OUTLIER_SIGMAS = 3.5
-# By how much depths are less certain together than each by itself, as a factor of the variance.
+# Factor on the depth variance: depths come from the same poses, so their errors are correlated.
 _DEPTH_SHARED = 9.0
-# How a robot's camera nods and bobs on a flat ground, radians and metres.
+# Radians and metres, one standard deviation: how a robot's camera nods and bobs on flat ground.
 _NOD_SIGMA, _BOB_SIGMA_M = 0.004, 0.005
 
 
@@ -34,8 +34,8 @@ class PoseEstimate:
     Attributes:
         T_camera_world: the pose. covariance: (6, 6) as a rotation vector (rad) and a translation
             (m) in the camera's axes.
-        inliers: (N,) which of all points agree with it. noise_scale: by how much points scatter
-            more than their noise; by the median.
+        inliers: (N,) which of all points agree with it. noise_scale: median ratio of the points'
+            scatter to their noise.
     """
 
     T_camera_world: Pose
@@ -54,18 +54,18 @@ def estimate_pose(
     noise_correlation: float,
     camera: StereoCamera,
 ) -> PoseEstimate:
-    """The pose by the points in use.
+    """Estimate the pose from the points in use.
 
     Args:
-        use: (N,) points that are taken to stand. weight: (N,) share of the image each stands for.
-        T_expected: about where the camera is. prior: (6, 6) how sure that is, information.
-        ground: which keeps the camera at its height and tilt; None where unknown.
+        use: (N,) points assumed static. weight: (N,) share of the image each represents.
+        T_expected: the predicted pose. prior: (6, 6) its information.
+        ground: above which the camera keeps its height and tilt; None where unknown.
         noise_correlation: share of the noise that points have in common.
     """
     chosen = points.take(use)
     share = weight[use]
     noise = sighting_noise(chosen)
-    # All depths come from the same poses and are wrong together.
+    # All depths come from the same poses, so their errors are correlated.
     doubt = _DEPTH_SHARED * chosen.variance
     pose, information, length = T_expected, prior, np.zeros(len(chosen))
     for width in _WIDTHS:
@@ -95,7 +95,7 @@ def estimate_pose(
     inliers = np.zeros(len(points), np.bool_)
     inliers[np.flatnonzero(use)] = length <= _OUTLIER_SIGMAS
     known = chosen.known & np.isfinite(length)
-    # The middle of a chi distribution of two degrees of freedom is 1.177.
+    # The median of a chi distribution with two degrees of freedom is 1.177.
     scale = float(np.median(length[known])) / 1.177 if known.sum() >= 8 else 1.0
     excess = max(1.0, scale) ** 2 * (1 + noise_correlation * int(inliers.sum()))
     covariance = np.asarray(np.linalg.pinv(information) * excess, np.float64)
@@ -103,7 +103,7 @@ def estimate_pose(
 
 
 def difference(T_expected: Pose, pose: Pose) -> Float64Array:
-    """(6,) the small motion, camera axes, that leads from a pose to the expected one."""
+    """(6,) the small motion, camera axes, from a pose to the expected one."""
     step = T_expected @ pose.inverse()
     return np.concatenate([step.rotvec, step.translation])
 
@@ -114,7 +114,7 @@ def moved_by(pose: Pose, step: Float64Array) -> Pose:
 
 
 def held_above_ground(pose: Pose, ground: GroundPlane) -> tuple[Float64Array, Float64Array]:
-    """Information (6, 6) and its vector (6,) of standing at the first frame's height and tilt."""
+    """Return the information (6, 6) and vector (6,) that hold the first frame's height and tilt."""
     A, b = np.zeros((6, 6)), np.zeros(6)
     down = pose.rotate(ground.down)
     J = -cross_matrix(down)

@@ -1,8 +1,8 @@
-"""Points that one camera follows: a line of sight each, and how far along it the point may be.
+"""Points that one camera tracks: each has a line of sight and a distribution of depth along it.
 
-Depth is kept as its inverse along the line on which the point was seen from its anchor, a pose
-some way back; the inverse is nearly normally distributed, also for points at infinity (Civera,
-Davison, Montiel: Inverse Depth Parametrization for Monocular SLAM, T-RO 2008).
+Depth is stored as inverse depth along the line of sight from the point's anchor, an earlier camera
+pose. Inverse depth is nearly normally distributed, even for points at infinity (Civera, Davison,
+Montiel: Inverse Depth Parametrization for Monocular SLAM, T-RO 2008).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ NO_OBSTACLE = -1
 
 @dataclass(frozen=True, eq=False)
 class RayPoints:
-    """N points as of the newest frame. If they stand, they are at ``centre + ray / inverse``.
+    """N points as of the newest frame. If static, they are at ``centre + ray / inverse``.
 
     Attributes:
         px: (N, 2) float32 pixels now. before_px: (N, 2) float32 in the frame before.
@@ -29,7 +29,7 @@ class RayPoints:
             sighting.
         inverse: (N,) 1/m and variance: (N,) 1/m^2, of the inverse distance from the anchor.
         sightings: (N,) frames in which it was seen.
-        residual: (N, 2) pixels, seen minus expected of a standing point, and
+        residual: (N, 2) pixels, observed minus expected for a static point, and
             residual_cov: (N, 2, 2) px^2, as of this frame.
         moving: (N,) whether it was judged to move. obstacle: (N,) number of the obstacle it
             belongs to, or ``NO_OBSTACLE``.
@@ -65,7 +65,7 @@ class RayPoints:
         inverse: Float64Array,
         variance: Float64Array,
     ) -> RayPoints:
-        """Points that are seen for the first time, all from one place (3,)."""
+        """Return points that are seen for the first time, all from one place (3,)."""
         count = len(px)
         return RayPoints(
             px=px,
@@ -86,16 +86,16 @@ class RayPoints:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """(N,) whose depth is known to a third."""
+        """(N,) whether the depth's standard deviation is below a third of it."""
         return np.asarray(self.inverse > 3 * np.sqrt(self.variance))
 
     def place(self) -> Float64Array:
-        """(N, 3) metres, world, if they stand; NaN for what is not in front of its anchor."""
+        """(N, 3) metres, world, if static; NaN for points not in front of their anchor."""
         inverse = np.where(self.inverse > 0, self.inverse, np.nan)
         return self.centre + self.ray / inverse[:, None]
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> RayPoints:
-        """Some of the points."""
+        """Return some of the points."""
         return self.but(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
 
     def joined(self, other: RayPoints) -> RayPoints:
@@ -108,7 +108,7 @@ class RayPoints:
         )
 
     def but(self, **changes: object) -> RayPoints:
-        """The same points with some attributes replaced."""
+        """Return the points with some attributes replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def __len__(self) -> int:

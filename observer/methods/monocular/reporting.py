@@ -1,4 +1,4 @@
-"""Conversion of an obstacle on the ground to the one reported, with all that is uncertain."""
+"""Conversion of an obstacle on the ground to the reported one, with all its uncertainties."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.parameters import MonocularParameters
 from observer.types import Obstacle, TrackState
 from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
 
-# How deep an obstacle is, as a share of its width, and how little is known of that.
+# Depth of an obstacle as a share of its width, and its standard deviation.
 _DEPTH_SHARE, _DEPTH_SIGMA = 1.0, 0.3
 
 
@@ -24,10 +24,10 @@ def describe_ground_track(
     time: float,
     p: MonocularParameters,
 ) -> Obstacle:
-    """One obstacle at this frame.
+    """Return one track as an obstacle at this frame.
 
     Args:
-        camera_velocity: (3,) m/s, the camera's own, in its own axes. scale_sigma: of the way that
+        camera_velocity: (3,) m/s, the camera's own, in its own axes. scale_sigma: of the distance
             it has travelled, as a share. time: of this frame, seconds.
     """
     ground, T_world_camera = view.ground, view.T_world_camera
@@ -53,7 +53,7 @@ def describe_ground_track(
     position_camera = T_camera_world.apply(position)
     velocity_camera = T_camera_world.rotate(velocity)
     speed = float(np.linalg.norm(velocity))
-    # Nothing rises from the ground; what is known of that is as good as the ground is flat.
+    # Obstacles do not leave the ground; vertical uncertainty is only that of the ground's flatness.
     upright = np.outer(ground.down, ground.down)
     R = np.column_stack([axes[:, 0], ground.down, axes[:, 1]])
     return Obstacle(

@@ -1,4 +1,4 @@
-"""Scale of the map: metres by the ground plane below the camera, and by odometry."""
+"""Scale of the map, from the ground plane below the camera and from odometry."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 
-# Points less than this far below the horizon say little of the height (sine of the angle).
+# Sine of the angle below the horizon: points above this say little about the height.
 _LEAST_SLOPE = 0.06
 _LEAST_POINTS = 8
 _ROUNDS = 8
 _WIDTH = 2.5
 # Errors that points on the ground share: it is not quite flat, and the map bends.
 _SHARED_SIGMA = 0.01
-# The map's scale drifts by this share per root metre of way.
+# The map's scale drifts by this share per root metre travelled.
 _DRIFT = 0.03
-# A lever that is not known between the camera and the axis about which the robot turns, and
-# encoders' steps, metres.
+# Metres: unknown lever arm between the camera and the axis about which the robot turns, and
+# the encoders' resolution.
 _LEVER_M, _STEP_M = 0.10, 0.003
-# The shortest way whose length is compared with the wheels'.
+# Metres: the shortest distance that is compared with wheel odometry.
 _WAY_M = 0.12
 
 
 def sigma_after_way(sigma: float, way_m: float) -> float:
-    """One standard deviation of the scale, as a share, after having travelled so far."""
+    """Return the scale's standard deviation, as a share, after travelling ``way_m``."""
     return float(np.sqrt(sigma**2 + _DRIFT**2 * way_m))
 
 
 def correction(sigma: float, log_ratio: float, told_sigma: float) -> tuple[float, float]:
-    """The factor by which the map is to be enlarged after a measurement, and the sigma then.
+    """Return the factor by which to enlarge the map after a measurement, and the new sigma.
 
     Args:
         sigma: one standard deviation of the scale, as a share.
@@ -43,10 +43,10 @@ def correction(sigma: float, log_ratio: float, told_sigma: float) -> tuple[float
 def scale_by_ground(
     inverse_height: Float64Array, sigma: Float64Array, height: float, spread: float
 ) -> tuple[float, float] | None:
-    """Logarithm of the factor that puts the ground where it is, and its standard deviation.
+    """Return the log of the scale factor that fits the ground's height, and its sigma.
 
-    What stands on the ground is nearer than it, so that the ground is the farthest of all that many
-    points agree on.
+    Objects on the ground are nearer than it, so the ground is the farthest depth that many points
+    agree on.
 
     Args:
         inverse_height: (N,) of each point below the camera, one over the map's units. sigma:
@@ -69,7 +69,7 @@ def scale_by_ground(
         if np.count_nonzero(trust) < _LEAST_POINTS:
             return None
         place = float((trust * value).sum() / trust.sum())
-        # Once the middle is found, the map's own doubt does not widen the window any more.
+        # Once the centre is found, the window no longer includes the map's scale uncertainty.
         noise = np.hypot(sigma[good], 2 * _SHARED_SIGMA)
     deviation = float(np.sqrt(1 / trust.sum()))
     return place, float(np.hypot(deviation, _SHARED_SIGMA))
@@ -78,7 +78,7 @@ def scale_by_ground(
 def ground_scale(
     points: RayPoints, T_world_camera: Pose, ground: GroundPlane, scale_sigma: float
 ) -> tuple[float, float] | None:
-    """The same by points whose depth is known, as the map stands now."""
+    """Return the same as ``scale_by_ground`` for the map's points of known depth."""
     slope = points.ray @ ground.down
     standing = ~points.moving & (points.obstacle == NO_OBSTACLE)
     known = points.known & (slope > _LEAST_SLOPE) & standing
@@ -92,9 +92,9 @@ def ground_scale(
 def odometry_scale(
     way_m: float, driven_m: float, turned_rad: float, odometry_sigma: float
 ) -> tuple[float, float] | None:
-    """The same by how far the wheels went while the camera went ``way_m`` by the map.
+    """Return the same from the distance driven while the camera moved ``way_m`` in the map.
 
-    None where the way is too short to be compared.
+    None if the distance is too short, or too uncertain because of turning.
     """
     if driven_m < _WAY_M or way_m < _WAY_M / 4:
         return None

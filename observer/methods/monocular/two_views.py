@@ -1,4 +1,4 @@
-"""The first two views far enough apart: the way between them and depths, but for their scale."""
+"""The first two views far enough apart: motion between them and depths, up to scale."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ROTATION_ROUNDS = 8
 _ROTATION_WIDTH_RAD = 0.01
 _ESSENTIAL_PX = 0.8
 _CONFIDENCE = 0.9999
-# Of all points, to lie in front of both cameras.
+# Share of all points that must lie in front of both cameras.
 _LEAST_SHARE = 0.6
 _LEAST_POINTS = 20
 
@@ -26,7 +26,7 @@ class TwoViews:
 
     Attributes:
         T_second_first: the motion. inverse: (N,) inverse distance of each point along its first
-            line of sight, and sigma: (N,) its standard deviation, in units of the way.
+            line of sight, and sigma: (N,) its standard deviation, in units of 1 / baseline.
         inliers: (N,) which points agree.
     """
 
@@ -37,10 +37,10 @@ class TwoViews:
 
 
 def turned_between(first: Float64Array, second: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """The rotation (3, 3) that turns lines of sight (N, 3) into the later ones best.
+    """Return the rotation (3, 3) that best maps lines of sight (N, 3) to the later ones.
 
     Returns:
-        the rotation, and (N,) radians of parallax that remain: what no turning explains.
+        the rotation, and (N,) radians of remaining parallax, which no rotation explains.
     """
     weight = np.ones(len(first))
     R, gap = np.eye(3), np.zeros(len(first))
@@ -55,10 +55,10 @@ def turned_between(first: Float64Array, second: Float64Array) -> tuple[Float64Ar
 def two_views(
     first: Float64Array, second: Float64Array, sigma_rad: float, camera: StereoCamera
 ) -> TwoViews | None:
-    """The motion between two views by the essential matrix; None where points do not agree on one.
+    """Estimate the motion between two views from the essential matrix; None if points disagree.
 
-    RANSAC over five points at a time (Nister, PAMI 2004), with OpenCV's own fixed seed, so that
-    equal input gives equal results.
+    RANSAC on five-point samples (Nister, PAMI 2004), with OpenCV's own fixed seed, so that equal
+    input gives equal results.
 
     Args:
         first, second: (N, 3) lines of sight of the same points in either camera's axes.
@@ -84,7 +84,7 @@ def two_views(
 def inverse_distances(
     first: Float64Array, second: Float64Array, T_second_first: Pose, sigma_rad: float
 ) -> tuple[Float64Array, Float64Array]:
-    """(N,) inverse distance along the first lines of sight (N, 3), and (N,) its deviation."""
+    """(N,) inverse distance along the first lines of sight (N, 3), and (N,) its sigma."""
     across = np.cross(second, T_second_first.translation)
     turned = np.cross(second, T_second_first.rotate(first))
     lever = np.maximum((across**2).sum(axis=1), 1e-12)

@@ -1,4 +1,4 @@
-"""Step 9 of the method, first half: dynamic points that belong together are one obstacle."""
+"""Step 9 of the method, first half: group the dynamic points into obstacles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from observer.robust import MAD_TO_SIGMA
 
 # Two measurements of one surface differ along the ray by less than this many standard deviations.
 _DEPTH_SIGMAS = 2.0
-# Beyond this a neighbourhood says nothing any more, however noisy the depth.
+# Times the radius: beyond this a neighbourhood means nothing, however noisy the depth.
 _MAX_STRETCH = 10.0
 _OUTLIER_SIGMAS = 3.0
 
@@ -23,16 +23,16 @@ _OUTLIER_SIGMAS = 3.0
 def group_points(
     points: Float64Array, depth_sigma: Float64Array, parameters: ClusteringParameters
 ) -> NDArray[np.int_]:
-    """Number the groups of points that hang together.
+    """Number the groups of connected points.
 
-    Two points are neighbours if their distance is below the radius, where the part of it along
-    the line of sight is first shortened by the noise of their depths.
+    Two points are neighbours if their distance is below the radius; along the line of sight the
+    radius is widened by the noise of their depths.
 
     Args:
         points: (K, 3) metres, camera frame. depth_sigma: (K,) metres, one standard deviation.
 
     Returns:
-        (K,) group number from 0, nearest group first, -1 for points of too small groups.
+        (K,) group number from 0, nearest group first; -1 for points in groups that are too small.
     """
     count = len(points)
     if count == 0:
@@ -68,9 +68,9 @@ def detect_obstacles(
     clustering: ClusteringParameters,
     motion: MotionParameters,
 ) -> tuple[Detection, ...]:
-    """The groups of dynamic points, each with its place, box and velocity, nearest first.
+    """Return the groups of dynamic points with position, box and velocity, nearest first.
 
-    Groups whose velocity is not significant, by ``motion.min_significance``, are left out.
+    Groups whose velocity is below ``motion.min_significance`` are left out.
 
     Args:
         velocity_time: the instant the velocities belong to, source clock, seconds.
@@ -89,8 +89,8 @@ def _describe(
 ) -> Detection:
     members = members[_agree(motions.velocity[members], motions.velocity_cov[members])]
     count = len(members)
-    # Errors of neighbouring points are partly the same (the matcher's blocks overlap), and that
-    # part is not reduced by averaging.
+    # Errors of neighbouring points are correlated (the matcher's blocks overlap); averaging does
+    # not reduce the common part.
     shrink = (1 - parameters.noise_correlation) / count + parameters.noise_correlation
     velocity = motions.velocity[members].mean(axis=0)
     noise = _at_least_the_scatter(motions.velocity[members], motions.velocity_cov[members]) * shrink
@@ -120,18 +120,18 @@ def _describe(
 
 
 def _unseen_turn(size: Float64Array, parameters: MotionParameters) -> Float64Array:
-    """(3, 3) by which the centre may move otherwise than the side that is seen.
+    """Return the (3, 3) covariance of the centre's velocity relative to the visible side.
 
-    Turning about the vertical moves the seen side against the centre by the rate times their
-    distance, for which half of the seen extent stands. It does not make the motion less
-    significant: what turns moves.
+    Turning about the vertical moves the visible side relative to the centre by the turn rate
+    times their distance, taken as half of the visible extent. It does not reduce the
+    significance: a body that turns does move.
     """
     sideways = parameters.turn_sigma_radps * float(np.hypot(size[0], size[2])) / 2
     return np.diag([sideways**2, 0.0, sideways**2])
 
 
 def _at_least_the_scatter(velocity: Float64Array, covariance: Float64Array) -> Float64Array:
-    """(3, 3) noise of one point: as stated, widened along each axis to what the points show.
+    """Return the (3, 3) noise of one point, widened along each axis to the observed scatter.
 
     Flow that mixes an obstacle with what lies behind it scatters more than its noise.
     """
@@ -141,9 +141,9 @@ def _at_least_the_scatter(velocity: Float64Array, covariance: Float64Array) -> F
 
 
 def _agree(velocity: Float64Array, covariance: Float64Array) -> NDArray[np.bool_]:
-    """(K,) which points move as the middle one does, within the noise of each; all if none does."""
+    """(K,) which points move at the median velocity within their noise; all if none does."""
     gap = velocity - np.median(velocity, axis=0)
-    # At least the scatter that is there, so that along each axis half of the points always agree.
+    # At least the observed scatter, so that along each axis half of the points always agree.
     scatter = MAD_TO_SIGMA * np.median(np.abs(gap), axis=0)
     sigma = np.maximum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), scatter)
     agree = np.asarray((np.abs(gap) <= _OUTLIER_SIGMAS * sigma).all(axis=1), dtype=np.bool_)

@@ -1,7 +1,7 @@
 """Step 4 of the method: the camera's own motion by RANSAC; its inliers are static background.
 
 The planar models (``affine``, ``homography``) describe how the image moves. The camera's pose is
-supplied beside them, by stereo PnP on their inliers, only to express results in the world.
+estimated separately, by stereo PnP on their inliers, only to express results in the world frame.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from observer.parameters import EgoMotionParameters
 from observer.types import Matches, Status
 
 _RANSAC_CONFIDENCE = 0.999
-# A model that explains less than this share of the matches may follow an obstacle instead.
+# A model that explains less than this share of the matches may have locked onto an obstacle.
 _WEAK_SHARE = 0.4
 # Between two frames the image of the background cannot shrink or grow by more than this.
 _MAX_SCALE = 1.6
 # PnP's minimal solver takes 4 points; this many more make a wrong pose unlikely.
 _MIN_PNP_POINTS = 8
 _PNP_ITERATIONS = 200
-# Rounds of refinement: on the background, then with all that the pose explains.
+# Rounds of refinement: first on the background, then on all matches that the pose explains.
 _BACKGROUND_ROUNDS = 2
 _ALL_ROUNDS = 4
-# A pose that explains less than this share of the background is none.
+# A pose that explains less than this share of the background is rejected.
 _AGREED_SHARE = 0.5
 
 
@@ -57,13 +57,13 @@ class PlanarEgoMotion:
     residual_rms_px: float = float("nan")
 
     def refused(self, reason: str) -> PlanarEgoMotion:
-        """The same, lost for this reason."""
+        """Return this motion as lost, for the given reason."""
         return PlanarEgoMotion(self.model, Status.LOST, (*self.reasons, reason), self.inliers)
 
     def predict(self, px: Float64Array, disparity: Float64Array | None = None) -> Float64Array:
         """Pixels (N, 2) at t+dt of static points at (N, 2) at t; NaN while lost.
 
-        ``disparity`` is not used: a planar model knows no depth, which is its weakness.
+        ``disparity`` is not used: a planar model ignores depth, which is its weakness.
         """
         del disparity
         px = np.asarray(px, dtype=np.float64).reshape(-1, 2)
@@ -83,12 +83,12 @@ def estimate_ego_motion(
 
     Args:
         matches: N matches in the left image.
-        disparity: (N,) disparity at t of the matches, NaN = unknown; None without stereo, and
-            then there is no pose.
-        seed: decides the samples; the frame's number, so that equal input gives equal results.
+        disparity: (N,) disparity at t of the matches, NaN = unknown; None without stereo, in
+            which case no pose is estimated.
+        seed: of the RANSAC samples; the frame number, so that equal input gives equal results.
 
     Returns:
-        A motion whose status is ``lost``, with the reason, where the matches do not allow one.
+        The motion; its status is ``lost``, with the reason, where the matches do not allow a fit.
     """
     count = len(matches)
     if count < parameters.min_inliers:
@@ -98,8 +98,8 @@ def estimate_ego_motion(
             f"only {count} matches between the two images, {parameters.min_inliers} are needed: "
             f"too few features, or too large a motion",
         )
-    # OpenCV's RANSAC draws from a generator of its own with a fixed state. The order of the
-    # matches is therefore what decides the samples.
+    # OpenCV's RANSAC uses its own random generator with a fixed seed, so the samples can only be
+    # varied through the order of the matches.
     order = np.random.default_rng(seed).permutation(count)
     homography, found = _ransac(matches.previous[order], matches.current[order], parameters)
     inliers = np.zeros(count, np.bool_)
@@ -144,14 +144,14 @@ def estimate_ego_motion(
 
 @dataclass(frozen=True)
 class AffineDecomposition:
-    """Decompose the six parameters into the operations of the paper's table I.
+    """Six affine parameters decomposed into the operations of the paper's table I.
 
     The linear part is rotation(angle) x [[scale_x, shear x scale_y], [0, scale_y]] with the
     rotation in the table's sign convention [[cos, sin], [-sin, cos]].
 
     Attributes:
         translation_px: (t13, t23). rotation_rad: angle. shear: horizontal, no unit.
-        scale: along x and y; a negative one of y is a reflection.
+        scale: along x and y; a negative y scale is a reflection.
     """
 
     translation_px: tuple[float, float]
@@ -161,9 +161,9 @@ class AffineDecomposition:
 
 
 def decompose_affine(matrix: Float64Array) -> AffineDecomposition:
-    """Translation, rotation, shear and scale of an affine map (2, 3) or (3, 3).
+    """Return translation, rotation, shear and scale of an affine map (2, 3) or (3, 3).
 
-    Of a homography its affine part is taken (the map near the image's origin).
+    For a homography, its affine part is used (the map near the image's origin).
     """
     m = np.asarray(matrix, dtype=np.float64)
     (t11, t12, t13), (t21, t22, t23) = m[:2].tolist()
@@ -211,7 +211,7 @@ def _ransac(
 
 
 def _is_plausible(homography: Float64Array, camera: StereoCamera) -> bool:
-    # Checked where the image is, since a homography's scale differs from place to place.
+    # Checked at the image's corners and centre, since a homography's scale varies over the image.
     w, h = camera.width - 1.0, camera.height - 1.0
     corners = np.array([[0, 0], [w, 0], [w, h], [0, h], [w / 2, h / 2]])
     scale = homography[2, :2] @ corners.T + homography[2, 2]
@@ -271,10 +271,11 @@ def _pose(
 ) -> tuple[Pose | None, Float64Array | None]:
     """``T_current_previous`` by stereo PnP-RANSAC on the background, and its covariance.
 
-    It is refined on the planar model's inliers first, which are known to be background. Only
-    then matches join that this pose explains as well, for the depth they bring: the inliers lie
-    near one plane, which tells a turn from a sideways motion badly. Asked for at once, a wall
-    and a thing that moves before it would make a perfect camera motion.
+    It is first refined on the planar model's inliers alone, which are known to be background.
+    Only then are other matches that this pose explains added, for their range of depths: the
+    inliers lie near one plane, which separates rotation from sideways motion badly. If all
+    matches were used at once, a wall and an object moving in front of it could together be
+    explained by a wrong camera motion.
     """
     known = np.isfinite(disparity)
     background = inliers & known
@@ -313,7 +314,7 @@ def _pose(
 def _explained(
     pose: Pose, points: Float64Array, px: Float64Array, camera: StereoCamera, threshold: float
 ) -> NDArray[np.bool_]:
-    """(N,) which points the pose puts to within ``threshold`` pixels of where they are seen."""
+    """(N,) which points reproject to within ``threshold`` pixels of where they are seen."""
     projected, _ = camera.project(pose.apply(points))
     with np.errstate(invalid="ignore"):
         return np.asarray(np.linalg.norm(projected - px, axis=1) <= threshold, dtype=np.bool_)

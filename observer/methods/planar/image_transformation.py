@@ -14,7 +14,7 @@ from observer.types import Image
 
 @dataclass(frozen=True, eq=False)
 class TransformedPair:
-    """The pair of t+dt as the camera at t would have seen it, were the scene a plane.
+    """The pair of t+dt as the camera at t would have seen it if the scene were a plane.
 
     Attributes:
         left, right: (H, W) uint8, black where nothing is known.
@@ -39,7 +39,7 @@ def transform_images(left: Image, right: Image, homography: Float64Array) -> Tra
     return TransformedPair(
         left=_warp(left, homography),
         right=_warp(right, homography),
-        # A pixel that is interpolated with the black outside is not known.
+        # A pixel interpolated with the black outside is invalid.
         valid=_warp(inside, homography) == 255,
     )
 

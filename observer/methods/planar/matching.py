@@ -1,4 +1,4 @@
-"""Step 3 of the method: the same points in the images at t and t+dt."""
+"""Step 3 of the method: match points between the images at t and t+dt."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def match_descriptors(
     """Match features by their feature values, as the paper does.
 
     BRISK, KAZE, ORB and SURF points are compared by their own descriptors, all others by upright
-    ORB descriptors (binary comparisons of grey levels around the point). A candidate further away
-    than ``max_shift`` is no candidate at all, also not for the ratio test.
+    ORB descriptors (binary comparisons of grey levels around the point). Points further away
+    than ``max_shift`` are not candidates, not even in the ratio test.
 
     Args:
         previous_image, current_image: (H, W) grey at t and t+dt.
@@ -87,7 +87,7 @@ def track_features(
 
 
 def _described(image: Image, features: Features) -> tuple[NDArray[np.float32], _Values]:
-    # The extractor may drop points for which it has no full patch, so it tells which it kept.
+    # The extractor may drop points without a full patch, so it returns the ones it kept.
     if features.keypoints is not None and features.detector == "surf":
         return surf_descriptors(image, features.keypoints)
     if features.keypoints is None:
@@ -95,7 +95,7 @@ def _described(image: Image, features: Features) -> tuple[NDArray[np.float32], _
     else:
         keypoints = features.keypoints
     kept, values = _extractor(features).compute(image, keypoints)
-    # None where no point was left, which the type stubs do not know.
+    # compute() returns None if no point is left; the type stubs do not say so.
     if cast(Any, values) is None:
         return np.empty((0, 2), np.float32), np.empty((0, 1), np.uint8)
     return np.asarray(cv2.KeyPoint.convert(kept), np.float32).reshape(-1, 2), np.asarray(values)
@@ -117,8 +117,8 @@ def _distances(a: _Values, b: _Values) -> NDArray[np.float32]:
     """(N, M) distances: Hamming of binary, Euclidean of real descriptors."""
     if a.dtype != np.uint8:
         return np.asarray(cdist(a, b), dtype=np.float32)
-    # With bits as +1 and -1 the product counts equal bits minus different ones. All its terms
-    # are whole numbers, so that the result is exact in whatever order they are summed.
+    # With bits as +1 and -1 the product counts equal bits minus different ones. All terms are
+    # integers, so the result is exact in any order of summation.
     bits = (np.unpackbits(values.astype(np.uint8), axis=1) for values in (a, b))
     x, y = (2 * b.astype(np.float32) - 1 for b in bits)
     return np.asarray((x.shape[1] - x @ y.T) / 2, dtype=np.float32)

@@ -37,13 +37,13 @@ from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.stereo import disparity_around, disparity_map, sample_disparity
 from observer.vision.view import View
 
-# As far back as ``frames.interval`` can reach.
+# Frames: the largest ``frames.interval``.
 _HISTORY = 10
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A view, and from where it was taken."""
+    """A view and the camera pose it was taken from."""
 
     view: View
     T_world_camera: Pose
@@ -55,7 +55,7 @@ class PlanarMethod:
     def __init__(
         self, camera: StereoCamera, view: View, numbers: Iterator[int] | None = None
     ) -> None:
-        """``view`` is the first of a new world; ``numbers`` gives each confirmed track its own."""
+        """Start a new world at ``view``; ``numbers`` supplies the ids of confirmed tracks."""
         self._camera = camera
         self._tracker = Tracker(numbers)
         self._history = deque([_Seen(view, Pose.identity())], maxlen=_HISTORY)
@@ -102,7 +102,7 @@ class PlanarMethod:
     def _gated(
         self, ego: PlanarEgoMotion, view: View, dt: float, disparity: Float64Array, p: Parameters
     ) -> PlanarEgoMotion:
-        """The same motion, or a lost one where it contradicts those before."""
+        """Return the same motion, or a lost one if it contradicts the earlier motions."""
         if ego.T_current_previous is None:
             return ego
         reach = None
@@ -122,13 +122,13 @@ class PlanarMethod:
         detections: tuple[Detection, ...],
         p: Parameters,
     ) -> tuple[Pose | None, tuple[Obstacle, ...]]:
-        """Give detections an identity and a place in the world, and remember this view."""
+        """Assign detections to tracks, place them in the world, and remember this view."""
         T_world_camera = camera_velocity = None
         if ego.T_current_previous is not None:
             T_world_camera = seen.T_world_camera @ ego.T_current_previous.inverse()
             camera_velocity = -ego.T_current_previous.translation / (view.time - seen.view.time)
             self._history.append(_Seen(view, T_world_camera))
-        # Where the pose is unknown, identities go on from where the camera was last.
+        # While the pose is unknown, tracking continues from the last known camera pose.
         T_track_camera = seen.T_world_camera if T_world_camera is None else T_world_camera
         tracks = self._tracker.update(detections, T_track_camera, view.time, p.tracking)
         return T_world_camera, tuple(

@@ -24,11 +24,11 @@ def measure_motion(
     camera: StereoCamera,
     parameters: Parameters,
 ) -> PointMotions:
-    """Velocities of the dynamic features from their places in the two clouds.
+    """Return the velocities of the dynamic features from their positions in the two clouds.
 
     Features without depth at either instant, outside the depth limits or faster than
     ``max_speed_mps`` are left out. The covariance is the measurement noise to first order:
-    Lucas-Kanade's error at t+dt (the place at t is exact by definition) and the disparity's error
+    Lucas-Kanade's error at t+dt (the pixel at t is exact by definition) and the disparity's error
     at both instants, through the stereo Jacobian.
 
     Args:
@@ -36,8 +36,8 @@ def measure_motion(
         disparity: (M,) of the dynamic features in the pair at t, NaN = unknown.
         observed_disparity: (M,) the same in the transformed pair of t+dt.
         dt: seconds between the two exposures, positive.
-        ego: the planar motion by which the images were transformed. Its pose, where known, tells
-            how wrong the planar model is at each point's depth.
+        ego: the planar motion by which the images were transformed. Its pose, where known, gives
+            the planar model's error at each point's depth.
 
     Raises:
         ValueError: the ego-motion is lost.
@@ -77,10 +77,10 @@ def measure_motion(
 def _mapped(
     px: Float64Array, disparity: Float64Array, homography: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """Map points of the transformed pair to the pair of t+dt as it was taken.
+    """Map left pixels and disparities by the homography, which is the same for left and right.
 
-    The inverse homography maps them back. Left and right were transformed alike, so the
-    disparity follows from where the two pixels of a point come from.
+    With the ego-motion's homography, points of the transformed pair map to the original pair of
+    t+dt. The new disparity is the difference of the two mapped pixels of a point.
     """
     right = px - np.stack([disparity, np.zeros_like(disparity)], axis=1)
     left, right = map_pixels(homography, px), map_pixels(homography, right)
@@ -90,9 +90,9 @@ def _mapped(
 def _model_error(
     points: Float64Array, homography: Float64Array, ego: EgoMotion, camera: StereoCamera
 ) -> tuple[Float64Array, Float64Array]:
-    """(K, 3) metres by which static points at these places would seem displaced, and (K, 3, 3).
+    """Return the apparent displacement of static points here, (K, 3) m, and (K, 3, 3) covariance.
 
-    The covariance is the pose's, through the derivative by each of its six components.
+    The covariance is propagated from the pose's by numerical derivatives in its six components.
     """
     pose, covariance = ego.T_current_previous, ego.pose_covariance
     if pose is None or covariance is None:
@@ -105,7 +105,7 @@ def _model_error(
         return camera.triangulate(*_mapped(px, disparity, back))
 
     error = seen(pose)
-    # One standard deviation along each component: the scale at which the error varies.
+    # Steps of one standard deviation along each component: the scale at which the error varies.
     steps = np.sqrt(np.diag(covariance)) + 1e-9
     J = np.empty((len(points), 3, 6))
     for component, step in enumerate(steps):

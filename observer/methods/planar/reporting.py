@@ -1,4 +1,4 @@
-"""Conversion of a track to the obstacle reported: in the world, and relative to the camera."""
+"""Conversion of a track to the reported obstacle: in the world and relative to the camera."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ def describe_obstacle(
     camera_velocity: Float64Array | None,
     time: float,
 ) -> Obstacle:
-    """One track as an obstacle at this frame.
+    """Return one track as an obstacle at this frame.
 
-    A coasting track keeps its last measured velocity, with the time that belongs to, while its
-    place is extrapolated and grows less certain.
+    A coasting track keeps its last measured velocity and that velocity's time, while its
+    position is extrapolated and grows less certain.
 
     Args:
         T_track_camera: the camera's pose in the tracking frame, always known.
-        T_world_camera: the camera's pose; None where unknown, and then so are the obstacle's
-            place and velocity in the world.
+        T_world_camera: the camera's pose; None where unknown, in which case the obstacle's
+            position and velocity in the world are unknown too.
         camera_velocity: (3,) m/s, the camera's own, in its own axes; None where unknown.
         time: of this frame, seconds.
     """

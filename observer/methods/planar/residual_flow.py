@@ -19,7 +19,7 @@ def residual_flow(
     px: NDArray[np.float32],
     parameters: FlowParameters,
 ) -> ResidualFlow:
-    """Lucas-Kanade between the image at t and the transformed image of t+dt.
+    """Track features with Lucas-Kanade from the image at t to the transformed image of t+dt.
 
     Features are left out, and count neither as dynamic nor as static, where the tracking window
     would reach beyond the transformed image, where the surroundings differ too much, and where

@@ -13,7 +13,7 @@ from observer.types import TrackState
 
 @dataclass(frozen=True, eq=False)
 class ResidualFlow:
-    """Motion that remains after the camera's own is taken out; M features.
+    """Motion that remains after the camera's own motion is removed; M features.
 
     Attributes:
         px: (M, 2) float32 pixels at t.
@@ -45,8 +45,8 @@ class PointMotions:
         point_cov: (K, 3, 3) m^2, of ``points_camera``.
         model_error: (K, 3) m/s, the false velocity that a static point at this place would show
             because the model of the ego-motion does not fit its depth; NaN where unknown.
-        model_error_cov: (K, 3, 3) (m/s)^2, of ``model_error``, by the pose's; common to all
-            points, so that no averaging reduces it.
+        model_error_cov: (K, 3, 3) (m/s)^2, of ``model_error``, from the pose covariance; common
+            to all points, so averaging does not reduce it.
     """
 
     points_previous: Float64Array
@@ -62,14 +62,14 @@ class PointMotions:
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """One group of dynamic points in one frame, before it has an identity.
+    """One group of dynamic points in one frame, not yet assigned to a track.
 
     Everything is in the camera frame of this frame (t+dt) and its axes.
 
     Attributes:
         position: (3,) metres, centre of the points. position_cov: (3, 3) m^2.
         velocity: (3,) m/s over ground. velocity_cov: (3, 3) (m/s)^2, None where the camera's
-            pose is unknown and with it the error of the ego-motion's model.
+            pose, and therefore the error of the ego-motion model, is unknown.
         velocity_time: the instant the velocity belongs to, source clock, seconds.
         size: (3,) metres, the points' extent along the camera's axes.
         points: number of points. significance: length of the velocity in standard deviations.
@@ -96,12 +96,12 @@ class Detection:
 class Track:
     """One obstacle's identity over time, as it stands at one frame.
 
-    The tracking frame is the world where the camera's pose is known; where it is not, the camera
-    is taken to stand where it was last seen, for the sake of identities alone.
+    The tracking frame is the world frame. While the camera's pose is unknown, the camera is
+    assumed to be at its last known pose, only to keep identities.
 
     Attributes:
         id: as of ``Obstacle``, unique within an observer once it is confirmed.
-        detection: the newest one that belongs to it.
+        detection: the newest one assigned to it.
         position: (3,) metres, tracking frame, at this frame; extrapolated while coasting.
         velocity: (3,) m/s, tracking frame, of ``detection``: the raw displacement over dt.
         sightings: detections so far. missed: frames since the last one.

@@ -1,7 +1,7 @@
 """Step 9 of the method, second half: identities over time, and nothing else.
 
 The speed of an obstacle stays the raw displacement of its frame; a track only says which
-detections belong together. Its own idea of the velocity serves to expect the next detection.
+detections belong together. Its own smoothed velocity is used only to predict the next detection.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from observer.vision.lifecycle import TrackIds, expired, next_state
 # A track that was never confirmed ends after this many frames without a detection.
 _TENTATIVE_MISSES = 1
 _GATE_SIGMAS = 2.0
-# Weight of the newest displacement in the velocity by which the next place is expected: a single
+# Weight of the newest displacement in the velocity that predicts the next position: a single
 # displacement in depth is mostly noise.
 _NEWEST_WEIGHT = 0.25
 _FAR = 1e9
 
 
 class Tracker:
-    """Nearest-neighbour tracks (Hungarian assignment) that are confirmed, coast and end."""
+    """Nearest-neighbour tracker (Hungarian assignment) with confirmation and coasting."""
 
     def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        """``numbers`` gives each confirmed track its own; from 1 if left out."""
+        """``numbers`` supplies the ids of confirmed tracks; they count from 1 if left out."""
         self._numbers = TrackIds(numbers)
         self._tracks: list[Track] = []
         self._expected_velocity: dict[int, Float64Array] = {}
@@ -44,7 +44,7 @@ class Tracker:
         time: float,
         parameters: TrackingParameters,
     ) -> tuple[Track, ...]:
-        """Give every detection of this frame an identity.
+        """Assign every detection of this frame to a track.
 
         Args:
             T_track_camera: the camera's pose in the tracking frame at this frame.
@@ -131,7 +131,7 @@ class Tracker:
         T_track_camera: Pose,
         parameters: TrackingParameters,
     ) -> Track:
-        """A track after a sighting, under a lasting number once it is confirmed."""
+        """Return the track after a sighting, under its final id once it is confirmed."""
         state = next_state(state, seen=True, confirmed=sightings >= parameters.confirm_hits)
         return Track(
             id=number if state is TrackState.TENTATIVE else self._numbers.confirmed(number),

@@ -1,1 +1,1 @@
-"""The rigid method: ego-motion in space by stereo, and obstacles as bodies of points."""
+"""The rigid method: 3D ego-motion from stereo, and obstacles as bodies of points."""

@@ -1,4 +1,4 @@
-"""The camera's motion over one frame, as everything behind the ego-motion needs it."""
+"""The camera's motion over one frame, as the stages after the ego-motion need it."""
 
 from __future__ import annotations
 
@@ -51,5 +51,5 @@ class CameraStep:
         return self.T_world_camera.translation
 
     def metres_of(self, radius_px: float, place: Float64Array) -> float:
-        """Return the metres that a radius in pixels means at a place (3,) m, world."""
+        """Return the length in metres of a radius in pixels at a place (3,) m, world."""
         return radius_px / self.camera.fx * float(np.linalg.norm(place - self.position))

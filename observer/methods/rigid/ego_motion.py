@@ -1,8 +1,8 @@
-"""Step 4 with depth: the camera's own motion as a rigid one, with six degrees of freedom.
+"""Step 4 with depth: the camera's own motion as a rigid motion with six degrees of freedom.
 
-The points that do not move are where they were in the world; the pose is the one from which they
-look as they do now, in the left image and in their disparity. RANSAC finds it, least squares on
-its inliers refine it.
+Static points keep their world positions; the pose is the one from which they project to where
+they are seen now, in left pixel and disparity. RANSAC finds it; least squares on the inliers
+refines it.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from observer.robust import median
 from observer.types import Status
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 
-# A pose that explains less than this share of the points may follow an obstacle instead.
+# A pose that explains less than this share of the points may have locked onto an obstacle.
 _WEAK_SHARE = 0.4
-# Keeps the information invertible where the points leave a direction open.
+# Keeps the information invertible where the points do not constrain a direction.
 _DAMPING = 1e-9
 _MEDIAN_CHI2 = quantile(0.5, df=3)
 
 
 @dataclass(frozen=True, eq=False)
 class StaticScene:
-    """N points of the world that are taken for static, and where they are seen now.
+    """N world points that are assumed static, and where they are seen now.
 
     Attributes:
         position: (N, 3) metres, world. covariance: (N, 3, 3) m^2.
@@ -64,14 +64,14 @@ def estimate_rigid_motion(
     """Find the camera's pose from static points by RANSAC, and refine it on the inliers.
 
     Args:
-        T_previous_world: the pose at t. T_expected_world: about where the camera should be now;
-            where the search begins.
-        seed: decides the samples; the frame's number, so that equal input gives equal results.
-        confirmed: whether something besides the images tells a motion ``T_current_previous``; asked
-            only where most points contradict it, as where people fill the view.
+        T_previous_world: the pose at t. T_expected_world: the predicted pose now, where the search
+            starts.
+        seed: of the RANSAC samples; the frame number, so that equal input gives equal results.
+        confirmed: whether something besides the images confirms ``T_current_previous``; called
+            only where most points contradict it, e.g. when people fill the view.
 
     Returns:
-        A motion whose status is ``lost``, with the reason, where the points do not allow one.
+        The motion; its status is ``lost``, with the reason, where the points do not allow a fit.
     """
     count = len(scene)
     if count < parameters.min_inliers:
@@ -99,9 +99,10 @@ def estimate_rigid_motion(
     T_current_previous = pose @ T_previous_world.inverse()
     if support < _WEAK_SHARE * count and not confirmed(T_current_previous):
         reasons.append(f"only {100 * support / count:.0f} % of the points agree on one motion")
-    # Residuals of three dimensions have a mean square of 3; more means more noise than declared.
+    # Normalized residuals in three dimensions have a mean square of 3; more means more noise than
+    # declared.
     excess = max(1.0, rms**2 / 3)
-    # Correlated noise makes the result worse than independent noise would.
+    # Correlated noise makes the pose less certain than independent noise would.
     shared = 1 + parameters.noise_correlation * support
     covariance = _inverse(information) * excess * shared
     return RigidEgoMotion(
@@ -128,7 +129,7 @@ def _fitted(
     parameters: EgoMotionParameters,
     seed: int,
 ) -> tuple[Pose, Float64Array, NDArray[np.bool_], Float64Array]:
-    """The pose, residuals (N,) in standard deviations, inliers (N,), and information (6, 6)."""
+    """Return the pose, Mahalanobis residuals (N,), inliers (N,), and information (6, 6)."""
     rotation, translation, mahalanobis, inliers, information = fit_pose(
         np.ascontiguousarray(scene.position, np.float64),
         np.ascontiguousarray(scene.covariance, np.float64),
@@ -147,6 +148,6 @@ def _fitted(
 
 
 def _inverse(information: Float64Array) -> Float64Array:
-    """Covariance (6, 6) of a pose; very large where the points leave a direction open."""
+    """Return a pose's covariance (6, 6); huge in directions that the points do not constrain."""
     damping = np.diag(_DAMPING * (1 + np.diagonal(information)))
     return np.asarray(np.linalg.inv(information + damping), np.float64)

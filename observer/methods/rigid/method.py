@@ -1,7 +1,7 @@
-"""Motion in space: points are tracked in both cameras and judged by where they are in the world.
+"""Motion in space: points are tracked in both cameras and judged by their world position.
 
-Between two frames the camera's own motion is the rigid one that keeps the static points where
-they are; what does not stay there, although its neighbours move as it does, is a dynamic obstacle.
+The camera's own motion between two frames is the rigid motion that keeps the static points in
+place; groups of neighbouring points that move together relative to them are dynamic obstacles.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import StereoRows, View
 from observer.vision.wheel_odometry import agrees
 
-# The noise learnt from the background follows the newest frame by this share.
+# Weight of the newest frame in the noise learnt from the background.
 _NOISE_GAIN = 0.3
 
 
@@ -66,13 +66,13 @@ class RigidMethod:
         mount: CameraMount | None = None,
         drift: StereoDrift | None = None,
     ) -> None:
-        """``view`` is the first of a new world.
+        """Start a new world at ``view``.
 
         Args:
-            numbers: gives each confirmed track its own.
-            mount: tells where the ground is, and what the wheels tell of the camera; without one
-                the ground is found once it is seen.
-            drift: what earlier segments taught about the pair of cameras; nothing if left out.
+            numbers: supplies the ids of confirmed tracks.
+            mount: gives the ground's position and relates wheel odometry to the camera; without
+                it the ground is found once it is seen.
+            drift: what was learnt about the stereo pair in earlier segments; nothing if left out.
         """
         self._camera = camera
         self._mount = mount
@@ -87,9 +87,9 @@ class RigidMethod:
         self._drift = StereoDrift(camera) if drift is None else drift
         self._drift.begin_segment()
         self._view = self._drift.timed(view)
-        # The last frame whose pose is known; None while that is the first.
+        # The last frame whose pose is known; None while that is still the first frame.
         self._last: CameraStep | None = None
-        # Standard deviation of the sightings, relative to what texture and grey levels promise.
+        # Standard deviation of the sightings, relative to that predicted from the texture.
         self._noise = 1.0
         self._renew_points(parameters)
 
@@ -115,7 +115,7 @@ class RigidMethod:
         if now is None:
             return Step(ego, None, self._coasting(view.time, p), points.stereo_share, rows)
         with timer("motion"):
-            # The background shows the noise of all sightings.
+            # The background's residuals show the noise of all sightings.
             scale = max(ego.noise_scale, p.evidence.least_noise)
             self._noise += _NOISE_GAIN * (scale - self._noise)
             T_world_camera = now.T_world_camera
@@ -163,7 +163,7 @@ class RigidMethod:
         return self._last.rate.over(dt) @ self._last.T_camera_world
 
     def _expectation(self, T_expected: Pose, dt: float, p: Parameters) -> Expectation:
-        """Predict each point: static ones stay in the world, members move with their bodies."""
+        """Predict each point: static ones stay in place, those of bodies move with them."""
         place, _ = self._points.sums.static_position()
         body = expected_at(self._tracker.tracks, self._points, place, dt, p.obstacles)
         place = np.where(np.isfinite(body), body, place)
@@ -178,11 +178,11 @@ class RigidMethod:
         dt: float,
         p: Parameters,
     ) -> RigidEgoMotion:
-        """The camera's motion by all points that are not known to move, unless impossible."""
+        """Estimate the camera's motion from all points not known to move, if there are enough."""
         place, place_cov = points.sums.static_position()
         chosen = np.flatnonzero(~self._tracker.known(points))
         if len(chosen) < len(points) / 2:
-            # Rather too many obstacles among the background than an obstacle taken for it.
+            # Too few are left: use all points, lest one obstacle be mistaken for the background.
             chosen = np.arange(len(points))
         px = points.px[chosen]
         scene = StaticScene(
@@ -207,7 +207,7 @@ class RigidMethod:
         return self._gated(replace(ego, inliers=inliers), points, view.time, dt, p)
 
     def _driven_like(self, T_current_previous: Pose, view: View, dt: float) -> bool:
-        """Return whether the wheels tell this motion since the last frame whose pose is known."""
+        """Return whether wheel odometry agrees with this motion since the last known pose."""
         if self._mount is None:
             return False
         before, now = self._view.odometry, view.odometry
@@ -216,7 +216,7 @@ class RigidMethod:
     def _gated(
         self, ego: RigidEgoMotion, points: TrackedPoints, time: float, dt: float, p: Parameters
     ) -> RigidEgoMotion:
-        """The same motion, or a lost one where it contradicts those before."""
+        """Return the same motion, or a lost one if it contradicts the earlier motions."""
         if ego.T_current_previous is None:
             return ego
         reach = None
@@ -235,7 +235,7 @@ class RigidMethod:
         p: Parameters,
         trace: Trace,
     ) -> tuple[str, ...]:
-        """Learn bias and skew of the pair; what is learnt moves no point and no obstacle."""
+        """Learn bias and skew of the pair, correcting points and obstacles for any change."""
         now = self._last
         assert now is not None
         change = self._drift.look(given, before, found, self._points, rows, now, p, trace)
@@ -246,7 +246,7 @@ class RigidMethod:
             self._tracker.correct_disparities(change.bias_px, now)
             self._dense.correct_disparities(change.bias_px)
         if change.skew:
-            # What turned was seen at wrong depths, each frame at others.
+            # While the camera turned, all depths were wrong, differently in each frame.
             self._view = self._drift.timed(given)
             self._points = self._renewal.restarted(
                 self._points, self._view, now.T_camera_world, self._drift.bias_px
@@ -271,7 +271,7 @@ class RigidMethod:
         )
 
     def _coasting(self, time: float, p: Parameters) -> tuple[Obstacle, ...]:
-        """The obstacles at a frame without a pose, seconds on the source's clock."""
+        """Return the obstacles at a frame without a pose; ``time`` is the source's, seconds."""
         before, T_world_camera = self._view.time, self._T_camera_world.inverse()
         last = [
             (describe_body(track, T_world_camera, np.zeros(3), before), track.missed_s)

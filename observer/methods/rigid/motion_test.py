@@ -1,4 +1,4 @@
-"""Test of motion: evidence pooled over neighbours in space, against all known errors."""
+"""Motion test: evidence pooled over neighbours in space, against all known errors."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def pooled_motion(
 ) -> PooledMotion:
     """Test every point for motion, together with the neighbours that move as it does.
 
-    The velocity's covariance is the inverse of the summed information, made larger for errors
-    that neighbours share and for scatter beyond the noise, plus that of the camera's own motion:
-    this is the same for all points, no pooling reduces it, and from frame to frame it adds up to
-    a random walk. Nor does pooling or time reduce what a lasting error of the disparity does. The
-    threshold is that of chi-squared at the declared rate of false alarms per frame, divided by the
-    number of independent tests.
+    The velocity's covariance is the inverse of the summed information, inflated for errors that
+    neighbours share and for scatter beyond the noise, plus that of the camera's own motion. The
+    latter is the same for all points, so pooling does not reduce it, and it accumulates over the
+    frames as a random walk. Nor do pooling or time reduce the effect of a systematic disparity
+    error. The threshold is the chi-squared quantile at the declared rate of false alarms per
+    frame, divided by the number of independent tests.
     """
     camera, pose, rate = now.camera, now.T_camera_world, now.rate
     sums = points.sums
@@ -71,7 +71,7 @@ def pooled_motion(
 def group_dynamic(
     motion: PooledMotion, free: NDArray[np.bool_], min_points: int
 ) -> NDArray[np.int64]:
-    """Number the groups of dynamic points that hang together in place and velocity.
+    """Number the groups of dynamic points that agree in position and velocity.
 
     Args:
         free: (N,) which points may be grouped.
@@ -83,7 +83,7 @@ def group_dynamic(
 
 
 def _causes(covariance: Float64Array) -> Float64Array:
-    """(6, 6) independent errors of a motion, one deviation each, whose products sum to this."""
+    """(6, 6) independent one-sigma errors of a motion whose outer products sum to this."""
     values, axes = np.linalg.eigh(covariance)
     return np.ascontiguousarray((axes * np.sqrt(np.maximum(values, 0.0))).T)
 
@@ -91,7 +91,7 @@ def _causes(covariance: Float64Array) -> Float64Array:
 def _threshold(
     ready: NDArray[np.bool_], neighbours: NDArray[np.int64], parameters: EvidenceParameters
 ) -> float:
-    """Mahalanobis length in three dimensions that the declared rate of false alarms allows."""
+    """Return the Mahalanobis length in 3D for the declared rate of false alarms."""
     rate = false_alarms_per_test(parameters.false_alarms_per_frame, ready, neighbours)
     # The quantile of chi-squared with three degrees of freedom.
     return float(np.sqrt(2 * gammainccinv(1.5, rate)))

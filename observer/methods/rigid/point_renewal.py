@@ -1,4 +1,4 @@
-"""Renewal of the tracked points: wrong ones are dropped, and every empty cell gets a new one."""
+"""Renewal of the tracked points: drop wrong ones, and give every empty cell a new one."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from observer.vision.klt_tracking import match_right
 from observer.vision.sparse_stereo import coarse_disparity
 from observer.vision.view import View
 
-# Pixels: disparities further apart are of different things; the coarse one is good to about one.
+# Pixels: disparities that differ more belong to different surfaces; the coarse one is accurate to
+# about 1 px.
 _ANOTHER_DISPARITY_PX = 2.5
-# The noise of points that are seen for the first time, before it can be told, px.
+# Pixels: noise assumed for points seen for the first time, before it can be estimated.
 _FIRST_SIGMA_PX = 0.15
 
 
@@ -49,9 +50,9 @@ class PointRenewal:
 
         Args:
             boxes_px: (B, 4) u0 v0 u1 v1 around obstacles; cells are smaller there.
-            rate: of the camera; None unknown, as in a segment's first view, of which every cell
-                is looked at.
-            bias_px: what all disparities lack, at the image's centre.
+            rate: of the camera; None = unknown, as in a segment's first view, where every cell
+                is searched.
+            bias_px: to be added to all disparities, pixels at the image's centre.
         """
         points = points.remembered()
         moving = points.px[points.dynamic | (points.obstacle != NO_OBSTACLE)]
@@ -76,7 +77,7 @@ class PointRenewal:
     def restarted(
         self, points: TrackedPoints, view: View, T_camera_world: Pose, bias_px: float
     ) -> TrackedPoints:
-        """Return the points as if first seen in this view, of which the skew was not known."""
+        """Return the points as if first seen in this view, now that its skew is known."""
         disparity = (points.px[:, 0] - points.right_px[:, 0]).astype(np.float64)
         known = np.asarray(disparity > MOST_NEGATIVE_PX)
         points, disparity = points.take(known), disparity[known]
@@ -94,7 +95,7 @@ class PointRenewal:
         parameters: Parameters,
         bias_px: float,
     ) -> TrackedPoints:
-        """New points at those of (N, 2) px that are found in the right image.
+        """Return new points at those of (N, 2) px that are found in the right image.
 
         Args:
             coarse: (N,) disparity to within a few pixels, NaN unknown.
@@ -119,7 +120,7 @@ class PointRenewal:
         T_camera_world: Pose,
         bias_px: float,
     ) -> TrackedPoints:
-        """Points first seen at (N, 2) px, with disparities (N,) px at the left exposure."""
+        """Return points first seen at (N, 2) px, with disparities (N,) px at the left exposure."""
         if bias_px:
             disparity = disparity + bias_px * bias_profile(px, disparity, self._camera)
         disparity = np.maximum(disparity, LEAST_DISPARITY_PX)
@@ -140,18 +141,18 @@ class PointRenewal:
 
 
 def _skew_s(view: View) -> float:
-    """Seconds by which the right camera exposes later, as far as is known."""
+    """Return the seconds by which the right camera exposes later; 0 if unknown."""
     return 0.0 if view.right_time is None else view.right_time - view.time
 
 
 def _contradicted(
     points: TrackedPoints, due: NDArray[np.intp], coarse: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """(K,) which points (K,) have another disparity than a search of the whole row finds (K,).
+    """(K,) which points (K,) differ in disparity from a fresh search of the whole row (K,).
 
-    Beside an edge in depth a point may be given the disparity of what is beyond the edge, and
-    keep it, for left and right look alike there. Once it is about to be judged, its surroundings
-    have moved on, and the row is searched again.
+    Beside a depth edge a point may get, and keep, the disparity of the surface across the edge,
+    because left and right look alike there. By the time it is about to be judged, the surroundings
+    have shifted, so the row is searched again.
     """
     own = points.px[due, 0] - points.right_px[due, 0]
     return np.asarray(np.abs(coarse - own) > _ANOTHER_DISPARITY_PX)

@@ -1,4 +1,4 @@
-"""Steps 2 and 3 in space: tracked points from t to t+dt in both cameras, and where they are now."""
+"""Steps 2 and 3 in space: track points from t to t+dt in both cameras, and triangulate them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from observer.parameters import KltTrackingParameters
 from observer.vision.klt_tracking import Sightings, as_bright_as, track_stereo_points
 from observer.vision.view import View
 
-# Disparities below this, px, are as good as none; their points are taken to be this far away.
+# Pixels: smaller disparities are clamped to this, the largest depth that can be measured.
 LEAST_DISPARITY_PX = 0.25
-# Noise and miscalibration may make the disparity of a far point negative by so much, px.
+# Pixels: noise and miscalibration may make the disparity of a far point negative down to this.
 MOST_NEGATIVE_PX = -2.0
 
 
@@ -80,7 +80,7 @@ def sighted_points(
     """Return the points that were found, with their noise (N, 3) in u, v and disparity, pixels.
 
     Args:
-        bias_px: what all disparities lack, at the image's centre.
+        bias_px: to be added to all disparities, pixels at the image's centre.
     """
     at = np.flatnonzero(seen.found)
     px, right_px, flow, disparity, sigma = seen_again(
@@ -115,7 +115,7 @@ def sighted_points(
 def world_sightings(
     points: TrackedPoints, sigma: Float64Array, T_world_camera: Pose, camera: StereoCamera
 ) -> WorldSightings:
-    """Return where points seen with noise sigma (N, 3) px are."""
+    """Return the world positions of points seen with noise sigma (N, 3) px."""
     believed, _ = points.sums.moving_position(points.velocity)
     return sightings_at(points.px, points.disparity, sigma, believed, T_world_camera, camera)
 
@@ -128,11 +128,11 @@ def sightings_at(
     T_world_camera: Pose,
     camera: StereoCamera,
 ) -> WorldSightings:
-    """Return where what is seen at pixels (N, 2), with disparities (N,) px, is.
+    """Return the world positions of points at pixels (N, 2) with disparities (N,) px.
 
     Args:
         sigma: (N, 3) px, noise of u, v and disparity.
-        believed: (N, 3) m, world, where it is as far as is known; NaN unknown.
+        believed: (N, 3) m, world, best estimate of the position so far; NaN unknown.
     """
     position, information = placed_in_world(
         px,

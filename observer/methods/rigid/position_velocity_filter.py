@@ -7,9 +7,9 @@ Badino, Gehrig: 6D-Vision, DAGM 2005) in information form, without a prior:
 
     A0 = sum L,  A1 = sum L s,  A2 = sum L s^2,  b0 = sum L z,  b1 = sum L z s
 
-In this form nothing needs to be assumed of a point at first, the information of neighbours is
-simply added, and "the point is static" (v = 0) is answered by the same sums. Old sightings are
-forgotten at a constant rate, which takes the place of process noise and knows no scale.
+In this form no prior on a point is needed, the information of neighbours is simply added, and the
+hypothesis "the point is static" (v = 0) is evaluated from the same sums. Old sightings are
+forgotten at a constant rate, which replaces process noise and is scale-free.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.kernels.inverses import inverse_3x3
 
-# Information below this is none: the point was seen once, or always in one place.
+# Information below this counts as none.
 _TINY = 1e-12
 
 
@@ -32,9 +32,10 @@ class PositionVelocityFilter:
     """The sums of N points; coordinates are relative to each point's own origin.
 
     Attributes:
-        origin: (N, 3) metres, a fixed place near the point, so that no digits are lost far away.
+        origin: (N, 3) metres, a fixed place near the point, to keep precision far from the
+            world's origin.
         a0, a1, a2: (N, 3, 3) 1/m^2, s/m^2, s^2/m^2. b0, b1: (N, 3) 1/m, s/m.
-        c0: (N,) sum z^T L z, and count: (N,) of the sightings, both forgotten like the rest.
+        c0: (N,) sum z^T L z, and count: (N,) of the sightings, both decaying like the rest.
     """
 
     origin: Float64Array
@@ -48,10 +49,10 @@ class PositionVelocityFilter:
 
     @cached_property
     def position_cov(self) -> Float64Array:
-        """(N, 3, 3) m^2, of each static position: the inverse of a0, not to be written to.
+        """(N, 3, 3) m^2, of each static position: the inverse of a0, read-only.
 
-        It is asked for several times a frame, and what moves the sums on or chooses among them
-        hands it on.
+        It is needed several times per frame, so methods that update or select the sums pass the
+        cached value on.
         """
         cov = inverse_3x3(self.a0)
         cov.setflags(write=False)
@@ -59,11 +60,11 @@ class PositionVelocityFilter:
 
     @property
     def _has_cov(self) -> bool:
-        """Whether it was asked for already."""
+        """Whether ``position_cov`` is cached already."""
         return "position_cov" in self.__dict__
 
     def _with_cov(self, cov: Float64Array) -> PositionVelocityFilter:
-        """Return these sums, of whose a0 the inverse (N, 3, 3) is known already."""
+        """Return these sums with the already known inverse (N, 3, 3) of a0 cached."""
         cov.setflags(write=False)
         self.__dict__["position_cov"] = cov
         return self
@@ -84,7 +85,7 @@ class PositionVelocityFilter:
         )
 
     def advanced(self, dt: float, memory_s: float) -> PositionVelocityFilter:
-        """The same sums ``dt`` seconds later, all sightings forgotten a little."""
+        """Return the sums ``dt`` seconds later, with the weight of all sightings decayed."""
         keep = float(np.exp(-dt / memory_s))
         moved = PositionVelocityFilter(
             origin=self.origin,
@@ -103,7 +104,7 @@ class PositionVelocityFilter:
     def with_sightings(
         self, position: Float64Array, information: Float64Array
     ) -> PositionVelocityFilter:
-        """The sums with a sighting of each point now; information of zero adds nothing."""
+        """Return the sums with a sighting of each point now; zero information adds nothing."""
         gap = np.where(np.isfinite(position), position - self.origin, 0.0)
         vector = np.einsum("nij,nj->ni", information, gap)
         return PositionVelocityFilter(
@@ -118,7 +119,7 @@ class PositionVelocityFilter:
         )
 
     def shifted(self, shift: Float64Array, drift: Float64Array) -> PositionVelocityFilter:
-        """The sums as if each sighting had been elsewhere, by ``shift + drift s``.
+        """Return the sums as if each sighting had been displaced by ``shift + drift s``.
 
         Args:
             shift: (N, 3) metres now. drift: (N, 3) m/s.
@@ -138,9 +139,9 @@ class PositionVelocityFilter:
         return self.origin + np.einsum("nij,nj->ni", self.position_cov, self.b0), self.position_cov
 
     def velocity_information(self) -> tuple[Float64Array, Float64Array]:
-        """Information (N, 3, 3) s^2/m^2 of each velocity, and information times velocity (N, 3).
+        """Return each velocity's information (N, 3, 3) s^2/m^2, and information times velocity.
 
-        That of neighbours may be added; ``information^-1 @ vector`` is the velocity.
+        Both may be summed over neighbours; ``information^-1 @ vector`` is the velocity.
         """
         gain = self.a1 @ self.position_cov
         information = self.a2 - gain @ self.a1
@@ -152,8 +153,8 @@ class PositionVelocityFilter:
     ) -> tuple[Float64Array, Float64Array]:
         """Return the position of each point now if it moves at (N, 3) m/s, and its covariance.
 
-        Under "it is static" a point that moves seems to be at the wrong depth, for its lines of
-        sight then meet where it never was.
+        If a moving point were assumed static, its depth would be wrong, because its lines of sight
+        would intersect where it never was.
 
         Args:
             velocity_cov: (N, 3, 3), by which the covariance (N, 3, 3) m^2 grows.
@@ -167,9 +168,9 @@ class PositionVelocityFilter:
         return position, cov
 
     def window_s(self) -> Float64Array:
-        """(N,) seconds over which the sightings effectively lie.
+        """Return the effective time span of the sightings, (N,) seconds.
 
-        The length of an evenly filled window with the same variance of the sightings' times.
+        It is the length of a uniform window with the same variance of the sighting times.
         """
         mean, square = self.ages()
         return np.asarray(np.sqrt(12 * np.maximum(square - mean**2, 0.0)), np.float64)
@@ -181,8 +182,8 @@ class PositionVelocityFilter:
         return mean, np.trace(self.a2, axis1=1, axis2=2) / weight
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> PositionVelocityFilter:
-        """The sums of some of the points."""
-        # Of rows, take() is several times as fast as an index, and wants no mask.
+        """Return the sums of some of the points."""
+        # For rows, take() is several times as fast as indexing; it does not accept a mask.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which
         taken = PositionVelocityFilter(*(getattr(self, name).take(at, axis=0) for name in _NAMES))
         return (

@@ -1,4 +1,4 @@
-"""Errors of the pair that last, estimated while driving: disparity bias and skew of exposures."""
+"""Systematic errors of the stereo pair, estimated online: disparity bias and exposure skew."""
 
 from __future__ import annotations
 
@@ -22,27 +22,29 @@ from observer.vision.exposure_skew import DisparityStep, ExposureSkew
 from observer.vision.vergence_fit import SeenTwice
 from observer.vision.view import StereoRows, View
 
-# The two views of a pair are this far apart, as a share of the median depth, and turned by no more
-# than this, radians.
+# The two views of a pair are at least this far apart, as a share of the median depth, and turned
+# by at most this, radians.
 _WAY_SHARE, _MOST_TURN = 0.02, 0.1
-# Seconds between two fits once the bias is known so well, pixels; each takes 1 ms.
+# Seconds between two fits once the bias is known this well, pixels; each fit takes 1 ms.
 _PAUSE_S, _WELL_KNOWN_PX = 0.5, 0.07
-# A skew that nobody told may be so large, seconds; what it makes of a turn looks like a bias.
+# Seconds, one standard deviation: largest skew assumed if the source gives no right exposure time.
+# While the camera turns, a skew looks like a bias.
 _UNTOLD_SKEW_S = 0.002
-# Rows that differ more, pixels, tell of pitch, roll or lenses, which bend disparities otherwise.
+# Pixels: a larger median row offset indicates errors in pitch, roll or the lenses, which distort
+# disparities in other ways.
 _MOST_ROW_PX = 0.7
-# A better estimate is used once it differs from the one in use by so many pixels or deviations,
-# and seconds.
+# A new estimate replaces the one in use once it differs by this many pixels or standard deviations
+# (bias), or seconds (skew).
 _NEW_BIAS_PX, _NEW_BIAS_SIGMAS, _NEW_SKEW_S = 0.02, 0.5, 0.001
 
 
 @dataclass(frozen=True)
 class DriftChange:
-    """Change of what is in use, after a frame.
+    """Change of the corrections in use, after a frame.
 
     Attributes:
-        bias_px: is added to all disparities from now on, pixels at the image's centre.
-        skew: whether another skew is in use, or the first one.
+        bias_px: added to all disparities from now on, pixels at the image's centre.
+        skew: whether a new skew is in use.
         notes: one sentence each.
     """
 
@@ -59,7 +61,7 @@ class _KeyView:
 
 
 class StereoDrift:
-    """Estimates of one pair of cameras, and what of them is in use; they outlive segments.
+    """Estimates for one stereo pair, and the values in use; they outlive segments.
 
     Attributes:
         bias, skew: the estimates. bias_px: in use, pixels at the image's centre; 0 before.
@@ -76,18 +78,18 @@ class StereoDrift:
         self._fitted_s = -math.inf
 
     def begin_segment(self) -> None:
-        """Forget the views; points and poses of two segments have no relation."""
+        """Forget the views; points and poses of different segments are unrelated."""
         self._key, self._fitted_s = None, -math.inf
         self.skew = self.skew.interrupted()
 
     def timed(self, view: View) -> View:
-        """Return the view with the right image's time, where the source or the estimate knows."""
+        """Return the view with the right image's time, as given or estimated, if known."""
         if view.right_time is not None or self.skew_s is None:
             return view
         return replace(view, right_time=view.time + self.skew_s)
 
     def remaining(self, parameters: Parameters) -> Parameters:
-        """Return the parameters with the deviations of what is in use in place of the prior's."""
+        """Return the parameters with the prior sigmas replaced by those of the values in use."""
         p = parameters
         if self.bias_px:
             sigma = min(p.evidence.disparity_bias_px, self.bias.sigma_px)
@@ -112,11 +114,11 @@ class StereoDrift:
         parameters: Parameters,
         trace: Trace,
     ) -> DriftChange | None:
-        """Learn from one more frame; returns what is to be used from now on, None as before.
+        """Learn from one more frame; return the change of the values in use, None if none.
 
         Args:
-            view: as the source gave it. before: (N,) points at the last frame, of which those
-                found (N,) are the points at this one. rows: of this frame, without the bias.
+            view: as the source gave it. before: (N,) points at the last frame; those ``found``
+                (N,) are ``points`` in this one. rows: of this frame, without the bias.
         """
         self._told = view.right_time is not None
         if not self._told:
@@ -172,7 +174,7 @@ class StereoDrift:
         new = self.skew_s is None or abs(found.skew_s - self.skew_s) > _NEW_SKEW_S
         if not self._told and found.sure and new:
             skew, self.skew_s = True, found.skew_s
-            # What was learnt of the bias was learnt without this skew, and so was the key view.
+            # The bias estimate and the key view were made without this skew.
             change, self.bias, self.bias_px, self._key = -self.bias_px, DisparityBias(), 0.0, None
             notes.append(
                 f"the right camera exposes {1e3 * found.skew_s:+.1f} ± "
@@ -203,7 +205,7 @@ def with_bias(points: TrackedPoints, bias_px: float, now: CameraStep) -> Tracked
 def shift_by_bias(
     place: Float64Array, velocity: Float64Array, bias_px: float, now: CameraStep
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Shift (N, 3) m and change of velocity (N, 3) m/s, world, and bias (N,) px of each point.
+    """Return shift (N, 3) m and velocity change (N, 3) m/s, world, and bias (N,) px per point.
 
     Args:
         place: (N, 3) m, velocity: (N, 3) m/s, world. bias_px: added at the image's centre.

@@ -44,7 +44,7 @@ def keep_motion(
     ego: RigidEgoMotion,
     motion: PooledMotion,
 ) -> None:
-    """Keep what moves, of a frame whose pose is known; most of it is made when it is asked for."""
+    """Keep the motion of a frame whose pose is known; most of it is computed on request."""
 
     @cache
     def flow() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
@@ -92,7 +92,7 @@ def _evidence(points: TrackedPoints, ego: RigidEgoMotion, motion: PooledMotion) 
 
 
 def _obstacle(points: TrackedPoints) -> NDArray[np.int64]:
-    """(N,) the obstacle that points belong to, or on whose outline they are seen."""
+    """(N,) the obstacle that each point belongs to, or on whose outline it is seen."""
     on_outline = np.maximum(points.within, NO_OBSTACLE)
     return np.where(points.obstacle != NO_OBSTACLE, points.obstacle, on_outline)
 
@@ -101,7 +101,7 @@ def stereo_rows(points: TrackedPoints, camera: StereoCamera, bias_px: float) -> 
     """Return where the points were matched in the right image, to check the calibration.
 
     Args:
-        bias_px: what was added to all disparities at the image's centre; it is taken off again.
+        bias_px: added to all disparities at the image's centre; it is subtracted again here.
     """
     offset = np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
     disparity = points.disparity

@@ -1,4 +1,4 @@
-"""Feature points that are followed from frame to frame, and all that is known of each."""
+"""Feature points that are tracked from frame to frame, and the state of each."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 
 NO_OBSTACLE = -1
-# A point that did not fit its body, or was about to be hidden, may not join one for so long.
+# Frames: how long a point that did not fit its body, or was about to be occluded, may not join one.
 BANISHED_FRAMES = 5
-# Of a sighting that weighs less nothing is left to go by.
+# Weight of the sightings below which nothing useful is left of them.
 _FORGOTTEN = 1e-6
 
 
@@ -33,10 +33,10 @@ class WorldSightings:
 
 @dataclass(frozen=True, eq=False)
 class TrackedPoints:
-    """N followed points as of the newest frame.
+    """N tracked points as of the newest frame.
 
     Attributes:
-        number: (N,) each point's own number, never used twice in a segment.
+        number: (N,) each point's own number, never reused within a segment.
         px: (N, 2) float32 pixels in the left image.
         right_px: (N, 2) float32 pixels in the right image, as matched there; NaN unknown.
         flow: (N, 2) px/s in the left image, NaN for points seen once.
@@ -45,10 +45,10 @@ class TrackedPoints:
         age: (N,) seconds since it was first seen.
         sums: position and velocity of each point, world frame.
         cornered: (N,) whether the texture there varies in more than one direction.
-        velocity: (N, 3) m/s, world, by itself at the last frame; 0 while unknown.
-        dynamic: (N,) whether it moved, at the last frame.
+        velocity: (N, 3) m/s, world, of the point alone at the last frame; 0 while unknown.
+        dynamic: (N,) whether it counted as dynamic at the last frame.
         obstacle: (N,) number of the obstacle it belongs to, or ``NO_OBSTACLE``.
-        tenure: (N,) frames for which it has belonged to it.
+        tenure: (N,) frames for which it has belonged to that obstacle.
         within: (N,) number of the obstacle on whose outline it is seen, or ``NO_OBSTACLE``.
         shape_information: (N, 3, 3) 1/m^2 and shape_vector: (N, 3) 1/m, where the point is on
             that obstacle, in the obstacle's own frame (``information^-1 @ vector``).
@@ -86,7 +86,7 @@ class TrackedPoints:
         disparity: Float64Array,
         sums: PositionVelocityFilter,
     ) -> TrackedPoints:
-        """Points that are seen for the first time."""
+        """Return points that are seen for the first time."""
         count = len(px)
         return TrackedPoints(
             number=np.arange(first_number, first_number + count, dtype=np.int64),
@@ -108,23 +108,23 @@ class TrackedPoints:
         )
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> TrackedPoints:
-        """Some of the points."""
-        # A mask is searched through for each of the arrays anew, indices are not; and of rows
-        # take() is several times as fast as an index.
+        """Return some of the points."""
+        # A mask would be scanned again for each array, indices are not; and for rows, take() is
+        # several times as fast as indexing.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.intp, copy=False)
         return TrackedPoints(*(_taken(getattr(self, name), at) for name in _NAMES))
 
     def remembered(self) -> TrackedPoints:
-        """Without those of which nothing measured is remembered.
+        """Return the points without those whose measurements have all been forgotten.
 
-        A point may be followed for minutes in both images and tell no place, for want of
-        disparity; what was once known of it fades to numbers that cannot be inverted any more.
+        A point may be tracked for minutes in both images without giving a position, for lack of
+        disparity; its sums then fade to numbers that can no longer be inverted.
         """
         remembered = self.sums.count > _FORGOTTEN
         return self if remembered.all() else self.take(remembered)
 
     def sighted(self, sightings: WorldSightings, dt: float, memory_s: float) -> TrackedPoints:
-        """The same points with a sighting of each, ``dt`` seconds after those before."""
+        """Return the points with one more sighting each, ``dt`` seconds after the last ones."""
         sums = self.sums.advanced(dt, memory_s)
         return self.but(sums=sums.with_sightings(sightings.position, sightings.information))
 
@@ -140,15 +140,15 @@ class TrackedPoints:
         )
 
     def but(self, **changes: object) -> TrackedPoints:
-        """The same points with some attributes replaced."""
-        # dataclasses.replace looks at every field anew, which takes several times as long.
+        """Return the points with some attributes replaced."""
+        # dataclasses.replace inspects every field each time, which takes several times as long.
         return TrackedPoints(**(vars(self) | changes))
 
     def __len__(self) -> int:
         return len(self.px)
 
 
-# Looking the fields up anew costs more than choosing among the points.
+# Cached, because looking the fields up each time costs more than taking the points.
 _NAMES = tuple(f.name for f in fields(TrackedPoints))
 
 

@@ -1,14 +1,15 @@
-"""Where motion could not be noticed in a frame, and why.
+"""Where motion would go unnoticed in a frame, and why.
 
 Motion is noticed where depth is known or a point is tracked. All other cells are *unseen*, and
-their share is always told. Most of them are plain walls and floors: who walks there shows an
-outline, and an outline has depth. So a plain region counts as background while nearly all that is
-known around it is ground or was there before. Of what remains, the status is degraded where a
-person would fit in: where a window of a person's size is unseen by half or more.
+their share is always reported. Most of them are plain walls and floors: a person walking in front
+of them shows an outline, and an outline has depth. So a plain region counts as background while
+nearly everything known around it is ground or static. If the remaining unseen cells could hide a
+person, the status is degraded: a window of a person's size is unseen by half or more.
 
-A mover of the very tone of a plain background shows no outline; only the share tells of it.
+A mover of exactly the same tone as a plain background shows no outline; only the unseen share
+accounts for it.
 
-Where something seems to move but is not certain enough to be reported yet, that is told as well.
+Something that seems to move but is not certain enough to be reported yet is marked as well.
 """
 
 from __future__ import annotations
@@ -33,34 +34,35 @@ from observer.vision.view import View
 
 Mask = NDArray[np.bool_]
 Weights = NDArray[np.float32]
-# One per cell: the first letter of what motion is unseen because of, "." where it is not.
+# One per cell: the first letter of the cause why motion is unseen; "." where motion is seen.
 Letters = NDArray[np.uint8]
 
 # Side of a cell, in cells of the dense grid; and the share of it that must have depth.
 _SIDE = 8
 _SEEN_SHARE = 0.25
 _HALF = 0.5
-# An outline differs from what is behind it by this share of the grey level; saturated is above.
+# An outline differs from its background by this share of the grey level.
+# Grey level: from this on a pixel is saturated.
 _CONTRAST = 0.25
 _WHITE = 250
-# The part of a person that must fit in, width and height, metres; and from how far, metres.
+# Metres: width and height of the part of a person that must fit in, and its distance.
 _PERSON_M = (0.4, 1.0)
 _PERSON_AWAY_M = 3.0
-# Share of its window that hides a person: of less than that most of the outline is seen.
+# Unseen share of a window that hides a person: below it most of the outline is seen.
 _HIDING_SHARE = 0.5
-# Share of a person's window that must be unmatched to look for what is too near.
+# Unmatched share of a person's window from which on objects that are too near are searched for.
 _UNMATCHED_SHARE = 0.25
-# Depths nearer than those searched are looked for in pictures so much smaller, up to so many times
-# their disparity.
+# Depths nearer than the usual search range are searched for in images reduced by this factor, up
+# to this multiple of the maximum disparity.
 _NEAR_REDUCTION = 4
 _NEAR_REACH = 2.3
 _NEAR_BLOCK, _NEAR_UNIQUENESS_PERCENT, _NEAR_TEXTURE = 9, 15, 200
-# What matches by chance is smaller; of what is known on this share of a cell the depth is right.
+# Chance matches are smaller than this. A cell with depth on this share of it has the right depth.
 _NEAR_LEAST, _SOLID_SHARE = np.ones((3, 3), np.uint8), 0.9
 
 
 class UnseenRegions:
-    """Tells where motion could not be noticed, frame by frame."""
+    """Finds where motion would go unnoticed, frame by frame."""
 
     def __init__(self, camera: StereoCamera) -> None:
         self._grid = Grid.of(camera)
@@ -75,13 +77,13 @@ class UnseenRegions:
         seeming: Sequence[BoxPx],
         parameters: StereoParameters,
     ) -> Unseen:
-        """Tell where motion could not be noticed in a view.
+        """Find where motion would go unnoticed in a view.
 
         Args:
             scene: of this frame; None while the camera is too fast for it.
             points: as tracked in this frame.
-            reported: u0, v0, u1, v1 px around what is reported to be seen in this frame. seeming:
-                around what may move; that this is not certain yet is told.
+            reported: u0, v0, u1, v1 px around obstacles reported as seen in this frame.
+            seeming: around what may be moving; marked as tentative.
         """
         grid = self._grid
         small = grid.reduced(view.left) if scene is None else scene.left
@@ -103,11 +105,11 @@ class UnseenRegions:
         return _told(cause, _SIDE * grid.reduction, hides=hides)
 
     def _fill(self, cells: Mask, share: float) -> bool:
-        """True if the cells (rows, columns) fill this share of any window of a person."""
+        """Return whether the cells (rows, columns) fill this share of any person-sized window."""
         return fills(cells, *self._fits, share)
 
     def _background(self, plain: Mask, stands: Weights, moves: Weights) -> Mask:
-        """Cells (rows, columns) of plain regions around which nearly all that is known stands."""
+        """Return the cells of plain regions around which nearly everything known is static."""
         count, regions = cv2.connectedComponents(plain.view(np.uint8), connectivity=4)
         return background(regions.astype(np.int64), count, stands, moves, *self._fits)
 
@@ -133,9 +135,9 @@ def _shares(values: NDArray[np.bool_] | Image) -> Weights:
 def _known(
     scene: DenseScene | None, points: TrackedPoints, grid: Grid, shape: tuple[int, ...]
 ) -> tuple[Weights, Weights, Weights]:
-    """Shares (rows, columns) of the cells where depth is known, stands, and moves.
+    """Return the shares (rows, columns) of the cells whose depth is known, static and moving.
 
-    What was not in view before neither stands nor moves, unless a point tells.
+    What was not in view before counts as neither static nor moving, unless a point is tracked.
     """
     known = stands = moves = np.zeros(shape, np.float32)
     if scene is not None:
@@ -143,7 +145,7 @@ def _known(
         known = _shares(depth)
         stands = _shares(depth & (~scene.standing | (evidence == STATIC)))
         moves = _shares((evidence == ARRIVED) | (evidence == HIDDEN))
-    # A point that was seen once, or by one camera only, tells no motion.
+    # A point seen only once, or by one camera only, is no evidence of motion.
     tells = (points.sightings > 1) & np.isfinite(points.disparity) & points.cornered
     side_px, least = np.float32(_SIDE * grid.reduction), np.float32(_SEEN_SHARE)
     px, dynamic = points.px[tells], points.dynamic[tells]
@@ -161,7 +163,7 @@ def _within(boxes: Sequence[BoxPx], grid: Grid, shape: tuple[int, ...]) -> Mask:
 
 
 def _person_cells(grid: Grid) -> tuple[int, int]:
-    """Rows and columns of the window of a person."""
+    """Return the rows and columns of a person-sized window."""
     side = _SIDE * grid.reduction * _PERSON_AWAY_M
     across, down = _PERSON_M
     return (
@@ -171,10 +173,11 @@ def _person_cells(grid: Grid) -> tuple[int, int]:
 
 
 def _near(view: View, max_disparity_px: int, known: Weights) -> Mask:
-    """Cells (rows, columns) that match at larger disparities than are searched.
+    """Return the cells (rows, columns) that match at disparities beyond the search range.
 
-    What is too near is matched wrongly in places, so that some of it seems known; where nearly all
-    is, the larger disparity is the wrong one, as of a pattern that repeats.
+    Objects that are too near are matched wrongly in places, so part of their depth seems known.
+    If nearly all of it is known, the larger disparity is the wrong one, as with a repetitive
+    pattern.
     """
     reduction = _NEAR_REDUCTION
     size = (view.left.shape[1] // reduction, view.left.shape[0] // reduction)

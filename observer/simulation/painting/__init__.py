@@ -1,1 +1,1 @@
-"""Painters: every texture of the lab is computed, from a seed, when it is first needed."""
+"""Painters: every texture of the lab is computed from a seed when first needed."""

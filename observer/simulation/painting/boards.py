@@ -1,4 +1,4 @@
-"""Calibration boards as they are printed: squares within a white margin of one square."""
+"""Calibration boards as printed: squares within a white margin of one square."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer.calibration.board import CHARUCO_DICTIONARY, MARKER_SHARE
 from observer.simulation.painting.canvas import Canvas
 
-# Grey values of paper and of print, so that neither noise nor light is cut off at black or white.
+# Grey values of paper and ink, chosen so that noise and light do not clip at black or white.
 _PAPER, _INK = 225.0, 28.0
 
 
@@ -31,7 +31,7 @@ def charuco(canvas: Canvas) -> NDArray[np.uint8]:
 
 
 def _squares(canvas: Canvas) -> tuple[int, int, int]:
-    """Return the squares along and down, and the side of one in pixels."""
+    """Return the number of squares along and down, and the side of one in pixels."""
     columns = round(canvas.material.number("columns", 9)) + 1
     rows = round(canvas.material.number("rows", 6)) + 1
     return columns, rows, canvas.width // (columns + 2)

@@ -13,7 +13,7 @@ from observer.simulation.facets import Material
 
 Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.floating[Any]]
-# Colours are blue, green, red from 0 to 255, as OpenCV has them.
+# Colours are blue, green, red from 0 to 255, as in OpenCV.
 Colour = tuple[float, float, float]
 
 
@@ -51,7 +51,7 @@ class Canvas:
         return np.full((self.height, self.width, 3), colour, dtype=np.float32)
 
     def noise(self, cell_x_m: float, cell_y_m: float) -> Float32Array:
-        """Return (height, width) smooth noise, standard deviation about 1, blobs of given size."""
+        """Return (height, width) smooth noise, standard deviation about 1, with blobs this big."""
         size = (self.width, self.height)
         w = min(max(2, round(self.width / (cell_x_m * self.density)) + 2), self.width)
         h = min(max(2, round(self.height / (cell_y_m * self.density)) + 2), self.height)
@@ -94,8 +94,8 @@ class Canvas:
     def finished(self, image: Float32Array, shade: Float32Array | None = None) -> NDArray[np.uint8]:
         """Scale the contrast about the mean colour, shade, and convert to 8 bit.
 
-        ``shade`` (height, width) or broadcastable multiplies; being light and not texture, it is
-        not scaled by the contrast. The image is overwritten.
+        ``shade``, (height, width) or broadcastable, multiplies the image; it is light, not
+        texture, so the contrast does not scale it. The image is overwritten.
         """
         if self.contrast != 1.0:
             mean = image.mean(axis=(0, 1), keepdims=True)
@@ -109,7 +109,7 @@ class Canvas:
 
 
 def smoothstep(x: Float32Array, low: float, high: float) -> Float32Array:
-    """Return 0 below ``low``, 1 above ``high``, smooth between."""
+    """Return 0 below ``low``, 1 above ``high``, and a smooth step between."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return np.asarray(t * t * (3 - 2 * t), dtype=np.float32)
 

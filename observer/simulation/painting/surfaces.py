@@ -32,14 +32,14 @@ def _cells(canvas: Canvas, cell_m: float) -> tuple[int, int]:
 def _patches(canvas: Canvas, cell_m: float, share: float | None = None) -> Float32Array:
     """Return (height, width) 0 on the share of square cells without texture, else 1.
 
-    The share, by default the material's, holds in every block of 2 x 2 cells, so that it holds
-    wherever the camera looks.
+    The share, by default the material's, holds in every block of 2 x 2 cells, and thus wherever
+    the camera looks.
     """
     if share is None:
         share = canvas.material.number("share_without", 0.0)
     nx, ny = (n // 2 for n in _cells(canvas, cell_m))
     ranks = canvas.rng.permuted(np.tile(np.arange(4), (ny * nx, 1)), axis=1)
-    # What does not divide by four is left to chance, block by block.
+    # The remaining fraction of a cell is decided at random, block by block.
     plain = ranks < np.floor(4 * share + canvas.rng.random((ny * nx, 1)))
     blocks = plain.reshape(ny, nx, 2, 2).transpose(0, 2, 1, 3).reshape(2 * ny, 2 * nx)
     size = (canvas.width, canvas.height)
@@ -66,7 +66,7 @@ def wood(canvas: Canvas) -> NDArray[np.uint8]:
     grain = (
         canvas.noise(0.008, 0.35) + 0.8 * canvas.noise(0.02, 0.7) + 0.5 * canvas.noise(0.004, 0.05)
     )
-    # Growth rings: the phase runs across the plank, bent by slow noise, other in every plank.
+    # Growth rings: the phase runs across the plank, bent by slow noise, shifted per plank.
     bend = canvas.noise(0.10, 0.9)
     rings = np.sin(canvas.columns() * 160 + 2.2 * bend + shift)
     value = 11 * tone + 6 * grain + 5 * rings + 4 * canvas.cloud(0.5, 3)
@@ -112,7 +112,7 @@ def _plastered(canvas: Canvas, strength: float) -> Float32Array:
 
 
 def painted_wall(canvas: Canvas) -> NDArray[np.uint8]:
-    """Painted plaster above a darker dado with a rail, a skirting board below."""
+    """Painted plaster, darker towards the floor, above a skirting board."""
     image = _plastered(canvas, 3.2)
     above = canvas.size_m[1] - canvas.rows()
     ones = np.ones((1, canvas.width), np.float32)

@@ -170,7 +170,7 @@ def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
     image[deck:band] = (38, 36, 36)
     image[:deck] = (26, 25, 25)
     cv2.line(image, (0, band), (w, band), (90, 84, 210), 1)
-    # Sonars sit around the front and the back, 8 each; all around looks the same from afar.
+    # Real sonars sit at the front and the back, 8 each; all around looks the same from afar.
     n = max(8, round(w / canvas.density / 0.085))
     r = round(0.105 * h)
     for k in range(n):
@@ -178,13 +178,13 @@ def robot_side(canvas: Canvas) -> NDArray[np.uint8]:
         cv2.circle(image, centre, r + 2, (70, 72, 74), -1, cv2.LINE_AA)
         cv2.circle(image, centre, r, (70, 168, 214), -1, cv2.LINE_AA)
         cv2.circle(image, centre, round(0.55 * r), (110, 205, 240), 1, cv2.LINE_AA)
-    # Screws, a seam and a few scratches, without which no feature is found on the paint.
+    # Screws, a seam and a few scratches; without them no features are found on the paint.
     for k in range(n):
         u = round((k + 0.1) * w / n)
         cv2.line(image, (u, band + 3), (u, h), (22, 20, 128), 1, cv2.LINE_AA)
         cv2.circle(image, (u + 8, band + 10), 2, (150, 150, 160), -1, cv2.LINE_AA)
         cv2.circle(image, (u + 8, h - 10), 2, (150, 150, 160), -1, cv2.LINE_AA)
-    # The name stands before and behind the wheels, on the front and on the back.
+    # The name appears before and behind the wheels, on the front and on the back.
     for share in (0.015, 0.25, 0.365, 0.52, 0.75, 0.87):
         x = round(share * w)
         scale = 0.0036 * h
@@ -240,7 +240,7 @@ def scanner_lid(canvas: Canvas) -> NDArray[np.uint8]:
 
 
 def wheel_disc(canvas: Canvas) -> NDArray[np.uint8]:
-    """A tyre with a rim; alike at every angle, so that its rolling is no texture in motion."""
+    """A tyre with a rim; rotationally symmetric, so that rolling shows no moving texture."""
     bright = canvas.material.kind == "wheel_disc"
     u = canvas.columns() - canvas.width / canvas.density / 2
     v = canvas.rows() - canvas.height / canvas.density / 2

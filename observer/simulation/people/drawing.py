@@ -19,7 +19,7 @@ from observer.simulation.people.person import Person
 from observer.simulation.polygons import Float32Array, FloatArray
 from observer.simulation.textures import Texture
 
-# 1/m: nothing of a person is drawn farther away.
+# 1/m: smallest inverse depth; nothing of a person is drawn farther away.
 _LEAST_INVERSE = 1e-3
 
 Texturing = Callable[[Material, tuple[float, float]], Texture]
@@ -46,7 +46,7 @@ class PersonDrawing:
 
 @dataclass(frozen=True, eq=False)
 class SeenPerson:
-    """A person in the frame of a camera, whose axes ``R_room_camera`` turns into the room's."""
+    """A person in a camera's frame; ``R_room_camera`` rotates from it to the room's axes."""
 
     drawing: PersonDrawing
     shape: Ellipsoids
@@ -60,7 +60,7 @@ class SeenPerson:
                 yield float(centre @ centre), k
 
     def draw(self, limb: int, drawing: Drawing) -> None:
-        """Draw one limb in front of what is farther."""
+        """Draw one limb over everything farther away."""
         outline, view = self.outlines[limb], drawing.view
         assert outline is not None
         window = _window(outline, view)
@@ -88,14 +88,14 @@ class SeenPerson:
         drawing.blend(window, np.asarray(patch, np.uint8), share, inverse.astype(np.float32))
 
     def _cloth(self, k: int, sphere: list[FloatArray], density: float) -> Image:
-        """Sample the cloth at points of the unit sphere, whose three coordinates are (H, W)."""
+        """Sample the cloth at points of the unit sphere, given as three (H, W) coordinates."""
         person = self.drawing.person
         figure = person.figure
         limb, girth = figure.limbs[k], figure.girths[k]
         length = 2 * max(limb.from_top, limb.semi[2]) * figure.height
         texture = self.drawing.texture(person.outfit[limb.cloth], (girth, length))
         level = texture.level(density)
-        # From the back, where the seam is, once around.
+        # Once around, starting at the seam at the back.
         angle = cv2.phase(-sphere[0], sphere[1])
         around = angle * np.float32(girth * level.sx / (2 * math.pi)) - np.float32(0.5)
         top = limb.from_top * figure.height

@@ -1,7 +1,7 @@
 """Ellipsoids before a pinhole camera: outline, depth and normals in closed form.
 
-On the ray (x, y, 1) s of a camera, an ellipsoid with centre c, axes M (columns) and semi-axes a is
-met where |A (s r - c)| = 1 with A = diag(1/a) M^T. With o = -A c and d = A r this is
+The camera ray s r, r = (x, y, 1), meets an ellipsoid with centre c, axes M (columns) and semi-axes
+a where |A (s r - c)| = 1 with A = diag(1/a) M^T. With o = -A c and d = A r this is
 
     (d . d) s^2 + 2 (o . d) s + (o . o - 1) = 0,
 
@@ -35,17 +35,17 @@ class Ellipsoids:
     semi: Float64Array
 
     def moved(self, R: Float64Array, t: Float64Array) -> Ellipsoids:
-        """Return them in another frame, of which ``R``, ``t`` is ``T_target_frame``."""
+        """Return them in another frame, given ``R``, ``t`` of ``T_target_frame``."""
         return Ellipsoids(self.centres @ R.T + t, R @ self.axes, self.semi)
 
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """One ellipsoid as a camera sees it; matrices of the formulas above.
+    """One ellipsoid as a camera sees it; matrices as in the formulas above.
 
     Attributes:
-        A: (3, 3) and o: (3,). N: (3, 3), of which the discriminant is r^T N r.
-        bounds: least x, least y, largest x, largest y on z = 1; infinite where it reaches the eye.
+        A: (3, 3) and o: (3,). N: (3, 3); the discriminant is r^T N r.
+        bounds: smallest x and y, largest x and y on z = 1; infinite if it reaches the eye.
         depth: z of its centre, metres.
     """
 
@@ -60,14 +60,14 @@ class Silhouette:
 
         Returns:
             (...) discriminant, negative outside the outline, and (...) inverse depth, 1/m, of the
-            nearer intersection; outside the outline of the point where the ray comes nearest. It
-            is not positive behind the camera.
+            nearer intersection or, outside the outline, of the ray's nearest point. It is not
+            positive behind the camera.
         """
         (n00, n01, n02), (_, n11, n12), (_, _, n22) = self.N.tolist()
         disc = (n00 * x + 2 * (n01 * y + n02)) * x + ((n11 * y + 2 * n12) * y + n22)
         qx, qy, qz = (-(self.A.T @ self.o)).tolist()
         towards = qx * x + (qy * y + qz)
-        # Of the two roots the nearer is (o . o - 1) / (towards + root).
+        # The nearer of the two roots is (o . o - 1) / (towards + root).
         outside = float(self.o @ self.o) - 1
         if outside <= 0:
             return np.full_like(disc, -1.0), np.zeros_like(disc)
@@ -98,7 +98,7 @@ def silhouettes(seen: Ellipsoids) -> list[Silhouette | None]:
 def _bounds(
     c: Float64Array, scaled: Float64Array, reach: float
 ) -> tuple[float, float, float, float]:
-    """Bounds of the outline on z = 1, by its dual conic c c^T - (M a) (M a)^T."""
+    """Bounds of the outline on z = 1, from its dual conic c c^T - (M a) (M a)^T."""
     if c[2] - reach <= _NEAR_M:
         return -math.inf, -math.inf, math.inf, math.inf
     dual = np.outer(c, c) - scaled @ scaled.T

@@ -29,12 +29,12 @@ class Limb:
     """One ellipsoid of the figure.
 
     Attributes:
-        cloth: of which it is made.
-        semi: forward, sideways and along the bone; shares of the height, the first two of a
-            person of average build.
+        cloth: what it is made of.
+        semi: semi-axes forward, sideways and along the bone; shares of the height, the first two
+            for a person of average build.
         stout: whether it grows with the build.
-        from_top: along the bone, from where the cloth begins to the ellipsoid's centre; a share
-            of the height. girth: of the cloth around the bone, likewise.
+        from_top: distance along the bone from the start of the cloth to the ellipsoid's centre,
+            a share of the height. girth: of the cloth around the bone, likewise.
     """
 
     cloth: Cloth
@@ -57,7 +57,7 @@ def _limb(
 
 
 _TORSO_GIRTH = 0.52
-# In the order in which ``Figure`` places them.
+# Limbs and their heights above the pelvis, in the order in which ``Figure`` places them.
 _TRUNK = (
     (_limb("trousers", (0.074, 0.097, 0.085), 0.30, _TORSO_GIRTH), 0.02),
     (_limb("top", (0.068, 0.086, 0.11), 0.21, _TORSO_GIRTH), 0.10),
@@ -82,7 +82,7 @@ class Figure:
     """A person's shape over time.
 
     Args:
-        height: metres. girth: 1 of average build, less of a slim person.
+        height: metres. girth: 1 for average build, less for a slim person.
 
     Attributes:
         limbs: in the order of ``shape``.
@@ -107,7 +107,7 @@ class Figure:
     def shape(self, time: float) -> Ellipsoids:
         """Return the ellipsoids at an instant."""
         sides = self._gait.joints(time)
-        # The lower foot stands on the floor.
+        # The lower of the two feet is on the floor.
         pelvis = _ANKLE + max(
             _THIGH * math.cos(j.hip) + _SHANK * math.cos(j.hip - j.knee) for j in sides
         )
@@ -135,7 +135,7 @@ def _leg(joints: Joints, pelvis: float, sign: float) -> list[tuple[Float64Array,
     thigh, shank = _bone(joints.hip), _bone(joints.hip - joints.knee)
     knee = hip + _THIGH * thigh
     ankle = knee + _SHANK * shank
-    # The sole follows the shank while it swings, and lies flat when the leg is nearly straight.
+    # The sole follows the shank as the leg swings, and is flat when the leg is nearly straight.
     pitch = 0.6 * min(0.0, joints.hip - joints.knee + 0.2)
     toes = np.array([math.cos(pitch), 0.0, math.sin(pitch)])
     foot = ankle + 0.042 * toes + np.array([0.0, 0.0, -0.012])
@@ -168,7 +168,7 @@ def _sideways(bone: Float64Array, angle: float) -> Float64Array:
 
 
 def _frame(bone: Float64Array) -> Float64Array:
-    """(3, 3) axes of an ellipsoid along a bone: x forward, y left, z against the bone."""
+    """(3, 3) axes of an ellipsoid along a bone: x forward, y left, z opposite to the bone."""
     z = -bone / np.linalg.norm(bone)
     ahead = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
     y = np.cross(z, ahead)

@@ -14,22 +14,22 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.simulation.motion import PlanarMotion
 
-# Share of a person's height that one step takes at 1.4 m/s; at other speeds steps grow with the
-# root of the speed, as measured of walking people (Grieve and Gear, 1966).
+# Step length at 1.4 m/s as a share of the person's height; it grows with the square root of the
+# speed, as measured in walking people (Grieve and Gear, 1966).
 _STEP_AT_WALKING = 0.43
 _WALKING_MPS = 1.4
-# Knee flexion while the foot stands and at the height of the swing.
+# Radians: knee flexion in the stance phase and at mid-swing.
 _KNEE_STANDING = 0.08
 _KNEE_SWINGING = 0.95
-# Arms swing by this share of the legs' angle, elbows a little bent.
+# Arms swing by this share of the legs' angle, with elbows slightly bent.
 _ARM_SWING = 0.75
 _ELBOW = 0.25
-# Below this speed a person stands, above it fades into walking, m/s.
+# m/s: below this speed walking fades into standing.
 _STANDING_MPS = 0.15
-# A hand waves this often, and by so much to each side.
+# Frequency of a waving hand, and its amplitude to each side.
 _WAVE_HZ = 0.9
 _WAVE_RAD = 0.6
-# Seconds between the instants at which the way is kept.
+# Seconds: sampling interval of the gait's phase.
 _WAY_STEP_S = 0.02
 
 
@@ -39,7 +39,7 @@ class Joints:
 
     Attributes:
         hip, knee, shoulder, elbow: knees bend backwards and elbows forwards, both positive.
-        raised: by which the upper arm is raised sideways. waved: of the forearm, sideways.
+        raised: of the upper arm, sideways. waved: of the forearm, sideways.
     """
 
     hip: float
@@ -51,13 +51,13 @@ class Joints:
 
 
 class Gait:
-    """Joint angles over time of one person; steps follow the way that is walked.
+    """Joint angles of one person over time; steps follow the distance walked.
 
     Args:
-        height: of the person, metres. swing: of the arms, 1 as usual.
+        height: of the person, metres. swing: of the arms, 1 is normal.
         gesture: ``walk``, ``wave`` (the right hand, whether walking or not) or ``carry`` (both
             hands before the belly).
-        duration_s: of the scenario; beyond it, the person goes on as at its end.
+        duration_s: of the scenario; the gait's phase is known until 60 s after its end.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Gait:
         speeds = np.array([self._speed(t) for t in times.tolist()])
         steps = np.maximum(self._step_m(speeds), 1e-3)
         self._times = times
-        # Turns of the gait's cycle, two steps each, up to every instant.
+        # Number of gait cycles, two steps each, completed by each instant.
         self._cycles = np.concatenate(
             [[0.0], np.cumsum(speeds[:-1] * _WAY_STEP_S / (2 * steps[:-1]))]
         )
@@ -92,7 +92,7 @@ class Gait:
         return np.asarray(share * self._height)
 
     def joints(self, time: float) -> tuple[Joints, Joints]:
-        """Return the joints of the left and of the right side."""
+        """Return the joint angles of the left and the right side."""
         phase = 2 * math.pi * float(np.interp(time, self._times, self._cycles))
         speed = self._speed(time)
         walking = min(1.0, speed / _STANDING_MPS)
@@ -105,7 +105,7 @@ class Gait:
     def _side(
         self, phase: float, stride: float, walking: float, time: float, *, left: bool
     ) -> Joints:
-        # Nearly a triangle, so that a standing foot keeps its place while the body moves on.
+        # Nearly a triangle wave, so that a foot on the floor stays put while the body moves on.
         hip = stride * 2 / math.pi * math.asin(0.97 * math.sin(phase))
         swinging = max(0.0, math.cos(phase))
         knee = walking * (_KNEE_STANDING + _KNEE_SWINGING * swinging**2 * min(1.0, stride / 0.4))

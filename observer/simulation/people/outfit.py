@@ -1,4 +1,4 @@
-"""Materials of a person's clothes, skin and hair, drawn from a seed where nothing is said."""
+"""Materials of a person's clothes, skin and hair; unspecified ones are drawn from a seed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _HAIR = ((24, 26, 30), (30, 44, 66), (60, 100, 140), (120, 124, 126))
 
 
 def dressed(clothes: ClothesSpec, seed: int) -> dict[Cloth, Material]:
-    """Return the material of every cloth; equal seeds are dressed alike."""
+    """Return the material of every cloth; equal seeds give equal outfits."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0xC107E5]))
     skin, hair = _SKIN[rng.integers(len(_SKIN))], _HAIR[rng.integers(len(_HAIR))]
 

@@ -1,4 +1,4 @@
-"""A person of the simulated lab: figure, clothes, and what is carried."""
+"""A person in the simulated lab: figure, clothes, and carried box."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from observer.simulation.people.outfit import dressed
 from observer.simulation.specs.people import PersonSpec
 from observer.simulation.specs.places import BoxSpec, TextureSpec
 
-# Shares of the height: how far a walking person reaches along the heading and across.
+# Shares of the height: extent of a walking person along the heading and across.
 _LENGTH, _WIDTH = 0.36, 0.30
-# What is carried: its size, metres, and where it is held, shares of the height.
+# The carried box: its size, metres, and where it is held, as shares of the height.
 _CARRIED_M = (0.30, 0.42, 0.28)
 _HELD_AHEAD, _HELD_ABOVE = 0.19, 0.56
 

@@ -1,1 +1,1 @@
-"""Simulated robots: firmware, vehicle and sonar, reached through the ports of real ones."""
+"""Simulated robots: firmware, vehicle and sonar, reached through ports like real robots."""

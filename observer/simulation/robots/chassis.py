@@ -14,7 +14,7 @@ class Drive:
         speed_mps, turn_rate_radps: reached by constant ramps; positive forward and left.
         acceleration_mps2, deceleration_mps2: > 0, of the speed.
         turn_acceleration_radps2, turn_deceleration_radps2: > 0, of the turn rate.
-        powered: the motors are on; off, the machine coasts against its friction.
+        powered: the motors are on; when off, the machine coasts to a stop by friction.
     """
 
     speed_mps: float = 0.0
@@ -33,8 +33,8 @@ class Wheels:
     Attributes:
         x, y, yaw: encoder odometry since the machine was built, metres and rad, not wrapped.
         left_m, right_m: distance travelled by each wheel, metres.
-        speed_mps, turn_rate_radps: by the encoders.
-        stalled: left and right wheel push and do not turn.
+        speed_mps, turn_rate_radps: from the encoders.
+        stalled: whether the left and the right wheel push without turning.
         front_bumpers, rear_bumpers: bit k is bumper k; 0 where none are fitted.
     """
 
@@ -62,5 +62,5 @@ class Chassis(Protocol):
         ...
 
     def sonar(self, index: int) -> float | None:
-        """Return the metres from a sonar to the nearest surface in its cone, None without echo."""
+        """Return the distance in metres to the nearest surface in a sonar's cone; None if none."""
         ...

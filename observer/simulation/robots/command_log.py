@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-# Minutes of commands: a connected driver sends twenty a second.
+# Several minutes of commands: a connected driver sends twenty per second.
 _KEPT = 10_000
 
 
@@ -22,7 +22,7 @@ class Arrived:
         speed_mps, turn_rate_radps: setpoint from this command on. The firmware keeps it when its
             watchdog stops the robot.
         enabled: the motors are on after this command.
-        unintended: it asks for a velocity that nobody can have meant, see ``CommandLog``.
+        unintended: it asks for a velocity that cannot be meant, see ``CommandLog``.
     """
 
     time: float
@@ -35,7 +35,7 @@ class Arrived:
 
     @property
     def stands(self) -> bool:
-        """True if the robot is to stand still after this command."""
+        """True if this command makes the robot stand still."""
         return not self.enabled or (self.speed_mps == 0.0 and self.turn_rate_radps == 0.0)
 
 
@@ -43,11 +43,11 @@ class CommandLog:
     """Commands in order of arrival; safe to use from any thread.
 
     Attributes:
-        intended: tells of a velocity other than zero (m/s, rad/s; one of them is 0 for VEL and
-            RVEL) if somebody meant it; everything within the robot's limits, unless a test sets
-            it more tightly.
+        intended: decides whether a nonzero velocity (m/s, rad/s; one of them is 0 for VEL and
+            RVEL) can be meant: anything within the robot's limits, unless a test sets tighter
+            ones.
         count: number of commands so far.
-        unintended: number of commands that asked for a velocity that nobody meant.
+        unintended: number of commands that asked for a velocity that cannot be meant.
         bad_bytes: number of bytes that belonged to no valid packet.
     """
 
@@ -66,10 +66,10 @@ class CommandLog:
             self.unintended += command.unintended
 
     def since(self, time: float = float("-inf")) -> list[Arrived]:
-        """Return the commands that arrived at ``time`` or later, the oldest first."""
+        """Return the commands that arrived at ``time`` or later, oldest first."""
         with self._lock:
             return [each for each in self._arrived if each.time >= time]
 
     def first_standing(self, time: float) -> Arrived | None:
-        """Return the first command from ``time`` on after which the robot is to stand still."""
+        """Return the first command from ``time`` on that makes the robot stand still."""
         return next((each for each in self.since(time) if each.stands), None)

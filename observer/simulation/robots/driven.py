@@ -15,10 +15,10 @@ from observer.simulation.robots.floor import Outline, Surroundings, outline_at
 from observer.simulation.robots.sonar import sonar_range
 from observer.simulation.robots.vehicle import Vehicle
 
-# Physics steps that are kept, 10 ms each: a frame needs its own time and what lies around it
+# Physics steps that are kept, 10 ms each: a frame needs its own time and those around it
 # (exposure, shutter, skew).
 _KEPT = 1000
-# Nobody looks farther than this beyond the newest step.
+# Seconds: longest extrapolation beyond the newest step.
 _AHEAD_S = 0.25
 
 
@@ -30,7 +30,7 @@ class _Step:
 
 
 class Driven:
-    """A motion: a script, and from ``begin`` on what was really driven.
+    """A motion that follows a script, and from ``begin`` on what was really driven.
 
     Args:
         lock: shared with the writer.
@@ -65,7 +65,7 @@ class Driven:
             self._steps.clear()
 
     def state(self, time: float) -> PlanarState:
-        """Interpolate between steps; extrapolate behind the last one with its velocity."""
+        """Interpolate between steps; extrapolate beyond the last one with its velocity."""
         with self._lock:
             if self._since is None or time <= self._since:
                 return self.script.state(time)
@@ -83,7 +83,7 @@ class Driven:
         return (after or before).commanded
 
     def _around(self, time: float) -> tuple[_Step, _Step | None]:
-        """Return the steps before and after ``time``; the oldest two for earlier times."""
+        """Return the steps before and after ``time``; for earlier times the oldest two."""
         after: _Step | None = None
         before = self._steps[-1]
         for step in reversed(self._steps):
@@ -100,14 +100,14 @@ class Driven:
 class DrivenVehicle:
     """One robot of a world; fulfils ``chassis.Chassis``.
 
-    Time passes by ``advance`` only. Every method takes the world's lock itself, except those for
-    the world's own use below.
+    Time passes only through ``advance``. Every method takes the world's lock itself, except those
+    for the world's own use below.
 
     Args:
         size: length and width of the rendered body, metres.
         script: its motion until its motors are enabled for the first time.
-        clock: monotonic seconds. idle_s: after so long without ``advance`` no simulated time
-            passes, and the wheels stand.
+        clock: monotonic seconds. idle_s: after this long without ``advance`` the simulation
+            counts as paused, and the wheels report that they stand.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class DrivenVehicle:
     def drive(self, drive: Drive) -> None:
         with self._lock:
             if self._switched_off and drive.powered:
-                # The firmware does not know yet.
+                # The firmware does not know yet that the power was cut.
                 return
             self._switched_off = False
             self._vehicle.drive = drive
@@ -192,7 +192,7 @@ class DrivenVehicle:
         self._time = time
 
     def restart(self) -> None:
-        """Return to the start of the script; motors count as off. The lock is held."""
+        """Return to the start of the script, motors off; the lock is held."""
         self.switch_off()
         self.motion.forget()
         self._wanted = False

@@ -1,4 +1,4 @@
-"""A complete robot: firmware and vehicle on a floor, stepped by the times it is given."""
+"""A complete robot: firmware and vehicle on a floor, stepped by the times passed to it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.simulation.robots.floor import Surroundings
 from observer.simulation.robots.sonar import sonar_range
 from observer.simulation.robots.vehicle import Vehicle
 
-# A longer leap of the clock is not made up for: the robot stood still meanwhile.
+# Seconds: of a longer jump of the clock only this much is simulated.
 _LONGEST_S = 0.5
 _BUMPERS_P3DX = 5
 
@@ -23,12 +23,12 @@ class EmulatedRobot(Firmware):
     Args:
         model: of ``observer.robots.models``.
         now: start time in seconds, on the clock of ``receive`` and ``tick``.
-        around: what stands on the floor; endless and empty unless given.
+        around: obstacles on the floor; an endless, empty floor unless given.
         watchdog_s, subtype: see ``Firmware``.
         seed: of the wheels' errors; None for exact wheels.
 
     Attributes:
-        vehicle: the machine. The status packets round ``odometry``.
+        vehicle: the machine. Its exact odometry is ``odometry``; status packets round it.
         around: may be replaced while the robot runs.
 
     Raises:
@@ -61,7 +61,7 @@ class EmulatedRobot(Firmware):
         )
 
     def tick(self, now: float) -> bytes:
-        """Let time pass up to ``now``; return what the robot sends by itself."""
+        """Advance to ``now``; return what the robot sends unasked."""
         self.vehicle.advance(min(now - self._moved, _LONGEST_S), self.around)
         self._moved = max(self._moved, now)
         return super().tick(now)

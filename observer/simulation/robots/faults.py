@@ -9,30 +9,30 @@ from dataclasses import dataclass
 class Faults:
     """Injected faults, to be changed at any time from any thread; none by default.
 
-    On the line, in ``serving``:
-        noise: share of the bytes that are altered in both directions, 0 to 1.
+    On the serial line, in ``serving``:
+        noise: share of the bytes that are corrupted, in both directions, 0 to 1.
         split: output arrives in pieces of a few bytes, milliseconds apart.
-        merge_s: output is held back until it is so old, and arrives in one piece.
-        silent: it sends nothing; it still hears. deaf: it hears nothing; it still sends.
-        unplugged: the cable is pulled: the client's reads fail, and nothing can be opened until it
-            is plugged in again, under the same name.
+        merge_s: output is held back for this many seconds and arrives in one piece.
+        silent: it sends nothing but still receives. deaf: it receives nothing but still sends.
+        unplugged: the cable is pulled: the client's reads fail, and the port cannot be opened until
+            it is plugged in again, under the same name.
 
     In what the robot sends:
         double_header: every packet begins ``FA FA FB``.
-        false_header: every packet follows a header that announces more than comes.
+        false_header: before every packet comes a header that announces more bytes than follow.
         sonar_overrun: a status packet claims more sonar readings than it holds.
-        no_sync_reply: SYNC is never answered. strange_sync_reply: it is answered by type 0xFF.
-        short_status: status packets end after digital out, as those of old firmware.
+        no_sync_reply: SYNC is never answered. strange_sync_reply: it is answered with type 0xFF.
+        short_status: status packets end after the digital output, as in old firmware.
         strange_packets: packets of unknown types between status packets.
 
     Of the robot itself:
-        stalled: left and right, in addition to a true stall.
+        stalled: left and right wheel, in addition to true stalls.
         front_bumpers, rear_bumpers: bit k is bumper k, in addition to those really touched.
-        phantom_bumpers: all bumper bits read 1 though none are fitted.
+        phantom_bumpers: all bumper bits read 1 although none are fitted.
         stop_pressed: the hardware e-stop; motors stay off while it is pressed.
         flags: bits that are set in addition to the true FLAGS of a status packet.
         battery_v: None is unknown. charge_state: as in a status packet. temperature_c: None
-            where it has no thermometer. state_of_charge: per cent, 0 is unknown.
+            without a thermometer. state_of_charge: per cent, 0 is unknown.
     """
 
     noise: float = 0.0

@@ -1,8 +1,8 @@
-"""A robot's firmware, ARCOS or AmigOS: bytes in, bytes out, stepped by the times it is given.
+"""A robot's firmware, ARCOS or AmigOS: bytes in, bytes out, stepped by the times passed to it.
 
 It has no port, thread or clock. ``receive`` takes incoming bytes, ``tick`` does what is due (status
-packets, sonar, watchdog); both return what the robot sends, and both take a time that never goes
-back. ``serving`` puts one behind a TCP port or a pseudo terminal.
+packets, sonar, watchdog); both return what the robot sends, and both take a time that never
+decreases. ``serving`` puts one behind a TCP port or a pseudo terminal.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ WATCHDOG_S = 2.0
 STATUS_S = 0.1
 _SONAR_S = 0.04
 _NO_ECHO_MM = 5000
-# A packet that does not go on for so long is discarded.
+# Seconds without a byte after which an incomplete packet is discarded.
 _INCOMPLETE_S = 0.1
 _BAUDS = (9600, 19200, 38400, 57600, 115200)
 
@@ -31,9 +31,9 @@ class Firmware:
 
     Args:
         spec: the model. chassis: the machine below.
-        now: start time, seconds; only differences count.
+        now: start time, seconds; only differences matter.
         name, subtype: as it reports them; the subtype is the model's own unless given.
-        watchdog_s: it stops after so long without a command.
+        watchdog_s: the robot stops after this long without a command.
         bumpers: number at each end, at most 7.
 
     Attributes:
@@ -85,12 +85,12 @@ class Firmware:
 
     @property
     def timed_out(self) -> bool:
-        """True if the watchdog stopped it and no command came since."""
+        """True if the watchdog stopped the robot and no command has come since."""
         return self._motors.timed_out
 
     @property
     def odometry(self) -> tuple[float, float, float]:
-        """x, y (m) and yaw (rad, not wrapped) since OPEN or SETO, before they are rounded."""
+        """x, y (m) and yaw (rad, not wrapped) since OPEN or SETO, before rounding."""
         w = self._chassis.wheels()
         x0, y0, yaw0 = self._origin
         c, s = math.cos(yaw0), math.sin(yaw0)
@@ -98,9 +98,9 @@ class Firmware:
         return c * dx + s * dy, c * dy - s * dx, w.yaw - yaw0
 
     def motors_off(self) -> None:
-        """Switch the motors off as after a fault of the machine; safe from any thread.
+        """Switch the motors off, as after a fault of the machine; safe from any thread.
 
-        They are off from the next ``receive`` or ``tick`` on.
+        It takes effect at the next ``receive`` or ``tick``.
         """
         self._to_go_off = True
 
@@ -111,13 +111,13 @@ class Firmware:
     # ------------------------------------------------------------------ bytes in, bytes out
 
     def receive(self, data: bytes, now: float) -> bytes:
-        """Take received bytes; return the immediate answer."""
+        """Process received bytes; return the immediate answer."""
         self._received = now
         self._go_off()
         return self._take_all(self._parser.feed(data), now)
 
     def tick(self, now: float) -> bytes:
-        """Return what it sends by itself; to be called at least every 20 ms."""
+        """Return what it sends unasked; to be called at least every 20 ms."""
         self._now = now
         self._go_off()
         sent = b""
@@ -198,7 +198,7 @@ class Firmware:
         return self._framed(b"\x02" + b"".join(word.encode() + b"\0" for word in words))
 
     def begin_session(self, now: float) -> None:
-        """Open a session, as OPEN does; status packets go on until CLOSE, client or not."""
+        """Open a session, as OPEN does; status packets continue until CLOSE, client or not."""
         self.is_open = True
         self._motors.switch(on=False)
         self._motors.commanded(now)
@@ -228,7 +228,7 @@ class Firmware:
     # ------------------------------------------------------------------ commands
 
     def _obey(self, number: int, argument: int | bytes | None, now: float) -> bytes:
-        # Any command counts, also PULSE, OPEN and unknown ones.
+        # Any command feeds the watchdog, including PULSE, OPEN and unknown ones.
         self._motors.commanded(now)
         value = argument if isinstance(argument, int) else None
         if number == Command.CLOSE:
@@ -245,7 +245,7 @@ class Firmware:
         return b""
 
     def _set(self, number: int, value: int) -> bytes:
-        """Obey a command with a number that does not move the robot; return the answer."""
+        """Obey a command with a numeric argument that sets something; return the answer."""
         if number == Command.ENABLE:
             self._motors.switch(on=bool(value))
         elif number == Command.SONAR:
@@ -266,7 +266,7 @@ class Firmware:
             self._motors.limit(number, value)
         return b""
 
-    # ------------------------------------------------------------------ what it tells
+    # ------------------------------------------------------------------ what it reports
 
     def _listen_to_sonar(self, now: float) -> None:
         if not self._sonar_on:

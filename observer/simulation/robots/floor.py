@@ -23,7 +23,7 @@ class Outline:
 
     @staticmethod
     def of_box(x: float, y: float, heading: float, length: float, width: float) -> Outline:
-        """Return the outline of a box about its centre, its length along its heading."""
+        """Return the outline of a box centred at ``x``, ``y``, its length along ``heading``."""
         c, s = math.cos(heading), math.sin(heading)
         a, b = length / 2, width / 2
         around = ((a, b), (-a, b), (-a, -b), (a, -b))
@@ -39,8 +39,8 @@ class Outline:
     def depth(self, other: Outline) -> float:
         """Return the penetration depth of two outlines, metres; 0 where they do not overlap.
 
-        The least translation that separates them, along one of the separating axes, the normals
-        of both outlines' edges (Gottschalk, Lin and Manocha, "OBBTree", 1996).
+        It is the smallest translation that separates them along one of the candidate separating
+        axes, the normals of both outlines' edges (Gottschalk, Lin and Manocha, "OBBTree", 1996).
         """
         least = math.inf
         for one in (self.corners, other.corners):
@@ -62,7 +62,7 @@ class Surroundings:
     """Obstacles to one vehicle.
 
     Attributes:
-        room: lowest and highest x, lowest and highest y of the walls; None on an endless floor.
+        room: lowest and highest x, lowest and highest y of the walls; None for an endless floor.
         outlines: everything else at this instant.
     """
 

@@ -1,4 +1,4 @@
-"""Serial line between a simulated robot and its client, with its faults."""
+"""Serial line between a simulated robot and its client, with injected faults."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Line:
     """Buffer of outgoing bytes, and the noise on both directions.
 
     Args:
-        faults: read at every call. seed: of the noise and the sizes of pieces.
+        faults: read at every call. seed: for the noise and the piece sizes.
     """
 
     def __init__(self, faults: Faults, seed: int = 0) -> None:
@@ -24,7 +24,7 @@ class Line:
 
     @property
     def busy(self) -> bool:
-        """True while bytes wait to go out."""
+        """True while bytes wait to be sent."""
         return bool(self._held)
 
     def arriving(self, data: bytes) -> bytes:
@@ -32,7 +32,7 @@ class Line:
         return b"" if self._faults.deaf else self.noisy(data)
 
     def send(self, data: bytes, now: float) -> None:
-        """Queue data that the robot sends."""
+        """Queue data for sending to the client."""
         if self._faults.silent or not data:
             return
         if self._since is None:
@@ -40,7 +40,7 @@ class Line:
         self._held += self.noisy(data)
 
     def due(self, now: float) -> bytes:
-        """Return the piece that goes out now."""
+        """Return the bytes to send now."""
         faults = self._faults
         if faults.silent:
             self.clear()
@@ -59,7 +59,7 @@ class Line:
         self._since = None
 
     def noisy(self, data: bytes) -> bytes:
-        """Return ``data`` with a share of its bytes altered."""
+        """Return ``data`` with a share of its bytes corrupted."""
         share = self._faults.noise
         if not share:
             return data

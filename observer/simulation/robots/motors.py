@@ -13,9 +13,9 @@ from observer.simulation.robots.faults import Faults
 
 VELOCITIES = (Command.VEL, Command.RVEL, Command.VEL2)
 _MOTIONS = (*VELOCITIES, Command.MOVE, Command.HEAD, Command.DHEAD)
-# After a stall the motors are relaxed for so long; CONFIG tells it in units of 5 ms.
+# Seconds: the motors relax for this long after a stall; CONFIG reports it in units of 5 ms.
 STALL_WAIT_S = 1.0
-# Then they push for so long before that counts as the next stall.
+# Seconds: then they push for this long before the next stall counts.
 _PUSH_S = 0.1
 # Hardest braking of the machine: E_STOP overrides the requested deceleration.
 HARDEST_MPS2, HARDEST_RADPS2 = 5.0, 20.0
@@ -26,12 +26,12 @@ _APPROACH_PER_S = 4.0
 
 @dataclass
 class Setpoint:
-    """The motion that was asked for last; it survives the watchdog.
+    """The motion requested last; it survives the watchdog.
 
     Attributes:
-        speed, turn_rate: m/s and rad/s. wheels: asked for by VEL2.
-        way_goal, heading_goal: in the encoders' own sums, m and rad; None without one.
-        hard: braked as hard as possible.
+        speed, turn_rate: m/s and rad/s. wheels: requested by VEL2.
+        way_goal, heading_goal: in the encoders' running totals, m and rad; None without one.
+        hard: brake as hard as possible.
     """
 
     speed: float = 0.0
@@ -55,14 +55,14 @@ class MotionLimits:
 
 
 class Motors:
-    """Motion control of a firmware, whose times it takes.
+    """Motion control of a firmware, on the firmware's time.
 
     Args:
         bumpers: number at each end.
 
     Attributes:
         setpoint, limits: in force.
-        timed_out: the watchdog stopped the robot and no command came since.
+        timed_out: the watchdog stopped the robot and no command has come since.
         bump_stall: bit 0, a front bumper stalls the motors; bit 1, a rear one.
     """
 
@@ -95,14 +95,14 @@ class Motors:
         return self._on and not self._faults.stop_pressed
 
     def switch(self, *, on: bool) -> None:
-        """Switch the motors on or off; off, they forget the setpoint."""
+        """Switch the motors on or off; switching off clears the setpoint."""
         self._on = on and not self._faults.stop_pressed
         if not on:
             self.setpoint = Setpoint()
         self._drive()
 
     def commanded(self, now: float) -> None:
-        """Note a command of any kind: it ends a time-out, and the last setpoint holds again."""
+        """Note a command of any kind: it ends a time-out and re-activates the last setpoint."""
         self._now = self._commanded = now
         self.timed_out = False
         self._drive()
@@ -140,15 +140,15 @@ class Motors:
         """Obey a command that moves the robot, if the motors are on.
 
         Args:
-            heading: of the robot by its own odometry, rad, for HEAD.
+            heading: the robot's, by its own odometry, rad; used by HEAD.
         """
         if not self.on or number not in _MOTIONS:
             return
         point, limits, wheels = self.setpoint, self.limits, self._chassis.wheels()
-        # A hard stop lasts until the robot is asked to move.
+        # A hard stop lasts until the robot is told to move.
         point.hard = point.hard and value == 0
         if point.wheels or number == Command.VEL2:
-            # The two kinds of velocity exclude each other: the last one wins.
+            # Wheel velocities and VEL or RVEL exclude each other: the last one wins.
             point = self.setpoint = Setpoint(hard=point.hard)
         if number == Command.VEL2:
             speed, turn_rate = self.asked(number, value)
@@ -169,7 +169,7 @@ class Motors:
             point.heading_goal = wheels.yaw + math.radians(value)
         self._drive()
 
-    # ------------------------------------------------------------------ by themselves
+    # ------------------------------------------------------------------ without a command
 
     def watch(self, now: float) -> None:
         """Update what changes without a command: watchdog, stalls, goals."""
@@ -183,14 +183,14 @@ class Motors:
         bumped = (self.bump_stall & 1 and front) or (self.bump_stall & 2 and rear)
         if now >= self._relaxed_until:
             self._stall = self._pushed(wheels)
-            # The motors relax for a while and try again by themselves.
+            # The motors relax for a while, then push again by themselves.
             if (any(self._stall) or bumped) and now >= self._relaxed_until + _PUSH_S:
                 self._relaxed_until = now + STALL_WAIT_S
         self._approach(wheels)
         self._drive()
 
     def stalled(self, wheels: Wheels) -> tuple[bool, bool]:
-        """Return the stalls left and right; while the motors relax, the last ones hold."""
+        """Return the stalls left and right; while the motors relax, the last ones persist."""
         return self._stall if self._now < self._relaxed_until else self._pushed(wheels)
 
     def touched(self, wheels: Wheels) -> tuple[int, int]:
@@ -221,7 +221,7 @@ class Motors:
                 point.turn_rate = _approach_speed(rest, limits.turn_deceleration, limits.turn_rate)
 
     def _drive(self) -> None:
-        """Command the machine with what holds now."""
+        """Send the machine the command that is in force now."""
         point, limits = self.setpoint, self.limits
         moves = self.on and not self.timed_out and self._now >= self._relaxed_until
         self._chassis.drive(

@@ -1,7 +1,7 @@
-"""Data of the packets that a robot sends; their framing is ``observer.robots.arcos``.
+"""Data of the packets that a robot sends; ``observer.robots.arcos`` frames them.
 
-Layouts as in MobileRobots' manuals of ARCOS and AmigOS. Written independently of the driver's
-decoder, so that a mistake in either shows.
+Layouts are those of MobileRobots' ARCOS and AmigOS manuals. This is written independently of the
+driver's decoder, so that a mistake in either one shows.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from observer.simulation.robots.motors import (
     MotionLimits,
 )
 
-# The sonars of one array fire one after the other, the arrays at the same time.
+# Sonars per array: those of one array fire in turn, the arrays in parallel.
 SONAR_ARRAY = 8
 STRANGE = (0x98, 0xB0, 0xB8)
 _STATUS_STANDS, _STATUS_MOVES = 0x32, 0x33
@@ -82,7 +82,7 @@ def status_data(
 
 
 def encoder_data(wheels: Wheels) -> bytes:
-    """Return the ticks of both wheels, of 195 mm each."""
+    """Return the encoder ticks of both wheels, whose diameter is 195 mm."""
     per_m = _TICKS_PER_TURN / (math.pi * 0.195)
     ways = (round(way * per_m) for way in (wheels.left_m, wheels.right_m))
     return bytes([_ENCODER_REPLY]) + struct.pack("<ii", *ways)
@@ -103,12 +103,12 @@ def config_data(
     watchdog_s: float,
     bumpers: int,
 ) -> bytes:
-    """Return a robot's settings, every field that the manuals name.
+    """Return a robot's settings with every field that the manuals name.
 
     Speeds in mm/s and deg/s, accelerations per second.
 
     Args:
-        host_baud: number of the rate. bumpers: number at each end.
+        host_baud: index of the baud rate. bumpers: number at each end.
     """
     rear_sonar = len(spec.sonars) > SONAR_ARRAY
     return (

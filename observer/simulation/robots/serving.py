@@ -3,9 +3,9 @@
     with serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic())) as serving:
         serving.port                    # socket://127.0.0.1:41234, for open_robot
         serving.robot.faults.noise = 0.01
-        serving.robot.log.since(moment) # every command with the time it came
+        serving.robot.log.since(moment) # every command with its time of arrival
 
-Each has one thread, which waits for bytes and ticks the robot every 10 ms.
+Each served robot has one thread, which waits for bytes and ticks the robot every 10 ms.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from observer.simulation.robots.firmware import Firmware
 from observer.simulation.robots.line import Line
 
 TICK_S = 0.01
-# Between two pieces of what is sent in pieces.
+# Seconds between two pieces of split output.
 _PIECE_S = 0.002
 _CHUNK = 4096
 _RATES = {rate: getattr(termios, f"B{rate}") for rate in (9600, 19200, 38400, 57600, 115200)}
@@ -45,7 +45,7 @@ class _Door(Protocol):
         ...
 
     def take(self, ready: list[int]) -> tuple[bytes, bool]:
-        """Return the bytes that came, and True if the client went."""
+        """Return the bytes received, and True if the client disconnected."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -53,7 +53,7 @@ class _Door(Protocol):
         ...
 
     def tend(self, welcome: bool) -> bool:
-        """Accept clients or none; return True if that disconnected one."""
+        """Start or stop accepting clients; return True if that disconnected one."""
         ...
 
     @property
@@ -69,10 +69,10 @@ class Serving(Generic[R]):
     """A robot that is served from construction until ``close``.
 
     Args:
-        robot: ticked by the serving thread alone. clock: monotonic seconds.
+        robot: ticked only by the serving thread. clock: monotonic seconds.
 
     Attributes:
-        robot: with its ``faults`` and its ``log``. port: as ``open_robot`` takes it.
+        robot: with its ``faults`` and its ``log``. port: in the form ``open_robot`` takes.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class Serving(Generic[R]):
 
 
 class _TcpDoor:
-    """TCP port with one client at a time; meanwhile it is closed to others."""
+    """TCP port for one client at a time; meanwhile others are refused."""
 
     def __init__(self, port: int) -> None:
         self._listener: socket.socket | None = None
@@ -199,7 +199,7 @@ class _TcpDoor:
             self._send_away()
             self._close_listener()
         elif self._client is None and self._listener is None:
-            # Another process may have taken the port; it is tried again at the next tick.
+            # Another process may have taken the port; retry at the next tick.
             with suppress(OSError):
                 self._listener = socket.create_server(self._address)
                 self._listener.setblocking(False)
@@ -274,7 +274,7 @@ class _PtyDoor:
 
     def _plug(self) -> None:
         self._master, self._slave = os.openpty()
-        # Without this the terminal echoes and edits bytes until the client sets it up.
+        # Otherwise the terminal echoes and edits bytes until the client configures it.
         tty.setraw(self._slave)
         settings = termios.tcgetattr(self._slave)
         settings[4] = settings[5] = _RATES[9600]
@@ -285,7 +285,7 @@ class _PtyDoor:
             self._link.symlink_to(os.ttyname(self._slave))
 
     def _understood(self) -> bool:
-        """True if both ends are set to one rate."""
+        """True if both ends are set to the same baud rate."""
         if self._baud is None:
             return True
         return bool(termios.tcgetattr(self._slave)[5] == _RATES.get(self._baud()))
@@ -294,9 +294,9 @@ class _PtyDoor:
 def serve_tcp(
     robot: R, port: int = 0, *, clock: Callable[[], float] = time.monotonic, seed: int = 0
 ) -> Serving[R]:
-    """Serve on a TCP port of 127.0.0.1; 0 is a free one. A second client is refused.
+    """Serve on a TCP port of 127.0.0.1; 0 picks a free one. A second client is refused.
 
-    A session that its client did not CLOSE stays open for the next client, as behind a serial
+    A session that its client did not CLOSE stays open for the next client, as with a serial
     adapter.
 
     Raises:
@@ -316,8 +316,8 @@ def serve_pty(
     """Serve on a pseudo terminal.
 
     Args:
-        link: a symbolic link to it, absent while it is unplugged, as udev's are; without one the
-            name changes at every plugging and ``Serving.port`` is the first.
+        link: a symbolic link to it, absent while it is unplugged, like udev's; without one the
+            name changes whenever it is plugged in, and ``Serving.port`` is the first name.
         rates: the client must use the firmware's baud rate (9600 until HOSTBAUD), and receives
             garbage otherwise.
     """

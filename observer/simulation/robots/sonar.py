@@ -1,4 +1,4 @@
-"""Sonar over a floor: the nearest surface in each cone, as if everything echoed."""
+"""Sonar over a floor: the nearest surface in each cone, assuming that everything echoes."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from observer.robots.models import SonarPose
 from observer.simulation.motion import PlanarState
 
 REACH_M = 5.0
-# A real sonar cannot tell nearer echoes from its own pulse.
+# A real sonar cannot distinguish nearer echoes from its own pulse.
 NEAREST_M = 0.05
 CONE_RAD = math.radians(15)
 
 
 def sonar_range(edges: Float64Array, vehicle: PlanarState, sonar: SonarPose) -> float | None:
-    """Return the metres from a sonar to the nearest edge in its cone, None beyond its reach.
+    """Return the distance in metres to the nearest edge in a sonar's cone; None beyond its reach.
 
     Args:
         edges: (N, 4) float64, x and y of both ends, metres, in the frame of ``vehicle``.
 
-    Exact: every edge is clipped to the cone, and its point nearest to the sonar taken.
+    The result is exact: every edge is clipped to the cone and its nearest point taken.
     """
     if not len(edges):
         return None

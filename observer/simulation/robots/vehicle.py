@@ -1,6 +1,6 @@
 """Vehicle with two driven wheels: ramps, inertia, contact, and odometry errors.
 
-It has no clock: time passes by ``advance`` only, and equal calls give equal states.
+It has no clock: time passes only through ``advance``, and equal calls give equal states.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from observer.simulation.motion import PlanarState
 from observer.simulation.robots.chassis import Drive, Wheels
 from observer.simulation.robots.floor import Surroundings, outline_at
 
-# Longest integration step, several times shorter than the lag below.
+# Seconds: longest integration step, several times shorter than the lag below.
 STEP_S = 0.01
-# The speed follows its ramp with a first-order lag: motors, wheels and the machine's mass.
+# Seconds: the speed follows its ramp with a first-order lag (motors, wheels, mass).
 _LAG_S = 0.08
-# Without power the wheels coast against gears and motors.
+# Deceleration without power, by the friction of gears and motors.
 _FRICTION_MPS2, _FRICTION_RADPS2 = 1.5, 6.0
-# An overlap below this counts as mere contact.
+# Metres: a smaller overlap is mere contact.
 _TOUCH_M = 1e-6
-# Below these a vehicle stands, if nothing is commanded.
+# Below these speeds a vehicle stands, if nothing is commanded.
 _STILL_MPS, _STILL_RADPS = 1e-4, 1e-3
-# Standard deviations, drawn once, as in ``observer.simulation.odometry``: of the wheels' size and
-# of the track; and slip, rad per square root of a metre of way.
+# Standard deviations of relative errors drawn once, as in ``observer.simulation.odometry``: wheel
+# size and track width; and slip, rad per square root of a metre driven.
 _SCALE_SIGMA = 0.01
 _TURN_SIGMA = 0.01
 _SLIP = 0.003
@@ -54,7 +54,7 @@ class Vehicle:
         self._size = size
         self._bumpers = (1 << bumpers) - 1
         self.drive = Drive()
-        # Half the distance of the wheels, by the factor that the model itself uses.
+        # Metres: half the track width, from the model's own conversion factor.
         self._half_track = 1 / (1000 * spec.wheel_turn)
         self._rng = np.random.default_rng(np.random.SeedSequence([seed or 0, 0xD21]))
         drifts = seed is not None
@@ -66,7 +66,7 @@ class Vehicle:
         self.place(state)
 
     def place(self, state: PlanarState) -> None:
-        """Put it into a state, moving along its heading; the odometry ignores the jump."""
+        """Set its state, moving along its heading; the odometry ignores the jump."""
         self._x, self._y, self._heading = state.x, state.y, state.heading
         along = math.cos(state.heading) * state.vx + math.sin(state.heading) * state.vy
         self._speed = self._asked = along
@@ -75,7 +75,7 @@ class Vehicle:
         self._touched = (0, 0)
 
     def carry(self, state: PlanarState) -> None:
-        """Move it to ``state`` from outside, its wheels rolling on the floor."""
+        """Move it to ``state`` from outside, with its wheels rolling on the floor."""
         dx, dy = state.x - self._x, state.y - self._y
         c, s = math.cos(self._heading), math.sin(self._heading)
         turned = math.remainder(state.heading - self._heading, 2 * math.pi)
@@ -104,7 +104,7 @@ class Vehicle:
         )
 
     def advance(self, seconds: float, around: Surroundings) -> None:
-        """Let time pass; its surroundings stand meanwhile."""
+        """Let time pass while its surroundings stand still."""
         if seconds <= 0:
             return
         steps = max(1, math.ceil(seconds / STEP_S - 1e-9))
@@ -139,10 +139,10 @@ class Vehicle:
         x, y = along_arc(self._x, self._y, self._heading, way, turned)
         new = PlanarState(x, y, self._heading + turned)
         depth = around.depth(outline_at(new, *self._size))
-        # It may leave something that it already overlaps.
+        # It may move out of something that it already overlaps.
         if depth > _TOUCH_M and depth >= around.depth(outline_at(self.state, *self._size)):
             self._blocked = True
-            # All bumpers of the end that pushes, wherever it touches.
+            # All bumpers at the pushing end, wherever the contact is.
             self._touched = (self._bumpers * (way > 0), self._bumpers * (way < 0))
             self._speed = self._rate = self._asked = self._asked_rate = 0.0
             return
@@ -169,7 +169,7 @@ class Vehicle:
 def _ramped(value: float, goal: float, up: float, down: float) -> float:
     """Make one step of a ramp towards ``goal``: ``up`` away from zero, ``down`` towards it."""
     if value * goal < 0:
-        # Through zero first.
+        # Go through zero first.
         goal = 0.0
     step = up if abs(goal) > abs(value) else down
     return goal if abs(goal - value) <= step else value + math.copysign(step, goal - value)

@@ -1,9 +1,9 @@
-"""Robots of a simulated world, reached and driven as real ones are.
+"""Robots of a simulated world, reached and driven like real ones.
 
 The AmigoBot that carries the cameras is the observer, the scenario's first robot the obstacle.
-Their firmware runs by the wall clock, as a driver expects; their wheels turn by the frames'
+Their firmware runs on the wall clock, as a driver expects; their wheels turn on the frames'
 clock, so that a slow or paused simulation stays consistent. Each follows its script until its
-motors are first enabled, and is driven from there until the source is rewound.
+motors are first enabled, and from then on is driven until the source is rewound.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from observer.simulation.world import Body, World
 
 _OBSERVER: RobotModel = "amigo-sh"
 _OBSTACLE: RobotModel = "p3dx-sh"
-# Without a frame for so long, or for three frame times, no simulated time passes.
+# Seconds without a frame, or three frame intervals if longer, until time counts as paused.
 _IDLE_S = 0.3
 
 
@@ -36,12 +36,12 @@ class SimulatedRobots:
     """Fulfils ``observer.robots.contract.RobotWorld``; nothing changes before ``serve``.
 
     Args:
-        world: the one that ``source`` shows, without a held board: who shows a board to cameras
-            relies on their standing still.
-        clock: monotonic seconds, of the firmware.
+        world: the one that ``source`` shows, without a held board, since cameras that are shown a
+            board must stand still.
+        clock: the firmware's, monotonic seconds.
 
     Attributes:
-        world: name of the world, unique to each opening.
+        world: name of the world, unique each time it is opened.
         vehicles, servings: by role, once they are served.
     """
 
@@ -73,7 +73,7 @@ class SimulatedRobots:
     def serve(self) -> tuple[RobotPort, ...]:
         """Serve each robot's firmware on a free TCP port of loopback.
 
-        Call it from the thread that reads the source, or before that reads.
+        Call it from the thread that reads the source, or before that thread starts reading.
 
         Raises:
             InputError: there is no free port.
@@ -124,11 +124,11 @@ class SimulatedRobots:
 
     @property
     def goes_on(self) -> bool:
-        """True while one of them is driven."""
+        """True while one of the robots is driven."""
         return not self._closed and any(each.driven for each in self.vehicles.values())
 
     def advance(self, time: float) -> None:
-        """Step from the last frame's time to this one's, by at most 10 ms each."""
+        """Step from the last frame's time to this one's, in steps of at most 10 ms."""
         with self._lock:
             begin = time if self._time is None else self._time
             vehicles = self.vehicles.values()
@@ -143,7 +143,7 @@ class SimulatedRobots:
                     vehicle.advance(self._time, around)
 
     def restart(self) -> None:
-        """Put them back to their start, motors off."""
+        """Put the robots back to their start, motors off."""
         with self._lock:
             for vehicle in self.vehicles.values():
                 vehicle.restart()
@@ -153,7 +153,7 @@ class SimulatedRobots:
             serving.robot.motors_off()
 
     def _around(self, vehicle: DrivenVehicle) -> Surroundings:
-        """Return the current surroundings of one of them; the lock is held."""
+        """Return the current surroundings of one robot; the lock is held."""
         time = self._time or 0.0
         mine = {each.motion for each in self.vehicles.values()}
         others = [each.outline for each in self.vehicles.values() if each is not vehicle]

@@ -1,1 +1,1 @@
-"""Keys of a scenario: one pydantic class for each thing that a scenario may hold."""
+"""Keys of a scenario: one pydantic class for each thing that a scenario can contain."""

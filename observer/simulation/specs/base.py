@@ -1,4 +1,4 @@
-"""Base of all scenario classes: strictness, and numbers within bounds."""
+"""Base of all scenario classes: strict keys, and bounded numbers."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class BoardPoseSpec(Spec):
     Attributes:
         centre: x right, y down, z forward of the board's centre, metres.
         turn_deg: turns about the camera's x, y and z axes through the board's centre, in this
-            order; without any the board faces the camera upright.
+            order; with none the board faces the camera upright.
     """
 
     centre: tuple[_Offset, _Offset, _Depth]
@@ -33,9 +33,9 @@ class BoardSpec(Spec):
 
     Attributes:
         columns, rows: numbers of inner corners.
-        hold_s: duration of each pose. move_s: from one pose to the next.
+        hold_s: duration of each pose. move_s: duration of the move to the next one.
         tremor_mm: largest tremor of the hands along each axis.
-        poses: repeated for ever.
+        poses: visited in turn and repeated forever.
     """
 
     pattern: BoardKind = "chessboard"

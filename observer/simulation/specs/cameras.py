@@ -20,9 +20,9 @@ class CameraSpec(Spec):
 
 
 class ShakeSpec(Spec):
-    """Motion of the camera against the vehicle, sines; angles in degrees, ``up`` in metres.
+    """Sine motion of the camera relative to the vehicle; angles in degrees, ``up`` in metres.
 
-    Small and quick it is a vibrating mount, large and slow the flight of an aerial vehicle.
+    Small and fast it models a vibrating mount, large and slow the flight of an aerial vehicle.
     """
 
     roll: SineSpec = SineSpec()
@@ -41,7 +41,7 @@ class LensSpec(Spec):
 
 
 class TiltSpec(Spec):
-    """Rotation of the right camera against the left one, degrees about x, y and z."""
+    """Rotation of the right camera relative to the left one, degrees about x, y and z."""
 
     pitch_deg: float = Field(0.0, ge=-5, le=5)
     vergence_deg: float = Field(0.0, ge=-5, le=5)
@@ -62,11 +62,11 @@ class FlickerSpec(Spec):
 
 
 class SettlingSpec(Spec):
-    """Automatic exposure that settles: brightness ``1 + (gain - 1) exp(-t / time_s)``.
+    """Settling of the automatic exposure: brightness ``1 + (gain - 1) exp(-t / time_s)``.
 
     Attributes:
         gain: brightness of the first image.
-        again_s: instants at which the light is switched, from which it settles anew.
+        again_s: instants at which the light is switched and it settles again.
     """
 
     gain: float = Field(1.0, gt=0, le=10)
@@ -80,12 +80,12 @@ class FaultSpec(Spec):
     Attributes:
         noise: standard deviation, grey levels, independent in both cameras.
         gain: the right camera is brighter by this share.
-        blur_px: standard deviation of a Gaussian (out of focus), pixels.
-        exposure_s: length of the exposure, during which motion blurs; the mean instant counts.
-        exposure_samples: instants that are rendered and averaged over the exposure.
-        skew_s: the right camera exposes later by this time; free-running cameras.
-        skew_told: whether the frames bring the right camera's time; cheap cameras stamp the pair.
-        readout_s: rolling shutter: from the exposure of the first to that of the last row.
+        blur_px: standard deviation of a Gaussian (defocus), pixels.
+        exposure_s: exposure time, which causes motion blur; a frame's time is its middle.
+        exposure_samples: number of instants that are rendered and averaged over the exposure.
+        skew_s: the right camera exposes this much later, as free-running cameras do.
+        skew_told: whether frames carry the right camera's time; cheap cameras stamp only the pair.
+        readout_s: rolling shutter: time from the exposure of the first row to that of the last.
     """
 
     noise: float = Field(0.0, ge=0, le=30)

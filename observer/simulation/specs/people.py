@@ -1,4 +1,4 @@
-"""People: their build, clothes, gestures and ways."""
+"""People: their build, clothes, gestures and paths."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PersonSpec(VehicleSpec):
     """A person who walks along a motion, or stands without one.
 
     Attributes:
-        build: girth relative to an average one. swing: of the arms, 1 as usual.
+        build: girth relative to the average. swing: of the arms, 1 is normal.
         gesture: ``walk``, ``wave`` with the right hand, or ``carry`` a box before the belly.
     """
 

@@ -12,7 +12,7 @@ from observer.simulation.specs.base import Degrees, Finite, Fraction, Positive, 
 class RoomSpec(Spec):
     """A rectangular room; ``walls`` and ``floor`` name their textures.
 
-    ``gloss`` is of the floor: 0 is matt, 1 mirrors what stands above it as polished stone does.
+    ``gloss`` is the floor's: 0 is matt, 1 reflects what stands on it like polished stone.
     """
 
     x: tuple[Finite, Finite] = (-2.5, 6.0)
@@ -31,7 +31,7 @@ class RoomSpec(Spec):
 
 
 class StandingSpec(Spec):
-    """A thing on the floor, or on another one (``above_m``)."""
+    """An object on the floor, or on another object (``above_m``)."""
 
     x: Finite
     y: Finite
@@ -47,17 +47,17 @@ class BoxSpec(StandingSpec):
 
 
 class TableSpec(StandingSpec):
-    """A bare table: a slab on four legs, one flat tone each, drawn from the seed."""
+    """A bare table: a slab on four legs, each in a flat tone drawn from the seed."""
 
     kind: Literal["table"]
     size: tuple[Positive, Positive, Positive] = (0.7, 1.4, 0.74)
 
 
 class HangingSpec(Spec):
-    """A picture on a wall.
+    """An object on a wall.
 
     ``wall`` is named as seen from the start; ``along_m`` is y on the front and back wall and x
-    on the left and right one; ``height_m`` is the height of the picture's centre.
+    on the left and right one; ``height_m`` is the height of the object's centre.
     """
 
     wall: Literal["front", "back", "left", "right"]
@@ -67,7 +67,7 @@ class HangingSpec(Spec):
 
 
 class DoorSpec(HangingSpec):
-    """A closed door: a flat leaf in a frame of another tone, drawn from the seed."""
+    """A closed door: a flat leaf in a frame of another tone, both drawn from the seed."""
 
     kind: Literal["door"]
     height_m: float = Field(1.03, gt=0, le=20)
@@ -85,12 +85,12 @@ ObjectSpec = Annotated[BoxSpec | TableSpec | DoorSpec | PosterSpec, Field(discri
 
 
 class TextureSpec(Spec):
-    """Visibility of all textures.
+    """Strength of all textures.
 
     Attributes:
         contrast: of every texture; 1 as painted, 0 uniform colours.
-        share_without: share of the walls and the floor that is left without texture.
-        robot: ``red`` as a P3-DX looks, or ``dark``: dark and weakly textured.
+        share_without: share of the walls and the floor without texture.
+        robot: ``red`` like a real P3-DX, or ``dark``: dark and weakly textured.
     """
 
     contrast: float = Field(1.0, ge=0, le=2)

@@ -83,7 +83,7 @@ MotionSpec = Annotated[CourseSpec | WaypointsSpec | SwaySpec, Field(discriminato
 
 
 class VehicleSpec(Spec):
-    """Start and motion of a vehicle; without motion it is parked."""
+    """Start and motion of a vehicle; without a motion it is parked."""
 
     x: Finite = 0.0
     y: Finite = 0.0
@@ -92,7 +92,7 @@ class VehicleSpec(Spec):
 
 
 class RobotSpec(VehicleSpec):
-    """A P3-DX; higher than 0.237 m it carries a payload up to its height."""
+    """A P3-DX; if taller than 0.237 m it carries a payload up to its height."""
 
     name: str = Field("P3-DX", min_length=1, max_length=40)
     size: tuple[Positive, Positive, Positive] = P3DX_SIZE

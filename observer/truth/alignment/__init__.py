@@ -1,5 +1,5 @@
-"""Alignment of motion capture, in its own room and on its own clock, with one run.
+"""Alignment of motion capture, which has its own room frame and clock, with one run.
 
-Pure: arrays in, arrays out. ``alignment.align`` is the way in, ``aligned.AlignedTruth`` the way
-out; ``online.OnlineAlignment`` does the same while a run goes on.
+It is pure: arrays in, arrays out. The entry point is ``alignment.align``; its result is used via
+``aligned.AlignedTruth``. ``online.OnlineAlignment`` does the same during a run.
 """

@@ -1,4 +1,4 @@
-"""Motion capture as ground truth: on the source's clock and in the observer's world."""
+"""Motion capture as ground truth, on the source's clock and in the observer's world."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from observer.truth.contract import TrueBody
 from observer.truth.motion_capture import Capture, Trajectory
 from observer.truth.speeds import smoothed_velocity
 
-# Of bodies, which nobody measures: length, width and height of a Pioneer P3-DX, metres.
+# Metres: size of all bodies, which nobody measures; length, width, height of a Pioneer P3-DX.
 DEFAULT_SIZE = np.array([0.455, 0.381, 0.237])
-# Short enough to keep a start's ramp, long enough for millimetre noise: facts of mocap, 0.3-0.9
-# mm/s with 11 samples at 100 Hz.
+# Seconds: short enough to keep the ramp of a start, long enough to suppress millimetre noise
+# (0.3-0.9 mm/s remain with 11 samples at 100 Hz).
 _SMOOTHING_S = 0.11
 _NEIGHBOURS = 8
 
@@ -28,13 +28,13 @@ State = tuple[Float64Array, Float64Array, Float64Array]
 
 
 def numbered(names: Iterable[str], roles: Mapping[str, str]) -> list[tuple[int, str]]:
-    """Return the bodies with a role and their numbers: the observer as 0, then obstacles from 1."""
+    """Number the bodies that have a role: 0 for the observer, then obstacles from 1."""
     order = sorted((n for n in names if n in roles), key=lambda n: roles[n] != "observer")
     return list(enumerate(order, 0 if order and roles[order[0]] == "observer" else 1))
 
 
 def placed_body(number: int, name: str, role: str, state: State, T_world_room: Pose) -> TrueBody:
-    """Return a body of the room in the world; its size is taken to be that of a P3-DX."""
+    """Transform a body from the room to the world; its size is assumed to be a P3-DX's."""
     position, velocity, heading = state
     forward = T_world_room.rotate(heading)
     return TrueBody(
@@ -54,7 +54,7 @@ class AlignedTruth:
     """Fulfils ``observer.truth.contract.Truth``; the world is that of the segment at each time.
 
     Args:
-        capture: as it was aligned. alignment: of it.
+        capture: as it was aligned. alignment: the capture's.
     """
 
     def __init__(self, capture: Capture, alignment: Alignment) -> None:
@@ -67,7 +67,7 @@ class AlignedTruth:
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return every body known at ``time`` (source clock), in the world of its segment.
 
-        A body in a gap is left out; all are where the room's place in the world is unknown.
+        Bodies in a gap are left out; so are all bodies if the room's pose is unknown.
         """
         T_world_room = self._T_world_room(time)
         if T_world_room is None:
@@ -82,7 +82,7 @@ class AlignedTruth:
         return tuple(found)
 
     def camera_pose(self, time: float) -> Pose | None:
-        """Return ``T_world_camera`` by motion capture; None where the observer was not seen."""
+        """Return ``T_world_camera`` from motion capture; None where the observer was not seen."""
         observer, T_body_camera = self._alignment.observer, self._alignment.T_body_camera
         T_world_room = self._T_world_room(time)
         if observer is None or T_body_camera is None or T_world_room is None:
@@ -95,7 +95,7 @@ class AlignedTruth:
         return T_world_room @ Pose.from_matrix(pose) @ T_body_camera
 
     def speed(self, name: str, time: float) -> float | None:
-        """Return a body's speed at ``time``, m/s; known also where frames could not be aligned."""
+        """Return a body's speed at ``time``, m/s; available even if frames were not aligned."""
         for _, body, rates in self._bodies:
             if body.name == name:
                 at = self._alignment.time.to_truth(np.array([time]))
@@ -126,18 +126,18 @@ class AlignedTruth:
 
 
 def _slice(times: Float64Array, at: Float64Array) -> slice:
-    """Return the slice of samples around one instant, so that long captures cost no more."""
+    """Return the slice of samples around one instant, so that cost does not grow with length."""
     middle = int(np.searchsorted(times, at[0]))
     return slice(max(middle - _NEIGHBOURS, 0), middle + _NEIGHBOURS)
 
 
 def _centre_velocities(body: Trajectory, alignment: Alignment) -> Float64Array:
-    """Return velocities (N, 3) m/s, room, of the centre, which swings when the body turns."""
+    """Return velocities (N, 3) m/s, room, of the centre, which swings as the body turns."""
     rates = smoothed_velocity(
         body.times,
         body.fixed_points(alignment.centre(body.name)),
         window=window_for(body.times, _SMOOTHING_S),
         longest_step=GAP_INTERVALS,
     )
-    # The instants on truth's clock run by the drift too fast or too slow.
+    # Truth's clock runs too fast or too slow by the drift.
     return rates / (1 + 1e-6 * alignment.time.drift_ppm)

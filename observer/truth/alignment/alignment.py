@@ -1,4 +1,4 @@
-"""Alignment of a run with a capture: clocks, frames, matches of tracks and bodies, and again."""
+"""Alignment of a run with a capture: clocks, frames and track-body matches, iteratively."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from observer.truth.motion_capture import Capture, Trajectory
 
 Pairs = list[tuple[SpeedCurve, SpeedCurve]]
 
-# The camera's own motion is known so well that a body must agree with it at least this much, and
-# this much more than any other, to be taken for the observer without being told.
+# The camera's own motion is well known, so a body is only taken for the observer unasked if it
+# correlates at least this well, and better than any other by this much.
 _OBSERVER_CORRELATION, _OBSERVER_LEAD = 0.9, 0.05
-# Greatest residual of such a body, as a share of the camera's own variation of speed.
+# Largest residual of such a body, as a share of the standard deviation of the camera's speed.
 _OBSERVER_RESIDUAL = 0.6
 _ROUNDS = 2
-# An offset from the camera's own motion that is this certain needs no obstacles.
+# Seconds: an offset from the camera's own motion this certain needs no obstacles.
 _ENOUGH_S = 0.01
 _TRUE_TURN_SIGMA = 0.005
 
@@ -44,12 +44,12 @@ _TRUE_TURN_SIGMA = 0.005
 def align(
     observed: ObservedRun, capture: Capture, choices: AlignmentChoices | None = None
 ) -> Alignment:
-    """Find offset and drift of the clocks, the room in the world, and which track is which body.
+    """Find the clocks' offset and drift, the room in the world, and which track is which body.
 
-    Where the frames cannot be aligned, the clocks still are: speeds need nothing else.
+    If the frames cannot be aligned, the clocks still are: speeds need nothing else.
 
     Raises:
-        NotObservable: the clocks cannot be aligned; one sentence tells why and what would help.
+        NotObservable: the clocks cannot be aligned; one sentence says why and what would help.
         TruthError: a body that was chosen is not in the capture.
     """
     return _Aligning(observed, capture, choices or AlignmentChoices()).run()
@@ -87,7 +87,7 @@ class _Aligning:
                 self._run, self._capture, time, self._observer, matches, self._choices
             )
             matches = self._match(rooms, time, matches)
-            # Frames again where the matches they are aligned by have changed.
+            # Align the frames again if they depend on the matches, which may have changed.
             if self._observer is None or rooms.body_camera is None:
                 rooms = place_rooms(
                     self._run, self._capture, time, self._observer, matches, self._choices
@@ -109,7 +109,7 @@ class _Aligning:
             notes=tuple(dict.fromkeys([*self._notes, *rooms.notes])),
         )
 
-    # ------------------------------------------------------------------ who the observer is
+    # ------------------------------------------------------------------ which body is the observer
 
     def _find_observer(self) -> str | None:
         roles = self._choices.roles
@@ -123,7 +123,7 @@ class _Aligning:
                 time = find_time_offset(pairs, search=self._choices.search, drift=False)
             except NotObservable:
                 continue
-            # A body that drives like the camera but faster is another one.
+            # A body that drives like the camera, but at another speed, is a different one.
             if self._speed is not None and time.residual_mps < _OBSERVER_RESIDUAL * float(
                 np.nanstd(self._speed.values)
             ):
@@ -140,13 +140,13 @@ class _Aligning:
         return ranked[0][0]
 
     def _own_pairs(self, name: str, camera: BodyCamera | None = None) -> Pairs:
-        """Return the camera's own curves and those of the body that carries it."""
+        """Return the camera's own curves paired with those of the body that carries it."""
         body = self._capture.bodies[name]
         pairs: Pairs = []
         if self._speed is not None:
             true = body_speed(body)
             if camera is not None and body.rotations is not None:
-                # The camera swings about the body's origin when this turns.
+                # The camera swings about the body's origin as the body turns.
                 moved = body.fixed_points(camera.T_body_camera.translation)
                 true = body_speed(Trajectory(name, body.times, moved))
             pairs.append((self._speed, true))
@@ -167,7 +167,7 @@ class _Aligning:
         refused: NotObservable | None = None
         if self._observer is not None:
             pairs = self._own_pairs(self._observer)
-            # The turn rate is the same wherever on the robot the camera sits; the speed is not.
+            # The turn rate does not depend on where on the robot the camera sits; speed does.
             for some in ([pairs[-1:]] if len(pairs) > 1 else []) + [pairs]:
                 try:
                     own = find_time_offset(some, search=search, drift=drift)
@@ -184,7 +184,7 @@ class _Aligning:
             raise (error if self._seen and self._obstacles else refused or error) from None
 
     def _matches_by_lag(self, corrected: dict[TrackKey, Match]) -> dict[TrackKey, Match]:
-        """Match each track to the body whose speed fits best, at the lag that suits all best."""
+        """Match each track to the body whose speed fits best, at the lag best for all tracks."""
         tracks = [key for key in self._seen if key not in corrected]
         if len(self._obstacles) < 2:
             only = self._obstacles[0] if self._obstacles else None
@@ -225,7 +225,7 @@ class _Aligning:
     def _by_speed(
         self, time: TimeOffset, corrected: dict[TrackKey, Match]
     ) -> dict[TrackKey, Match]:
-        """Match each track to the body whose speed fits best at a known offset; only a start."""
+        """Match each track to the body whose speed fits best at a known offset, as a start."""
         matches = dict(corrected)
         for key, seen in self._seen.items():
             errors = {}
@@ -247,7 +247,7 @@ class _Aligning:
     def _better_offset(
         self, time: TimeOffset, rooms: Rooms, matches: dict[TrackKey, Match]
     ) -> TimeOffset:
-        """Refine the offset with the camera's lever and the right tracks."""
+        """Refine the offset with the camera's lever arm and the matched tracks."""
         near = (time.offset_s - 0.5, time.offset_s + 0.5)
         own: Pairs = []
         found = time
@@ -255,8 +255,8 @@ class _Aligning:
             own = self._own_pairs(self._observer, rooms.body_camera)
             with contextlib.suppress(NotObservable):
                 found = find_time_offset(own, search=near, drift=self._choices.drift)
-                # The middle of what is seen of an obstacle wanders as it turns, more than the
-                # camera's own pose does, and would only spoil the result.
+                # The middle of an obstacle's visible part shifts as it turns, by more than the
+                # camera's pose errs, and would only degrade the result.
                 if found.sigma_s <= _ENOUGH_S:
                     return found
         with contextlib.suppress(NotObservable):
@@ -264,7 +264,7 @@ class _Aligning:
             return find_time_offset(pairs, search=near, drift=self._choices.drift)
         return found
 
-    # ------------------------------------------------------------------ who is who
+    # ------------------------------------------------------------------ track-body matches
 
     def _match(
         self, rooms: Rooms, time: TimeOffset, before: dict[TrackKey, Match]

@@ -1,9 +1,9 @@
-"""Extrinsics of the camera on the body that motion capture follows, from one common drive.
+"""Extrinsics of the camera on the body tracked by motion capture, from one drive both recorded.
 
-Every pose of the camera in its world is ``T_world_room @ T_room_body @ T_body_camera`` with both
-outer ones unknown and constant (robot-world and hand-eye calibration: Dornaika and Horaud, 1998).
-Both are found together by least squares. Driving on the ground leaves some of it open, such as the
-height; what is open is taken from the rig, or assumed, and reported.
+Every camera pose in its world is ``T_world_room @ T_room_body @ T_body_camera``, where the two
+outer ones are unknown and constant (robot-world and hand-eye calibration: Dornaika and Horaud,
+1998). Both are found together by least squares. Driving on the ground leaves some degrees of
+freedom open, such as the height; these are taken from the rig, or assumed, and reported.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from observer.geometry import Float64Array, Pose, rotation_matrix
 from observer.truth.alignment.frame_alignment import upright
 from observer.truth.alignment.observability import NotObservable
 
-# One standard deviation of each pose, by visual odometry and motion capture together.
+# One standard deviation of each pose, visual odometry and motion capture combined.
 _POSITION_M, _ANGLE_RAD = 0.01, 0.005
-# The same of an obstacle's centre as seen, in the ground plane.
+# Metres: the same for an obstacle's observed centre, in the ground plane.
 _POINT_M = 0.1
 _ROBUST = 2.0
 _MOST_POSES = 200
 _MOST_STEPS = 30
 Function = Callable[[Float64Array], Float64Array]
-# Of assumptions: offsets on the body, a vertical that is known and one that is only guessed.
+# Sigmas of assumptions: offset on the body, a known vertical, a guessed vertical.
 _OFFSET_M, _UP_TOLD_RAD, _UP_GUESSED_RAD = 0.3, 0.01, 0.1
 _TOLD_M, _TOLD_RAD, _FREE_RAD = 0.003, 0.01, 3.0
 _HEIGHT_M = 0.01
-# A degree of freedom counts as observed if the data reduce the assumed sigma to this share, or
-# determine it this well all the same.
+# A degree of freedom counts as observed if the data reduce its assumed sigma to this share, and
+# its sigma is below five times the values for metres and radians.
 _SHARE, _GOOD_M, _GOOD_RAD = 0.5, 0.02, 0.02
 _NAMES = ("x", "y", "height", "turn about x", "turn about y", "turn about the vertical")
 
@@ -40,8 +40,8 @@ class Assumed:
     """Prior knowledge.
 
     Attributes:
-        up_world: (3,) the vertical in the world, from the mount; None where unknown: then the
-            camera is taken to be level.
+        up_world: (3,) the vertical in the world, from the mount; None where unknown, in which
+            case the camera is assumed to be level.
         T_body_camera: as typed in or from the rig, None where unknown.
         camera_height_m: above the room's floor, z = 0; None where unknown.
     """
@@ -59,7 +59,7 @@ class BodyCamera:
         T_body_camera, T_world_room: as found.
         observed: (6,) True where the drive determined x, y, z or the turns about x, y, z of
             ``T_body_camera``; the others are as assumed.
-        residual_m: root mean square distance of the camera from where motion capture puts it.
+        residual_m: RMS distance of the camera from where motion capture puts it.
         notes: what was not observable, a sentence each.
     """
 
@@ -83,10 +83,10 @@ def find_body_camera(
             rows with NaN are left out.
         assumed: prior knowledge.
         points: (M, 3) in the world and (M, 3) in the room, the same obstacles; they help with
-            the yaw where the observer hardly moves.
+            the yaw if the observer hardly moves.
 
     Raises:
-        NotObservable: nothing tells how the room lies in the world.
+        NotObservable: the data do not determine the room's pose in the world.
     """
     assumed = assumed or Assumed()
     known = np.isfinite(camera).all(axis=(1, 2)) & np.isfinite(body).all(axis=(1, 2))
@@ -99,7 +99,7 @@ def find_body_camera(
         )
     chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_POSES)).astype(int)]
     thinned = _thinned(points)
-    # Yaws all round, since the cost has several minima.
+    # Start from yaws all around, since the cost has several minima.
     problems = [
         _Problem(camera[chosen], body[chosen], assumed, thinned, yaw)
         for yaw in np.arange(16) * np.pi / 8
@@ -122,8 +122,9 @@ def _thinned(
 
 
 class _Problem:
-    """Unknowns: turn (3) and shift (3) of ``T_world_room``, turn (3) and shift (3) of
-    ``T_body_camera``; turns apply on top of a start, the camera's about the body's axes.
+    """Unknowns: rotation (3) and translation (3) of ``T_world_room`` and of ``T_body_camera``.
+
+    Rotations apply on top of a start value, the camera's about the body's axes.
 
     Args:
         yaw: of the room in the world at the start, radians.
@@ -149,7 +150,7 @@ class _Problem:
         if assumed.up_world is not None:
             up, self._up_sigma = np.asarray(assumed.up_world), _UP_TOLD_RAD
         elif told is not None:
-            # The body's own pose tells the vertical, and by its pose on it so does the camera.
+            # The body's pose gives the vertical; the given extrinsics carry it to the camera.
             tops = self._Rc @ told.rotation.T @ np.swapaxes(self._Rb, 1, 2)[:, :, 2:]
             up, self._up_sigma = tops[:, :, 0].mean(axis=0), _UP_TOLD_RAD
         self._up = up / np.linalg.norm(up)
@@ -171,17 +172,17 @@ class _Problem:
     def _data(self, x: Float64Array) -> Float64Array:
         Rw, tw, Rx, tx = self._poses(x)
         turn = np.swapaxes(Rw @ self._Rb @ Rx, 1, 2) @ self._Rc
-        # Nearly twice the sine of half the angle: enough near zero.
+        # The axis times the angle's sine: accurate enough near zero.
         skew = 0.5 * (turn - np.swapaxes(turn, 1, 2))
         angle = skew[:, [2, 0, 1], [1, 2, 0]]
-        # Beyond a right angle the sine falls again.
+        # Beyond a right angle the sine decreases again, so penalise the cosine.
         far = np.maximum(1 - np.trace(turn, axis1=1, axis2=2), 0)[:, None]
         place = self._pc - (self._pb + self._Rb @ tx) @ Rw.T - tw
         parts = [angle / _ANGLE_RAD, far / _ANGLE_RAD, place / _POSITION_M]
         if len(self._seen):
-            # Heights tell nothing: a body's origin is anywhere on it.
+            # Heights are uninformative: a body's origin may be anywhere on it.
             apart = ((self._seen - tw) @ Rw - self._true)[:, :2]
-            # All points together count as some dozens: their errors are correlated.
+            # All points together count as at most 30, as their errors are correlated.
             parts.append(apart / _POINT_M * np.sqrt(min(1.0, 30 / len(apart))))
         return np.concatenate([part.ravel() for part in parts])
 
@@ -206,7 +207,7 @@ class _Problem:
         scale = max(1.0, residual / (_POSITION_M * np.sqrt(3)))
         J = _jacobian(self.cost, x)
         data = len(self._data(x))
-        # Errors of consecutive poses are correlated, so they count as fewer than they are.
+        # Errors of consecutive poses are correlated, so five poses count as one.
         information = J[:data].T @ J[:data] / (5 * scale**2)
         wanted = [9, 10, 11, 6, 7, 8]
         before = np.r_[[_OFFSET_M] * 3, [_FREE_RAD] * 3]
@@ -244,10 +245,10 @@ class _Problem:
 
 
 def _levenberg_marquardt(function: Function, x: Float64Array) -> tuple[Float64Array, float]:
-    """Minimise robust least squares from x on; return the solution and its cost.
+    """Minimise robust least squares starting at x; return the solution and its cost.
 
-    Residuals beyond two sigmas count linearly. Normal equations are exact enough for twelve
-    unknowns and take a hundredth of the time of a decomposition of all residuals.
+    Residuals beyond two sigmas count linearly. Normal equations are accurate enough for twelve
+    unknowns and take a hundredth of the time of decomposing the full Jacobian.
     """
     damping = 1e-3
     r = function(x)

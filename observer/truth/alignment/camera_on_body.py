@@ -1,4 +1,4 @@
-"""Pose of a camera on a body of motion capture, as six numbers that a person measures."""
+"""Pose of a camera on a motion capture body, as six numbers that a person can measure."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from observer.geometry import Pose
 from observer.mount import R_base_camera
 
 FARTHEST_M = 10.0
-# Of each angle. A camera that looks up or down by a right angle has no pan.
+# Limits of the angles; at 90 degrees of tilt pan and roll cannot be told apart.
 LARGEST_DEG = {"pan_deg": 180.0, "tilt_deg": 90.0, "roll_deg": 180.0}
 
 
 @dataclass(frozen=True)
 class CameraOnBody:
-    """The left camera in the axes of the body that carries it, as motion capture draws them.
+    """The left camera in the axes of the body that carries it, as motion capture defines them.
 
-    With all angles 0 it looks along the body's x and has the body's z above. It is then turned as
-    ``observer.mount.CameraMount`` turns it.
+    With all angles 0 it looks along the body's x, with the body's z up. The angles turn it as in
+    ``observer.mount.CameraMount``.
 
     Attributes:
         x_m, y_m, z_m: from the body's origin to the camera, along the body's axes.
-        pan_deg: about the body's z, from x towards y. tilt_deg: away from z, down where z is up.
-        roll_deg: about the direction it looks in, clockwise as seen from behind the camera.
+        pan_deg: about the body's z, from x towards y. tilt_deg: away from z, so down if z is up.
+        roll_deg: about the viewing direction, clockwise as seen from behind the camera.
 
     Raises:
-        TruthError: a number is none, or out of range.
+        TruthError: a number is not finite or out of range.
     """
 
     x_m: float
@@ -53,7 +53,7 @@ class CameraOnBody:
         """Parse ``X,Y,Z,PAN,TILT,ROLL``, as ``str`` writes it.
 
         Raises:
-            TruthError: it is none.
+            TruthError: the text has another form.
         """
         try:
             x, y, z, pan, tilt, roll = (float(part) for part in text.split(","))
@@ -69,7 +69,7 @@ class CameraOnBody:
 
     @staticmethod
     def of_pose(T_body_camera: Pose) -> CameraOnBody:
-        """Return the numbers of a pose, the inverse of ``T_body_camera``."""
+        """Return the numbers that describe a pose; the inverse of ``T_body_camera``."""
         R = T_body_camera.rotation @ R_base_camera(0.0, 0.0, 0.0).T
         x, y, z = T_body_camera.translation.tolist()
         pan, tilt, roll = (

@@ -1,4 +1,4 @@
-"""Choices for an alignment, by a person or the rig, before it is computed."""
+"""Choices for an alignment, made by a person or the rig before it is computed."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ class AlignmentChoices:
     """Choices for an alignment.
 
     Attributes:
-        roles: of bodies by name. Bodies without one are obstacles; where none is the observer, the
-            one that moves as the camera does is taken for it, if there is one.
+        roles: of bodies by name. Bodies without one are obstacles; if none is the observer, a
+            body that moves like the camera is used, if there is one.
         matches: a person's corrections: the body of a track, None for no body.
         search: lowest and highest offset to consider, seconds to be added to truth's times; None
             for all at which the recordings overlap.
-        drift: estimate the clocks' drift where the overlap is long enough.
-        mount: of the camera; tells the vertical and the height. T_body_base: of the observer's
+        drift: estimate the clocks' drift if the overlap is long enough.
+        mount: the camera's; gives the vertical and the height. T_body_base: of the observer's
             body.
-        T_body_camera: typed in; None where it is to be found, or follows from mount and
+        T_body_camera: as typed in; None if it is to be estimated, or follows from mount and
             T_body_base.
 
     Raises:

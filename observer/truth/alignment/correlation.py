@@ -1,4 +1,4 @@
-"""Correlation of curves with gaps at all lags at once."""
+"""Correlation of curves with gaps, at all lags at once."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MEDIAN_SAMPLES = 5
 Spectrum = NDArray[np.complex128]
 
 _STEP_S = 0.01
-# Beyond this many steps a coarser one is taken: two hours at 10 ms.
+# Beyond this many steps (two hours at 10 ms) a coarser step is used.
 _MAX_STEPS = 720_000
 # A curve that varies by less than this many times its noise is constant.
 _VARIES = 1.5
@@ -28,11 +28,11 @@ class Correlation:
     """Correlation by lag.
 
     Attributes:
-        lags: (L,) seconds to be added to truth's times, rising by ``step``.
+        lags: (L,) seconds to be added to truth's times, increasing by ``step``.
         values: (L,) -1 to 1; 0 where nothing overlaps.
-        overlap_s: (L,) time in which both are known, of the pair with most.
+        overlap_s: (L,) time in which both curves are known, of the pair with the most.
         shorter_s: time in which the shorter curve is known.
-        varied: True if seen and true speeds vary by more than noise.
+        varied: True if in some pair the seen and the true speed vary by more than noise.
     """
 
     lags: Float64Array
@@ -67,7 +67,7 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
     step = max(_STEP_S, length / _MAX_STEPS)
     n = int((seen_end - seen_start) / step) + 2
     m = int((true_end - true_start) / step) + 2
-    # Importing it takes as long as reading a stored alignment, which does not need it.
+    # Imported late: that takes as long as reading a stored alignment, which does not need it.
     from scipy.signal import medfilt
 
     size = scipy.fft.next_fast_len(n + m)
@@ -80,7 +80,7 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
         known = seen.known
         place = np.rint((seen.times[known] - seen_start) / step).astype(int)
         weight = seen.sigmas[known] ** -2.0
-        # Single outliers would weigh more than a start or a stop; the least squares tolerate them.
+        # Single outliers would outweigh a start or stop; only the later least squares is robust.
         values = medfilt(seen.values[known], _MEDIAN_SAMPLES)
         centre = float(np.average(values, weights=weight))
         values = values - centre
@@ -139,9 +139,9 @@ def informative(
 
 
 def _varies(curve: SpeedCurve, noise: SpeedCurve, strength: float) -> bool:
-    """Tell whether a curve varies by more than the noise of what is seen."""
+    """Return whether a curve varies by more than the noise of what is seen."""
     if curve.known.sum() < 5:
         return False
-    # Single outliers are no variation.
+    # Single outliers do not count as variation.
     low, high = np.percentile(curve.values[curve.known], [2, 98])
     return bool(high - low > 2 * strength * float(np.median(noise.sigmas)))

@@ -1,4 +1,4 @@
-"""Speed curves: the common content of two recordings of one motion before they are aligned."""
+"""Speed curves: what two recordings of one motion have in common before they are aligned."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from observer.geometry import Float64Array
 from observer.truth.motion_capture import Trajectory
 from observer.truth.speeds import JUMP_STEPS, smoothed_velocity
 
-# Speeds of truth and of what is seen are smoothed over the same time, so that ramps are alike.
+# Seconds: true and seen speeds are smoothed over the same time, so that ramps look alike.
 SMOOTHING_S = 0.4
-# Two samples further apart than so many of their median distance are the edges of a gap.
+# Two samples further apart than this many median intervals are the edges of a gap.
 GAP_INTERVALS = 3.5
-# Nor does a robot's speed change much while so many samples are lost.
+# Seconds: a robot's speed hardly changes in this time, so shorter losses are no gap.
 _LOST_S = 0.06
-# With an origin 0.2 m from the centre this makes a false speed of 0.05 m/s.
+# With an origin 0.2 m from the centre, this turn rate causes a false speed of 0.05 m/s.
 _QUICK_TURN_RADPS = 0.25
 
 
@@ -27,12 +27,12 @@ class SpeedCurve:
     """A speed, or a turn rate, over time.
 
     Attributes:
-        times: (N,) seconds, rising, of the instants that the values belong to.
+        times: (N,) seconds, increasing, of the instants that the values belong to.
         values: (N,) m/s or rad/s, NaN in gaps.
         sigmas: (N,) one standard deviation of each value, same unit; positive.
 
     Raises:
-        TruthError: lengths differ, times do not rise or a sigma is not positive.
+        TruthError: lengths differ, times do not increase or a sigma is not positive.
     """
 
     times: Float64Array
@@ -63,9 +63,9 @@ class SpeedCurve:
 
 
 def between(times: Float64Array, values: Float64Array, wanted: Float64Array) -> Float64Array:
-    """Interpolate rows (N, D) at (N,) rising times linearly at (M,) others; NaN in gaps.
+    """Interpolate rows (N, D) at (N,) ascending times linearly at (M,) others; NaN in gaps.
 
-    A gap is a row with NaN, or two times that lie more than 3.5 median intervals apart.
+    A gap is a row with NaN, or two times more than 3.5 median intervals apart.
     """
     wanted = np.asarray(wanted, np.float64)
     if len(times) < 2:
@@ -74,7 +74,7 @@ def between(times: Float64Array, values: Float64Array, wanted: Float64Array) -> 
     later = np.clip(np.searchsorted(times, wanted, side="right"), 1, len(times) - 1)
     start, step = times[later - 1], intervals[later - 1]
     weight = (wanted - start) / step
-    # Where a sample is hit, its neighbour need not be known.
+    # Exactly at a sample, its neighbour need not be known.
     a, b = values[later - 1], values[later]
     found = a + weight[:, None] * (b - a)
     found = np.where((weight == 0)[:, None], a, found)
@@ -86,7 +86,7 @@ def between(times: Float64Array, values: Float64Array, wanted: Float64Array) -> 
 
 
 def window_for(times: Float64Array, seconds: float = SMOOTHING_S) -> int:
-    """Return an odd number of samples, 5 at least, that spans about so many seconds."""
+    """Return an odd number of samples, at least 5, that spans about this many seconds."""
     if len(times) < 2:
         return 5
     samples = seconds / float(np.median(np.diff(times)))
@@ -94,9 +94,9 @@ def window_for(times: Float64Array, seconds: float = SMOOTHING_S) -> int:
 
 
 def body_speed(body: Trajectory) -> SpeedCurve:
-    """Return the speed of a body of motion capture, smoothed over 0.4 s, where it was seen.
+    """Return the speed of a motion capture body, smoothed over 0.4 s, where it was seen.
 
-    A few missing samples, as on a network that loses some, are no gap here.
+    A few missing samples, as on a lossy network, do not count as a gap here.
     """
     times = body.times[body.seen]
     velocity = smoothed_velocity(
@@ -118,8 +118,8 @@ def longest_loss(times: Float64Array) -> float:
 def steady_speed(body: Trajectory) -> SpeedCurve:
     """Return ``body_speed``, unknown while the body turns quickly.
 
-    Its origin is where somebody put the markers, so it swings about the centre that the observer
-    sees. Where a body turns most of the time, or has no rotations, all values are kept.
+    Its origin depends on where the markers were put, so it swings about the centre that the
+    observer sees. If a body turns most of the time, or has no rotations, all values are kept.
     """
     speed = body_speed(body)
     if body.rotations is None:
@@ -134,7 +134,7 @@ def steady_speed(body: Trajectory) -> SpeedCurve:
 
 
 def seen_rotations(body: Trajectory) -> tuple[Float64Array, Float64Array]:
-    """Return times (M,) and rotations (M, 3, 3) where the body, which has some, was seen."""
+    """Return times (M,) and rotations (M, 3, 3) where the body was seen; it must have rotations."""
     assert body.rotations is not None
     return body.times[body.seen], body.rotations[body.seen]
 
@@ -144,7 +144,7 @@ def turn_rate(
 ) -> SpeedCurve | None:
     """Return the length of the angular velocity, rad/s, which all points of a body share.
 
-    The rotations' columns c are differentiated as positions are: with their rates c' the angular
+    The rotations' columns c are differentiated like positions; with their rates c' the angular
     velocity is half the sum of c x c'.
 
     Args:

@@ -1,7 +1,7 @@
-"""Rigid motion between two frames from points known in both, where the vertical is known.
+"""Rigid transform between two frames from points known in both, where the vertical is known.
 
-Without scale, by Umeyama (Least-squares estimation of transformation parameters between two point
-patterns, 1991); outliers lose their weight step by step, by Geman and McClure's function whose
+It is Umeyama's method without scale (Least-squares estimation of transformation parameters between
+two point patterns, 1991); outliers are gradually down-weighted by the Geman-McClure function, whose
 width shrinks to the noise (graduated non-convexity, Blake and Zisserman, 1987).
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from observer.geometry import Float64Array, Pose
 from observer.truth.alignment.observability import NotObservable
 
-# Points that spread less than this (root mean square) tell no direction.
+# Points with a smaller RMS spread do not determine a direction.
 MIN_SPREAD_M = 0.15
 _LEAST_SCALE_M = 0.002
 _ROUNDS = 25
@@ -25,14 +25,13 @@ def align_planar(
 ) -> tuple[Pose, float]:
     """Find yaw and translation, where the vertical (3,) is known in both frames.
 
-    Heights are matched by their median difference: motion on the ground tells no more.
+    Heights are matched by their median difference: motion on the ground reveals no more.
 
     Args:
         source, target: (N, 3) metres, the same points; rows with NaN are left out.
 
     Returns:
-        ``T_target_source``, and the root mean square distance of the inliers in the ground plane,
-        metres.
+        ``T_target_source``, and the RMS distance of the inliers in the ground plane, metres.
 
     Raises:
         NotObservable: the points lie too close together.
@@ -53,7 +52,7 @@ def align_planar(
 
     level, weights = _robust(fit, a, b)
     T = Pose(to_target.T, np.zeros(3)) @ level @ Pose(to_source, np.zeros(3))
-    # Weight one quarter: the error is the function's width, three times the median error.
+    # Inliers: at weight one quarter the error equals the width, three times the median error.
     apart = (b - level.apply(a))[weights > 0.25, :2]
     return T, float(np.sqrt((apart**2).sum(axis=1).mean()))
 
@@ -79,7 +78,7 @@ def _both(source: Float64Array, target: Float64Array) -> tuple[Float64Array, Flo
 
 
 def _check_spread(points: Float64Array) -> None:
-    """Refuse points (N, 2) that do not spread along any direction."""
+    """Refuse points (N, 2) that do not spread enough in any direction."""
     spread = np.linalg.svd(points - np.median(points, axis=0), compute_uv=False)[0]
     spread = spread / np.sqrt(len(points))
     if spread < MIN_SPREAD_M:
@@ -92,7 +91,7 @@ def _check_spread(points: Float64Array) -> None:
 def _robust(
     fit: Callable[[Float64Array], Pose], a: Float64Array, b: Float64Array
 ) -> tuple[Pose, Float64Array]:
-    """Return the motion and the points' weights; only the first two axes count."""
+    """Return the transform and the points' weights; only the first two axes count."""
     weights = np.ones(len(a))
     width = None
     T = fit(weights)

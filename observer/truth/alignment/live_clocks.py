@@ -1,6 +1,6 @@
-"""Live clocks of motion capture and source, each against the host's.
+"""Live clocks of motion capture and of the source, each relative to the host's.
 
-Both are known up to the smallest latency; the alignment finds what remains.
+Both are known up to the smallest latency; the alignment estimates the rest.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.truth.live.clock import ClockFit, ClockFitter
 
-# Frames this much earlier or later than their times say belong to another clock.
+# Seconds: frames this much earlier or later than their times predict are on another clock.
 _ANOTHER_S = 0.3
-# A source that only hesitates makes up for it within this.
+# Seconds: a source that only stalls catches up within this time.
 _LATE_FOR_S = 2.0
 
 
@@ -24,7 +24,7 @@ class LiveClocks:
     """Conversion of motion capture's stamps to the source's clock, as far as arrivals tell.
 
     Attributes:
-        server: motion capture's clock to the host's. source: the frames' clock to the host's.
+        server: from motion capture's clock to the host's. source: from the frames' clock to it.
     """
 
     server: ClockFit
@@ -50,7 +50,7 @@ class LiveClocks:
 
 
 class SourceClock:
-    """Fits the frames' clock to the host's; no clock of its own."""
+    """Fits the frames' clock to the host's; it reads no clock itself."""
 
     def __init__(self) -> None:
         self._begin()
@@ -58,15 +58,15 @@ class SourceClock:
     def _begin(self) -> None:
         self._fitter = ClockFitter()
         self._last: float | None = None
-        # Arrival, and delay against expectation.
+        # Arrival, and delay relative to the expected arrival.
         self._lately: deque[tuple[float, float]] = deque()
 
     def add(self, time: float, received: float) -> bool:
-        """Add a frame: its time on the source's clock, and the host's monotonic clock.
+        """Add a frame: its time on the source's clock, and its arrival on the host's.
 
         Returns:
-            True if another clock begins here: the source was paused, played at another pace, or
-            began again. What was known is forgotten then.
+            True if a new clock begins here, because the source was paused, changed its pace or
+            restarted. What was known is then forgotten.
         """
         another = self._is_another(time, received)
         if another:
@@ -76,7 +76,7 @@ class SourceClock:
         return another
 
     def fit(self) -> ClockFit | None:
-        """Return the source's clock to the host's; None before a second was seen."""
+        """Return the fit of the source's clock to the host's; None before about a second."""
         return self._fitter.fit()
 
     def _is_another(self, time: float, received: float) -> bool:

@@ -1,4 +1,4 @@
-"""Matching of tracks and bodies by position, unless a person decides."""
+"""Matches tracks to bodies by position, unless a person decides."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.truth.alignment.observed import TrackKey
 
-# Greatest median distance of a track from its body; the body's origin and the middle of what is
-# seen may be half a robot apart.
+# Metres: largest median distance of a track from its body; the body's origin and the middle of its
+# visible part may be half a robot apart.
 GATE_M = 1.0
-# Two tracks of one body follow each other; they may overlap for this long.
+# Seconds: tracks of one body succeed each other, but may overlap for this long.
 _TOGETHER_S = 0.5
 
 
 @dataclass(frozen=True)
 class Match:
-    """Body of a track.
+    """The body matched to a track.
 
     Attributes:
-        body: its name, None where the track belongs to none.
+        body: its name, None if the track belongs to none.
         by: ``position``, ``speed`` or ``person``.
-        distance_m: median over the track's life; None where it was not judged by position.
+        distance_m: median over the track's life; None if it was not matched by position.
     """
 
     body: str | None
@@ -42,7 +42,7 @@ def match_tracks(
     Args:
         lives: first and last time of each track, seconds.
         distances: for each track the median distance from each body, metres; NaN where unknown.
-        corrections: a person's decisions, which hold before all else.
+        corrections: a person's decisions, which take precedence.
     """
     matched: dict[TrackKey, Match] = {}
     taken: dict[str, list[tuple[float, float]]] = {}
@@ -58,13 +58,13 @@ def match_tracks(
         for body, distance in by_body.items()
         if key not in matched and np.isfinite(distance) and distance <= GATE_M
     )
-    # The surest first: long tracks near a body, so that a short ghost takes no one's place.
+    # Surest first: long tracks near a body, so that a short ghost track displaces none.
     candidates.sort(key=lambda c: c[0] / max(lives[c[2]][1] - lives[c[2]][0], 0.1))
     for distance, _, key, body in candidates:
         if key in matched or any(_together(lives[key], other) for other in taken.get(body, ())):
             continue
         nearest = min(v for v in distances[key].values() if np.isfinite(v))
-        # A track beside two bodies belongs to the nearer one, if to any.
+        # A track near two bodies belongs to the nearer one or to none.
         if distance > nearest + 0.2:
             continue
         matched[key] = Match(body, "position", float(distance))

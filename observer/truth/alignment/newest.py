@@ -1,6 +1,6 @@
-"""Motion capture as ground truth of the newest frames, as far as its samples have arrived.
+"""Motion capture as ground truth for the newest frames, as far as samples have arrived.
 
-Nothing is extrapolated: neither a gap nor the time before a sample arrives is bridged.
+Nothing is extrapolated: neither gaps nor samples that are still to come are bridged.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from observer.truth.alignment.rooms import body_poses, centre_positions
 from observer.truth.contract import TrueBody
 from observer.truth.motion_capture import BodySample, Trajectory, trajectory_of
 
-# A frame is looked at within this of its exposure, seconds.
+# Seconds: truth is asked for within this time of a frame's exposure.
 _KEPT_S = 2.0
 _MOST_KEPT = 1000
-# Of each body, around one instant.
+# Samples of each body that are used around one instant.
 _MOST_LOOKED_AT = 160
-# The velocity is that of a parabola over so long, as in ``aligned``, or so many samples.
+# The velocity is a parabola's over this many seconds, as in ``aligned``, or this many samples.
 _SMOOTHING_S, _FEWEST = 0.11, 5
-# An instant needs this many samples behind it: at its end a parabola is uncertain.
+# An instant needs this many later samples, as a parabola is uncertain at its end.
 _BEHIND = 3
-# An older instant would no longer be the same moment.
+# Seconds: an older instant would no longer represent the same moment.
 _OLDEST_S = 0.1
 
 
@@ -47,11 +47,11 @@ class TimedBody:
 
 
 class NewestTruth:
-    """Keeps the last two seconds of each body; no thread and no clock of its own."""
+    """Keeps the last two seconds of each body; it has no thread and reads no clock itself."""
 
     def __init__(self) -> None:
         self._samples: dict[str, deque[BodySample]] = {}
-        # By body, on the server's clock: no instant is told twice.
+        # By body, on the server's clock: the last instant returned, so that none is repeated.
         self._told: dict[str, float] = {}
 
     def add(self, samples: Iterable[BodySample]) -> None:
@@ -71,11 +71,11 @@ class NewestTruth:
     ) -> tuple[TimedBody, ...]:
         """Return every body that was measured at ``time`` (source clock), the observer first.
 
-        Up to 0.1 s before ``time``, where later samples have not arrived yet. No instant is
-        returned twice.
+        If later samples have not arrived yet, it may be an instant up to 0.1 s before ``time``. No
+        instant is returned twice.
 
         Args:
-            T_world_room: of the segment that is observed.
+            T_world_room: of the current segment.
         """
         found = []
         for number, name in numbered(alignment.roles, alignment.roles):
@@ -88,7 +88,7 @@ class NewestTruth:
         return tuple(found)
 
     def room_camera(self, alignment: Alignment, clocks: LiveClocks, time: float) -> Pose | None:
-        """Return ``T_room_camera`` at ``time`` (source clock); None without a measurement then."""
+        """Return ``T_room_camera`` at ``time`` (source clock); None without a measurement there."""
         name, T_body_camera = alignment.observer, alignment.T_body_camera
         if name is None or T_body_camera is None:
             return None
@@ -123,7 +123,7 @@ class NewestTruth:
         return told, (place, velocity, heading)
 
     def _around(self, name: str, stamp: float) -> Trajectory | None:
-        """Return the samples about an instant on the server's clock."""
+        """Return the samples around an instant on the server's clock."""
         kept = self._samples.get(name)
         if not kept:
             return None
@@ -140,12 +140,12 @@ class NewestTruth:
 
 
 def _stamps(alignment: Alignment, clocks: LiveClocks, time: float) -> float:
-    """Return the server's clock when the source's shows ``time``."""
+    """Convert ``time`` on the source's clock to the server's clock."""
     return float(clocks.to_server(alignment.time.to_truth(np.array([time])))[0])
 
 
 def _velocity(body: Trajectory, centre: Float64Array | None, stamp: float) -> Float64Array | None:
-    """Return the velocity (3,) m/s, room; None with too few samples about it without a gap."""
+    """Return the velocity (3,) m/s, room; None with too few gapless samples around it."""
     times, places = body.times, body.fixed_points(centre)
     interval = float(np.median(np.diff(times)))
     half = max(_SMOOTHING_S / 2, interval * _FEWEST / 2)

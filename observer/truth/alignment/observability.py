@@ -1,7 +1,7 @@
-"""Refusal that all parts of the alignment share."""
+"""The error that all parts of the alignment raise."""
 
 from observer.errors import TruthError
 
 
 class NotObservable(TruthError):
-    """Recordings that do not determine what is asked for; the sentence says what would."""
+    """The recordings do not determine the requested value; the sentence says what would help."""

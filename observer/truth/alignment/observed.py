@@ -1,4 +1,4 @@
-"""Run as the alignment needs it: plain arrays, from the JSON lines of ``observe``."""
+"""A run in the form the alignment needs: plain arrays, from the JSON lines of ``observe``."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from observer.jsonl import line_pose
 from observer.truth.alignment.curves import SpeedCurve, turn_rate, window_for
 from observer.truth.speeds import JUMP_STEPS, smoothed_velocity
 
-# A velocity that stands before its frame by more than this is of two frames, not filtered.
+# Seconds: a velocity dated this much before its frame is from two frames, not from a filter.
 _MIDPOINT_S = 1e-3
-# The least that a speed may be trusted, m/s, and where nothing is told of it.
+# m/s: smallest sigma that a speed may have, and its sigma where none is given.
 _MIN_SIGMA_MPS, _UNKNOWN_SIGMA_MPS = 0.02, 0.05
-# Where a live source drops frames, what is seen has moved on smoothly within this.
+# Seconds: motion stays smooth over frames dropped by a live source for at most this long.
 _DROPPED_S = 0.3
-# Of the camera's own speed and turn rate, smoothed: m/s and rad/s.
+# m/s and rad/s: sigmas of the camera's own speed and turn rate, smoothed.
 _OWN_SPEED_SIGMA_MPS, _OWN_TURN_SIGMA = 0.005, 0.005
 
 
 @dataclass(frozen=True, order=True)
 class TrackKey:
-    """A track's number, which is unique within its segment."""
+    """A track's segment, and its number, which is unique within the segment."""
 
     segment: int
     id: int
@@ -54,10 +54,10 @@ class TrackKey:
 
 @dataclass(frozen=True, eq=False)
 class ObservedTrack:
-    """An obstacle under one identity.
+    """An obstacle's track.
 
     Attributes:
-        key: of the track.
+        key: the track's.
         times: (N,) seconds on the source's clock, of the frames in which it was measured.
         positions: (N, 3) metres, the segment's world.
         velocity_times: (N,) seconds. speeds: (N,) m/s, at these. speed_stds: (N,) NaN if unknown.
@@ -71,11 +71,11 @@ class ObservedTrack:
     speed_stds: Float64Array
 
     def speed_curve(self) -> SpeedCurve | None:
-        """Return its speed without the lag of a filter; None for too short a life.
+        """Return its speed without filter lag; None if the track is too short.
 
-        Speeds that stand at an instant before their frame are displacements between two frames
-        and taken as they are. Others come from a filter and lag behind when something starts or
-        stops, so they are found anew from the positions, with a symmetric window.
+        Speeds dated before their frame are displacements between two frames and are used as they
+        are. Others come from a filter and lag behind at starts and stops, so they are recomputed
+        from the positions with a symmetric window.
         """
         known = np.isfinite(self.speeds)
         if known.sum() < 5:
@@ -110,12 +110,12 @@ class ObservedRun:
 
     @staticmethod
     def of_lines(lines: Iterable[Mapping[str, Any]]) -> ObservedRun:
-        """Build a run of lines as ``observer.jsonl.observation_line`` makes them.
+        """Build a run from lines as ``observer.jsonl.observation_line`` makes them.
 
         Coasting and tentative obstacles are left out: they were not measured.
 
         Raises:
-            TruthError: a line lacks what it should hold; the sentence names line and field.
+            TruthError: a line lacks a field or holds a bad one; the sentence names both.
         """
         times: list[float] = []
         segments: list[float] = []

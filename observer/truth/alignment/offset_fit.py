@@ -1,4 +1,4 @@
-"""Least squares for the offset of two clocks on the curves themselves, with its sigma."""
+"""Least squares for the offset of two clocks, on the curves themselves, with its sigma."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from observer.truth.alignment.curves import SpeedCurve
 
 # Two crystals usually differ by less; without a bound the drift would fit noise.
 _DRIFT_PRIOR_PPM = 100.0
-# Few starts and stops at either end determine it: planted ones erred by this much more.
+# The drift rests on few starts and stops at either end: known drifts erred by this much more.
 _DRIFT_ERRS_MORE = 1.4
-# Scale and offset of the seen speeds may be off by this much before they count against the fit.
+# Sigmas of the gain (relative) and the bias (in sigmas of the speed) of the seen speeds.
 _GAIN_PRIOR, _BIAS_PRIOR_SIGMAS = 0.1, 1.0
-# Beyond this many sigmas a residual counts linearly: the data hold outliers.
+# Beyond this many sigmas a residual counts linearly, as the data contain outliers.
 _ROBUST_SIGMAS = 2.0
 
 
 class OffsetFit:
-    """Least squares over offset (from the coarse one), drift, and each pair's gain and bias."""
+    """Least squares over offset (relative to the coarse one), drift, and gain and bias per pair."""
 
     def __init__(self, pairs: Sequence[tuple[SpeedCurve, SpeedCurve]], coarse: float) -> None:
         self._parts: list[tuple[Float64Array, Float64Array, Float64Array, SpeedCurve]] = []
         times = []
         for seen, true in pairs:
-            # Known at neighbouring offsets too, so that no sample comes and goes in the search.
+            # Require values at nearby offsets too, so that no sample drops in or out in the search.
             known = seen.known.copy()
             for shift in (-0.1, 0.0, 0.1):
                 known &= np.isfinite(true.at(seen.times - coarse + shift))
@@ -40,12 +40,12 @@ class OffsetFit:
         self.span_s = float(np.ptp(every)) if len(every) else 0.0
         self.reference = float((every.min() + every.max()) / 2) if len(every) else 0.0
         self.overlap_s = max((_known_time(t) for t in times), default=0.0)
-        # Of each pair, in its sigmas.
+        # Noise of each pair, in its sigmas.
         self._noise = np.ones(len(self._parts))
 
     def solve(self, with_drift: bool) -> Float64Array:
         start = np.zeros(2 + 2 * len(self._parts))
-        # First what the noise really is, then the fit with it.
+        # Estimate the actual noise from the residuals, then fit again with it.
         for _ in range(3):
             free = [0, *([1] if with_drift else []), *range(2, len(start))]
 
@@ -63,7 +63,7 @@ class OffsetFit:
                 if len(error) < 3:
                     continue
                 spread = MAD_TO_SIGMA * float(np.median(np.abs(error)))
-                # Correlated errors count for less than the number of their samples.
+                # Correlated errors carry less information than their number of samples suggests.
                 lags = _correlated_samples(self._parts[k][0])
                 like = _correlation_time(np.clip(error, -3, 3), lags)
                 self._noise[k] = max(self._noise[k] * spread * np.sqrt(like), 0.05)
@@ -85,10 +85,10 @@ class OffsetFit:
         return np.concatenate([gains, biases, [1e6 * x[1] / _DRIFT_PRIOR_PPM]])
 
     def sigmas(self, x: Float64Array, with_drift: bool) -> tuple[float, float]:
-        """Return the sigmas of offset and drift, by the scatter of the residuals' own gradients.
+        """Return the sigmas of offset and drift, from the scatter of the residuals' gradients.
 
         This is the sandwich estimator of Newey and West (1987), since neighbouring residuals are
-        correlated: smoothing, and a body that is seen from another side, last for many frames.
+        correlated: smoothing, and errors from seeing a body's other side, last for many frames.
         """
         free = [0, *([1] if with_drift else []), *range(2, len(x))]
         residuals = self._residuals(x)
@@ -114,14 +114,14 @@ class OffsetFit:
             # Errors as slow as the speed itself look like an offset.
             lags = max(_correlated_samples(self._parts[k][0]), _first_zero(J[:, 0]))
             scatter += _long_run(g, lags)
-            # With few events their scatter may be small by chance; then the noise's own counts.
+            # With few events the scatter may be small by chance; then the noise level decides.
             power = float(np.mean((weight * r) ** 2))
             inflation += _correlation_time(weight * r, lags) * power * (J.T @ J)
         inverse = np.linalg.pinv(information)
         sandwich = inverse @ scatter @ inverse
         plain = inverse @ (inflation + np.diag(prior[free])) @ inverse
         variances = np.maximum(np.diag(sandwich), np.diag(plain))
-        # No statistics show the true instant within the frame that is reported.
+        # Statistics cannot reveal the true instant within the reported frame.
         intervals = [float(np.median(np.diff(t))) for t, *_ in self._parts if len(t) > 1]
         floor = 0.02 * min(intervals, default=0.0)
         return (
@@ -146,7 +146,7 @@ class OffsetFit:
         return covariance / (float(np.sqrt(power_seen * power_true)) + 1e-12)
 
     def residual(self, x: Float64Array) -> float:
-        """Return the root mean square residual without gain and bias, for these are errors too."""
+        """Return the RMS residual with gain and bias not fitted, for these are errors too."""
         times, values, _, curve = self._parts[0]
         error = values - curve.at(times - x[0] - x[1] * (times - self.reference))
         return float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else float("nan")
@@ -160,14 +160,14 @@ def _known_time(times: Float64Array) -> float:
 
 
 def _correlated_samples(times: Float64Array) -> int:
-    """Return the number of neighbours that may be correlated: those within a second."""
+    """Return the number of neighbours that may be correlated, those within a second."""
     if len(times) < 3:
         return 0
     return int(np.clip(round(1.0 / float(np.median(np.diff(times)))), 1, len(times) // 3))
 
 
 def _first_zero(gradient: Float64Array) -> int:
-    """Return the lag, samples, of the first zero of the autocorrelation, a quarter at most."""
+    """Return the lag of the autocorrelation's first zero, samples, at most a quarter of all."""
     power = float(gradient @ gradient)
     limit = len(gradient) // 4
     if power <= 0:
@@ -188,14 +188,14 @@ def _long_run(g: Float64Array, lags: int) -> Float64Array:
 
 
 def _correlation_time(r: Float64Array, lags: int) -> float:
-    """Return the factor, 1 at least, of a sum's variance over that of independent samples."""
+    """Return the ratio, at least 1, of a sum's variance to that of independent samples."""
     power = float(r @ r)
     if power <= 0 or lags < 1:
         return 1.0
     total = 1.0
     for lag in range(1, lags + 1):
         rho = float(r[lag:] @ r[:-lag]) / power
-        # Beyond the first zero there is only noise.
+        # Beyond the first zero crossing there is only noise.
         if rho <= 0:
             break
         total += 2 * rho

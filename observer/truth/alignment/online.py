@@ -1,4 +1,4 @@
-"""Alignment during a run, solved again every two seconds over the last three minutes."""
+"""Alignment during a run, solved every two seconds over the last three minutes."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ from observer.truth.motion_capture import (
 )
 
 WINDOW_S = 180.0
-# Between two solutions, seconds of the source's clock.
+# Seconds of the source's clock between two solutions.
 SOLVE_EVERY_S = 2.0
-# A source is as fast as 60 frames a second.
+# Three minutes of a source at 60 frames per second.
 _MOST_LINES = 60 * 180
 _NONE_YET = "not aligned yet: no data from both sides so far"
 
 
 class OnlineAlignment:
-    """Keeps what came last and aligns it; no thread and no clock of its own.
+    """Keeps the latest data and aligns it; it has no thread and reads no clock itself.
 
     Args:
-        choices: as for ``align``; ``search`` should be given where a server's clock is fitted.
+        choices: as for ``align``; ``search`` should be given if a server's clock is fitted.
 
     Attributes:
-        choices: may be others from one solution to the next.
-        state: the alignment, or one sentence that begins with "not yet aligned".
+        choices: may be replaced between two solutions.
+        state: the alignment, or one sentence that begins with "not aligned yet".
     """
 
     def __init__(self, choices: AlignmentChoices | None = None) -> None:
         self.choices = choices or AlignmentChoices()
         self._lines: deque[Mapping[str, Any]] = deque(maxlen=_MOST_LINES)
-        # By body, in pieces as they came, on the server's own clock.
+        # By body, in pieces as they arrived, on the server's own clock.
         self._pieces: dict[str, deque[Trajectory]] = {}
         self._solved: float | None = None
         self.state: Alignment | str = _NONE_YET
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies of which samples were added."""
+        """Names of the bodies that have samples."""
         return tuple(self._pieces)
 
     def add_observation(self, line: Mapping[str, Any]) -> None:
@@ -64,13 +64,13 @@ class OnlineAlignment:
             self._lines.popleft()
 
     def begin_anew(self) -> None:
-        """Forget the run: the source is another or began again, with another clock and world."""
+        """Forget the run: the source changed or restarted, with another clock and world."""
         self._lines.clear()
         self._solved = None
         self.state = _NONE_YET
 
     def add_pieces(self, pieces: Iterable[Trajectory]) -> None:
-        """Add pieces as of ``pieces``; samples that do not rise in time are dropped."""
+        """Add pieces as returned by ``pieces``; samples not later than the last are dropped."""
         for piece in pieces:
             kept = self._pieces.setdefault(piece.name, deque())
             if kept:
@@ -82,13 +82,13 @@ class OnlineAlignment:
                 kept.popleft()
 
     def solve(self, to_source: Callable[[Float64Array], Float64Array] | None = None) -> bool:
-        """Align again if two seconds have passed since the last time; return True if it was tried.
+        """Align again if two seconds have passed since the last try; return whether it tried.
 
-        It takes from tenths of a second to seconds, so the caller does it beside the frames. Where
-        it is refused, as when the robot stands for minutes, the last result stays.
+        This takes from tenths of a second to seconds, so call it outside the frame loop. If the
+        alignment fails, as when the robot stands still for minutes, the last result is kept.
 
         Args:
-            to_source: converts stamps (N,) to the times they are aligned by; none by default.
+            to_source: converts stamps (N,) to the times used for alignment; None keeps the stamps.
         """
         if not self._lines or not self._pieces:
             return False
@@ -116,7 +116,7 @@ class OnlineAlignment:
 
 
 def pieces(samples: Iterable[BodySample]) -> list[Trajectory]:
-    """Put samples together by body in order of arrival, on the server's own clock."""
+    """Collect samples into trajectories by body, in order of arrival, on the server's clock."""
     return [trajectory_of(name, kept) for name, kept in rising_samples(samples).items()]
 
 

@@ -1,4 +1,4 @@
-"""Result of an alignment: plain data that is kept with the run."""
+"""Result of an alignment: plain data that is stored with the run."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Alignment:
     Attributes:
         time: offset and drift of the clocks, with overlap, correlation and residual.
         roles: ``observer`` or ``obstacle``, by the body's name; others are ignored.
-        segments: number and beginning (source clock, seconds) of each segment, in order.
-        T_world_room: by segment; where one is missing, only speeds can be compared.
-        frame_residual_m: root mean square distance of what was aligned, None without a frame.
+        segments: number and start (source clock, seconds) of each segment, in order.
+        T_world_room: by segment; without it, only speeds can be compared.
+        frame_residual_m: RMS distance of the aligned points; None without an aligned frame.
         T_body_camera: of the observer's body, None where it is unknown.
         matches: the body of each track.
-        centres: by body, (3,) metres in the body's axes, or in the room's where it has none: from
-            the body's origin to the middle of what was seen.
+        centres: by body, (3,) metres from its origin to the middle of what was seen, in the
+            body's axes, or in the room's if it has no rotations.
         notes: what was decided and what was not observable, one sentence each.
     """
 
@@ -68,10 +68,10 @@ class Alignment:
 
     @staticmethod
     def of_dict(plain: Mapping[str, Any]) -> Alignment:
-        """Read what ``as_dict`` makes.
+        """Read the output of ``as_dict``.
 
         Raises:
-            TruthError: it is not.
+            TruthError: the data are not its output.
         """
         try:
             camera = plain["T_body_camera"]

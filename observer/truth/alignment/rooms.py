@@ -1,4 +1,4 @@
-"""Pose of motion capture's room in each segment's world, and of the camera on its body."""
+"""Pose of the motion capture room in each segment's world, and of the camera on its body."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.motion_capture import Capture, Trajectory
 
 _UP_ROOM = np.array([0.0, 0.0, 1.0])
-# A body whose heading turns by less does not tell its centre from its position in the room.
+# If a body turns less than this, its centre cannot be told from an error of the room's pose.
 _TURNS_RAD = np.radians(30)
-# Greatest distance of what is seen of a body from its origin, metres.
+# Metres: largest distance between the visible middle of a body and its origin.
 _CENTRE_M = 0.5
 
 
@@ -29,8 +29,8 @@ class Rooms:
     """The room in the segments' worlds.
 
     Attributes:
-        T_world_room: by segment. body_camera: None where the observer was not seen.
-        residual_m: of the frame, None without one. notes: one sentence each.
+        T_world_room: by segment. body_camera: None if the observer was not seen.
+        residual_m: of the frame alignment, None without one. notes: one sentence each.
     """
 
     T_world_room: dict[int, Pose] = field(default_factory=dict)
@@ -47,7 +47,7 @@ def body_poses(body: Trajectory, times: Float64Array) -> Float64Array:
     place = between(body.times, body.positions, times)
     turned = _rotations_at(body.times, body.rotations, times)
     known = np.isfinite(place).all(axis=1) & np.isfinite(turned).all(axis=(1, 2))
-    # Between two samples the mean of two rotations is nearly one.
+    # An interpolated matrix is nearly a rotation; project it onto the nearest one.
     U, _, Vt = np.linalg.svd(turned[known])
     poses[known, :3, :3] = U @ Vt
     poses[known, :3, 3] = place[known]
@@ -58,7 +58,7 @@ def body_poses(body: Trajectory, times: Float64Array) -> Float64Array:
 def centre_positions(
     body: Trajectory, times: Float64Array, centre: Float64Array | None
 ) -> Float64Array:
-    """Return positions (M, 3) metres, room: of the body's origin, or its centre where known."""
+    """Return positions (M, 3) metres, room, of the body's centre, or its origin if unknown."""
     place = between(body.times, body.positions, times)
     if centre is None:
         return place
@@ -81,7 +81,7 @@ def place_rooms(
     matches: dict[TrackKey, Match],
     choices: AlignmentChoices,
 ) -> Rooms:
-    """Find ``T_world_room`` of every segment that allows it, the longest segment first."""
+    """Find ``T_world_room`` of every segment for which it is observable, longest first."""
     rooms = Rooms()
     numbers = sorted(run.segment_numbers(), key=lambda n: -float((run.segments == n).sum()))
     for number in numbers:
@@ -116,7 +116,7 @@ def _by_camera(
         known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         if not len(known):
             raise NotObservable("motion capture did not see the observer during it")
-        # The camera has not moved on the body; the first poses have the least drift.
+        # The camera is fixed on the body; the segment's first poses have the least drift.
         k = known[0]
         T_room_camera = Pose.from_matrix(poses[k]) @ rooms.body_camera.T_body_camera
         return Pose.from_matrix(camera[k]) @ T_room_camera.inverse()
@@ -163,7 +163,7 @@ def _points(
     matches: dict[TrackKey, Match],
     number: int,
 ) -> tuple[Float64Array, Float64Array]:
-    """Return obstacles' positions of one segment in its world, and in the room."""
+    """Return the obstacles' positions in one segment's world, and in the room."""
     seen, true = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for key, track in run.tracks.items():
         match = matches.get(key)
@@ -195,8 +195,8 @@ def body_centre(
 ) -> tuple[Float64Array | None, bool]:
     """Return the vector (3,) from a body's origin to the middle of what was seen of it.
 
-    In the body's axes where it has rotations, by the median over all that was seen. None where it
-    cannot be told. The second value is True if the body turned.
+    It is in the body's axes if it has rotations, and a median over all sightings; None if it cannot
+    be determined. The second value is True if the body turned.
     """
     apart, headings = [], []
     for track, T_world_room in tracks:

@@ -1,7 +1,7 @@
-"""Offset between two clocks, found by the speeds that both recorded.
+"""Offset between two clocks, found from the speeds that both recorded.
 
-The correlation is looked at for every lag at which the curves overlap enough, and the best lag is
-refined by least squares on the curves themselves, where an offset below one sample shows.
+The correlation is computed at every lag at which the curves overlap enough. The best lag is then
+refined by least squares on the curves themselves, which resolves less than one sample.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from observer.truth.alignment.offset_fit import OffsetFit
 
 MIN_OVERLAP_S = 4.0
 MIN_CORRELATION = 0.75
-# Share of the shorter recording that must overlap, where nobody says where to look.
+# Share of the shorter recording that must overlap if no search range is given.
 _MIN_SHARE = 0.4
-# What the second best lag leaves unexplained must exceed what the best one leaves by this factor.
+# The unexplained variance at the second best lag must exceed that at the best by this factor.
 _AMBIGUITY = 1.5
 _MIN_PROMINENCE = 0.05
-# Another peak is a rival if its overlap lasts at least this share of the best one's.
+# Another peak is a rival if its overlap is at least this share of the best one's.
 _RIVAL_OVERLAP = 0.6
-# What vision leaves unexplained by chance; less than that is no sign of a better lag.
+# Vision leaves this much unexplained by chance; less is no sign of a better lag.
 _LEAST_UNEXPLAINED = 0.03
 _CLOSE_STEPS = 100
 # Two lags that leave less than this unexplained both fit perfectly.
 _ROUNDING = 1e-3
-# A curve that varies by twice so many times its noise does so clearly.
+# A curve varies clearly if it does so by more than twice this many times its noise.
 _CLEARLY = 3.0
-# An offset less certain than this is of no use, seconds.
+# Seconds: an offset less certain than this is useless.
 MAX_SIGMA_S = 0.06
-# A drift shows only over a time like this.
+# Seconds: a drift only shows over an overlap this long.
 _DRIFT_OVERLAP_S = 20.0
 
 
@@ -47,13 +47,13 @@ class TimeOffset:
     Attributes:
         offset_s: to be added to truth's times at ``reference_s``; sigma_s: one standard deviation.
         reference_s: on truth's clock, the middle of the overlap.
-        drift_ppm: by how much the offset grows, microseconds per second; 0 where the overlap
-            is too short to tell. drift_sigma_ppm: None where it was not estimated.
+        drift_ppm: growth of the offset, microseconds per second; 0 if the overlap is too short
+            to tell. drift_sigma_ppm: None if it was not estimated.
         correlation: -1 to 1, of the curves at this offset.
-        runner_up: the highest correlation at any other lag, None where there is no other peak.
+        runner_up: the highest correlation of any other peak, None if there is none.
         overlap_s: time in which both curves are known.
-        residual_mps: root of the mean square of what remains, in the curves' unit.
-        samples: compared.
+        residual_mps: RMS residual, in the curves' unit.
+        samples: number compared.
     """
 
     offset_s: float
@@ -84,17 +84,17 @@ def find_time_offset(
 
     Args:
         pairs: seen by the observer, on the source's clock; true by motion capture, on its own.
-        search: lowest and highest offset, seconds, where it is known roughly.
-        drift: estimate a drift too where the overlap is long enough.
+        search: lowest and highest offset, seconds, if it is roughly known.
+        drift: also estimate a drift if the overlap is long enough.
 
     Raises:
-        NotObservable: one sentence that tells why and what would help.
+        NotObservable: one sentence that says why and what would help.
     """
-    # A curve that does not vary knows nothing of the clocks, and its errors are not noise alone.
+    # A constant curve says nothing about the clocks, and its errors are not noise alone.
     pairs = informative(pairs) or pairs
     found = correlation(pairs)
     coarse, runner_up = best_lag(found, search)
-    # What hardly varies may tell lags apart, but its errors would shift the offset.
+    # Pairs that hardly vary help to choose a lag, but their errors would bias the offset.
     pairs = informative(pairs, _CLEARLY) or pairs
     return refined(pairs, coarse, runner_up, step=found.step, drift=drift)
 
@@ -103,7 +103,7 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
     """Return the lag of the highest correlation, and the highest correlation of any other peak.
 
     Raises:
-        NotObservable: there is no lag with enough overlap or no clear peak.
+        NotObservable: no lag has enough overlap, or there is no clear peak.
     """
     enough = MIN_OVERLAP_S
     if search is None:
@@ -121,14 +121,14 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
             "the speed is constant within its noise, which fits any time offset; let the robot "
             "start, stop or turn once during the recording"
         )
-    # It takes as long to import as all that reads what was aligned before.
+    # Imported late: that takes as long as reading a stored alignment, which does not need it.
     from scipy.signal import find_peaks
 
     values = np.where(allowed, found.values, -1.0)
-    # How much more likely than no relation at all: agreement counts by how long it lasts.
+    # Log-likelihood against no relation at all: agreement counts by its duration.
     unexplained = np.maximum(1 - np.clip(values, 0, 1) ** 2, _LEAST_UNEXPLAINED)
     best = int(np.argmax(-found.overlap_s * np.log(unexplained)))
-    # The overlap's share shifts it a little from where the curves agree best.
+    # Weighting by overlap shifts the maximum slightly off the peak of the correlation.
     first = max(best - _CLOSE_STEPS, 0)
     best = first + int(np.argmax(values[first : best + _CLOSE_STEPS + 1]))
     peak = float(values[best])
@@ -141,7 +141,7 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
             "same motion for longer, including a start or a stop"
         )
     others, _ = find_peaks(values, prominence=_MIN_PROMINENCE)
-    # A flat top may be counted as a peak of its own.
+    # A flat top may be reported as a second peak.
     apart = [
         float(values[min(int(k), best) : max(int(k), best) + 1].min()) < float(values[k]) - 0.02
         for k in others
@@ -150,7 +150,7 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
     if not len(others):
         return float(found.lags[best]), None
     second = int(others[np.argmax(values[others])])
-    # What agrees as well, but for a much shorter time, is a part of the motion that came twice.
+    # Equal agreement over a much shorter time is only a part of the motion that was repeated.
     rivals = others[found.overlap_s[others] >= _RIVAL_OVERLAP * found.overlap_s[best]]
     for rival in rivals[np.argsort(-values[rivals])][:1]:
         left = max(1 - peak**2, _ROUNDING)
@@ -175,7 +175,7 @@ def refined(
     """Refine the offset near ``coarse`` by least squares on the curves, with its sigma.
 
     Raises:
-        NotObservable: the offset remains too uncertain, or wanders off.
+        NotObservable: the offset remains too uncertain, or the fit diverges.
     """
     fit = OffsetFit(pairs, coarse)
     if fit.samples < 10:

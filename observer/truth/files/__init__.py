@@ -1,1 +1,1 @@
-"""Motion capture from files: a reader for each format, and one that recognises the format."""
+"""Motion capture from files: a reader for each format, and one that detects the format."""

@@ -1,9 +1,9 @@
 """Rotations as files write them: quaternions, rotation vectors ("helical") or Euler angles XYZ.
 
 Vicon's three angles are one of the latter two. Tracker's default is helical, but its header says
-"Global Angle" for both. Euler angles have a range; helical ones leave it on the far side of a turn.
-Within it the body tells: what drives on the ground keeps one of its own directions upright, and
-only the right reading shows that.
+"Global Angle" for both. Euler angles are bounded; helical ones exceed these bounds in large turns.
+If they do not, the motion decides: a body that drives on the ground keeps one of its own axes
+upright, and only the right reading shows that.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from observer.geometry import Float64Array, rotation_matrix
 
 AngleReading = Literal["helical", "euler_xyz"]
 
-# Files round quaternions to three digits and more.
+# Files round quaternions to as few as three digits.
 _UNIT_WITHIN = 1e-2
 
-# Largest Euler angles XYZ, and what the six digits of files may add.
+# Largest Euler angles XYZ, plus the rounding to six digits in files.
 _EULER_LIMITS_RAD = np.array([math.pi, math.pi / 2, math.pi]) + 1e-3
-# Readings that differ by no more than this give the same experiment.
+# Degrees: readings that differ by less make no practical difference.
 _SAME_DEG = 5.0
-# A robot on a floor tilts less than this, read rightly ...
+# With the right reading, a robot on a floor tilts by less than this ...
 _UPRIGHT_DEG = 10.0
-# ... and at least this many times as much, and so much more, read wrongly.
+# ... and with the wrong one by at least this factor, and this many degrees, more.
 _CLEAR_RATIO = 3.0
 _CLEAR_MORE_DEG = 2.0
-# A single sample may be an outlier.
+# A quantile instead of the maximum, since a single sample may be an outlier.
 _SHARE = 0.99
-# More samples would tell nothing new.
+# More samples would add no information.
 _LOOKED_AT = 20_000
 
 
 class AnglesUnclear(TruthError):
-    """Angles that can be read in two ways; only a person can tell which is meant.
+    """The angles can be read in two ways; only a person can say which is meant.
 
     Attributes:
-        helical_tilt_deg, euler_xyz_tilt_deg: how far the bodies tilt, read in either way.
+        helical_tilt_deg, euler_xyz_tilt_deg: how far the bodies tilt in either reading.
     """
 
     def __init__(self, name: str, *, helical_tilt_deg: float, euler_xyz_tilt_deg: float) -> None:
@@ -75,8 +75,8 @@ def euler_rotations(angles: Float64Array, axes: str) -> Float64Array:
     """Return ``R_room_body`` (N, 3, 3) of Euler angles (N, 3) in radians; NaN where an angle is.
 
     Args:
-        axes: the capital letters of the body's own axes that it is turned about, in this order, as
-            the columns are: ``R = Rz(a) Ry(b) Rx(c)`` for ``ZYX``.
+        axes: capital letters of the body's own axes it is rotated about, in the order of the
+            columns: ``R = Rz(a) Ry(b) Rx(c)`` for ``ZYX``.
     """
     matrices = np.full((len(angles), 3, 3), np.nan)
     known = np.isfinite(angles).all(axis=1)
@@ -89,8 +89,8 @@ def euler_rotations(angles: Float64Array, axes: str) -> Float64Array:
 def quaternion_rotations(xyzw: Float64Array) -> tuple[Float64Array, NDArray[np.bool_]]:
     """Return ``R_room_body`` (N, 3, 3) of quaternions (N, 4), scalar last; NaN where a number is.
 
-    The second array (N,) marks those that are no unit quaternions, those with NaN left out; their
-    rotations are NaN.
+    The second array (N,) marks rows without NaN that are not unit quaternions; their rotations are
+    NaN, too.
     """
     matrices = np.full((len(xyzw), 3, 3), np.nan)
     known = np.isfinite(xyzw).all(axis=1)
@@ -123,7 +123,7 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> tuple[AngleRe
                 f"angles are helical (rotation vectors): those of {body} reach {most:.2f} rad, "
                 "which Euler angles cannot"
             )
-    # For what hardly turns another reading is another constant rotation, which nothing reveals.
+    # If a body hardly turns, the readings differ by a constant rotation, which nothing reveals.
     readings = [r for r in map(_Readings.of, some.values()) if r.turned_deg > _SAME_DEG]
     usual = "angles are read as helical (rotation vectors), which is Tracker's default"
     if some and not readings:
@@ -150,7 +150,7 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> tuple[AngleRe
 
 @dataclass(frozen=True)
 class _Readings:
-    """Tilts and turns of a body by both readings of its angles, degrees."""
+    """Tilts and turns of a body in both readings of its angles, degrees."""
 
     helical_tilt_deg: float
     euler_tilt_deg: float
@@ -169,7 +169,7 @@ class _Readings:
 
     @property
     def vote(self) -> AngleReading | None:
-        """Reading that leaves the body upright while the other one does not."""
+        """The reading that keeps the body upright, if the other one does not."""
         lower, higher = sorted((self.helical_tilt_deg, self.euler_tilt_deg))
         if lower > _UPRIGHT_DEG or higher < max(_CLEAR_RATIO * lower, lower + _CLEAR_MORE_DEG):
             return None
@@ -183,7 +183,7 @@ def _some(angles: Float64Array) -> Float64Array:
 
 def _tilt_deg(R_room_body: Float64Array) -> float:
     """Return the largest angle from the vertical of the body's mean upright direction, degrees."""
-    # The room's z axis as the body sees it.
+    # The room's z axis in the body frame.
     up = R_room_body[:, 2, :]
     mean = up.mean(axis=0)
     length = float(np.linalg.norm(mean))
@@ -192,7 +192,7 @@ def _tilt_deg(R_room_body: Float64Array) -> float:
 
 def _largest_between_deg(a: Float64Array, b: Float64Array) -> float:
     """Return the largest angle between rotations (N, 3, 3), degrees."""
-    # The rotation from a to b has the trace 1 + 2 cos.
+    # The trace of the rotation from a to b is 1 + 2 cos(angle).
     return _largest_deg(((a * b).sum(axis=(1, 2)) - 1) / 2)
 
 

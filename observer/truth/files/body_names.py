@@ -9,7 +9,7 @@ _MOST_CHARACTERS = 100
 
 
 class BodyNames:
-    """Gives each body a name of its own: a repeated one becomes ``name (2)``.
+    """Gives each body a unique name: a repeated one becomes ``name (2)``.
 
     Args:
         file: its name, for messages.

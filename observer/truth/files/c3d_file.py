@@ -1,7 +1,7 @@
 """C3D files: markers in binary, read by the package ``c3d``, which the extra ``c3d`` installs.
 
-It is plain Python: a damaged file raises an exception instead of ending the process, as readers in
-C++ may. The format: C3D.ORG, The C3D File Format User Guide.
+It is plain Python: a damaged file raises an exception instead of crashing the process, as C++
+readers may. The format: C3D.ORG, The C3D File Format User Guide.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from observer.truth.files.body_names import BodyNames
 from observer.truth.files.units import FASTEST_HZ, LENGTHS_M, MOST_METRES, length_word
 from observer.truth.motion_capture import Capture, Trajectory
 
-# The second byte of every C3D file, and the least a file holds: header and parameters.
+# The second byte of every C3D file, and its smallest size: header and parameters.
 _KEY = 0x50
 _LEAST_BYTES = 1024
 _MOST_NUMBERS = 60_000_000
-# Labels of points that are results of a model, not positions.
+# Groups of points that are model outputs, not positions.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 
 
 def is_c3d(head: bytes) -> bool:
-    """Tell whether a file that begins so is C3D: a key byte, and words that no text has."""
+    """Return whether a file with this beginning is C3D: the key byte, and bytes no text has."""
     return len(head) > 1 and head[1] == _KEY and 0 < head[0] < 0x20 and b"\0" in head
 
 
 def is_c3d_installed() -> bool:
-    """Tell whether the extra ``c3d`` is installed."""
+    """Return whether the extra ``c3d`` is installed."""
     return importlib.util.find_spec("c3d") is not None
 
 
@@ -43,7 +43,7 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
     """Read every marker of the file; times are seconds since the system's frame 1.
 
     Args:
-        name: the file's, for messages. rate_hz: instead of the file's.
+        name: the file's, for messages. rate_hz: overrides the file's.
 
     Raises:
         TruthError: the extra ``c3d`` is not installed, or the file is damaged.
@@ -57,12 +57,12 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
         raise TruthError(f"{name}: the C3D file is truncated; export it again")
     with (
         path.open("rb") as file,
-        # A damaged file may claim any length; nobody reads beyond the end of a map.
+        # A damaged file may claim any length; reads cannot go beyond the end of a memory map.
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
         warnings.catch_warnings(),
         np.errstate(all="ignore"),
     ):
-        # The package warns of what is checked here or does not matter.
+        # The package warns about things that are checked here or do not matter.
         warnings.simplefilter("ignore")
         try:
             import c3d  # type: ignore[import-untyped]
@@ -136,7 +136,7 @@ class _Trial:
         return Capture("C3D markers", rate, bodies, notes)
 
     def _first_frame(self) -> int:
-        """Return the first frame's number; the package reads large ones wrong."""
+        """Return the first frame's number; the package misreads large ones."""
         told = self._reader.get("TRIAL:ACTUAL_START_FIELD")
         if told is None:
             return int(self._reader.first_frame)
@@ -174,7 +174,7 @@ class _Trial:
         )
 
     def _labels(self) -> list[str]:
-        # From 256 points on the names continue in LABELS2 and so on.
+        # Beyond 255 points the names continue in LABELS2 and so on.
         labels = self._texts("POINT:LABELS")
         number = 2
         while len(labels) < self._points and (more := self._texts(f"POINT:LABELS{number}")):
@@ -183,7 +183,7 @@ class _Trial:
         return labels
 
     def _texts(self, key: str) -> list[str]:
-        """Return a parameter's strings; the package would run as long as a damaged file says."""
+        """Return a parameter's strings; the package would loop as often as a damaged file says."""
         parameter = self._reader.get(key)
         if parameter is None:
             return []

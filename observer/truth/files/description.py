@@ -1,4 +1,4 @@
-"""Description of a file of motion capture, for the answer to an upload."""
+"""Description of a motion capture file, for the response to an upload."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Motion capture formats that are read, declared once: for refusals, helps, page and documentation.
+"""Supported motion capture formats, declared once for errors, help texts, page and documentation.
 
-It is imported by every help of the command line and therefore imports nothing that takes time.
+Every help text of the command line imports it, so it must not import anything slow.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ class KnownFormat:
 
     Attributes:
         name: the name that people look for.
-        files: which of its files are read.
-        kind: the reader that takes them.
+        files: which of its files are supported.
+        kind: the reader for them.
     """
 
     name: str
@@ -40,16 +40,16 @@ FORMATS = (
 
 
 def names_in_words() -> str:
-    """Return the formats as a list for people, as in ``Vicon Tracker, TUM or plain CSV``."""
+    """Return the formats as a list for people, such as ``Vicon Tracker, TUM or plain CSV``."""
     *others, last = (each.name for each in FORMATS)
     return f"{', '.join(others)} or {last}"
 
 
 def understood_in_words() -> str:
-    """Return the end of a refusal: which formats are read."""
+    """Return the end of an error message: which formats are supported."""
     return f"supported are {formats_in_words()}"
 
 
 def formats_in_words() -> str:
-    """Return every format with its files, as in ``Nexus (CSV of Trajectories)``."""
+    """Return every format with its files, such as ``Nexus (CSV of Trajectories)``."""
     return ", ".join(f"{each.name} ({each.files})" for each in FORMATS)

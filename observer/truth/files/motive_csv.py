@@ -1,9 +1,9 @@
 """Reader of rigid bodies in CSV files of OptiTrack Motive, format versions 1.2 and later.
 
-The first line holds keys and values. Then each column has a type, a name, an id, what it holds and
-its axis, one below the other; rows of a frame, its time in seconds and numbers follow. Empty cells
-are gaps. Motive's room has its y axis upwards; what is read has z upwards, as Vicon's. Files do not
-tell whether another axis convention was chosen at the export, so a note says what was assumed.
+The first line holds keys and values. Header rows follow with each column's type, name, id, kind of
+content and axis, then rows with a frame number, its time in seconds and values. Empty cells are
+gaps. Motive's room has y up; it is converted to z up, as in Vicon's. Files do not state whether
+another axis convention was chosen for the export, so a note says what was assumed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from observer.truth.files.units import FASTEST_HZ, MOST_METRES, MOST_RADIANS, MO
 from observer.truth.motion_capture import Capture, Trajectory
 
 _FIRST_KEY = "Format Version"
-# The word for people, and the factor to metres.
+# By Motive's word: the word for people, and the factor to metres.
 _UNITS = {
     "meters": ("metres", 1.0),
     "centimeters": ("centimetres", 0.01),
@@ -35,18 +35,18 @@ _UNITS = {
 }
 _RIGID_BODY = "rigid body"
 _QUATERNION = "Quaternion"
-# The axes that Motive turns about, which it calls relative: each is the body's own by then.
+# Axis orders of Motive's Euler angles, which it calls relative: the rotations are intrinsic.
 _EULER = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 _AXES = "xyz"
-# Rows of the header behind the first line, with those that are empty.
+# Header rows after the first line, including empty ones.
 _MOST_HEADER_ROWS = 12
 _TIME = 1
-# Motive's axes, y upwards, in ours: x stays, z is upwards.
+# From Motive's axes, y up, to ours, z up; x stays.
 _R_ROOM_MOTIVE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def is_motive(first_line: str) -> bool:
-    """Tell whether a file that begins so is a CSV of Motive."""
+    """Return whether a file with this first line is a CSV of Motive."""
     return first_line.startswith((f"{_FIRST_KEY},", f"{_FIRST_KEY};"))
 
 
@@ -82,10 +82,10 @@ def read_motive(lines: TextLines) -> Capture:
 
 @dataclass(frozen=True)
 class _Facts:
-    """The first line: the word of the unit, with its factor, and what is told of rotations.
+    """The first line: the unit's word, its factor to metres, the rate, and the rotation type.
 
     Attributes:
-        rotation: the Rotation Type as it is written. euler: it as one of ``_EULER``, or None.
+        rotation: the Rotation Type as written. euler: the same if it is one of ``_EULER``, or None.
     """
 
     unit: str
@@ -99,7 +99,7 @@ class _Facts:
 
     @staticmethod
     def of(lines: TextLines, cells: Sequence[str]) -> _Facts:
-        # A comma in the notes of a take shifts what comes after it, so keys are looked for.
+        # A comma in a take's notes shifts the cells after it, so search for the keys.
         told = {key.strip(): value.strip() for key, value in pairwise(cells)}
         unit = told.get("Length Units", "left out")
         if unit.lower() not in _UNITS:
@@ -117,7 +117,7 @@ class _Facts:
 
 @dataclass(frozen=True)
 class _Header:
-    """What each column is: each sequence has one text for every column."""
+    """Meaning of the columns: each sequence has one text per column."""
 
     types: Sequence[str]
     names: Sequence[str]
@@ -134,7 +134,7 @@ class _Header:
 
 @dataclass(frozen=True)
 class _Body:
-    """Columns of a body: of x, y, z, and of its rotation in the order of its numbers, or none."""
+    """Columns of a body: of x, y, z, and of its rotation in the order of its values, if any."""
 
     told: str
     place: tuple[int, ...]
@@ -147,7 +147,7 @@ class _Body:
 
 @dataclass(eq=False)
 class _Axes:
-    """Columns of a body that were found so far, by axis."""
+    """Columns of a body found so far, by axis."""
 
     position: dict[str, int] = field(default_factory=dict)
     rotation: dict[str, int] = field(default_factory=dict)
@@ -162,7 +162,7 @@ def _rate(told: str) -> float | None:
 
 
 def _header(lines: TextLines, separator: str) -> _Header:
-    """Read up to the row of axes, which begins with Frame."""
+    """Read the header up to the row of axes, which starts with Frame."""
     rows: list[list[str]] = []
     for _ in range(_MOST_HEADER_ROWS):
         line = lines.next()
@@ -181,7 +181,7 @@ def _header(lines: TextLines, separator: str) -> _Header:
                 f"{lines.where()}: the header rows with types, names and kinds are missing above it"
             )
         width = len(cells)
-        # Without a row of ids the third one is that of kinds, which tells no bodies apart.
+        # Without a row of ids the third row holds kinds, which do not distinguish bodies.
         ids = _row(rows, "ID", 2, width) if len(rows) > 3 else [""] * width
         return _Header(
             types=[each.lower() for each in _row(rows, "Type", 0, width)],
@@ -194,15 +194,15 @@ def _header(lines: TextLines, separator: str) -> _Header:
 
 
 def _row(rows: Sequence[list[str]], title: str, at: int, width: int) -> list[str]:
-    """Return the row of a title, or the one at its place where the version writes no titles."""
+    """Return the row with a title, or the one at its index if the version writes no titles."""
     titled = (row for row in rows if title and len(row) > _TIME and row[_TIME] == title)
     row = next(titled, rows[at])
     return [*row[:width], *[""] * (width - len(row))]
 
 
 def _bodies(lines: TextLines, header: _Header, facts: _Facts) -> list[_Body]:
-    """Return the rigid bodies of a header whose last row was read last."""
-    # Two bodies may share a name, but no id.
+    """Return the rigid bodies of a header; its last row is the line read last."""
+    # Two bodies may share a name, but not an id.
     found: dict[tuple[str, str], _Axes] = {}
     for column in range(_TIME + 1, len(header.axes)):
         kind, axis = header.kinds[column], header.axes[column]

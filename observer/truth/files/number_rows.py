@@ -14,20 +14,20 @@ from observer.errors import TruthError
 from observer.geometry import Float64Array
 from observer.truth.files.text_lines import TextLines
 
-# Half a gigabyte; 30 minutes of 50 bodies at 100 Hz.
+# Half a gigabyte, or 30 minutes of 50 bodies at 100 Hz.
 _MOST_CELLS = 60_000_000
-# As Python's floats, before they go into an array.
+# Cells that are held as Python floats before they go into an array.
 _CELLS_AT_ONCE = 250_000
 _MOST_NAMES = 1000
 _NAN = math.nan
 
 
 class NumberRows:
-    """Table of numbers as it was read.
+    """Table of numbers as read.
 
     Attributes:
-        count: of rows. names: the texts of the column of names, in the order they appear; that
-            column's numbers are indices of it.
+        count: number of rows. names: distinct texts of the name column, in order of appearance;
+            that column's numbers are indices into it.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class NumberRows:
         """Refuse the first of these rows, if there are any.
 
         Args:
-            why: the reason, or what tells it of a row. cell: that is to be named, from 1.
+            why: the reason, or a function that returns it for a row. cell: to be named, from 1.
 
         Raises:
             TruthError: one sentence naming the line, the cell and the reason.
@@ -77,14 +77,14 @@ def read_numbers(
 
     Args:
         labels: what each cell is, for messages.
-        separator: between cells; None for white space, where lines that begin with # and empty
-            ones are passed over.
+        separator: between cells; None for white space, in which case empty lines and those that
+            start with # are skipped.
         names_in: the index of a column that holds names.
         only: indices of the columns that are used; None for all. Others may hold anything.
         short: rows may end early; missing cells are NaN.
 
     Raises:
-        TruthError: a cell is no number, a row has too few or too many, or there are too many.
+        TruthError: a cell is not a number, a row has too few or too many, or there are too many.
     """
     unused = () if only is None else tuple(sorted({*range(len(labels))} - {*only}))
     reader = _Reader(lines, labels, separator, names_in, unused, short)
@@ -115,7 +115,7 @@ def read_numbers(
 
 @dataclass(eq=False)
 class _Reader:
-    """Parser of rows; the arguments are those of ``read_numbers``."""
+    """Parser of rows; its arguments are those of ``read_numbers``."""
 
     lines: TextLines
     labels: Sequence[str]
@@ -140,7 +140,7 @@ class _Reader:
             if column < len(cells):
                 cells[column] = ""
         try:
-            # float() also reads "1_000"; nobody means that in a table of measurements.
+            # float() also accepts "1_000", which is surely an error in a table of measurements.
             row = [float(cell) if cell else _NAN for cell in cells]
             slow = any("_" in cell for cell in cells) if "_" in line else False
         except ValueError:
@@ -165,7 +165,7 @@ class _Reader:
         return row
 
     def chunk(self, rows: list[list[float]], numbers: list[int]) -> Float64Array:
-        """Return the rows read last as an array, checked."""
+        """Return the latest rows as an array, checked to be finite or NaN."""
         values = np.array(rows, dtype=np.float64).reshape(len(rows), len(self.labels))
         wrong = np.isinf(values)
         if wrong.any():
@@ -194,10 +194,10 @@ class _Reader:
 
 
 def cells_of(lines: TextLines, line: str, separator: str | None) -> list[str]:
-    """Split the line that was read last into cells, with quotation marks.
+    """Split the line that was read last into cells, respecting quotation marks.
 
     Raises:
-        TruthError: the line is no valid CSV.
+        TruthError: the line is not valid CSV.
     """
     if separator is None:
         return line.split()

@@ -1,4 +1,4 @@
-"""Reader of motion capture files of all known formats, recognised by content, not by name."""
+"""Reader for motion capture files of all known formats, detected by content, not by name."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from observer.truth.motion_capture import Capture
 
 FileKind = CaptureKind | Literal["truth.csv"]
 
-# Lines that identify a text; a TUM file's comments may precede them.
+# Lines that identify a text file; in a TUM file comments may precede them.
 _LOOKED_AT = 8
 _MOST_COMMENTS = 100
 _HEAD_BYTES = 1024
-# How the tables of marker positions begin that OpenSim and others write.
+# Beginning of TRC files, tables of marker positions that OpenSim and others write.
 _TRC = "PathFileType"
 
 
 def file_kind(path: Path | str) -> FileKind:
-    """Recognise a file; ``truth.csv`` is for ``CsvTruth``, all others for ``read_capture``.
+    """Detect a file's kind; ``truth.csv`` is for ``CsvTruth``, all others for ``read_capture``.
 
     Raises:
-        TruthError: it cannot be read, or is none of the known formats.
+        TruthError: it cannot be read, or has none of the known formats.
     """
     path = Path(path)
     try:
         with path.open("rb") as file:
-            # The lines outlive the file, which alone closes what both hold.
+            # Keep the lines alive until the file is closed: their deletion would close it, too.
             kind, _lines = _kind(file, path.name)
             return kind
     except (OSError, ValueError) as error:
@@ -53,17 +53,17 @@ def read_capture(
     rate_hz: float | None = None,
     angles: AngleReading | None = None,
 ) -> Capture:
-    """Read all of a file of motion capture, in metres, seconds and its own room frame.
+    """Read a whole motion capture file, in metres, seconds and its own room frame.
 
     Args:
-        rate_hz: instead of the file's, or where it has none (Vicon Tracker 3.5); has no meaning
+        rate_hz: overrides the file's rate, or replaces a missing one (Vicon Tracker 3.5); ignored
             for files whose samples have their own times.
-        angles: reading of Vicon's three angles; None finds out.
+        angles: reading of Vicon's three angles; None detects it.
 
     Raises:
         TruthError: one sentence naming the file, the line, the cell and the reason, or the file
             is the project's own ``truth.csv``.
-        AnglesUnclear: the angles can be read in two ways, and only a person can tell.
+        AnglesUnclear: the angles can be read in two ways, and only a person can decide.
     """
     path = Path(path)
     try:

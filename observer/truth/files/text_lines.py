@@ -11,7 +11,7 @@ from observer.truth.files.known import understood_in_words
 
 # Enough for tens of thousands of markers in a row.
 _MOST_CHARACTERS = 1 << 20
-# Bytes that decide between UTF-8 and an older encoding.
+# Number of bytes that decide between UTF-8 and an older encoding.
 _LOOK = 1 << 16
 _WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -19,15 +19,15 @@ _WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 class TextLines:
     """Lines without their ends, with look-ahead.
 
-    Text is UTF-8 with or without a byte order mark; any other is read as Windows' Western European
-    code page, in which Nexus writes names.
+    Text is UTF-8 with or without a byte order mark; otherwise it is read as Windows' Western
+    European code page, in which Nexus writes names.
 
     Attributes:
-        name: the file's, for messages. number: the line's that ``next`` gave last, from 1.
+        name: the file's, for messages. number: of the line ``next`` returned last, from 1.
         is_utf8: True if the file's beginning is UTF-8.
 
     Raises:
-        TruthError: it is no text, or a line is longer than a million characters.
+        TruthError: it is not text, or a line is longer than a million characters.
     """
 
     def __init__(self, file: BinaryIO, name: str) -> None:
@@ -78,13 +78,13 @@ class TextLines:
 
 
 def separator_of(text: str) -> str:
-    """Return the separator of cells: spreadsheets of some countries write semicolons."""
+    """Return the cell separator: spreadsheets of some countries write semicolons."""
     return ";" if text.count(";") > text.count(",") else ","
 
 
 def _is_utf8(head: bytes) -> bool:
     try:
-        # The end may cut a character in two.
+        # The end of the head may split a character.
         codecs.getincrementaldecoder("utf-8")().decode(head, final=False)
     except UnicodeDecodeError:
         return False

@@ -1,11 +1,11 @@
-"""Reader of trajectories whose samples have their own times: plain CSV, EuRoC's, and TUM.
+"""Reader for trajectories whose samples have their own times: plain CSV, EuRoC's, and TUM.
 
 Plain CSV: columns ``t,x,y,z`` and, if known, ``qx,qy,qz,qw``, in any order, with a header, in
-seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body`` tells
-several bodies apart. EuRoC's ground truth is such a CSV with titles of its own, ``p_RS_R_x [m]``
-and ``q_RS_w []``, and whole nanoseconds; those since 1970 are read to within half a microsecond,
-which is what a float holds of them. TUM: ``t tx ty tz qx qy qz qw`` separated by spaces, without a
-header.
+seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body``
+distinguishes several bodies. EuRoC's ground truth is such a CSV with its own titles,
+``p_RS_R_x [m]`` and ``q_RS_w []``, and integer nanoseconds; those counted from 1970 are read to
+within half a microsecond, the resolution of a float. TUM: ``t tx ty tz qx qy qz qw`` separated by
+spaces, without a header.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ _TUM = ("t", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 _POSITION = ("x", "y", "z")
 _TURN = ("qx", "qy", "qz", "qw")
 _ALIASES = {"time": "t", "timestamp": "t", "tx": "x", "ty": "y", "tz": "z", "name": "body"}
-# A title, and its unit as in x_mm, x [mm] or x (mm).
+# A title and its unit, as in x_mm, x [mm] or x (mm).
 _TITLE = re.compile(r"^([a-z]+)(?:_(mm|cm|m|ms|us|ns|s)|\s*[\[(]\s*([a-z]+)\s*[\])])?$")
 # Titles of EuRoC's ground truth, whose time is in nanoseconds.
 _EUROC_TITLE = re.compile(r"^(?:p_rs_r_([xyz])|q_rs_([wxyz]))\s*(?:\[\s*([a-z]*)\s*\])?$")
-# Name of a body where the file has none.
+# Name of the body if the file has none.
 _ONLY_BODY = "body"
-# Of the project's own truth.csv, which has x, y, z and t as well.
+# Columns of the project's own truth.csv, which has x, y, z and t as well.
 _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
 
 
 def is_own_truth(first_line: str) -> bool:
-    """Tell whether a file that begins so is the project's own ``truth.csv``."""
+    """Return whether a file with this first line is the project's own ``truth.csv``."""
     return set(first_line.strip().split(",")) >= _OWN
 
 
 def is_plain_csv(first_line: str) -> bool:
-    """Tell whether a file that begins so is a plain CSV with a header."""
+    """Return whether a file with this first line is a plain CSV with a header."""
     cells = first_line.split(separator_of(first_line))
     titles = {title for title, _ in map(_understood_title, cells)}
     return titles >= {"t", *_POSITION}
 
 
 def is_tum(line: str) -> bool:
-    """Tell whether a file with this first line that is no comment is a TUM trajectory."""
+    """Return whether a file is a TUM trajectory, by its first line that is not a comment."""
     cells = line.split()
     return len(cells) == len(_TUM) and all(map(_is_number, cells))
 
@@ -116,7 +116,7 @@ class _Table:
     """Rows of a file: times (N,) s, positions (N, 3) m, quaternions (N, 4) or None.
 
     Attributes:
-        repeated: samples of the trajectories so far that were left out: at the time before them.
+        repeated: number of samples left out so far because they repeat the time before them.
     """
 
     file: str
@@ -139,7 +139,7 @@ class _Table:
         """Return the trajectory of one body's rows.
 
         Raises:
-            TruthError: there are none, times go back, or numbers are no pose.
+            TruthError: there are none, times decrease, or numbers are not a pose.
         """
         if not its.any():
             raise TruthError(f"{self.file}: it contains no data rows")
@@ -166,7 +166,7 @@ class _Table:
 
 
 def _columns(lines: TextLines, titles: Sequence[tuple[str, str | None]]) -> dict[str, int]:
-    """Return the indices of the columns that are used, by title."""
+    """Return the indices of the used columns, by title."""
     columns: dict[str, int] = {}
     for index, (title, _) in enumerate(titles):
         if title in ("t", "body", *_POSITION, *_TURN):
@@ -196,7 +196,7 @@ def _scale(lines: TextLines, titles: Sequence[tuple[str, str | None]], index: in
 
 
 def _understood_title(cell: str) -> tuple[str, str | None]:
-    """Return a column's title and its unit, where it names one."""
+    """Return a column's title and its unit, if it names one."""
     euroc = _EUROC_TITLE.match(_bare(cell))
     if euroc is not None:
         return euroc[1] or f"q{euroc[2]}", euroc[3] or None

@@ -8,12 +8,12 @@ LENGTHS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 ANGLES_RAD = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 TIMES_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
-# Larger numbers were measured neither in a room nor outdoors.
+# Larger numbers are not real measurements, indoors or outdoors.
 MOST_METRES = 1e8
 MOST_RADIANS = 1e3
 # Three thousand years; stamps count from 1970 at the earliest.
 MOST_SECONDS = 1e11
-# A rate beyond it is a mistake.
+# A higher rate is a mistake.
 FASTEST_HZ = 100_000.0
 
 

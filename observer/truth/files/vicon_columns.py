@@ -18,7 +18,7 @@ _TITLES: dict[ColumnKind, tuple[str, ...]] = {
     "helical or euler": ("RX", "RY", "RZ", "TX", "TY", "TZ"),
     "marker": ("X", "Y", "Z"),
 }
-# Frame and Sub Frame.
+# Number of columns before the bodies: Frame and Sub Frame.
 _BEFORE = 2
 _PREFIX = "global angle "
 
@@ -47,7 +47,7 @@ class BodyColumns:
 
 
 def is_frame_row(cells: Sequence[str]) -> bool:
-    """Tell whether a row is the one that names the columns: ``Frame,Sub Frame,...``."""
+    """Return whether a row is the one that names the columns: ``Frame,Sub Frame,...``."""
     first = [cell.strip().lower().replace(" ", "") for cell in cells[:_BEFORE]]
     return first == ["frame", "subframe"]
 
@@ -59,7 +59,7 @@ def body_columns(
     units: Sequence[str],
     taken: BodyNames,
 ) -> list[BodyColumns]:
-    """Return the columns by body, of a section whose row of units was read last.
+    """Return the columns by body of a section; its row of units is the line read last.
 
     Args:
         taken: the names given so far.

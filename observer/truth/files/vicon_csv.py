@@ -1,8 +1,8 @@
-"""Reader of Vicon's CSV files: Tracker's Objects and Segments, Nexus' Trajectories and Segments.
+"""Reader for Vicon's CSV files: Tracker's Objects and Segments, Nexus' Trajectories and Segments.
 
 A file is a list of sections, separated by empty lines; each has a title, the rate, the names, the
-columns (``Frame,Sub Frame,...``), the units, and the samples. Devices and what else Nexus writes
-(model outputs, joints, events) are skipped. Tracker 3.5 leaves the rate out.
+columns (``Frame,Sub Frame,...``), the units, and the samples. Devices and other sections of Nexus
+(model outputs, joints, events) are skipped. Tracker 3.5 omits the rate.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ _READ = {"objects": "Tracker objects", "segments": "segments", "trajectories": "
 _SKIPPED = ("devices", "joints", "model outputs", "events")
 # Title, rate, names, columns.
 _HEADER_ROWS = 4
-# Beyond it numbers of frames are no longer exact.
+# Larger frame numbers are not exact as floats.
 _MOST_FRAME = 2.0**53
-# No motion capture is slower; a smaller number in the rate's place counts the objects.
+# No motion capture is slower; a smaller number in place of the rate is the number of objects.
 _SLOWEST_HZ = 10.0
 _EMPTY = " \t,;"
 
 
 def is_vicon_csv(first_lines: Sequence[str]) -> bool:
-    """Tell whether a text that begins with these lines is one of Vicon's."""
+    """Return whether a text with these first lines is one of Vicon's."""
     if not first_lines:
         return False
     separator = separator_of("".join(first_lines))
@@ -56,11 +56,11 @@ def read_vicon_csv(
     Times are seconds since the system's frame 1.
 
     Args:
-        rate_hz: instead of the file's. angles: their reading; None finds out.
+        rate_hz: overrides the file's. angles: their reading; None detects it.
 
     Raises:
         TruthError: one sentence naming the line, the cell and the reason.
-        AnglesUnclear: only a person can tell how angles are to be read.
+        AnglesUnclear: only a person can decide how the angles are to be read.
     """
     separator = separator_of("".join(lines.look(_HEADER_ROWS)))
     found = _Found(lines, separator, rate_hz, BodyNames(lines.name))
@@ -103,7 +103,7 @@ class _Found:
     skipped: list[str] = field(default_factory=list)
     rates: set[float] = field(default_factory=set)
     bodies: dict[str, Trajectory] = field(default_factory=dict)
-    # (N, 3) radians, of bodies whose rotations are yet to be made.
+    # (N, 3) radians, of bodies whose rotations are still to be computed.
     angles: dict[str, Float64Array] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -148,11 +148,11 @@ def _read_section(first: str, found: _Found) -> None:
 
 
 def _rate(rows: Sequence[Sequence[str]], bodies: int, found: _Found) -> float:
-    """Return the rate, 1/s, by the rows between the title and the names, or as asked for."""
+    """Return the rate, 1/s, as requested or from the rows between the title and the names."""
     name = found.lines.name
     told = next((value for row in rows if (value := _number(row)) is not None), None)
     if told is not None and told == bodies and told < _SLOWEST_HZ:
-        # Some versions count the objects there.
+        # Some versions write the number of objects there.
         told = None
     if found.rate_hz is not None:
         if told is not None and told != found.rate_hz:
@@ -211,7 +211,7 @@ def _add_body(body: BodyColumns, rows: NumberRows, times: Float64Array, found: _
     refuse(far, f"its position must be within {MOST_METRES:g} m")
     beyond = (np.abs(turned) > MOST_RADIANS).any(axis=1)
     refuse(beyond, f"its angles must be within {MOST_RADIANS:g} rad")
-    # Nobody measures exact zeros in all axes: some exports write them for gaps.
+    # Exact zeros in all axes are no measurement: some exports write them for gaps.
     lost = (positions == 0).all(axis=1) & (turned[:, :3] == 0).all(axis=1)
     if lost.any():
         found.notes.append("samples in which all numbers are exactly 0 are treated as gaps")

@@ -1,13 +1,13 @@
-"""Relation of a server's clock to the host's, by stamps and arrivals.
+"""Relation of a server's clock to the host's, from stamps and arrival times.
 
 ``arrival - stamp`` is the clocks' offset plus a delay that is never negative, so the clocks'
 relation is the line below all of these points that comes closest to them.
 That line runs through an edge of the lower convex hull, the one above the stamps' mean (Moon,
 Skelly, Towsley: "Estimation and removal of clock skew from network delay measurements", 1999).
-The smallest delay itself cannot be told from the offset; the alignment finds it in the data.
+The smallest delay cannot be separated from the offset; the alignment finds it in the data.
 
-One arrival that is impossibly early, by a wrong stamp, would pull that line; so an arrival that is
-the quickest of its seconds by far, and alone, is left out.
+A single arrival that is impossibly early, because its stamp is wrong, would pull that line down. So
+an arrival that is by far the quickest of its seconds, with none near it, is left out.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 
-# Over a shorter time the delays' scatter passes for a drift.
+# Seconds: over a shorter time the scatter of the delays looks like a drift.
 DRIFT_SPAN_S = 10.0
 WINDOW_S = 300.0
-# Of arrivals this close together only the fastest is informative.
+# Seconds: of arrivals this close together only the quickest is informative.
 _BIN_S = 0.1
 _FEWEST = 10
 _REFIT_S = 1.0
-# In so many bins of arrivals there is a second that is about as quick as the quickest.
+# In this many bins there is normally a second arrival about as quick as the quickest.
 _BINS_TOGETHER = 50
-# It is alone if the second is later than it by more than this, and by more than so many times what
-# half of all are later than the second.
+# The quickest is alone if the second comes more than this many seconds later, and by more than this
+# many times the median lateness relative to the second.
 _ALONE_S, _ALONE_TIMES = 0.001, 3.0
-# Stretches over which the scatter of the fastest arrivals is judged.
+# Number of stretches over which the scatter of the quickest arrivals is judged.
 _STRETCHES = 8
 
 
@@ -42,13 +42,13 @@ class ClockFit:
     """Mapping of a server's clock to the host's.
 
     Attributes:
-        offset_s: host minus server at ``reference_s``, the smallest delay included.
-        drift_ppm: growth of host minus server, microseconds a second; positive where the server's
-            clock is slow. None where too short a time was seen; it counts as 0 then.
-        sigma_s: how far the quickest arrivals of eight stretches scatter about the line.
-        samples: arrivals that were taken into account.
+        offset_s: host minus server at ``reference_s``, including the smallest delay.
+        drift_ppm: growth of host minus server, microseconds per second; positive if the server's
+            clock is slow. None if the time span is too short; it then counts as 0.
+        sigma_s: scatter about the line of the quickest arrivals of eight stretches.
+        samples: number of arrivals taken into account.
         reference_s: the server's time at which ``offset_s`` holds.
-        span_s: the time that was seen.
+        span_s: the time span of the arrivals.
     """
 
     offset_s: float
@@ -71,15 +71,15 @@ class ClockFit:
 
 
 class ClockFitter:
-    """Fits a server's clock from samples as they come; no thread, no clock of its own.
+    """Fits a server's clock from samples as they arrive; it has no thread and reads no clock.
 
     Args:
-        window_s: what is older than this is forgotten; a quartz holds its rate for minutes.
+        window_s: older samples are forgotten; a quartz keeps its rate for minutes.
     """
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s
-        # For each bin: its number, stamp and delay-plus-offset of the quickest, and all arrivals.
+        # For each bin: its number, the quickest's stamp and delay plus offset, number of arrivals.
         self._quickest: deque[tuple[int, float, float, int]] = deque()
         self._fit: ClockFit | None = None
         self._newest = self._fitted_at = float("-inf")
@@ -100,10 +100,9 @@ class ClockFitter:
         self._newest = received
 
     def fit(self) -> ClockFit | None:
-        """Return the mapping as far as known; None before a second or so was seen.
+        """Return the mapping as far as known; None before about a second of arrivals.
 
-        Within a second of arrivals the answer stays the same, so that frequent calls do not delay
-        arrivals.
+        It is refitted at most once per second, so that frequent calls do not delay arrivals.
         """
         if self._fit is None or self._newest - self._fitted_at >= _REFIT_S:
             self._fitted_at = self._newest
@@ -139,10 +138,10 @@ def lower_line(x: Float64Array, y: Float64Array) -> tuple[float, float]:
 
 
 def not_alone(late: Float64Array) -> NDArray[np.bool_]:
-    """Mark the arrivals whose lateness others confirm: all but a quickest one that stands alone.
+    """Mark the arrivals whose lateness others confirm: all but a quickest one that is alone.
 
     Args:
-        late: (N,) seconds, of arrivals close to each other in time, any offset.
+        late: (N,) seconds, any offset, of arrivals close to each other in time.
 
     Returns:
         (N,), at most one of them False.
@@ -167,13 +166,13 @@ def _fit(stamps: Float64Array, late: Float64Array, samples: int) -> ClockFit | N
     if len(stamps) < _FEWEST or np.ptp(stamps) <= 0:
         return None
     span = float(np.ptp(stamps))
-    # Stamps may count from 1970: differences keep the digits.
+    # Stamps may count from 1970: use differences to keep precision.
     reference = float(np.mean(stamps))
     since, base = stamps - reference, float(late.min())
     if span < DRIFT_SPAN_S:
         offset, drift = 0.0, None
     else:
-        # The mean of ``since`` is 0 but for rounding, so this is the value at the reference.
+        # The mean of ``since`` is 0 up to rounding, so this is the value at the reference.
         offset, drift = lower_line(since, late - base)
     above = (late - base) - offset - (drift or 0.0) * since
     stretches = np.array_split(above[np.argsort(since)], _STRETCHES)

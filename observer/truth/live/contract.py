@@ -18,15 +18,15 @@ class LiveCaptureReport:
     """State of a connection.
 
     Attributes:
-        state: ``connecting`` (nobody is reached), ``waiting`` (reached, but no pose came within
+        state: ``connecting`` (no server is reached), ``waiting`` (reached, but no pose came within
             the last second) or ``receiving``.
-        trouble: one sentence for people about what is wrong now; None where nothing is.
-        notes: one sentence each about what was noticed on the way (ticks, jumps, scale).
-        rate_hz: samples a second of each body over the last seconds, gaps among them.
+        trouble: one sentence for people about what is wrong now; None if nothing is.
+        notes: one sentence each about what was noticed so far (ticks, jumps, scale).
+        rate_hz: samples per second of each body over the last seconds, including gaps.
         seen: share of each body's samples that had a pose, from 0 to 1, over the same time.
         dropped: samples lost because nobody drained them.
         malformed: messages that could not be read. connections: made so far.
-        clock: server to host; None before enough was seen.
+        clock: server to host; None before enough samples have arrived.
     """
 
     state: LiveState

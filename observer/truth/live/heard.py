@@ -17,7 +17,7 @@ _CLOSE_WITHIN_S = 2.0
 
 
 class Wakeup:
-    """Waiting for a socket that another thread can end at once."""
+    """Waits for a socket; another thread can end the wait at once."""
 
     def __init__(self) -> None:
         self._ended = threading.Event()
@@ -35,7 +35,7 @@ class Wakeup:
             self._waker.send(b"!")
 
     def wait(self, timeout_s: float, to_read: socket.socket, *, to_write: bool = False) -> bool:
-        """Wait for the socket; return False after the time is over or ``end`` was called."""
+        """Wait for the socket; return False on time-out or after ``end`` was called."""
         with selectors.DefaultSelector() as selector:
             wanted = selectors.EVENT_WRITE if to_write else selectors.EVENT_READ
             selector.register(to_read, wanted)
@@ -44,11 +44,11 @@ class Wakeup:
         return not self.ended and any(key.fileobj is to_read for key, _ in ready)
 
     def pause(self, seconds: float) -> None:
-        """Wait for so long, or until ``end``."""
+        """Wait for this many seconds, or until ``end``."""
         self._ended.wait(seconds)
 
     def close(self) -> None:
-        """Release the sockets; for the thread that waits, at its end."""
+        """Release the sockets; called by the waiting thread when it ends."""
         self._woken.close()
         self._waker.close()
 
@@ -56,11 +56,11 @@ class Wakeup:
 class LiveCapture:
     """A connection that reconnects by itself. No call waits for the network.
 
-    Any thread may call; no sample is returned by two calls of ``drain``. A thread of its own runs
-    a subclass's ``_listened``.
+    Methods may be called from any thread; ``drain`` returns each sample once. Its own thread runs
+    the subclass's ``_listened``.
 
     Args:
-        intake: where samples go. spec: as it was opened, for people and records.
+        intake: where samples go. spec: as opened, for people and records.
         name: of the thread. clock: host's monotonic clock.
     """
 
@@ -75,7 +75,7 @@ class LiveCapture:
     def drain(self) -> tuple[BodySample, ...]:
         """Return the samples since the last call in order of arrival, at most ``MOST_KEPT``.
 
-        Each body's times rise. A sample without a position says that the body was not seen then.
+        Each body's times increase. A sample without a position means that it was not seen then.
         """
         return self._intake.drain()
 
@@ -86,7 +86,7 @@ class LiveCapture:
     def close(self) -> None:
         """End the connection; safe to call twice."""
         self._wakeup.end()
-        # Resolving a host's name cannot be ended; nobody waits for that.
+        # Resolving a host name cannot be interrupted, so do not wait for that.
         self._thread.join(_CLOSE_WITHIN_S)
 
     # --- the thread ---------------------------------------------------------------------------
@@ -103,5 +103,5 @@ class LiveCapture:
             self._wakeup.close()
 
     def _listened(self) -> str | None:
-        """Listen until it fails or is ended; return one sentence of what failed, if any."""
+        """Listen until it fails or is ended; return one sentence about the failure, if any."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""Intake of poses of all protocols: gaps, scale, stamps, and the queue for other threads."""
+"""Intake of poses from all protocols: gaps, scale, stamps, and the queue for other threads."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from observer.truth.motion_capture import BodySample
 _QUIET_S = 1.0
 _RATE_OVER_S = 3.0
 _MOST_BODIES = 200
-# No room is larger, and hardly any body in millimetres stays nearer to the origin.
+# No room is larger, and millimetres taken for metres soon exceed it.
 _ROOM_M = 100.0
-# A server that sends metres where millimetres are due stays within this.
+# Metres: a server that sends metres instead of millimetres stays within this.
 _NEAR_M = 0.02
 _SCALE_AFTER = 100
 
@@ -35,15 +35,15 @@ class _Body:
 
     pose: tuple[float, ...] | None = None
     time: float | None = None
-    # Time of arrival, and True if it was seen.
+    # Time of arrival, and whether the body was seen.
     lately: deque[tuple[float, bool]] = field(default_factory=lambda: deque(maxlen=4096))
 
 
 class Intake:
-    """Takes poses from the thread that listens, and gives samples to any other.
+    """Takes poses from the listening thread and hands samples to any other thread.
 
     Args:
-        counts: stamps are numbers of frames. millimetres: the protocol's unit, for people.
+        counts: stamps are frame numbers. millimetres: this is the protocol's unit, for messages.
         clock: host's monotonic clock.
     """
 
@@ -69,7 +69,7 @@ class Intake:
     # --- the listening thread -----------------------------------------------------------------
 
     def connected(self) -> None:
-        """Note that a sender is reached."""
+        """Note that a sender has been reached."""
         with self._lock:
             self._connected, self._trouble = True, None
             self._connections += 1
@@ -86,7 +86,7 @@ class Intake:
         """Note that no sender is reached, and why."""
         with self._lock:
             self._connected, self._trouble = False, sentence
-            # What was noticed about a server ends with it.
+            # Notes about a server end with its connection.
             self._notes.clear()
             self._farthest_m, self._poses = 0.0, 0
 
@@ -112,9 +112,9 @@ class Intake:
         """Take a body's pose as it arrived.
 
         Args:
-            numbers: the pose as it stood in the message. A pose that is exactly the one before,
-                all zero or not finite is a gap: no measurement repeats to the last digit.
-            position: (3,) metres. rotation: (3, 3) ``R_room_body``, None where it has none.
+            numbers: the pose as in the message. A pose that equals the previous one, has a zero
+                position or is not finite is a gap: no measurement repeats to the last digit.
+            position: (3,) metres. rotation: (3, 3) ``R_room_body``, None if it has none.
         """
         with self._lock:
             body = self._bodies.get(name)
@@ -138,7 +138,7 @@ class Intake:
             self._fitter.add(timed.time, timed.received)
             name, position, rotation = timed.item
             known = self._bodies[name]
-            # A stamp that repeats or comes too late tells nothing new.
+            # A stamp that repeats or arrives out of order adds nothing.
             if known.time is not None and timed.time <= known.time:
                 continue
             known.time = timed.time
@@ -167,7 +167,7 @@ class Intake:
             )
 
     def _note(self, kind: str, sentence: str) -> None:
-        # Only the newest of a kind, so that a clock that jumps every minute needs no memory.
+        # Keep only the newest of a kind, so that a clock that jumps every minute needs no memory.
         self._notes[kind] = sentence
 
     # --- any thread ---------------------------------------------------------------------------

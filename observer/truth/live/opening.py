@@ -1,4 +1,4 @@
-"""Opening of live motion capture by a spec."""
+"""Opens live motion capture from a spec."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def open_live_truth(spec: str, *, clock: Callable[[], float] = time.monotonic) -
     """Open live motion capture, which connects by itself from now on.
 
     Args:
-        spec: ``vrpn:HOST[:PORT][/NAME,NAME]`` (port 3883; only these bodies, or every one) or
+        spec: ``vrpn:HOST[:PORT][/NAME,NAME]`` (default port 3883; only these bodies, or all) or
             ``vicon-udp:PORT``.
         clock: the host's monotonic clock, seconds.
 
     Raises:
-        TruthError: the text names none.
+        TruthError: the text names no live motion capture.
     """
     kind, host, port, names = _parse(spec)
     if kind == VRPN:

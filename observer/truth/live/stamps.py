@@ -1,7 +1,7 @@
-"""Conversion of a server's stamps, which may be ticks or jump, into seconds that rise.
+"""Conversion of a server's stamps, which may be ticks or jump, into increasing seconds.
 
-Some servers stamp with the time of day, some with counters of their own, Vicon's object stream
-with the frame's number; and a server's clock may be set, or start again when it is restarted.
+Some servers stamp with the time of day, some with their own counters, Vicon's object stream with
+the frame number. A server's clock may be set, or restart together with the server.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.truth.live.clock import lower_line, not_alone
 
-# Long enough to tell seconds from anything else, and to see a new clock's quickest arrival.
+# Long enough to distinguish seconds from other units and to see a new clock's quickest arrival.
 _SECONDS_SPAN_S = 0.5
-# Counters need a slope that tells one rate from the next.
+# Counters take longer: the slope must distinguish similar rates.
 _TICKS_SPAN_S = 2.0
 _FEWEST = 10
 _MOST_HELD = 20_000
@@ -27,15 +27,16 @@ _SECONDS_WITHIN = 0.05
 _WHOLE_HZ_WITHIN = 0.1
 _HIGHEST_WHOLE_HZ = 2000
 _COUNTER_HZ = (1e4, 1e5, 1e6, 1e7, 1e9)
-# Nothing arrives before it was sent: what seems to, by more than this, was stamped by a clock that
-# was set. Clocks drift by far less within ten seconds.
+# Seconds: nothing arrives before it was sent, so an arrival early by more than this means that the
+# clock was set. Clocks drift by far less within ten seconds.
 _EARLY_S = 0.02
-# A network may hold everything back for a while, but hardly for this long.
+# Seconds: a network may delay everything by more than the first, but hardly for as long as the
+# second.
 _LATE_S = 0.05
 _LATE_FOR_S = 3.0
-# Stamps of several bodies, or of datagrams that overtook each other, may be this much out of order.
+# Seconds: stamps of several bodies, or of reordered datagrams, may be this much out of order.
 _DISORDER_S = 0.25
-# A clock was set if so many arrivals in a row say so alike; fewer have wrong stamps.
+# A clock was set if this many arrivals in a row agree on it; fewer just have wrong stamps.
 _AGREEING = 5
 _JUMP_STEPS = 20.0
 _MEMORY_BINS = 10
@@ -45,10 +46,10 @@ _Item = TypeVar("_Item")
 
 @dataclass(frozen=True)
 class Timed(Generic[_Item]):
-    """An item at its time.
+    """An item with its time.
 
     Attributes:
-        time: seconds on the server's clock, without its jumps.
+        time: seconds on the server's clock, jumps removed.
         received: host's monotonic clock, seconds.
     """
 
@@ -58,10 +59,10 @@ class Timed(Generic[_Item]):
 
 
 class StampReader(Generic[_Item]):
-    """Turns stamps into seconds; holds items back until it knows how, usually half a second.
+    """Turns stamps into seconds; holds items back until it knows how, usually for half a second.
 
     Args:
-        notice: called with the kind and one sentence of what is noticed.
+        notice: called with the kind and one sentence about what was noticed.
         counts: the stamps are known to be counters, not seconds.
     """
 
@@ -71,28 +72,28 @@ class StampReader(Generic[_Item]):
         self._held: deque[tuple[float, float, _Item]] = deque(maxlen=_MOST_HELD)
         self._unit: float | None = None
         self._shift = 0.0
-        # Of each second of arrivals the least that they came late, against our own seconds.
+        # For each second of arrivals: its number, and the smallest lateness by our own seconds.
         self._quickest: deque[tuple[int, float]] = deque(maxlen=_MEMORY_BINS)
         self._late_since: float | None = None
         self._least_late = 0.0
-        # Arrivals in a row whose stamps do not fit the clock, with how late they count.
+        # Consecutive arrivals whose stamps do not fit the clock, each with its lateness.
         self._strange: list[tuple[float, float, float, _Item]] = []
         self._last_stamp: float | None = None
         self._stampless = False
-        # Of arrivals that stand in for stamps: how late they count.
+        # Lateness assumed when arrival times stand in for stamps.
         self._standing = 0.0
         self._jumps = 0
         self._reached_anew = False
 
     def restart(self) -> None:
-        """Prepare for a new connection, whose clock may be another."""
+        """Prepare for a new connection, whose clock may be different."""
         self._forget()
         self._reached_anew = True
 
     def feed(self, stamp: float, received: float, item: _Item) -> list[Timed[_Item]]:
         """Return what is ready now, in order: nothing, this item, or all that was held back.
 
-        Items whose stamps alone do not fit the clock are left out.
+        Items that are alone in not fitting the clock are left out.
         """
         if self._unit is None:
             return self._hold([(stamp, received, item)])
@@ -114,7 +115,7 @@ class StampReader(Generic[_Item]):
         return self._anew(_jump_sentence(jump), [each[1:] for each in self._strange])
 
     def _anew(self, sentence: str, items: list[tuple[float, float, _Item]]) -> list[Timed[_Item]]:
-        """Begin with another clock, by the items that showed it."""
+        """Start with another clock, from the items that revealed it."""
         self._jumps += 1
         times = f" (jump number {self._jumps})" if self._jumps > 1 else ""
         self._notice("clock", sentence + times)
@@ -159,7 +160,7 @@ class StampReader(Generic[_Item]):
         received = np.array([each[1] for each in self._held])
         jumps = _jumps(stamps)
         if len(jumps):
-            # The clock was set meanwhile: only what follows the jump counts.
+            # The clock was set meanwhile: use only what follows the jump.
             for _ in range(int(jumps[-1]) + 1):
                 self._held.popleft()
             return False
@@ -189,7 +190,7 @@ class StampReader(Generic[_Item]):
         return True
 
     def _release(self) -> list[Timed[_Item]]:
-        """Return what was held back; a new clock continues where the one before it was."""
+        """Return the items held back; a new clock continues the previous one's time."""
         held = list(self._held)
         self._held.clear()
         if not self._stampless:
@@ -202,9 +203,9 @@ class StampReader(Generic[_Item]):
         return [self._timed(*each) for each in held]
 
     def _continue_at(self, least: float) -> None:
-        """Go on with a clock whose quickest arrival comes so late, without a shift."""
+        """Continue with a clock whose quickest arrival has this lateness, without a shift."""
         usual = self._least_usual
-        # The same clock as before, only reached anew, needs no second guess.
+        # The same clock as before, just reconnected, keeps its shift.
         if -_EARLY_S < least - self._shift - usual < _LATE_S:
             return
         if self._reached_anew:
@@ -220,25 +221,25 @@ class StampReader(Generic[_Item]):
 
     @property
     def _least_usual(self) -> float:
-        """How late the quickest of the last seconds came."""
+        """Lateness of the quickest arrival of the last seconds."""
         return min(each[1] for each in self._quickest)
 
     def _fits(self, stamp: float, late: float) -> bool:
-        """True if a stamp may be of the clock as it is known, rather than of a strange one."""
+        """True if a stamp fits the clock as known, rather than a changed one."""
         if self._strange and abs(late - self._strange[-1][0]) < abs(late - self._least_usual):
             return False
         back = 0.0 if self._last_stamp is None else self._last_stamp - stamp
         return late >= self._least_usual - _EARLY_S and back * (self._unit or 1.0) <= _DISORDER_S
 
     def _is_set(self) -> bool:
-        """True if arrivals in a row say alike that the clock is another, or have for long."""
+        """True if consecutive arrivals agree on a new clock, or have not fitted for long."""
         lately = [each[0] for each in self._strange[-_AGREEING:]]
         alike = max(lately) - min(lately) < _LATE_S
         waited = self._strange[-1][2] - self._strange[0][2]
         return (len(lately) == _AGREEING and alike) or waited > _LATE_FOR_S
 
     def _late_jump(self, received: float, late: float) -> float | None:
-        """Return by how much the clock was set back (negative) if all has come late for long."""
+        """Return by how much the clock was set back (negative) if all has been late for long."""
         usual = self._least_usual
         if late <= usual + _LATE_S:
             self._late_since = None
@@ -258,7 +259,7 @@ def _jump_sentence(seconds: float) -> str:
 
 
 def _slope(stamps: Float64Array, received: Float64Array) -> float:
-    """Return the seconds of a stamp's unit, whatever one of the stamps says."""
+    """Return the seconds per stamp unit, robust to one wrong stamp."""
     half = len(stamps) // 2
     apart = stamps[half:] - stamps[: len(stamps) - half]
     waited = received[half:] - received[: len(stamps) - half]
@@ -271,13 +272,13 @@ def _slope(stamps: Float64Array, received: Float64Array) -> float:
 
 
 def _jumps(stamps: Float64Array) -> NDArray[np.intp]:
-    """Return the steps at which a clock of unknown unit was set: those far beyond the mean."""
+    """Return the steps at which a clock of unknown unit was set: those far above the mean."""
     steps = np.abs(np.diff(stamps))
     return np.flatnonzero(steps > _JUMP_STEPS * steps.mean())
 
 
 def _nominal(slope: float) -> float:
-    """Return the seconds in a tick, by the nominal rate where one is near."""
+    """Return the seconds per tick, from the nearest nominal rate if one is close."""
     rate = 1 / slope
     if round(rate) >= 1 and rate < _HIGHEST_WHOLE_HZ and abs(rate - round(rate)) < _WHOLE_HZ_WITHIN:
         return 1 / round(rate)

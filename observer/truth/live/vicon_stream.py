@@ -1,7 +1,7 @@
 """Codec of Vicon Tracker's UDP Object Stream, without a socket.
 
-Little-endian and packed: number of the frame (u32), number of items (u8); each item has an id (u8,
-0 for an object), its size (u16, 72 for an object) and so many bytes: a name of 24, then translation
+Little-endian and packed: frame number (u32), number of items (u8); each item has an id (u8, 0 for
+an object), its size (u16, 72 for an object) and that many bytes: a name of 24, then translation
 (mm) and rotation (rad, intrinsic XYZ) as six f64. Padding follows the items.
 """
 
@@ -24,7 +24,7 @@ class ViconStreamError(Exception):
 
 @dataclass(frozen=True)
 class ViconObject:
-    """Object of a datagram.
+    """An object in a datagram.
 
     Attributes:
         translation_mm: (x, y, z). rotation_rad: angles about X, Y, Z, intrinsic, in this order.
@@ -36,10 +36,10 @@ class ViconObject:
 
 
 def unpack_frame(data: bytes) -> tuple[int, tuple[ViconObject, ...]]:
-    """Return a datagram's number of the frame and its objects; items of other kinds are skipped.
+    """Return a datagram's frame number and its objects; other kinds of items are skipped.
 
     Raises:
-        ViconStreamError: it is cut off, or an object is smaller than it must be.
+        ViconStreamError: it is truncated, or an object is too small.
     """
     if len(data) < _FRAME.size:
         raise ViconStreamError(f"a datagram must have at least {_FRAME.size} bytes")

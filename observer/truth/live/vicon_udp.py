@@ -15,15 +15,15 @@ from observer.truth.live.vicon_stream import ViconObject, ViconStreamError, unpa
 _LONGEST_DATAGRAM = 65_536
 _BUFFER = 1 << 20
 _LOOK_EVERY_S = 1.0
-# Two senders would be two clocks: another one counts once the first has been silent for this long.
+# Seconds: two senders would mix two clocks, so another is accepted only after this much silence.
 _SILENT_S = 2.0
 
 
 class ViconUdpCapture(LiveCapture):
-    """Objects of Vicon Tracker. The frame's number is the clock: its rate is found from arrivals.
+    """Objects of Vicon Tracker. The frame number is the clock; its rate is found from arrivals.
 
     Args:
-        port: that Tracker sends to. spec: as it was opened. clock: host's monotonic clock.
+        port: the one Tracker sends to. spec: as opened. clock: host's monotonic clock.
     """
 
     def __init__(self, port: int, *, spec: str, clock: Callable[[], float]) -> None:
@@ -45,7 +45,7 @@ class ViconUdpCapture(LiveCapture):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
             port.setblocking(False)
             port.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
-            # Tracker sends to an address or broadcasts.
+            # Tracker sends to one address or broadcasts, so bind to all.
             port.bind(("", self._port))
             self._intake.waiting()
             while not self._wakeup.ended:

@@ -1,10 +1,10 @@
 """Codec of VRPN, without a socket.
 
 The wire format is that of the public VRPN library, version 07 (``vrpn_Connection.C``,
-``vrpn_Tracker.C``, ``vrpn_BaseClass.C``): big-endian; each side begins with a cookie of 24 bytes;
-then messages with a header of 24 bytes (length of header and body without padding, seconds,
-microseconds, sender, type, sequence number), bodies padded to 8 bytes. Numbers of senders and
-types are those that the side which sends has described under the types -1 and -2.
+``vrpn_Tracker.C``, ``vrpn_BaseClass.C``): big-endian; each side starts with a cookie of 24 bytes;
+then come messages with a header of 24 bytes (length of header and body without padding, seconds,
+microseconds, sender, type, sequence number), bodies padded to 8 bytes. Sender and type numbers are
+those that the sending side has described with messages of types -1 and -2.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 COOKIE_LENGTH = 24
 COOKIE = b"vrpn: ver. 07.35  0".ljust(COOKIE_LENGTH, b"\0")
-# Minor versions work together: the library compares up to the last period.
+# Minor versions are compatible: the library compares up to the last period.
 _MAJOR = b"vrpn: ver. 07."
 _ANY_VERSION = b"vrpn: ver. "
 
@@ -26,14 +26,14 @@ DEFAULT_PORT = 3883
 _HEADER = struct.Struct(">iIIiiI")
 _POSE = struct.Struct(">ii7d")
 _NAME_LENGTH = struct.Struct(">i")
-# The library's own buffers: 64,000 bytes, and 100 for a name with its NUL.
+# The library's own buffers: 64,000 bytes, and 100 for a name including its NUL.
 _LONGEST_BODY = 64_000
 _LONGEST_NAME = 100
 _MOST_DESCRIBED = 2000
 
 
 class VrpnError(Exception):
-    """Bytes that are no VRPN; one sentence. The bytes behind them cannot be read either."""
+    """Bytes that are not VRPN; one sentence. What follows them cannot be read either."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Message:
 
     Attributes:
         seconds, microseconds: its stamp, each from 0 to 2**32 - 1.
-        sender, type: as the side that sends numbers them; negative types are the connection's own.
+        sender, type: as numbered by the sending side; negative types are the connection's own.
     """
 
     seconds: int
@@ -57,7 +57,7 @@ class TrackerPose:
     """Pose of a body, which is a sensor of a sender.
 
     Attributes:
-        time: the server's stamp, seconds. position: metres, if the server keeps to the rule.
+        time: the server's stamp, seconds. position: metres, if the server follows the standard.
         quaternion: x, y, z, w, from the body's frame to the room's.
     """
 
@@ -70,7 +70,7 @@ class TrackerPose:
 
 @dataclass(frozen=True)
 class Sign:
-    """``PING_TYPE``: the question whether a device lives, or ``PONG_TYPE``: that it does."""
+    """``PING_TYPE``, which asks whether a device is alive, or ``PONG_TYPE``, its answer."""
 
     type: str
     sender: str
@@ -80,10 +80,10 @@ def check_cookie(cookie: bytes) -> str | None:
     """Check that the other side's version is supported.
 
     Returns:
-        None, or a sentence where its minor version is not ours, which works all the same.
+        None, or a sentence if its minor version is not ours, which works all the same.
 
     Raises:
-        VrpnError: it is of another major version, or no VRPN at all.
+        VrpnError: it has another major version, or is not VRPN at all.
     """
     told = cookie.split(b"\0")[0].decode("ascii", "replace").strip()
     if not cookie.startswith(_ANY_VERSION):
@@ -99,7 +99,7 @@ def pack(message: Message, sequence: int = 0) -> bytes:
     """Encode a message.
 
     Raises:
-        VrpnError: its body is longer than the library takes.
+        VrpnError: its body is longer than the library accepts.
     """
     if len(message.body) > _LONGEST_BODY:
         raise VrpnError(f"the body of a message may have at most {_LONGEST_BODY} bytes")
@@ -109,13 +109,13 @@ def pack(message: Message, sequence: int = 0) -> bytes:
 
 
 def describe(kind: int, number: int, name: str) -> Message:
-    """Return the message that tells the other side the name behind a number.
+    """Return the message that announces the name behind a number to the other side.
 
     Args:
         kind: ``SENDER_DESCRIPTION`` or ``TYPE_DESCRIPTION``.
 
     Raises:
-        VrpnError: the name is longer than the library takes.
+        VrpnError: the name is longer than the library accepts.
     """
     text = name.encode() + b"\0"
     if _NAME_LENGTH.size + len(text) > _LONGEST_NAME:
@@ -124,7 +124,7 @@ def describe(kind: int, number: int, name: str) -> Message:
 
 
 class MessageParser:
-    """Parser of bytes in pieces of any size."""
+    """Parser for messages from chunks of bytes of any size."""
 
     def __init__(self) -> None:
         self._pending = bytearray()
@@ -133,7 +133,7 @@ class MessageParser:
         """Return the messages that are complete now.
 
         Raises:
-            VrpnError: a length that no message has; what was complete before it is lost as well.
+            VrpnError: a message's length is invalid; messages completed before it are lost, too.
         """
         self._pending += data
         messages: list[Message] = []
@@ -157,7 +157,7 @@ class MessageParser:
 
 
 class Conversation:
-    """Interpreter of the other side's messages, by the names that it has described."""
+    """Interprets the other side's messages, using the names that it has described."""
 
     def __init__(self) -> None:
         self._parser = MessageParser()
@@ -166,14 +166,14 @@ class Conversation:
 
     @property
     def senders(self) -> tuple[str, ...]:
-        """Names of senders that were described so far."""
+        """Names of the senders described so far."""
         return tuple(self._senders.values())
 
     def feed(self, data: bytes) -> list[TrackerPose | Sign]:
         """Return the poses, pings and pongs that are complete with these bytes.
 
         Raises:
-            VrpnError: the bytes are no VRPN.
+            VrpnError: the bytes are not VRPN.
         """
         meanings = map(self._take, self._parser.feed(data))
         return [meaning for meaning in meanings if meaning is not None]
@@ -185,7 +185,7 @@ class Conversation:
                 raise VrpnError(f"more than {_MOST_DESCRIBED} names are described")
             names[message.sender] = _name(message.body)
             return None
-        # A description of a port for datagrams is not answered, so all comes by this connection.
+        # Announcements of a UDP port are not answered, so everything comes over this connection.
         kind = self._types.get(message.type)
         sender = self._senders.get(message.sender)
         if sender is None:
@@ -200,7 +200,7 @@ class Conversation:
 
 
 class Speaker:
-    """Encoder of our side's messages, which describes each name before its first use."""
+    """Encodes our side's messages, describing each name before its first use."""
 
     def __init__(self) -> None:
         self._senders: dict[str, int] = {}
@@ -208,10 +208,10 @@ class Speaker:
         self._sequence = 0
 
     def say(self, type_: str, sender: str) -> bytes:
-        """Encode a message without a body, with the descriptions that it needs in front of it.
+        """Encode a message without a body, preceded by the descriptions that it needs.
 
         Raises:
-            VrpnError: a name is longer than the library takes.
+            VrpnError: a name is longer than the library accepts.
         """
         begin = b""
         for kind, names, name in (

@@ -1,7 +1,7 @@
 """Client of a VRPN server's trackers over TCP: one thread owns the connection and reconnects.
 
-We open the connection ourselves (as the library does for ``tcp://`` addresses) and describe no
-port for datagrams, so the server sends everything by this connection.
+We open the connection ourselves (as the library does for ``tcp://`` addresses) and announce no
+UDP port, so the server sends everything over this connection.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ from observer.truth.live.vrpn import (
 _CONNECT_WITHIN_S = 3.0
 _COOKIE_WITHIN_S = 3.0
 _CHUNK = 64 * 1024
-# A server of which nothing is heard is asked once a second, and given up when it stays silent.
+# Seconds: a silent server is pinged once per second, and given up if it stays silent.
 _ASK_AFTER_S = 3.0
 _ASK_EVERY_S = 1.0
 _GIVE_UP_AFTER_S = 13.0
-# TCP keepalive for a host that is gone: seconds, seconds, times.
+# TCP keepalive, to detect a dead host: seconds, seconds, count.
 _KEEPALIVE = (("TCP_KEEPIDLE", 5), ("TCP_KEEPINTVL", 2), ("TCP_KEEPCNT", 3))
 
 
 class _Lost(Exception):
-    """Connection that failed or was lost; one sentence."""
+    """The connection failed or was lost; one sentence."""
 
 
 class VrpnCapture(LiveCapture):
     """Trackers of a VRPN server.
 
-    A body is a sender's sensor: named as the sender, sensors other than 0 as ``SENDER/SENSOR``.
+    A body is a sender's sensor: sensor 0 is named like the sender, others ``SENDER/SENSOR``.
 
     Args:
-        host, port: of the server. names: bodies or senders that are wanted; none: every one.
-        spec: as it was opened. clock: host's monotonic clock.
+        host, port: of the server. names: bodies or senders wanted; empty for all.
+        spec: as opened. clock: host's monotonic clock.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class VrpnCapture(LiveCapture):
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for name, value in _KEEPALIVE:
-            # Not every system has each of them.
+            # Not every system has all of them.
             if hasattr(socket, name):
                 connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
         try:
@@ -138,7 +138,7 @@ class VrpnCapture(LiveCapture):
             if not self._wakeup.wait(_ASK_EVERY_S, connection):
                 data = b""
                 now = self._clock()
-                # A server that described no device cannot answer; there TCP keepalive must do.
+                # A server that described no device cannot answer pings; rely on TCP keepalive.
                 if conversation.senders and now - heard > _GIVE_UP_AFTER_S:
                     raise _Lost(f"it has sent nothing for {_GIVE_UP_AFTER_S:g} s")
                 if now - heard > _ASK_AFTER_S and now - asked >= _ASK_EVERY_S:
@@ -147,12 +147,12 @@ class VrpnCapture(LiveCapture):
                         self._send(connection, speaker.say(PING_TYPE, sender))
                 continue
             data = self._receive(connection)
-            # Only now: whoever is preempted between a stamp and the reading after it reads data
-            # that were sent later than that.
+            # Take the time after the read: if preempted between them, a time taken before it
+            # would be earlier than the sending of the data.
             received = heard = self._clock()
 
     def _cookies(self, connection: socket.socket) -> bytes:
-        """Read the other side's cookie, and return the bytes behind it."""
+        """Read the other side's cookie; return the bytes after it."""
         data = b""
         until = self._clock() + _COOKIE_WITHIN_S
         while len(data) < COOKIE_LENGTH:
@@ -178,7 +178,7 @@ class VrpnCapture(LiveCapture):
 
     def _send(self, connection: socket.socket, data: bytes) -> None:
         try:
-            # A few bytes a second at most: if they do not fit, nobody reads.
+            # At most a few bytes per second: if they do not fit, the other side does not read.
             if connection.send(data) < len(data):
                 raise _Lost("it no longer accepts data")
         except OSError as error:
@@ -199,7 +199,7 @@ class VrpnCapture(LiveCapture):
 
 
 def _rotation(quaternion: tuple[float, float, float, float]) -> Float64Array | None:
-    """Return the rotation (3, 3) of x, y, z, w; None where it is no rotation at all."""
+    """Return the rotation (3, 3) of x, y, z, w; None if it is far from a unit quaternion."""
     if not 0.9 < math.hypot(*quaternion) < 1.1:
         return None
     return np.asarray(Rotation.from_quat(quaternion).as_matrix())

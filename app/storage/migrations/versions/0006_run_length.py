@@ -10,7 +10,7 @@ down_revision = "0005"
 
 
 def upgrade() -> None:
-    # Unknown for runs of before; the server reads it from their recordings.
+    # Unknown for earlier runs; the server reads it from their recordings.
     op.add_column("runs", sa.Column("begin_s", sa.Float(53), nullable=True))
     op.add_column("runs", sa.Column("duration_s", sa.Float(53), nullable=True))
 

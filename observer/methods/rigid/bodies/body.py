@@ -1,4 +1,4 @@
-"""One obstacle over time: how it moves, how large it is, what is known of its life."""
+"""One obstacle over time: its motion, its size and the state of its track."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.steady_drive import SteadyDrive
 from observer.types import MotionState, TrackState
 
-# Seconds out of sight after which nothing is known of how a body moves.
+# Seconds out of sight after which a body's motion counts as unknown.
 _FORGOTTEN_S = 0.4
 _NOWHERE = np.zeros(3)
 # (m/s)^2: by how much a limb's velocity differs from that of its body.
@@ -41,30 +41,31 @@ class BodyTrack:
 
     Attributes:
         id: as of ``Obstacle``. state, motion: as reported.
-        filter: place, velocity, yaw. The place is that of the body's own origin, not its centre.
-        recent: how it moved up to now.
+        filter: position, velocity, yaw. The position is the body's own origin, not its centre.
+        recent: its motion of the last seconds.
         shape: where its points are in its own frame. box: in that frame; None before the first
             update.
         points: members seen in this frame. frames: since it began. missed_s: seconds since it
             was last seen. age_s: seconds since it began. steady_s: since it last manoeuvred.
-        hits: frames in which it moved significantly. sightings: of members in those frames,
-            beyond those that may err alike.
+        hits: frames in which it moved significantly, less those since in which it did not.
+            sightings: of members in the former, beyond the few whose errors may be alike.
         significance: Mahalanobis length of the velocity.
-        box_px: u0 v0 u1 v1 in the left image, around what is seen of it; while it is not seen,
+        box_px: u0 v0 u1 v1 in the left image, around its visible part; while it is out of sight,
             where that should be by now.
         lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.
-        outline: at which it stands out in depth; None before one was found.
-        rigid: False once its limbs were seen to move by themselves, or before any point is known
-            to move along. rigidity: recent share of its points that move along. loosened: points
-            that moved as one were taken for it, and may have been those of a limb.
+        outline: its outline in the depth image; None before one was found.
+        rigid: False once its limbs were seen to move on their own, or while no point is known to
+            move with it. rigidity: recent share of its points that move with it. loosened: its
+            motion came from points that moved as one, but may have been on a limb.
         by_points: its points measured it in this frame.
         drive: for how long points on it have moved steadily as one.
-        changes: when something on it looked another than a moment before.
-        crosses: its points move across the view as surely as an obstacle's.
-        part_moves: it began as the whole person of whom a part was seen to move.
-        merged_s: seconds for which it has been seen as no thing of its own, but for one with what
-            is around it.
-        far: it is seen by points alone, and so far away that they only seem to come or go.
+        changes: when something on it looked different from a moment before.
+        crosses: its points show, as surely as confirmation needs, that it crosses the view.
+        part_moves: it began as a whole person, of whom only a part was seen to move.
+        merged_s: seconds for which its points were seen, but no segment separate from its
+            surroundings.
+        stands: no more than half of its points lie on the ground.
+        far: it is seen by points alone, too far away to tell whether they approach or recede.
         stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
             before, and once it was seen to have left that place.
@@ -127,7 +128,7 @@ class BodyTrack:
 
     @property
     def centre(self) -> Float64Array:
-        """(3,) metres, world: of the box."""
+        """(3,) metres, world: the centre of the box."""
         offset = np.zeros(3) if self.box is None else self.R @ self.box.centre
         return self.mean[POSITION] + offset
 
@@ -137,9 +138,9 @@ class BodyTrack:
         return None if self.outline is None or not self.outline.seen else self.outline
 
     def centre_velocity(self) -> tuple[Float64Array, Float64Array]:
-        """(3,) m/s and its covariance (3, 3), world: of the centre.
+        """Return the velocity (3,) m/s, world, of the centre, and its covariance (3, 3).
 
-        That of a turning body depends on where its centre is, which is not known exactly.
+        For a turning body it depends on where the centre is, which is not known exactly.
         """
         arm, doubt_m = _NOWHERE, 0.0
         if self.box is not None:
@@ -150,14 +151,14 @@ class BodyTrack:
 
     @property
     def forgotten(self) -> bool:
-        """True of what was out of sight for so long that it may move in any way."""
+        """True if it has been out of sight so long that it may move in any way."""
         return self.missed_s > _FORGOTTEN_S
 
     def loosen(self) -> None:
-        """Count it as a body with limbs, of whose yaw nothing is known.
+        """Treat it as a body with limbs, whose yaw is unknown.
 
-        What moved as one until now may have been a limb, which is faster or slower than the body.
-        That is not doubted where only legs are in view, for then nothing tells better.
+        What moved as one until now may have been a limb, faster or slower than the body, so the
+        velocity becomes less certain; but not if only legs are in view, as nothing tells better.
         """
         self.rigid, self.rigidity, self.loosened = False, 0.0, True
         self.filter = self.filter.straightened()
@@ -165,12 +166,12 @@ class BodyTrack:
             self.filter = self.filter.doubted(_LIMB_COV)
 
     def stiffen(self, motion: BodyFilter) -> None:
-        """Count it as a rigid body, which moves as points on it were found to."""
+        """Treat it as a rigid body, with the motion found from points on it."""
         self.rigid, self.rigidity, self.loosened = True, 1.0, False
         self.restart(motion)
 
     def restart(self, motion: BodyFilter) -> None:
-        """Forget how it moved and where points on it were; it keeps its name and its size."""
+        """Start over with a motion; forget the old one and where points were. ID and size stay."""
         if self.outline is not None:
             self.outline.move_origin(motion.mean[POSITION] - self.mean[POSITION])
         self.filter = motion
@@ -178,7 +179,7 @@ class BodyTrack:
         self.recent.forget()
 
     def carry_box(self, T_camera_world: Pose, camera: StereoCamera) -> None:
-        """Move the box of a body that is not seen to where it is expected in this frame."""
+        """Move the image box of a body out of sight to where it is expected in this frame."""
         pose, before = T_camera_world, self._centre_px
         now = np.array(view_of(self.centre, pose.rotation, pose.translation, camera.numbers))
         if not np.isfinite(now).all():
@@ -190,7 +191,7 @@ class BodyTrack:
         self._centre_px = now
 
     def rebase(self) -> Float64Array:
-        """Make the centre of the box the body's origin; returns (3,) m, where it was before."""
+        """Make the centre of the box the origin; returns where it was in the old frame, (3,) m."""
         assert self.box is not None
         offset = self.box.centre
         self.filter = self.filter.rebased(offset)
@@ -199,23 +200,23 @@ class BodyTrack:
         return offset
 
     def velocity_at(self, place: Float64Array) -> Float64Array:
-        """(..., 3) m/s, world: of the body's material at places (..., 3) m, world."""
+        """(..., 3) m/s, world: velocity of the body's material at places (..., 3) m, world."""
         mean = self.mean
         turning = turning_velocity(float(mean[YAW_RATE]), place - mean[POSITION])
         return np.asarray(mean[VELOCITY] + turning)
 
     def local(self, place: Float64Array) -> Float64Array:
-        """(N, 3) metres, the body's frame, of places (N, 3) m, world."""
+        """Return places (N, 3) m, world, in the body's frame."""
         return np.asarray((place - self.mean[POSITION]) @ self.R)
 
     def room(self, margin: float) -> float:
-        """Metres by which points may lie outside the box, as a share of the longest side."""
+        """Metres by which points may lie outside the box: a share of its longest side."""
         return 0.0 if self.box is None else margin * float(self.box.size.max())
 
     def contains(
         self, place: Float64Array, margin: Float64Array | float = 0.0
     ) -> NDArray[np.bool_]:
-        """(N,) which places (N, 3) m, world, lie in the box made larger by the margin on all sides.
+        """(N,) which places (N, 3) m, world, lie in the box enlarged by the margin on all sides.
 
         Args:
             margin: metres; one for all, or (N,) one for each place.
@@ -225,7 +226,7 @@ class BodyTrack:
         return self.box.contains(self.local(place), margin)
 
     def corners(self) -> Float64Array:
-        """(8, 3) metres, world: of the box; a single point before there is one."""
+        """(8, 3) metres, world: corners of the box; all at one point before there is one."""
         if self.box is None:
             return np.broadcast_to(self.centre, (8, 3))
         R = self.R @ yaw_matrix(self.box.heading)

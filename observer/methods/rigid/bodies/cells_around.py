@@ -1,4 +1,4 @@
-"""The cells at and around a few pixels: to look at these alone costs less than at a whole image."""
+"""The cells at and around a few pixels, which cost less to look at than a whole image."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ from observer.methods.rigid.dense.grid import Grid
 def cells_around(
     grid: Grid, px: NDArray[np.float32], reach: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns (N, K) of the K cells up to so many away from pixels (N, 2), level and down.
+    """Return rows and columns (N, K) of the square of K cells around each pixel (N, 2).
 
-    Beyond the border stand those at it.
+    Cells beyond the border are replaced by those at it.
+
+    Args:
+        reach: cells from the middle of a square to its sides.
     """
     (rows, columns), (down, across) = grid.at(px), _square(reach)
     return (
@@ -26,5 +29,5 @@ def cells_around(
 
 @cache
 def _square(reach: int) -> NDArray[np.intp]:
-    """(2, 1, K) rows and columns from the middle of a square to its cells."""
+    """(2, 1, K) row and column offsets of a square's cells from its middle."""
     return np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, 1, -1)

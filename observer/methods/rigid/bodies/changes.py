@@ -1,4 +1,4 @@
-"""When something on one body, or at one place, looked another than a moment before."""
+"""When something on one body, or at one place, looked different from a moment before."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
-# It stirs what changed in so many of the frames of these last seconds, in so many bursts with a
-# pause between them, and first that long ago.
+# A body or place stirs if it changed in so many frames of these last seconds, in so many bursts
+# with a pause between them, over at least that many seconds.
 _WINDOW_S, _LEAST_FRAMES, _LEAST_BURSTS, _LEAST_SPAN_S = 3.0, 8, 3, 1.2
 _PAUSE_S = 0.12
 
@@ -36,7 +36,7 @@ class Changes:
 
     @property
     def stirs(self) -> bool:
-        """True of what changed often, again and again."""
+        """True if it changed often, again and again."""
         times = np.array(self._times)
         if len(times) < _LEAST_FRAMES or times[-1] - times[0] < _LEAST_SPAN_S:
             return False

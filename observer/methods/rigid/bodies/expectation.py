@@ -1,4 +1,4 @@
-"""What is expected of bodies a frame on, before it is seen, and how sure that can be at best."""
+"""Prediction of bodies for the next frame, and how sure their velocities can be at best."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from observer.types import TrackState
 
 # Share of the acceleration that a steadily driving body may still have.
 _STEADY = 0.1
-# And that a walking person has.
+# The same for a walking person.
 _WALKING = 0.6
-# By how much more a reported person may accelerate along the line of sight while no points on the
-# trunk tell how far away it is: who turns round then is noticed late, and by a depth that errs for
-# long.
+# Factor by which a reported person may accelerate more along the line of sight while no points on
+# the trunk tell its distance: turning round is then noticed late, by a depth whose error lasts.
 _UNSEEN_TURNS = 2.0
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
 # rad/s^2, of a steady and of a manoeuvring body.
 _YAW_ACCELERATION = (0.3, 5.0)
-# A point seen more often than this knows its own motion, and needs no guess.
+# A point seen at least this often knows its own motion, and needs no guess.
 _YOUNG = 4
 
 
@@ -49,7 +48,7 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
 
 
 def _at_untold_depth(track: BodyTrack) -> bool:
-    """Return whether a person's segment alone tells how far away the person is."""
+    """Return whether nothing but a person's segment tells how far away the person is."""
     return not track.rigid and track.outline is not None and not track.outline.depths.tell
 
 
@@ -58,7 +57,7 @@ def note_lasting_errors(
 ) -> None:
     """Note how sure velocities can be at best, seen from this pose.
 
-    What is out of sight is known as it was when it was last seen.
+    A body out of sight keeps what was noted when it was last seen.
     """
     stretch = parameters.distortion_sigma
     for track in [t for t in tracks if t.missed_s == 0]:
@@ -81,7 +80,7 @@ def expected_at(
     dt: float,
     parameters: ObstacleParameters,
 ) -> Float64Array:
-    """(N, 3) where points on bodies should be ``dt`` seconds on, m, world; NaN for others.
+    """(N, 3) metres, world: where points on bodies should be in ``dt`` s; NaN for others.
 
     Points that are not members yet, but lie in a body's box, are expected to move with it.
 

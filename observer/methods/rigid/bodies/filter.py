@@ -19,9 +19,9 @@ STATE_SIZE = 8
 # What is measured: position and yaw.
 MEASURED = np.array([0, 1, 2, YAW])
 _PLACE, _PACE = np.arange(3), np.arange(3, 6)
-# An axis along which nothing more is known.
+# Stands for an unknown axis.
 _UNKNOWN = np.zeros(3)
-# rad/s: the yaw rate of a body whose yaw nothing shows, so small that it stays what it is.
+# rad/s, one standard deviation: yaw rate of a body whose yaw nothing shows, so small that it stays.
 _STRAIGHT = 1e-3
 
 
@@ -30,8 +30,8 @@ class BodyFilter:
     """An interacting-multiple-model filter with two modes (Blom and Bar-Shalom, 1988).
 
     Both modes are the coordinated turn: the velocity turns with the body. They differ in how
-    strongly it may accelerate. In the mean the filter is quick where the measurement is good
-    (across the line of sight) and patient where it is not (along it).
+    strongly it may accelerate. Mixed, they respond quickly where the measurement is good (across
+    the line of sight) and slowly where it is not (along it).
 
     Attributes:
         means: (2, 8), covariances: (2, 8, 8), probabilities: (2,) of steady and manoeuvring.
@@ -84,7 +84,7 @@ class BodyFilter:
         return bool(self.probabilities[1] > 0.5)
 
     def shifted(self, shift: Float64Array, drift: Float64Array) -> BodyFilter:
-        """The same state elsewhere, by (3,) metres, and at another velocity, by (3,) m/s."""
+        """Return the state with its position shifted by (3,) metres, its velocity by (3,) m/s."""
         return BodyFilter(
             self.means + np.concatenate([shift, drift, [0.0, 0.0]]),
             self.covariances,
@@ -98,14 +98,14 @@ class BodyFilter:
         yaw_acceleration: tuple[float, float],
         axis: Float64Array | None,
     ) -> BodyFilter:
-        """The state ``dt`` seconds later.
+        """Return the state ``dt`` seconds later.
 
         Args:
             acceleration: m/s^2, yaw_acceleration: rad/s^2; one standard deviation of white noise
                 over a frame, steady and manoeuvring.
-            axis: (3,) along which the body accelerates and brakes most, unit length, as wheels
-                make it; None where unknown. What is seen well across the line of sight then also
-                tells what happens along it.
+            axis: (3,) unit vector along which the body accelerates and brakes most, as it does on
+                wheels; None if unknown. What is measured well across the line of sight then also
+                tells the motion along it.
         """
         along = _UNKNOWN if axis is None else axis
         return BodyFilter(
@@ -128,7 +128,7 @@ class BodyFilter:
         return self._updated(_PACE, velocity, noise)
 
     def straightened(self) -> BodyFilter:
-        """The same motion of a body that turns no more than its velocity tells."""
+        """Return the same motion, but not turning: the yaw rate is 0 and almost certain."""
         means, covs = self.means.copy(), self.covariances.copy()
         means[:, YAW_RATE] = 0.0
         covs[:, YAW_RATE, :] = covs[:, :, YAW_RATE] = 0.0
@@ -136,7 +136,7 @@ class BodyFilter:
         return BodyFilter(means, covs, self.probabilities)
 
     def doubted(self, velocity_cov: Float64Array) -> BodyFilter:
-        """The same motion, whose velocity may differ further, by a covariance (3, 3) (m/s)^2."""
+        """Return the same motion, its velocity less certain by a covariance (3, 3) (m/s)^2."""
         covs = self.covariances.copy()
         covs[:, VELOCITY, VELOCITY] += velocity_cov
         return BodyFilter(self.means, covs, self.probabilities)
@@ -150,7 +150,7 @@ class BodyFilter:
         )
 
     def rebased(self, offset: Float64Array) -> BodyFilter:
-        """The same motion, told of another point of the body as its origin.
+        """Return the same motion with another point of the body as its origin.
 
         Args:
             offset: (3,) metres, the body's frame, from the old origin to the new one.

@@ -1,7 +1,6 @@
-"""A person so near that the image ends below the trunk: two legs, which swing past each other.
+"""A person so near that only the legs are in view, which swing past each other.
 
-Of legs that stride alike the middle between them is where the hips are, across the view and in
-depth.
+As the legs stride alike, the hips are midway between them, across the view and in depth.
 """
 
 from __future__ import annotations
@@ -17,19 +16,19 @@ from observer.methods.rigid.dense.segments import Segment, segment_of
 
 # Metres above the ground up to which legs reach.
 _LEGS_M = 0.85
-# Metres between the outer edges of two legs that stride, feet included; and in depth, at most.
+# Most metres between the outer edges of two striding legs, feet included; and in depth.
 _STRIDE_M, _AHEAD_M = 1.3, 0.7
 # Upper share of the rows of legs that tells where the hips are.
 _HIPS_SHARE = 0.2
-# Shares of the cells that are farther than the farther leg, and than the nearer one.
+# Quantiles of the cells' disparities that stand for the farther leg and for the nearer one.
 _DEPTHS = (0.15, 0.85)
-# Metres, one standard deviation: how far a foremost or rearmost leg swings against the hips.
+# Metres, one standard deviation: how far a foremost or rearmost leg swings from the hips.
 _SWING_M = 0.2
 _EYE = np.eye(3)
 
 
 def shows_only_legs(segment: Segment, scene: DenseScene) -> bool:
-    """Return whether the image ends below the trunk: legs do not move as the body does."""
+    """Return whether only legs are in view, which do not move as the body does."""
     if not segment.cut[2] or scene.ground is None:
         return False
     pose = scene.T_world_camera
@@ -41,7 +40,7 @@ def shows_only_legs(segment: Segment, scene: DenseScene) -> bool:
 
 
 def is_other_leg(scene: DenseScene, part: Segment, leg: Segment) -> bool:
-    """Return whether a segment is the other leg of a person of whom a leg is known."""
+    """Return whether a segment is the other leg of a person, one leg of whom is known."""
     camera = scene.grid.camera
     one, other = (camera.fx * camera.baseline / each.disparity for each in (part, leg))
     if not (part.cut[2] and leg.cut[2]) or abs(one - other) > _AHEAD_M:
@@ -51,10 +50,10 @@ def is_other_leg(scene: DenseScene, part: Segment, leg: Segment) -> bool:
 
 
 def at_hips(segment: Segment, scene: DenseScene) -> Segment:
-    """Return a segment of legs as one that is seen by what is highest of them.
+    """Return a segment of legs, located by the top of the legs.
 
     There they swing least, and the middle between their outer edges is that of the hips. The
-    disparity is midway between both: the median would leap from one leg to the other.
+    disparity is midway between both legs': the median would leap from one to the other.
     """
     hips = segment_of(scene, segment.mask, _HIPS_SHARE)
     left, _, right = hips.columns
@@ -69,9 +68,9 @@ def at_hips(segment: Segment, scene: DenseScene) -> Segment:
 
 
 def swing_cov(along: Float64Array) -> Float64Array:
-    """(3, 3) m^2, of a leg against the hips, across the line of sight.
+    """(3, 3) m^2: covariance of a leg's swing from the hips, across the line of sight.
 
     Args:
-        along: (3, 3) the projection onto that.
+        along: (3, 3) the projection onto the line of sight.
     """
     return np.asarray((_EYE - along) * _SWING_M**2)

@@ -12,40 +12,42 @@ from observer.parameters import ObstacleParameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import expired, next_state
 
-# Below this the velocity is no more than noise. What is known to move, and does more than creep,
-# is not said to stand before it may well do so: that its speed became uncertain tells nothing.
+# A velocity below the first is no more than noise. A body known to move that does more than creep
+# must fall below the second to be at rest: that its speed became uncertain tells nothing.
 _MOVING_SIGMAS, _STILL_SIGMAS = 3.0, 2.0
-# m/s, of a person who walks: while that would not be significant, nothing tells that one stopped,
-# for so many seconds.
+# m/s, a walking speed: while even that would not be significant, a body is not taken to have
+# stopped, for so many seconds.
 _WALKS_MPS, _UNSURE_S = 1.0, 0.5
-# The members that moved, beyond the first two, summed over the frames, before there is an
-# obstacle: two or three on one edge err alike.
+# Members that moved, beyond the first two in each frame, summed over frames, that confirm an
+# obstacle: the errors of two or three on one edge are alike.
 _CONFIRM_SIGHTINGS = 16
 _ALIKE = 2
 # Seconds: a tentative track that was not seen for so long, or has not moved significantly so long
-# after it began, was none.
+# after it began, ends.
 _TENTATIVE_COAST_S = 0.15
 _PATIENCE_S = 0.5
-# The same of one that is seen as a segment.
+# The latter for one that was seen as a segment.
 _OUTLINE_PATIENCE_S = 1.5
-# Seconds, and frames in a row, for which a body may be one with what is around it.
+# Seconds for which a body may be merged with its surroundings.
 _MERGED_S = 1.0
-# So many points that stand out of the ground and move alike are a body, though it is seen as one
-# with what is around it.
+# So many points that stand out of the ground and move alike are a body, even if it is merged with
+# its surroundings.
 _MANY_POINTS = 12
+# Frames in a row for which a segment may idle, see ``Outline.idles``.
 _IDLE_FRAMES = 3
 # A segment that stood for so many seconds and never left its place only seemed to move.
 _STOOD_S = 0.7
-# A body creeps below so many times the speed of what has stopped, while so much of it is static.
+# A body creeps below so many times the speed at which it counts as stopped; it is unmoved if so
+# much of it is static.
 _CREEPING, _UNMOVED_SHARE = 3.0, 0.95
-# What moves across the view: at least this share of its velocity leads there.
+# A body crosses the view if at least this share of its velocity is across the line of sight.
 _ACROSS_SHARE = 0.5
-# Where light flickers, what is slower than so many times that speed may stand, unless it moves
-# across the view.
+# Where light flickers, a body that is slower than so many times the stopped speed may stand, unless
+# it crosses the view.
 _SEEMS_SLOW = 8.0
-# Frames in which a segment must have entered free space, or come out of hiding, and standard
-# deviations of its velocity. What goes away comes out from behind itself; what others uncover
-# seems to move as they do, across the view: so much of the velocity must lead away.
+# Frames in which a segment must have entered free space, or been hidden before, and standard
+# deviations of its velocity. A body that goes away was hidden by itself before. What others uncover
+# seems to move across the view as they do, so this share of the velocity must lead away.
 _ARRIVED_FRAMES, _ARRIVED_SIGMAS = 3, 3.0
 _HIDDEN_FRAMES, _HIDDEN_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
 _STEADY = Light()
@@ -80,7 +82,7 @@ def judge(
     if confirmed and track.motion is MotionState.MOVING:
         track.confirmed_at = track.centre
     elif seen and track.confirmed_at is not None and _is_away(track, track.confirmed_at):
-        # Who went away and came back did move.
+        # A body that went away and came back did move.
         track.confirmed_at = None
     track.state = next_state(track.state, seen=seen, confirmed=confirmed)
 
@@ -97,8 +99,8 @@ def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> Motio
     least = _STILL_SIGMAS if moved and speed > _CREEPING * limit else _MOVING_SIGMAS
     if speed >= limit and track.significance >= least:
         return MotionState.MOVING if speed - sigma > limit else track.motion
-    # Out of sight only the certainty fades, and for a moment likewise where limbs were taken for
-    # the body. But what fills the cells that were filled before stands, however uncertain its
+    # Out of sight only the certainty fades, and likewise for a moment after limbs were taken for
+    # the body. But a body that fills the same cells as before stands, however uncertain its
     # velocity.
     unsure = sigma > _WALKS_MPS / _MOVING_SIGMAS and track.unsure_s < _UNSURE_S
     if reported and (track.missed_s > 0 or unsure) and not _is_unmoved(track):
@@ -107,7 +109,7 @@ def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> Motio
 
 
 def _sigma_along(velocity: Float64Array, cov: Float64Array) -> float:
-    """Return one standard deviation, m/s, along a velocity (3,); the largest, of none at all."""
+    """Return one standard deviation, m/s, along a velocity (3,); the largest one if that is 0."""
     speed = float(np.linalg.norm(velocity))
     if speed == 0.0:
         return largest_sigma(cov)
@@ -133,7 +135,7 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
         may_stand = track.part_moves or moves
         if outline.idles(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
             return True
-    # What was seen apart once may drive along a wall.
+    # A body that stood apart once may drive along a wall.
     known = outline is not None or _shown_by_many(track)
     drives = track.motion is MotionState.MOVING and known
     hopeless |= track.merged_s > _MERGED_S and not drives
@@ -148,11 +150,11 @@ def _confirmed(
     parameters: ObstacleParameters,
     light: Light,
 ) -> bool:
-    """Count this frame's evidence: a track must move significantly in enough frames and points.
+    """Count this frame's evidence, and return whether it is enough to confirm a track.
 
-    The fewer points there are, the longer they must keep moving alike.
+    It must move significantly in enough frames and points: the fewer points, the longer.
     """
-    # Of a person an arm or a leg of whom moves, or points on whom did, less is enough.
+    # Less is enough for a person of whom only a part, or only points on a limb, was seen to move.
     person = track.part_moves or track.loosened
     least_sigmas = _MOVING_SIGMAS if person else parameters.confirm_sigmas
     moves = track.significance >= least_sigmas
@@ -175,7 +177,7 @@ def _confirmed(
 def _never_left(track: BodyTrack) -> bool:
     """Return whether a body known by its segment alone is still where it was confirmed.
 
-    Segments of what stands change from frame to frame, and so do their middles.
+    Segments of static things change from frame to frame, and so do their middles.
     """
     if track.confirmed_at is None or track.outline is None or track.box is None:
         return False
@@ -191,7 +193,7 @@ def _is_away(track: BodyTrack, place: Float64Array) -> bool:
 
 
 def _shown_by_many(track: BodyTrack) -> bool:
-    """Return whether a body is seen by so many members that no segment needs to tell it apart."""
+    """Return whether a body is seen by so many members that it needs no segment of its own."""
     return track.stands and track.points >= _MANY_POINTS
 
 
@@ -201,11 +203,11 @@ def _may_stand(
     parameters: ObstacleParameters,
     light: Light,
 ) -> bool:
-    """Return whether a body's points may move though it stands.
+    """Return whether a body may stand although its points move.
 
-    Who crosses the view covers what was free and uncovers what was hidden; points taken for a
-    person's slide over what stands. Along the line of sight points seem to come or to go where
-    disparity is uncertain: far away, and in light that flickers.
+    A body that crosses the view covers free space and uncovers what it hid. If a person does not,
+    the points slide over something static. Along the line of sight points seem to approach or
+    recede where disparity is uncertain: far away, and in flickering light.
     """
     if _creeps(track, parameters):
         return True
@@ -215,9 +217,9 @@ def _may_stand(
 
 
 def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
-    """Return whether a body hardly moves that is seen where something was before.
+    """Return whether a body hardly moves and has not been seen to leave its place.
 
-    Light that changes, and reflections, move points a little; what goes on will leave its place.
+    Changing light and reflections move points a little; a body that goes on will leave its place.
     """
     if _has_moved(track):
         return False
@@ -226,13 +228,13 @@ def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
 
 
 def _is_slow(track: BodyTrack, parameters: ObstacleParameters) -> bool:
-    """Return whether a body is slow that is seen where something was before."""
+    """Return whether a body is slow and has not been seen to leave its place."""
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
     return not _has_moved(track) and speed <= _SEEMS_SLOW * parameters.stopped_below_mps
 
 
 def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
-    """Return whether a good part of a body's velocity leads across the view."""
+    """Return whether a good part of a body's velocity is across the line of sight."""
     velocity, ahead = track.mean[VELOCITY], track.centre - camera_position
     speed = float(np.linalg.norm(velocity))
     along = float(velocity @ ahead) / float(np.linalg.norm(ahead))
@@ -240,7 +242,7 @@ def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
 
 
 def _has_moved(track: BodyTrack) -> bool:
-    """Return whether a body is a thing of its own, and not all of it where something was before."""
+    """Return whether a body stands apart, and not all of it is seen where something was before."""
     if track.outline is None:
         return track.merged_s == 0
     return track.seen_outline is not None and not _is_unmoved(track)
@@ -252,16 +254,16 @@ def _confirmed_by_outline(
     parameters: ObstacleParameters,
     light: Light,
 ) -> bool:
-    """Return whether a body moves that enters free space as a thing of its own, or goes away.
+    """Return whether a body's segment confirms that it moves: it enters free space or goes away.
 
-    What the camera cuts off as too bright changes with the exposure: while that swings, depths
-    appear and disappear that stand, and it takes more to believe in them.
+    Where the image saturates changes with the exposure: while that swings, depths of static things
+    appear and disappear, and more evidence is needed.
     """
     outline = track.seen_outline
     if outline is None or track.motion is not MotionState.MOVING:
         return False
     if (outline.merged or outline.stands or outline.beside_nearer) and not outline.is_high:
-        # A patch of noise on a wall, or of what only one camera sees beside somebody who passes.
+        # A patch of noise on a wall, or where only one camera sees, beside somebody who passes.
         return False
     frames, sigmas = _ARRIVED_FRAMES, _ARRIVED_SIGMAS
     if light.swings:

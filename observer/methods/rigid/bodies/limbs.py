@@ -1,4 +1,4 @@
-"""Tells bodies whose limbs move by themselves, people, from rigid ones."""
+"""Tells people, whose limbs move on their own, from rigid bodies."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.outline import Outline
 
-# A body is rigid while this share of the points on it moves as it does; the share follows the
-# newest frame so fast, of at least so many points. Who begins to walk is half still: taken for
-# rigid, he would seem to go at the speed of what moves of him.
+# A body is rigid while this share of the points on it moves as it does; gain with which the share
+# follows a new frame of at least so many points. Half of a person who begins to walk is still:
+# taken for rigid, he would seem to go at the speed of the half that moves.
 _RIGID_SHARE = 0.8
 _SHARE_GAIN = 0.2
 _LEAST_POINTS = 4
-# So many points that moved as one for so many seconds are of no arm and no leg, but for instance of
-# a robot with a mast on which nothing can be followed.
+# So many points that moved as one for so many seconds are on no arm or leg, but for instance on a
+# robot with a mast on which nothing can be tracked.
 _MANY_POINTS, _STEADY_S = 12, 0.5
-# Points show a whole body, if they are so many, over these shares of its height and width.
+# So many points spread over these shares of its height and width show a whole body.
 _WHOLE_POINTS, _WHOLE_HEIGHT, _WHOLE_WIDTH = 8, 0.75, 0.6
 
 
 def judge_rigidity(track: BodyTrack, moves_along: NDArray[np.bool_]) -> None:
-    """Learn from which of the points on a body (N,) move along whether its limbs do so.
+    """Judge by which of the points on a body (N,) move along with it whether it has limbs.
 
-    Only what stands upright may have limbs. A body that has turned out to have some keeps them,
-    and is from now on measured by its trunk, whose yaw nothing shows.
+    Only an upright body may have some. Once that is found it is not judged again here, and its
+    trunk measures it, whose yaw nothing shows.
     """
     assert track.outline is not None
     if not (track.rigid and track.outline.upright) or _drives(track):
@@ -42,7 +42,7 @@ def judge_rigidity(track: BodyTrack, moves_along: NDArray[np.bool_]) -> None:
 def may_be_rigid(track: BodyTrack) -> bool:
     """Return whether a body that counts as one with limbs may turn out to be rigid.
 
-    Of one that stands upright no points on the trunk may tell otherwise.
+    An upright one may not while points on its trunk tell how far away it is.
     """
     outline = track.outline
     if outline is None or track.rigid:
@@ -51,13 +51,13 @@ def may_be_rigid(track: BodyTrack) -> bool:
 
 
 def moves_as_one(track: BodyTrack, velocity: Float64Array, points: int) -> bool:
-    """Return whether a group of points that moves at (3,) m/s tells that its body is rigid."""
+    """Return whether a group of points that moves at (3,) m/s shows that its body is rigid."""
     assert track.outline is not None
     return not track.outline.upright or track.drive.note(velocity, points, track.age_s)
 
 
 def _drives(track: BodyTrack) -> bool:
-    """Return whether so many points have moved steadily as one for so long as no limbs do."""
+    """Return whether more points have moved steadily as one, and for longer, than limbs do."""
     return track.by_points and track.points >= _MANY_POINTS and track.steady_s >= _STEADY_S
 
 

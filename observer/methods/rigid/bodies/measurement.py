@@ -74,10 +74,10 @@ def measure_body(
     step_covariance: Float64Array,
     noise_correlation: float,
 ) -> BodyMeasurement:
-    """The pose that brings the members nearest to where they are seen.
+    """Return the pose that brings the members nearest to where they are seen.
 
-    Iterated and reweighted least squares (Huber weights, cut off where points count as strangers)
-    about the pose that prediction and measurement agree on.
+    Iteratively reweighted least squares (Huber weights, 0 where points count as strangers) about
+    the pose that prediction and measurement agree on.
 
     Args:
         expected: (4,) predicted position, m, world, and yaw, rad; spread: (4, 4), its covariance.
@@ -105,7 +105,7 @@ def expected_pose(
 def _ego_noise(
     position: Float64Array, T_camera_world: Pose, step_covariance: Float64Array
 ) -> Float64Array:
-    """(3, 3) m^2, world: how the camera's error moves what is at (3,) m, world."""
+    """(3, 3) m^2, world: covariance, by the camera's motion error, of a position (3,) m, world."""
     p = T_camera_world.apply(position)
     G = T_camera_world.rotation.T @ np.concatenate([-cross_matrix(p), np.eye(3)], axis=1)
     return np.asarray(G @ step_covariance @ G.T)

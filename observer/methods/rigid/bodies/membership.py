@@ -22,29 +22,29 @@ from observer.parameters import ObstacleParameters
 from observer.robust import MAD_TO_SIGMA
 from observer.types import MotionState, TrackState
 
-# A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
-# the logarithm of the likelihoods' ratio: e^4 = 55 times); and leaves if it is so much less.
+# A point joins if its velocity fits the body's and that is this much likelier than rest (twice the
+# logarithm of the likelihood ratio: e^4 = 55 times); it leaves if that is so much less likely.
 _JOIN_CHI2 = quantile(0.99, df=3)
 _SURE_RATIO = 8.0
 # Two velocities in space that differ by no more than this belong to one body.
 _SAME_CHI2 = quantile(0.999, df=3)
-# A member of a group further from its middle than this many standard deviations is none.
+# Standard deviations: a member further than this from the middle of a group is dropped.
 _STRAY = 4.0
-# Share of the speed by which a body's velocity may differ from that of points seen again: it
-# turned or braked while it was hidden; and by which the velocities of its parts may differ.
+# Share of the speed by which a body's velocity may differ from that of points seen again, as it may
+# have turned or braked while hidden; and by which the velocities of its parts may differ.
 _CHANGED_WHILE_HIDDEN = 0.3
 _PARTS_DIFFER = 0.12
-# Metres, the extent of a body whose box is not known yet, and standard deviations of its place
-# within which points may be it.
+# Metres, the extent of a body whose box is not known yet, and standard deviations of its position
+# within which points may belong to it.
 _FIRST_EXTENT_M = 0.3
 _FOUND_SIGMAS = 2.5
-# Metres by which a foot may be beside the body that steps with it.
+# Metres beyond half its width that a foot may be beside its body.
 _STRIDE_M = 0.35
-# Metres that a limb seen by itself may be away from its body, beyond half the width of both.
+# Metres beyond half their mean width that a limb seen by itself may be away from its body.
 _LIMB_APART_M = 0.3
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
-# Seconds for which both of two bodies must be known to be two for good.
+# Seconds for which two bodies must both be known before they stay two for good.
 _KNOWN_S = 1.0
 # No instants before now.
 _NEVER, _NO_MOTION = np.zeros(0), np.zeros((0, 4))
@@ -113,17 +113,18 @@ def joining(
 
 
 def resting(track: BodyTrack, members: NDArray[np.intp], motion: PooledMotion) -> NDArray[np.bool_]:
-    """(K,) which members (K,) of a body that moves rest.
+    """(K,) which members (K,) of a moving body rest.
 
-    A point that was followed into the edge of something before the body stays there. Such points
-    need not be misfits: a body that is thought to turn about them explains them, and then all that
-    is told of it is wrong. Of a body that does not travel, all points rest, and none leaves.
+    A point that slid onto the edge of something in front of the body stays there. Such points need
+    not be misfits: a body that is thought to turn about them explains them, and then its whole
+    state is wrong. If a body does not travel, all its points rest, and none leaves.
     """
     if track.motion is not MotionState.MOVING:
         return np.zeros(len(members), np.bool_)
-    # Their own velocities are means over their windows, and a body that gains speed, brakes or
-    # turns to and fro moved otherwise in the middle of them. Whatever it did meanwhile explains
-    # them: until it has been fast for that long, its points cannot be told from resting ones.
+    # The points' own velocities are means over their windows, in the middle of which a body that
+    # gains speed, brakes or turns to and fro moved differently. Any of its motions within a window
+    # may explain a point: until the body has been fast for the whole window, its points cannot be
+    # told from resting ones.
     _, now, then = _against_rest(track, members, motion, recently=True)
     likeliest = np.maximum(now, then)
     return np.asarray(motion.judged[members] & (likeliest <= -_SURE_RATIO))
@@ -135,7 +136,7 @@ def _against_rest(
     """Compare "moves with the body" with "rests" for points (K,), see the kernel ``against_rest``.
 
     Args:
-        recently: also with what it did in the last seconds.
+        recently: compare with the body's motion of the last seconds, too.
     """
     ago, moved = track.recent.instants() if recently else (_NEVER, _NO_MOTION)
     return against_rest(
@@ -151,9 +152,9 @@ def _against_rest(
 
 
 def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
-    """The track that a group belongs to, the nearest where there are several; None if none."""
+    """Return the track that a group belongs to, the nearest of several; None if there is none."""
     best, best_distance = None, np.inf
-    # Who was seen whole and then was lost for long comes back whole, not as a few points.
+    # A body with an outline that was lost for long comes back whole, not as a few points.
     for track in [t for t in tracks if not (t.forgotten and t.outline)]:
         cov = track.filter.covariance[POSITION, POSITION]
         size = _FIRST_EXTENT_M
@@ -167,10 +168,10 @@ def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
 
 
 def goes_with(track: BodyTrack, group: Group, changed: float = _PARTS_DIFFER) -> bool:
-    """Return whether a group of points on a body moves as that is known to.
+    """Return whether a group of points on a body moves as the body is known to.
 
     Args:
-        changed: share of its speed by which the two may differ beyond what is uncertain.
+        changed: share of the speed by which the two may differ beyond their uncertainty.
     """
     velocity, own = track.centre_velocity()
     return _moves_with(group.velocity, group.velocity_cov, velocity, own, changed)
@@ -200,11 +201,11 @@ def are_one(
 
 
 def _stand_apart(a: BodyTrack, a_box: Box, b: BodyTrack, b_box: Box) -> bool:
-    """Return whether two bodies are two things, too far beside each other to be one.
+    """Return whether two bodies are separate things, too far from each other to be one.
 
-    They are seen as two now, or were both reported: one that is out of sight by now may not take
-    the name of another. Two that were both known for a while stay two, however near to each other:
-    a cart and who pushes it.
+    They must be seen as two now, or have both been reported: one that is out of sight by now may
+    not take the number of another. Two that were reported and known for a while stay two, however
+    near to each other: a cart and the person who pushes it.
     """
     if a.outline is None or b.outline is None:
         return False
@@ -218,9 +219,9 @@ def _stand_apart(a: BodyTrack, a_box: Box, b: BodyTrack, b_box: Box) -> bool:
 
 
 def _is_leg(body: BodyTrack, whole: Box, part: BodyTrack, box: Box) -> bool:
-    """Return whether a track is what moves below the trunk of a body with limbs.
+    """Return whether a track is a leg, something that moves below the trunk of a body with limbs.
 
-    What is confirmed is no leg any more: a robot that passes at somebody's feet stays itself.
+    A confirmed track is not: a robot that passes at somebody's feet stays a track of its own.
     """
     if body.rigid or part.state is not TrackState.TENTATIVE:
         return False
@@ -231,11 +232,11 @@ def _is_leg(body: BodyTrack, whole: Box, part: BodyTrack, box: Box) -> bool:
 
 
 def placed(track: BodyTrack, sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Array]:
-    """Position (N, 3) m, world, of points that moved as the body does, and its information.
+    """Return positions (N, 3) m, world, of points that moved as the body does, and information.
 
-    Their sightings ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that the
-    turning body has there. The turn may have been another one over that time, and a body that
-    gained speed or braked was slower or faster then, which makes the place less certain.
+    Their sightings are ``z = p + v s + a s^2 / 2`` with the velocity v and the acceleration a that
+    the turning body has there. The turn may have differed over that time, and a body that gained
+    speed or braked was slower or faster then, which makes the position less certain.
     """
     age, squared_age = sums.ages()
     gained = track.recent.acceleration(age)
@@ -258,10 +259,10 @@ def _moves_with(
     expected_cov: Float64Array,
     share: float,
 ) -> bool:
-    """Return whether a velocity fits a body's expected one better than rest.
+    """Return whether a velocity fits a body's expected one, and is not much likelier at rest.
 
-    A share of the velocity may truly differ. The less is known of the body, the more may be it; but
-    not what rests, for there is plenty of that everywhere.
+    The two may truly differ by a share of the speed. The less is known of the body, the more
+    velocities fit it; but what rests must not, for there is plenty of that everywhere.
     """
     real = share * max(float(np.linalg.norm(velocity)), float(np.linalg.norm(expected)))
     spread = cov + expected_cov + np.eye(3) * real**2

@@ -1,4 +1,4 @@
-"""Tells points on bodies that something nearer hides."""
+"""Finds points on bodies that something nearer begins to hide."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from observer.methods.rigid.tracked_points import BANISHED_FRAMES, NO_OBSTACLE, 
 def without_hidden(
     tracks: list[BodyTrack], points: TrackedPoints, scene: DenseScene, now: CameraStep
 ) -> TrackedPoints:
-    """Return the points; members of rigid bodies that something nearer begins to hide have left.
+    """Return the points; those that something nearer begins to hide have left their rigid bodies.
 
     Their patches stick to the edge of what hides them, and would hold the body back.
     """

@@ -1,4 +1,4 @@
-"""The outline of one body: the segment at which it stands out in depth, moved on with it."""
+"""The outline of one body: its segment in the depth image, moved on with it."""
 
 from __future__ import annotations
 
@@ -27,48 +27,48 @@ from observer.methods.rigid.dense.segments import (
 )
 from observer.methods.rigid.dense.silhouette import silhouette_px
 
-# Which part of a body its segment shows where it is: the middle, or, where one side is hidden, the
-# other one.
+# The part of a segment that locates its body: the middle or, if one side is hidden, the other side.
 Anchor = Literal["middle", "left", "right", "none"]
 
-# One standard deviation of where an anchor is across the line of sight, metres: arms swing at the
-# sides.
+# Metres, one standard deviation of an anchor across the line of sight: arms swing at the sides.
 _ACROSS_M: dict[Anchor, float] = {"middle": 0.05, "left": 0.12, "right": 0.12, "none": 0.5}
-# And vertically, where the body is cut off, and along it; metres, and cells of disparity.
+# The same vertically, vertically where the body is cut off, and along the line of sight: metres,
+# and cells of disparity.
 _VERTICAL_M, _CUT_M, _ALONG_M, _ALONG_CELLS = 0.3, 0.5, 0.03, 0.175
-# And along it where one side is cut off, metres: the disparity of a strip is partly that of what
-# is beside it, for as long as it is a strip.
+# Metres, along the line of sight where one side is cut off: the disparity of a strip is partly
+# that of its surroundings, for as long as it is a strip.
 _CUT_ALONG_M = 0.3
-# What of the error of a disparity lasts, cells: its surroundings stay what they are.
+# Cells, the part of a disparity's error that lasts, as its surroundings stay what they are.
 _BIAS_CELLS = 0.25
-# The disparity of what is so many cells wide is half its surroundings'.
+# Cells: at this width half of a disparity is that of the surroundings.
 _NARROW_CELLS = 6
-# A whole silhouette stands for a body that is cut off for so long, seconds.
+# Seconds for which its last whole silhouette is kept for a body that is cut off.
 _WHOLE_S = 1.0
-# What stands and shows less than this share of what it showed is expected as it was.
+# A standing body that shows less than this share of its silhouette is still expected as it was.
 _LOST_SHARE = 0.9
-# An outline is looked for while its body is between these times as near as it was.
+# An outline is looked for while its scale, relative to the last silhouette, is between these.
 _SCALES = (0.4, 2.5)
-# A walking person is higher than wide, a robot is not.
+# Height over width of an upright body: a walking person is taller than wide, a robot is not.
 _UPRIGHT = 1.2
-# What is as high as a part of a person, metres, or as this share of the view, is no patch of noise.
+# Metres, and share of the view's height: a segment as high as either is no patch of noise.
 _PERSON_PART_M, _VIEW_SHARE = 0.8, 0.6
-# Share by which a body's extent may shrink per frame, for arms and legs swing.
+# Factor by which a body's extent may shrink per frame, as arms and legs swing.
 _SHRINK = 0.97
-# What counts as evidence of motion in a frame, and of none.
+# Shares of moved and of static cells that are evidence of motion, and of rest, in a frame.
 _MOVED_SHARE, _STATIC_SHARE = 0.3, 0.6
 _LEAST_APART, _LEAST_CLEAR = 0.4, 0.1
-# Between frames whose depth is known a body is carried on for so long, seconds.
+# Seconds for which a body is carried on between frames whose depth is known.
 _CARRIED_S = 0.3
-# A body that grows by this factor over what stands is swallowing it.
+# A body that grows by this factor over static things is swallowing them.
 _SWALLOWING = 1.6
-# A body's middle lies behind its visible surface by this share of its width, up to so many metres.
+# A body's middle lies behind its visible surface by this share of its width, or of so many metres
+# if that is less.
 _HALF_DEPTH, _MOST_DEPTH_M = 0.25, 0.6
 
 
 @dataclass(frozen=True, eq=False)
 class _Silhouette:
-    """A mask, where the body's origin (3,) m, world, was at that time, and the pose."""
+    """A segment, with the body's origin (3,) m, world, and the pose at that time."""
 
     segment: Segment
     origin: Float64Array
@@ -81,16 +81,16 @@ class Outline:
 
     Attributes:
         segment: the last one. grid: of its cells. seen: in this frame.
-        bias_px: one standard deviation of how wrong its disparity stays.
+        bias_px: one standard deviation of the lasting error of its disparity.
         offsets: (3,) metres, world, from the body's origin to each anchor.
         width, height: metres, largest of the recent ones. box_px: around it, see ``Obstacle``.
         middle: (3,) metres, world.
-        carried_s: seconds since it was seen, for which it was taken to move on as predicted.
+        carried_s: seconds since it was seen, during which it was assumed to move as predicted.
         trunk: as it last looked; None where little of it was seen. depths: of points on it.
-        only_legs: the image ends below the trunk.
-        arrived_frames, hidden_frames: in which it showed evidence of motion of either kind.
-        idle_frames: in a row in which it was no thing of its own, or stood.
-        moving_area: largest while it moved, cells per px^2 of disparity: however near it is.
+        only_legs: the trunk is above the image's upper border.
+        arrived_frames, hidden_frames: number of frames with evidence of motion of either kind.
+        idle_frames: frames in a row in which it idled, see ``idles``.
+        moving_area: largest while it moved, cells per px^2 of disparity, so at any distance.
     """
 
     segment: Segment
@@ -122,7 +122,7 @@ class Outline:
         return outline
 
     def lose_trunk(self) -> None:
-        """Forget how the trunk looked and where points on it were: it is not seen any more."""
+        """Forget how the trunk looked and where points on it were: it is no longer seen."""
         self.trunk, self.depths = None, TrunkDepths()
 
     @property
@@ -132,22 +132,22 @@ class Outline:
 
     @property
     def upright(self) -> bool:
-        """True of what stands rather than lies: a person, whose limbs move by themselves.
+        """True if it is taller than wide, like a person, whose limbs move on their own.
 
-        What is cut off above may be one.
+        A body that is cut off at the top may be a person.
         """
         return self.height > _UPRIGHT * self.width or self.segment.cut[2]
 
     @property
     def is_high(self) -> bool:
-        """True if it is as high as a part of a person, or as the view at its place."""
+        """True if it is as high as a part of a person, or fills much of the view's height."""
         view_m = self.grid.height / self.grid.per_metre(self.segment.disparity)
         _, height_m = extent_m(self.segment, self.grid)
         return height_m >= min(_PERSON_PART_M, _VIEW_SHARE * view_m)
 
     @property
     def merged(self) -> bool:
-        """True while it is no thing of its own, but one with what is around it."""
+        """True while it does not stand apart from its surroundings."""
         return self.segment.apart < _LEAST_APART or self.segment.clear < _LEAST_CLEAR
 
     @property
@@ -158,7 +158,7 @@ class Outline:
 
     @property
     def stands(self) -> bool:
-        """True while it is mostly where it was before."""
+        """True while most of it is seen where something was before."""
         return self.segment.static >= _STATIC_SHARE
 
     def expected(self, origin: Float64Array, T_camera_world: Pose, grid: Grid) -> Expected | None:
@@ -172,7 +172,7 @@ class Outline:
         was = view_of(before.origin, then.rotation, then.translation, camera)
         seen = view_of(origin, now.rotation, now.translation, camera)
         scale = seen[2] / was[2]
-        # Neither is true of what is not before the camera.
+        # The scale is NaN, and fails both comparisons, where a place is not before the camera.
         if not _SCALES[0] < scale < _SCALES[1]:
             return None
         (u0, v0), (u1, v1) = grid.to_cells(np.array([was[:2], seen[:2]]))
@@ -204,7 +204,7 @@ class Outline:
     def carry(
         self, origin: Float64Array, velocity: Float64Array, T_camera_world: Pose, dt: float
     ) -> None:
-        """Take it to be seen where it is expected in a frame of which depth is not known.
+        """Treat it as seen where it is expected, in a frame whose depth is not known.
 
         Args:
             origin: (3,) metres, world, of the body. velocity: (3,) m/s.
@@ -231,16 +231,16 @@ class Outline:
         return True
 
     def move_origin(self, offset: Float64Array) -> None:
-        """Follow another point of the body as its origin, (3,) m, world, away from the old one."""
+        """Make another point of the body its origin, (3,) m, world, away from the old one."""
         self.offsets.clear()
         if self._silhouette is not None:
             self._silhouette = replace(self._silhouette, origin=self._silhouette.origin + offset)
 
     def idles(self, tentative: bool, *, may_stand: bool = False) -> int:
-        """Count the frames in a row in which it is no thing of its own, or grows over what stands.
+        """Count the frames in a row in which it is merged or stands, and has grown much.
 
-        Of a tentative one it is enough that it stands, unless it may: a person who only begins to
-        walk, or comes straight on, is still mostly where he was.
+        A tentative one idles without growing, and it may stand if told so: a person who only
+        begins to walk, or comes straight on, is still mostly where he was.
         """
         grown = _shown(self.segment) > _SWALLOWING * self.moving_area
         stands = self.stands and not (tentative and may_stand)
@@ -249,7 +249,7 @@ class Outline:
         return self.idle_frames
 
     def _keep_silhouette(self, origin: Float64Array, scene: DenseScene, age_s: float) -> None:
-        """A body that is cut off is expected as most of it was seen: it will come out again."""
+        """Keep the silhouette that shows most of a body while it is cut off: it will reappear."""
         if self._silhouette is not None and age_s - self._silhouette_s <= _WHOLE_S:
             share = _shown(self.segment) / _shown(self._silhouette.segment)
             lost = self.stands and share < _LOST_SHARE
@@ -260,12 +260,12 @@ class Outline:
 
 
 def _shown(segment: Segment) -> float:
-    """Return how much of a body is seen, cells per px^2 of disparity: however near it is."""
+    """Return how much of a body is seen, cells per px^2 of disparity, so at any distance."""
     return segment.area / segment.disparity**2
 
 
 def anchor_of(segment: Segment) -> Anchor:
-    """Return which part of the trunk shows where the body is."""
+    """Return which part of the trunk locates the body."""
     match segment.cut[:2]:
         case (False, False):
             return "middle"
@@ -280,7 +280,7 @@ def anchor_of(segment: Segment) -> Anchor:
 def measured_anchor(
     segment: Segment, anchor: Anchor, scene: DenseScene
 ) -> tuple[Float64Array, Float64Array]:
-    """(3,) metres, world: where an anchor is seen; and the covariance (3, 3) of that."""
+    """Return where an anchor is seen, (3,) m, world, and its covariance (3, 3)."""
     camera, pose = scene.grid.camera, scene.T_world_camera
     left, middle, right = segment.columns
     column = {"left": left, "right": right}.get(anchor, middle)
@@ -299,13 +299,13 @@ def measured_anchor(
 
 
 def _narrowness(segment: Segment) -> float:
-    """Return the factor by which the disparity of a segment is less certain than of a wide one."""
+    """Return how many times less certain a segment's disparity is than that of a wide one."""
     left, _, right = segment.columns
     return 1 + _NARROW_CELLS / (right - left + 1)
 
 
 def free_cells(outlines: list[Outline], grid: Grid) -> Mask:
-    """(h, w) the cells that lie on none of the outlines that are seen."""
+    """(h, w) the cells that lie on no visible outline."""
     free = np.ones(grid.shape, np.bool_)
     for outline in outlines:
         if outline.seen:

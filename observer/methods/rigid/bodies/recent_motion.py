@@ -1,4 +1,4 @@
-"""Recent motion of a body: a point's velocity goes back to its older sightings."""
+"""Recent motion of a body, as a point's velocity also depends on its older sightings."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from observer.geometry import Float64Array
 
-# Points remember hardly anything older.
+# Seconds: points remember hardly anything older.
 _KEPT_S = 3.5
-# So many instants stand for all of them.
+# So many instants stand for the whole time.
 _INSTANTS = 16
-# No two sightings are closer.
+# Seconds: no two sightings are closer.
 _LEAST_S = 1e-3
 
 
@@ -20,12 +20,12 @@ class RecentMotion:
     """Velocities and yaw rates of one body, oldest first."""
 
     def __init__(self) -> None:
-        # Time, velocity and yaw rate; and the instants of them once somebody has asked.
+        # Time, velocity and yaw rate; and the instants chosen from them, cached when asked for.
         self._noted: deque[tuple[float, float, float, float, float]] = deque()
         self._instants: tuple[Float64Array, Float64Array] | None = None
 
     def note(self, time: float, velocity: Float64Array, yaw_rate: float) -> None:
-        """It moves at (3,) m/s and rad/s at ``time``, seconds, later than all noted before."""
+        """Note the velocity (3,) m/s and yaw rate rad/s at ``time``, s, later than all before."""
         x, y, z = velocity.tolist()
         self._noted.append((time, x, y, z, yaw_rate))
         self._instants = None
@@ -38,15 +38,15 @@ class RecentMotion:
         self._instants = None
 
     def instants(self) -> tuple[Float64Array, Float64Array]:
-        """(T,) seconds before the newest, which is the last of them; (T, 4) m/s and rad/s then."""
+        """Return (T,) seconds before the newest, which comes last; (T, 4) m/s and rad/s then."""
         if self._instants is None:
             self._instants = self._chosen()
         return self._instants
 
     def acceleration(self, seconds: Float64Array) -> Float64Array:
-        """(N,) m/s^2: by how much the velocity changed within (N,) seconds up to now, over them.
+        """Return the mean acceleration (N,) m/s^2 over the last (N,) seconds.
 
-        As far back as it is known; before, it counts as the oldest one.
+        Further back than it is known, the velocity counts as the oldest one.
         """
         ago, moved = self.instants()
         if len(ago) == 0:

@@ -1,4 +1,4 @@
-"""Conversion of a body that is followed to the obstacle that is reported."""
+"""Conversion of a tracked body to the obstacle that is reported."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CENTRE_SHARE = 0.15
 def describe_body(
     track: BodyTrack, T_world_camera: Pose, camera_velocity: Float64Array, time: float
 ) -> Obstacle:
-    """One body as an obstacle at this frame.
+    """Return a body as an obstacle at this frame.
 
     Args:
         camera_velocity: (3,) m/s, the camera's own, in its own axes. time: of this frame, seconds.

@@ -14,9 +14,9 @@ from observer.types import TrackState
 
 BoxPx = tuple[float, float, float, float]
 
-# Standard deviations of its velocity and number of points from which on something seems to move.
+# Standard deviations of its velocity, and number of points, from which a track seems to move.
 _SEEMING_SIGMAS, _SEEMING_POINTS = 2.0, 6
-# Share of a segment that has entered free space where it must have come from elsewhere.
+# A segment of which more than this share entered free space must have come from elsewhere.
 _CAME_SHARE = 0.5
 # Metres: the width and height of a person.
 _WIDTH_M, _HEIGHT_M = 0.5, 1.8
@@ -25,12 +25,12 @@ _WIDTH_M, _HEIGHT_M = 0.5, 1.8
 def told_px(
     tracks: list[BodyTrack], scene: DenseScene | None, now: CameraStep
 ) -> tuple[list[BoxPx], list[BoxPx]]:
-    """Return the boxes, px, of what is reported to be seen, and of what seems to move."""
+    """Return the boxes, px, of the bodies reported as seen, and of those that seem to move."""
     ground = None if scene is None else scene.ground
     reported = [t.box_px for t in tracks if t.state is TrackState.CONFIRMED]
     seeming = []
     for track in [t for t in tracks if seems_to_move(t)]:
-        # What moves on somebody who is reported is an arm or a shadow, and nobody beside him.
+        # What moves on a reported person is an arm or a shadow, not another person.
         alone = not any(_middle_within(track.box_px, box) for box in reported)
         seeming.append(
             may_fill(track, ground, now.T_camera_world, now.camera) if alone else track.box_px
@@ -42,7 +42,7 @@ def seems_to_move(track: BodyTrack) -> bool:
     """Return whether a track that is not reported yet may be of something that moves.
 
     The velocity of an outline is hardly known at first, and again once its points turned out to
-    be those of limbs. Then it seems to move by having come where it was free, or by its points.
+    be on limbs. Then it seems to move if it entered free space, or because its points did.
     """
     if track.state is not TrackState.TENTATIVE:
         return False
@@ -59,11 +59,11 @@ def may_fill(
 ) -> BoxPx:
     """Return u0, v0, u1, v1 around where a body may be, pixels of the left image.
 
-    Points may be those of a leg or of a head, and an outline that of a trunk: around them a person
-    may stand.
+    Points may be on a leg or a head, and an outline may be that of a trunk: a whole person may
+    stand around them.
 
     Args:
-        ground: None unknown.
+        ground: None if unknown.
     """
     if ground is None:
         return track.box_px

@@ -1,4 +1,4 @@
-"""Whether a segment may be of a body, by where that can have gone; heights are left out."""
+"""Gates the segments of a body by where it can have gone; heights are left out."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from observer.methods.rigid.bodies.outline import anchor_of, measured_anchor
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment
 
-# A segment is a body out of sight within this squared length of its place, which may have changed
-# by so many metres against expectation.
+# Within this squared Mahalanobis distance of its place a segment may be a body out of sight;
+# metres, one standard deviation of the body's unexpected motion.
 _FOUND_CHI2, _CHANGED_M = 9.0, 0.25
-# It is no segment beyond this squared length, with a velocity that changed by so much out of sight.
+# Beyond this squared distance a segment is not the body's; m/s, one standard deviation of how the
+# velocity changes out of sight.
 _LEAP_CHI2, _CHANGED_MPS = 25.0, 0.5
-# And what left the image comes back from where it could have gone, within so many metres.
+# Metres by which a body that left the image may be farther from there than it has travelled.
 _TURNED_M = 0.5
 _LEVEL, _EYE = np.array([1.0, 0.0, 1.0]), np.eye(3)
 
@@ -27,8 +28,8 @@ def misfit(track: BodyTrack, segment: Segment, scene: DenseScene) -> float | Non
     """Return how far a segment is from where a body out of sight should be; None if too far.
 
     Returns:
-        A squared length in standard deviations, heights left out. Beyond the image's border a body
-        may have turned in any way: there it is scaled to the same limit.
+        A squared Mahalanobis distance, heights left out. Beyond the image's border a body may have
+        turned in any way: there the distance is scaled to the same limit.
     """
     place, cov = measured_anchor(segment, "middle", scene)
     if has_left(track, scene):
@@ -41,7 +42,7 @@ def misfit(track: BodyTrack, segment: Segment, scene: DenseScene) -> float | Non
 
 
 def leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
-    """Return whether a segment is much farther from a body than that can have come.
+    """Return whether a segment is much farther away than its body can have gone.
 
     Beside and behind a body are cells that it covered a moment ago, which seem to have arrived.
     """
@@ -55,11 +56,11 @@ def leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
 
 
 def _chi2(track: BodyTrack, gap: Float64Array, cov: Float64Array, changed_m: float) -> float:
-    """Return the squared length of a gap to a body's place, heights left out.
+    """Return the squared Mahalanobis length of a gap to a body's place, heights left out.
 
     Args:
-        gap: (3,) metres, world. cov: (3, 3) of what was measured. changed_m: one standard deviation
-            of how the body moved against expectation.
+        gap: (3,) metres, world. cov: (3, 3) of the measurement. changed_m: one standard deviation
+            of the body's unexpected motion.
     """
     noise = cov + _EYE * changed_m**2
     return squared_gap(gap * _LEVEL, track.filter.covariance, POSITION.start, noise)

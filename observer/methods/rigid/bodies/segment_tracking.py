@@ -1,4 +1,4 @@
-"""Bodies by their segments: each is followed, measured, found, and given its points."""
+"""Bodies by their segments: they are found, followed, measured, and given their points."""
 
 from __future__ import annotations
 
@@ -36,25 +36,24 @@ from observer.robust import median
 from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, is_provisional
 
-# Members whose place a segment is looked for at, and the share of a body's members that makes a
-# segment its own.
+# Members from which a body's segment is looked for where they are, and the share of them that makes
+# a segment the body's.
 _LEAST_MEMBERS = 3
 _OWN_SHARE = 0.5
-# Share of a body's members at or beside whose cells the disparity must be known, or near enough to
-# be judged.
+# Share of a body's members that must be at or beside cells near enough to be judged.
 _KNOWN_SHARE = 0.5
-# And that may lie on the ground, as shadows do.
+# Share of them that may lie on the ground, as shadows do.
 _LYING_SHARE = 0.5
-# m/s, one standard deviation of how fast a body that was just found may be, and may rise.
+# m/s, one standard deviation: horizontal and vertical speed of a body that was just found.
 _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 # Frames since a body was seen, below which it is followed rather than found again.
 _SEEN_BEFORE = 1.5
-# Cells at the border of an outline that may be of what is behind, for edges in depth are not sharp.
+# Cells at the border of an outline that may show the background, as edges in depth are not sharp.
 _BORDER_CELLS = 2
-# Share of the newest frame in where a body's middle is.
+# Gain with which a body's middle follows the newest frame.
 _MIDDLE_GAIN = 0.3
 _MOST_DEPTH_M = 0.6
-# By how much the depth of a segment errs for long, metres: the points on it tell changes better.
+# Metres, lasting error of a segment's depth: the points on it tell changes better.
 _DEPTH_DRIFT_M = 0.12
 
 
@@ -66,10 +65,10 @@ def track_segments(
     numbers: TrackIds,
     min_points: int,
 ) -> TrackedPoints:
-    """Measure the bodies by their segments, and begin new ones; points get to know where they are.
+    """Measure the bodies by their segments, begin new ones, and tell on which one points are seen.
 
     Args:
-        tracks: already moved on, and measured by their points; new ones are added, and those that
+        tracks: already predicted, and measured by their points; new ones are added, and those that
             turn out to be parts of others removed. min_points: with fewer a body is not seen.
     """
     _follow(tracks, points, scene, now)
@@ -105,9 +104,9 @@ def track_segments(
 def without_segments(
     tracks: list[BodyTrack], points: TrackedPoints, now: CameraStep
 ) -> TrackedPoints:
-    """Carry the bodies on in a frame whose depth is not known; points get to know where they are.
+    """Carry the bodies on in a frame without depth, and tell on which one points are seen.
 
-    For a while they count as seen.
+    For a while the bodies count as seen.
     """
     within = np.full(len(points), NO_OBSTACLE, np.int64)
     for track in tracks:
@@ -129,7 +128,7 @@ def measure_limbs(
     scene: DenseScene,
     dt: float,
 ) -> TrackedPoints:
-    """Tell bodies with limbs from rigid ones, and measure the former by their trunks' points."""
+    """Tell bodies with limbs from rigid ones, and measure the former by their trunks."""
     obstacle = points.obstacle.copy()
     for track in tracks:
         if track.outline is None:
@@ -162,7 +161,7 @@ def learn_box(track: BodyTrack) -> None:
 
 
 def shown_by_points(track: BodyTrack) -> bool:
-    """Return whether a body's points tell its box, rather than its outline."""
+    """Return whether a body's points, rather than its outline, tell its box."""
     return track.outline is None or (track.outline.seen and points_show_whole(track, track.outline))
 
 
@@ -195,7 +194,7 @@ def _follow(
         if segment is None:
             continue
         if track.outline is None and (segment.stands_apart or track.crosses):
-            # What crosses the view but is no thing of its own may be a head.
+            # What crosses the view but does not stand apart may be a head.
             segment = _first_seen(track, segment, scene, free)
         found = track.outline is None or track.missed_s > _SEEN_BEFORE * now.dt
         if found and not segment.stands_apart:
@@ -213,7 +212,7 @@ def _depth(track: BodyTrack, now: CameraStep) -> float:
 
 
 def _by_members(track: BodyTrack, points: TrackedPoints, scene: DenseScene) -> Expected | None:
-    """Return where a body should be seen by its members; None if they are few."""
+    """Return where its members say that a body should be seen; None if they are few."""
     members = _seen_members(track, points)
     if len(members) < _LEAST_MEMBERS:
         return None
@@ -224,7 +223,7 @@ def _by_members(track: BodyTrack, points: TrackedPoints, scene: DenseScene) -> E
 
 
 def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt: float) -> None:
-    """Note that a body's members are seen, but no segment of its own: it is one with all around."""
+    """Note that a body's members are seen, but no segment: it is merged with its surroundings."""
     members = _seen_members(track, points)
     if len(members) < _LEAST_MEMBERS:
         return
@@ -244,9 +243,9 @@ def _seen_members(track: BodyTrack, points: TrackedPoints) -> NDArray[np.intp]:
 
 
 def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) -> Segment:
-    """Return the segment of a body of which only members were known.
+    """Return the segment of a body that was known only by its members.
 
-    If they are those of a head or an arm, the body is whose it is, and may not move as they do.
+    If they are on a head or an arm, the body is the whole person, who may not move as they do.
     """
     whole = whole_person(scene, part, free)
     if whole is not part:
@@ -259,7 +258,7 @@ def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) 
 
 
 def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
-    """Move a body to where its segment is seen, unless its points know that better."""
+    """Move a body to where its segment is seen, unless its points tell that better."""
     if track.outline is None:
         track.outline = Outline.of(segment, scene)
         if track.outline.upright and not points_show_whole(track, track.outline):
@@ -274,7 +273,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         outline.offsets.clear()
         before = np.zeros(3) if has_left(track, scene) else track.mean[VELOCITY]
         track.filter = _motion_at(place, before, cov)
-    # Where another part shows where it is, it is where it was thought to be.
+    # When a new anchor takes over, the body is assumed to be where it was expected.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
     if outline.depths.tell:
         cov = cov + _along(place, scene) * _DEPTH_DRIFT_M**2
@@ -303,7 +302,7 @@ def begun(
     """Return the track of a body with limbs that was found as a segment.
 
     Args:
-        sigma_mps: one standard deviation of how fast it may be.
+        sigma_mps: one standard deviation of its speed.
     """
     anchor = anchor_of(segment)
     place, cov = measured_anchor(segment, anchor, scene)
@@ -336,9 +335,9 @@ def _bodies_of(
     scene: DenseScene,
     min_points: int,
 ) -> list[BodyTrack]:
-    """List the bodies that a new segment shows, the surest first: it is all of them in one.
+    """List the bodies that a new segment shows, the surest first: they are all one body.
 
-    But of several that were reported, and may have come back, it is only the likeliest.
+    But of several that were reported, and may have come back, it shows only the likeliest.
 
     Args:
         inside: (N,) which points lie on it. obstacle: (N,) as of ``TrackedPoints``.
@@ -349,7 +348,7 @@ def _bodies_of(
         count = np.count_nonzero(members)
         on_it = count >= min_points and inside[members].mean() >= _OWN_SHARE
         on_it = on_it and not (track.outline is not None and leaps(track, segment, scene))
-        # Who is known by an outline is out of sight without it, whatever points are seen.
+        # A body with limbs is out of sight without its outline, whatever points are seen.
         hidden = track.missed_s > 0 or not track.rigid
         apart = misfit(track, segment, scene) if hidden else None
         if on_it or apart is not None:
@@ -364,7 +363,7 @@ def _bodies_of(
 
 
 def _absorbed(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:
-    """Let bodies go whose points lie on another one's outline: they were parts of it."""
+    """Drop bodies whose points lie on another body's outline: they were parts of it."""
     obstacle, within = points.obstacle.copy(), points.within.copy()
     for part in [t for t in tracks if t.outline is None]:
         members = obstacle == part.id
@@ -378,7 +377,7 @@ def _absorbed(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:
         obstacle[members] = NO_OBSTACLE
         tracks.remove(part)
         if is_provisional(host.id) and not is_provisional(part.id):
-            # Whoever was reported stays who it is.
+            # A body that was reported keeps its number.
             within[within == host.id] = part.id
             obstacle[obstacle == host.id] = part.id
             host.id, host.state = part.id, part.state

@@ -12,33 +12,33 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.robust import MAD_TO_SIGMA
 
-# Places further from the middle than so many times the largest spread are none of the body's, if
-# they are also further than this many metres.
+# Places further from the middle than so many times the largest spread, plus this many metres, are
+# not on the body.
 _STRAY = 10.0
 _LEAST_SPREAD_M = 0.01
-# Share of the places on each side that are left out: the outermost are partly wrong ones.
+# Share of the places that are left out on each side: some of the outermost are wrong.
 _TRIM = 0.03
-# A face that turns less of itself than this towards the camera does not show how far it goes; one
-# that has done so for this many seconds does, for by then points have been found all over it: a
-# robot's end, seen over half a turn, often carries but a dozen, and not at its edges.
+# A face shows its full length if the cosine between its normal and the view is at least this, for
+# this many seconds: by then points have been found all over it. A robot's end, seen during half a
+# turn, often has only a dozen, and none at its edges.
 _SHOWN = 0.7
 _SHOWN_S = 6.0
-# Places of members are remembered in every so many frames, and so many of them: several seconds,
+# Members' places are remembered every so many frames, and at most so many of them: several seconds,
 # so that the box neither follows each frame's points nor forgets the faces that are hidden now.
 _NOTE_EVERY = 3
 _MEMORY = 400
-# Time constant, seconds, with which a larger box is believed: strangers leave sooner than that.
+# Seconds, time constant with which a larger box is believed: strangers leave sooner than that.
 _GROWS_S = 0.5
-# Time constant, seconds, with which a face that comes into view is believed to be where its points
+# Seconds, time constant with which a face that comes into view is believed to be where its points
 # are: the first ones lie on what was seen before, not on the face.
 _SETTLES_S = 1.0
-# One standard deviation of where the centre is, as a share of the box's longer side: of a body
-# whose sides were never shown in full, and of one whose sides were.
+# One standard deviation of the centre, as a share of the box's longer side: before its sides were
+# shown in full, and after.
 _CENTRE_DOUBT = (0.15, 0.06)
-# Where one side of the box was never seen, it is taken for this share of the other one.
+# A side of the box that was never seen is assumed to be this share of the other one.
 _ASPECT = 0.85
-# The heading is learnt from velocities that are known at least this well, and tells which face is
-# which once it is known to a few degrees (the squared length of all velocities, in their noise).
+# The heading is learnt from velocities of at least this significance, and tells the faces apart
+# once it is known to a few degrees: from this sum of the velocities' squared significances on.
 _HEADING_SIGMAS = 4.0
 _HEADING_KNOWN = 20.0**2
 
@@ -50,7 +50,7 @@ class Box:
     Attributes:
         centre: (3,) metres, in the body's frame (origin and yaw of the filter).
         size: (3,) metres: across the heading, height, along the heading.
-        heading: radians, of the box's long way in the body's frame (about y, 0 is z).
+        heading: radians, direction of the box's length in the body's frame (about y, 0 is z).
     """
 
     centre: Float64Array
@@ -60,7 +60,7 @@ class Box:
     def contains(
         self, places: Float64Array, margin: Float64Array | float = 0.0
     ) -> NDArray[np.bool_]:
-        """(N,) which places (N, 3) m, body's frame, lie in the box made larger on all sides.
+        """(N,) which places (N, 3) m, body's frame, lie in the box enlarged on all sides.
 
         Args:
             margin: metres; one for all, or (N,) one for each place.
@@ -70,24 +70,24 @@ class Box:
 
 
 class BodyShape:
-    """Collects where an obstacle's points are in its own frame, and how it drives."""
+    """Collects where an obstacle's points are in its own frame, and along which axis it drives."""
 
     def __init__(self) -> None:
-        # Doubled angle of the heading, since to and fro is one axis; weighted.
+        # Weighted sum of unit vectors at twice the heading, since forwards and back are one axis.
         self._axis = np.zeros(2)
         self._places = np.zeros((0, 3))
         self._frames = 0
         # (2,) seconds for which each side of the box was shown in its full length.
         self._shown_s = np.zeros(2)
-        # (2,) seconds of these since its places were last forgotten.
+        # (2,) the part of these seconds since its places were last forgotten.
         self._placed_s = np.zeros(2)
-        # (2,) metres: the largest that the box was seen to measure for long.
+        # (2,) metres: the largest size of the box that was seen for long.
         self._largest = np.zeros(2)
-        # (2,) metres, the box's axes: its centre in the frame before; None before the first.
+        # (3,) metres, body's frame: the box's centre one frame ago; None before the first.
         self._centre: Float64Array | None = None
 
     def note_heading(self, velocity: Float64Array, cov: Float64Array, yaw: float) -> None:
-        """Learn from a velocity (3,) m/s, world, with its covariance, at the body's yaw."""
+        """Learn the heading from a velocity (3,) m/s, world, its covariance and the body's yaw."""
         x, z = float(velocity[0]), float(velocity[2])
         xx, xz, zz = float(cov[0, 0]) + 1e-9, float(cov[0, 2]), float(cov[2, 2]) + 1e-9
         squared = (zz * x * x - 2 * xz * x * z + xx * z * z) / (xx * zz - xz * xz)
@@ -99,7 +99,7 @@ class BodyShape:
         )
 
     def axis(self, yaw: float) -> Float64Array | None:
-        """(3,) unit length, world: along which the body drives; None while unknown."""
+        """(3,) unit vector, world, along which the body drives; None while unknown."""
         if not self._axis.any():
             return None
         angle = math.atan2(self._axis[1], self._axis[0]) / 2 + yaw
@@ -112,7 +112,7 @@ class BodyShape:
             self._places = np.concatenate([self._places, points])[-_MEMORY:]
 
     def shift(self, offset: Float64Array) -> None:
-        """Tell places from another origin, which is at (3,) metres in the old frame."""
+        """Move the origin to (3,) metres in the old frame."""
         self._places = self._places - offset
         if self._centre is not None:
             self._centre = self._centre - offset
@@ -131,14 +131,14 @@ class BodyShape:
         return unseen + known * (seen - unseen)
 
     def box(self, points: Float64Array, view: Float64Array, dt: float) -> Box:
-        """The box around points (N, 3) and the remembered ones, seen along ``view``.
+        """Return the box around points (N, 3) and the remembered ones, seen along ``view``.
 
-        A side that was not shown yet is taken for what most robots measure there; the longer it
-        is shown, the more it is what its points say.
+        A side that was not shown yet gets the size that most robots have there; the longer it is
+        shown, the more its points determine it.
 
         Args:
             points: body frame. view: (3,) from the camera to the body, in the body's frame.
-            dt: seconds for which it has been seen so.
+            dt: seconds since the frame before.
         """
         heading = math.atan2(self._axis[1], self._axis[0]) / 2
         R = yaw_matrix(-heading)
@@ -149,7 +149,7 @@ class BodyShape:
         direction = R @ view
         direction = direction / max(float(np.hypot(direction[0], direction[2])), 1e-9)
         extent = (high - low)[[0, 2]]
-        # Axis k is seen in its full length on the face whose normal is the other axis.
+        # The full length along axis k is seen on the face whose normal is the other axis.
         if np.hypot(*self._axis) >= _HEADING_KNOWN:
             shown = np.abs(direction[[2, 0]]) >= _SHOWN
             self._shown_s[shown] += dt
@@ -176,15 +176,15 @@ def _completed(
     before: Float64Array | None,
     dt: float,
 ) -> Float64Array:
-    """(2,) metres: the centre of a box of which only a part is seen.
+    """Return the centre (2,) m of a box of which only a part is seen.
 
-    What is missing lies behind what is seen, as far as the face in front shows itself. On the
-    side of a face that the camera looks along, nothing tells where it ends: there the centre
-    stays where it was, if the box so covers all that is seen.
+    Along the view the missing part lies behind what is seen, the surer the more the front face
+    is turned to the camera. Across the view nothing tells on which side it is missing: there the
+    centre stays where it was, as far as the box then covers all that is seen.
 
     Args:
-        seen: (2,) metres, the middle of what is seen. slack: (2,) metres by which the box goes
-            further on one side or on both. direction: (2,) of the view, unit length.
+        seen: (2,) metres, the middle of what is seen. slack: (2,) metres, half of what is missing.
+            direction: (2,) of the view, unit length.
         before: (2,) metres, the centre in the frame before; None if unknown.
         dt: seconds since then.
     """
@@ -197,9 +197,9 @@ def _completed(
 
 
 def _near_most(places: Float64Array) -> NDArray[np.bool_]:
-    """(N,) which places (N, 3) are on the body for all that most of them say.
+    """(N,) which places (N, 3) are near enough to most of them to be on the body.
 
-    By the spread along the axis where it is largest: most of them may lie on one flat face.
+    Judged by the spread along the axis where it is largest: most may lie on one flat face.
     """
     half = len(places) // 2
     apart = np.abs(places - np.partition(places, half, axis=0)[half])
@@ -208,9 +208,9 @@ def _near_most(places: Float64Array) -> NDArray[np.bool_]:
 
 
 def _without_outermost(places: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """(3,) and (3,): between which the places (N, 3) lie along each axis, but for a few.
+    """Return lower and upper bounds, (3,) each, of all places (N, 3) but the outermost few.
 
-    The quantiles of ``numpy.quantile``, in a fifth of its time.
+    The same quantiles as by ``numpy.quantile``, in a fifth of its time.
     """
     ordered = np.sort(places, axis=0)
     at = _TRIM * (len(places) - 1)

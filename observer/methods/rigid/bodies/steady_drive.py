@@ -1,4 +1,4 @@
-"""Tells by a group of points that what looks like a body with limbs drives: limbs swing."""
+"""Tells that an apparent body with limbs drives: points on it move steadily, but limbs swing."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from observer.geometry import Float64Array
 
-# A group of fewer points may be of a foot.
+# A group of fewer points may be a foot.
 _LEAST_POINTS = 8
 # Seconds for which it must move steadily, and for which it may be out of sight meanwhile.
 _STEADY_S, _GAP_S = 0.5, 0.4
-# Velocities are alike up to so many m/s and this share; the mean follows the newest by a share.
+# Velocities that differ by less than so many m/s plus this share are alike; gain of their mean.
 _ALIKE_MPS, _ALIKE_SHARE = 0.03, 0.15
 _GAIN = 0.2
 
@@ -30,7 +30,7 @@ class SteadyDrive:
     until_s: float = -np.inf
 
     def note(self, velocity: Float64Array, points: int, age_s: float) -> bool:
-        """Note how a group of points moves (3,) m/s; returns whether it has done so for long."""
+        """Note a group's velocity (3,) m/s; returns whether it has moved so for long enough."""
         change = float(np.linalg.norm(velocity - self.velocity))
         like_before = change < _ALIKE_MPS + _ALIKE_SHARE * float(np.linalg.norm(velocity))
         goes_on = like_before and age_s - self.until_s <= _GAP_S

@@ -19,20 +19,21 @@ from observer.methods.rigid.dense.segments import Mask, Segment, opened, widened
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
-# m^2 and cells: a change of less is noise. Farther than so many metres it cannot be told from it.
+# m^2 and cells: a smaller change is noise. Beyond so many metres it cannot be told from noise.
 _LEAST_M2, _LEAST_CELLS, _FARTHEST_M = 0.003, 7, 6.0
-# Changes are of one place up to so many metres apart; depth is less certain than direction.
+# Metres: changes up to so far apart are at one place. Weight of their distance in z, as depth is
+# less certain than direction.
 _PLACE_M, _ALONG_WEIGHT = 0.45, 0.4
 _GAIN = 0.2
-# m/s, one standard deviation of how fast a body travels that stirred at one place for a while.
+# m/s, one standard deviation: travel speed of a body that has moved in place for a while.
 _STAYED_MPS = 0.1
-# What changes within this reach of a known body is of that body, metres.
+# Metres: a change within this reach of a known body is on that body.
 _REACH_M = 0.3
 
 
 @dataclass(eq=False)
 class _Place:
-    """Somewhere that changed, on no known body: metres, world, and when."""
+    """A place that changed, on no known body: (3,) metres, world, and when."""
 
     at: Float64Array
     changes: Changes = field(default_factory=Changes)
@@ -45,10 +46,11 @@ class Stirring:
         self._places: list[_Place] = []
 
     def note(self, tracks: list[BodyTrack], scene: DenseScene, numbers: TrackIds) -> None:
-        """Note what changed, and on whom.
+        """Note what changed, and on which body.
 
         Args:
-            tracks: the bodies; those that move in place and were not known yet are added.
+            tracks: the bodies; new ones that move in place are added, and tentative ones seen on
+                them are removed.
         """
         changes = _changes(scene)
         free = np.ones(scene.grid.shape, np.bool_)
@@ -58,7 +60,7 @@ class Stirring:
                 track.changes.forget()
                 continue
             mine = _on_and_around(outline.segment, scene)
-            # Of what travels nothing looks as it did.
+            # A travelling body changes all over.
             stays = track.motion is not MotionState.MOVING
             changed = stays and any(mine[cell] for cell, _ in changes)
             track.changes.note(scene.time, changed=changed)
@@ -88,7 +90,7 @@ class Stirring:
 
 
 def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
-    """Where something changed: row and column of a cell, and the place (3,) m, world."""
+    """List where something changed: row and column of a cell, and the place (3,) m, world."""
     grid, camera, pose = scene.grid, scene.grid.camera, scene.T_world_camera
     changed = opened(scene.changed).view(np.uint8)
     _, labels, statistics, centroids = cv2.connectedComponentsWithStats(changed, connectivity=8)
@@ -99,7 +101,7 @@ def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
     area = stats[:, cv2.CC_STAT_AREA]
     counts = (area >= _LEAST_CELLS) & (area >= _LEAST_M2 * grid.per_metre(1.0) ** 2 * disparity**2)
     counts &= disparity >= camera.fx * camera.baseline / _FARTHEST_M
-    # The first one is what did not change.
+    # Label 0 is what did not change.
     counts[0] = False
     found = []
     for label in np.flatnonzero(counts).tolist():
@@ -113,7 +115,7 @@ def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
 
 
 def _on_and_around(segment: Segment, scene: DenseScene) -> Mask:
-    """(h, w) the cells of a body, and those near to it."""
+    """(h, w) the cells of a body, and those near it."""
     return widened(segment.mask, max(2, round(_REACH_M * scene.grid.per_metre(segment.disparity))))
 
 
@@ -122,7 +124,7 @@ def _apart(a: Float64Array, b: Float64Array) -> float:
 
 
 def _lies_on(track: BodyTrack, segment: Segment) -> bool:
-    """Return whether a body that is not confirmed is seen on a segment."""
+    """Return whether a tentative body is seen on a segment."""
     outline = track.seen_outline
     if outline is None or track.state is not TrackState.TENTATIVE:
         return False

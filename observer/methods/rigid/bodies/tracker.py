@@ -1,4 +1,4 @@
-"""Obstacles as bodies: each is moved on, measured by its points, found, judged and ended."""
+"""Obstacles as bodies: each is predicted, measured by its points, found, judged and ended."""
 
 from __future__ import annotations
 
@@ -58,16 +58,17 @@ from observer.parameters import ObstacleParameters, Parameters
 from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, is_provisional
 
-# rad/s, one standard deviation of how fast a body that was just found may turn.
+# rad/s, one standard deviation: yaw rate of a body that was just found.
 _YAW_RATE_SIGMA = 0.6
-# Old places of points on the body are forgotten at this rate: the patch that is followed slides.
+# Seconds, time constant with which old places of points on a body are forgotten: tracked patches
+# slide.
 _SHAPE_MEMORY_S = 2.0
 # A member must have been seen this often before its place may stretch the box for good.
 _SETTLED = 6
-# Seconds after a body manoeuvred for which its members' own velocities may still be those before.
+# Seconds after a manoeuvre for which the members' own velocities may still be those before it.
 _STEADY_S = 0.3
-# A group slower than this share of what counts as moving creeps: the edge of something, whose
-# points slide along it, and no obstacle.
+# A group slower than this share of the stopped speed creeps: it is an edge along which points
+# slide, and no obstacle.
 _CREEPING = 0.5
 # m^2: a group's middle is the body's origin by definition.
 _ORIGIN_VARIANCE = 1e-6
@@ -97,7 +98,7 @@ class BodyTracker:
 
         Args:
             sightings: of the points in this frame. motion: how they move. scene: what is seen
-                around them; None unknown.
+                around them; None if unknown.
         """
         p = parameters.obstacles
         predict(self.tracks, now, p)
@@ -121,13 +122,13 @@ class BodyTracker:
         return points
 
     def correct_disparities(self, bias_px: float, now: CameraStep) -> None:
-        """Place all bodies as if all disparities had been larger by a bias, pixels."""
+        """Move all bodies as if all disparities had been larger by a bias, pixels."""
         for mean, track in [(track.mean[None], track) for track in self.tracks]:
             shift, drift, _ = shift_by_bias(mean[:, POSITION], mean[:, VELOCITY], bias_px, now)
             track.filter = track.filter.shifted(shift[0], drift[0])
 
     def known(self, points: TrackedPoints) -> NDArray[np.bool_]:
-        """(N,) which points belong to obstacles that are known to move, or are seen on them."""
+        """(N,) which points belong to obstacles that were confirmed, or are seen on them."""
         sure = np.array([t.id for t in self.tracks if t.state is not TrackState.TENTATIVE])
         member = (points.obstacle[:, None] == sure).any(axis=1)
         return np.asarray(member | (points.within[:, None] == sure).any(axis=1))
@@ -196,7 +197,7 @@ class BodyTracker:
     def associate(
         self, points: TrackedPoints, motion: PooledMotion, parameters: ObstacleParameters
     ) -> TrackedPoints:
-        """Let points that move with a body, on it, join it, and members that rest leave it."""
+        """Let points on a body that move with it join it, and members that rest leave it."""
         obstacle, tenure = points.obstacle.copy(), points.tenure.copy()
         for track in self.tracks:
             mine = np.flatnonzero(obstacle == track.id)
@@ -218,10 +219,10 @@ class BodyTracker:
         radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
     ) -> TrackedPoints:
-        """Make obstacles of groups of dynamic points, or give them back to those lost from sight.
+        """Turn groups of dynamic points into obstacles, or return them to those lost from sight.
 
         Args:
-            radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
+            radius_m: metres within which points count as neighbours at a place (3,) m, world.
         """
         # Points on a body's outline are its own, though none is known to move with it yet.
         stiff = [t.id for t in self.tracks if may_be_rigid(t)]
@@ -241,7 +242,7 @@ class BodyTracker:
             track = self._outlined(points.within[members], stiff)
             if track is not None:
                 if not track.contains(group.centre[None], track.room(parameters.margin))[0]:
-                    # At another depth than the body that they are seen on.
+                    # At another depth than the body on whose outline they are seen.
                     continue
                 if not goes_with(track, group):
                     # Points that slide off its edge onto what is behind it seem to move fast.
@@ -257,8 +258,8 @@ class BodyTracker:
                 )
                 self.tracks.append(track)
             elif track.forgotten or (track.rigid and track.missed_s > 0):
-                # Lost for a moment, of a body with limbs they would rather be those of an arm.
-                # It keeps its name and its size; where its points were is of no use any more.
+                # A body lost only for a moment restarts if it is rigid: with limbs, the points
+                # are rather on an arm. Where its points were is of no use any more.
                 obstacle[obstacle == track.id] = NO_OBSTACLE
                 track.restart(_begun(group))
             elif track.box is not None:
@@ -286,7 +287,7 @@ class BodyTracker:
 
         Args:
             camera_position: (3,) metres, world.
-            radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
+            radius_m: metres within which points count as neighbours at a place (3,) m, world.
         """
         shape_vector = points.shape_vector.copy()
         for track in self.tracks:
@@ -298,7 +299,7 @@ class BodyTracker:
             elif np.count_nonzero(known) >= parameters.min_points:
                 tenure = points.tenure[mine[known]]
                 self._learn(track, places[known], tenure, camera_position, dt, parameters)
-                # About its centre a body's turning has least to do with its driving.
+                # With the origin at the centre, turning and driving are least coupled.
                 offset = track.rebase()
                 every = points.obstacle == track.id
                 shape_vector[every] -= points.shape_information[every] @ offset
@@ -309,18 +310,18 @@ class BodyTracker:
             obstacle[obstacle == track.id] = NO_OBSTACLE
             self.tracks.remove(track)
         for older, younger in self._same(radius_m, parameters):
-            # Where somebody with limbs is out of sight, shadows and edges move: they show nobody.
+            # Where a person is out of sight, what moves are shadows and edges, not the person.
             hidden = not older.rigid and older.outline is not None and older.seen_outline is None
             obstacle[obstacle == younger.id] = NO_OBSTACLE if hidden else older.id
             self.tracks.remove(younger)
             if is_provisional(older.id) and not is_provisional(younger.id):
-                # Whoever was reported stays who it is.
+                # A body that was reported keeps its number.
                 obstacle[obstacle == older.id] = younger.id
                 older.id, older.state = younger.id, younger.state
         return self._placed(points, obstacle)
 
     def _named(self, points: TrackedPoints) -> TrackedPoints:
-        """Give those that are confirmed by now their lasting number."""
+        """Give tracks that have been confirmed, and their points, a lasting number."""
         obstacle, within = points.obstacle.copy(), points.within.copy()
         for track in self.tracks:
             if track.state is not TrackState.TENTATIVE:
@@ -357,7 +358,7 @@ class BodyTracker:
         track.box = track.shape.box(seen, view, dt)
 
     def _placed(self, points: TrackedPoints, obstacle: NDArray[np.int64]) -> TrackedPoints:
-        """Give points that have just joined a place on their body."""
+        """Give points that have just joined a body their place on it."""
         if np.array_equal(obstacle, points.obstacle):
             return points
         information, vector = points.shape_information.copy(), points.shape_vector.copy()
@@ -375,7 +376,7 @@ class BodyTracker:
     def _same(
         self, radius_m: Callable[[Float64Array], float], parameters: ObstacleParameters
     ) -> list[tuple[BodyTrack, BodyTrack]]:
-        """Pairs of tracks that are one body, the older first; none twice the younger."""
+        """List pairs of tracks that are one body, the older first; none is the younger twice."""
         pairs = []
         taken: set[int] = set()
         for i, older in enumerate(self.tracks):
@@ -389,7 +390,7 @@ class BodyTracker:
 
 
 def _begun(group: Group) -> BodyFilter:
-    """The motion of a body of which only this is known; its origin is the group's middle."""
+    """Return the motion of a body known only by a group; its origin is the group's middle."""
     here = np.eye(3) * _ORIGIN_VARIANCE
     return BodyFilter.begin(group.centre, group.velocity, here, group.velocity_cov, _YAW_RATE_SIGMA)
 
@@ -397,7 +398,7 @@ def _begun(group: Group) -> BodyFilter:
 def _note_seen(
     track: BodyTrack, px: NDArray[np.float32], dt: float, parameters: ObstacleParameters
 ) -> None:
-    """Note by how many members (K, 2) px it is seen, and where in the image."""
+    """Note how many members, at (K, 2) px, show a body, and where in the image."""
     track.points = len(px)
     if len(px) < parameters.min_points:
         track.missed_s += dt

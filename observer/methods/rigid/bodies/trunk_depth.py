@@ -1,8 +1,8 @@
-"""How far away the trunk of a body with limbs is, by the points that are followed on it.
+"""How far away the trunk of a body with limbs is, by the points that are tracked on it.
 
-A point on a trunk stays as far before or behind the body's origin as it was. What it tells in two
-frames differs by its noise alone, not by where on the trunk it lies, so that even a few of them
-tell the motion along the line of sight ten times better than the depth of the whole outline does.
+A point on a trunk stays as far before or behind the body's origin as it was. The change it measures
+between two frames has only its noise as error, wherever on the trunk it lies, so even a few points
+measure motion along the line of sight ten times better than the depth of the whole outline does.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 # Fewer points may all be on an arm.
 _LEAST_POINTS = 3
-# Metres, one standard deviation: a trunk twists and sways; and across, where nothing is measured.
+# Metres, one standard deviation: a trunk twists and sways; and across the line of sight, where
+# nothing is measured.
 _SWAY_M, _UNKNOWN_M = 0.007, 10.0
-# Where a point is on the trunk follows what is seen within so many seconds.
+# Seconds, time constant with which a point's place on the trunk follows its sightings.
 _MEMORY_S = 1.0
 _EYE = np.eye(3)
-# Squared length from which on a measurement is doubted: it is that of a limb.
+# Squared Mahalanobis length above which a measurement counts less: it is that of a limb.
 _FAR_CHI2 = 9.0
 
 
 @dataclass(eq=False)
 class TrunkDepths:
-    """Points on one trunk, and where they are about the body's origin.
+    """Points on one trunk, and where they are relative to the body's origin.
 
     Attributes:
         number: (N,) of each point. offset: (N, 3) metres, world axes. variance: (N,) m^2, along
-            the line of sight. tell: enough of them were seen to tell where the body is.
+            the line of sight. tell: enough of them were seen to tell how far away the body is.
     """
 
     number: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -80,7 +81,7 @@ class TrunkDepths:
 
 
 def _moved(motion: BodyFilter, ahead: Float64Array, moved: float, variance: float) -> BodyFilter:
-    """Return the motion of a body that is so much farther away than expected, metres."""
+    """Return the motion of a body that is ``moved`` metres farther away than expected."""
     expected = float(ahead @ motion.covariance[POSITION, POSITION] @ ahead) + variance
     doubt = max(1.0, moved**2 / expected / _FAR_CHI2)
     along = ahead[:, None] * ahead

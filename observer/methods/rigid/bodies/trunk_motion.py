@@ -1,4 +1,4 @@
-"""The velocity of a body with limbs: that of its trunk, by its picture and by its points."""
+"""The velocity of a body with limbs: that of its trunk, by its image and by its points."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from observer.methods.rigid.dense.segments import TRUNK_SHARE
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 _EYE = np.eye(3)
-# m/s, one standard deviation: the trunk's sway about its mean, across and upwards; and what a
-# measurement does not tell.
+# m/s, one standard deviation: the trunk's sway about its mean, across and upwards; and a velocity
+# that is not measured.
 _SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.035, 0.2, 30.0
-# m/s, one standard deviation of how fast a body rises or sinks.
+# m/s, one standard deviation of a body's vertical speed.
 _LEVEL_MPS = 0.05
-# A trunk is looked for as many deviations of the velocity away, and at most so many cells; and
-# while it is no more than this much nearer or farther than in the frame before.
+# A trunk is looked for up to so many standard deviations of the velocity away, and at most so many
+# cells; and only while it is at most this many times nearer or farther than in the frame before.
 _REACH_SIGMAS, _MOST_REACH = 2.0, 10
 _MOST_SCALE = 2.0
-# Squared length from which on a velocity is doubted.
+# Squared Mahalanobis length above which a velocity counts less.
 _FAR_CHI2 = 12.0
 
 
@@ -41,7 +41,7 @@ def measure_trunk(
 ) -> None:
     """Update a body's velocity by how far its trunk went since the last frame.
 
-    Across the line of sight by its picture, whose place is precise, and along it by the points.
+    Across the line of sight by its image, which tells that precisely, and along it by the points.
 
     Args:
         on_body: (K,) the points that are surely on it. dt: seconds.
@@ -73,7 +73,7 @@ def _keep_level(track: BodyTrack, scene: DenseScene) -> None:
 
 
 def _measure_across(track: BodyTrack, before: TrunkView, scene: DenseScene, dt: float) -> None:
-    """Measure the velocity across the line of sight, by a view of ``dt`` seconds before."""
+    """Measure the velocity across the line of sight by a view from ``dt`` seconds before."""
     grid, camera, velocity = scene.grid, scene.grid.camera.numbers, track.mean[VELOCITY]
     then, pose, back = before.T_world_camera, scene.T_world_camera, scene.T_camera_world
     u, v = grid.to_px(before.middle).tolist()

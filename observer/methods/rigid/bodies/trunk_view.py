@@ -1,7 +1,7 @@
 """How far the trunk of a body with limbs went since the last frame, by all of its grey levels.
 
-Corners on plain clothes are few, and many of them lie on arms. Head and shoulders as a whole show
-an outline at least.
+Plain clothes have few corners, many of them on the arms. Head and shoulders as a whole have an
+outline at least.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from observer.methods.rigid.dense.segments import Segment, window_of
 from observer.types import Image
 
 _LEAST_CELLS = 40
-# Cells around the mask whose contour counts.
+# Cells by which the mask is widened, to include its contour.
 _CONTOUR_CELLS = 1
 
 
@@ -42,7 +42,7 @@ class TrunkView:
 
     @staticmethod
     def of(segment: Segment, scene: DenseScene, age_s: float) -> TrunkView | None:
-        """Return the view of the trunk of a body so old; None where little of it is seen."""
+        """Return the view of a trunk at an age of its track; None where little of it is seen."""
         top, bottom = segment.box[1], segment.box[3]
         end = top + max(1, round(SHOULDERS_SHARE * (bottom - top)))
         window = window_of(segment.mask, _CONTOUR_CELLS)
@@ -72,14 +72,14 @@ class TrunkView:
         """(2,) column and row of the middle in a later image (h, w), and their covariance (2, 2).
 
         By Gauss-Newton on the grey levels (Lucas and Kanade, 1981; Baker and Matthews, 2004), with
-        weights that fall where arms and what is behind the body move otherwise. None where most of
-        it has left the image.
+        weights that fall where arms and the background move differently. None where most of it has
+        left the image.
 
         Args:
-            expected: (2,) where it should be. standing: (2,) where it would be if it stood: while
-                that explains the image nearly as well, or lies out of it, the deviation reaches it.
-            scale: by which it should be larger. reach: cells by which it may be elsewhere on its
-                row.
+            expected: (2,) where it should be. standing: (2,) where it would be if it stood: if that
+                explains the image nearly as well, or lies outside it, the covariance is widened to
+                include it.
+            scale: by which it should be larger. reach: cells to search to either side on its row.
         """
         found, place, cov = find_shifted(
             self.image, self.at, image, expected, standing, scale, reach

@@ -1,4 +1,4 @@
-"""What dense disparities lack: the pair's bias, and what moves until the right camera exposes."""
+"""Corrections of dense disparities: the pair's bias, and motion until the right camera exposes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from observer.vision.camera_rate import CameraRate
 
 
 def with_bias(disparity: NDArray[np.float32], bias_px: float, grid: Grid) -> NDArray[np.float32]:
-    """(h, w) px: disparities to which a bias, told at the image's centre, is added."""
+    """(h, w) px: disparities plus a bias, which is given for the image's centre."""
     if not bias_px:
         return disparity
     c = grid.camera
@@ -22,7 +22,7 @@ def with_bias(disparity: NDArray[np.float32], bias_px: float, grid: Grid) -> NDA
 def at_one_time(
     disparity: NDArray[np.float32], rate: CameraRate, delay_s: float, grid: Grid
 ) -> NDArray[np.float32]:
-    """(h, w) px: disparities of what stands, as if the right camera had exposed with the left one.
+    """(h, w) px: disparities of static things, as if both cameras had exposed at one time.
 
     A static point's column changes by ``f ((X' - x Z') / Z)`` per second, with
     ``(X', Y', Z') = turn x (X, Y, Z) + shift``.

@@ -22,10 +22,11 @@ _FIXED_POINT = 16
 # Texture is a horizontal step of so many grey levels, and of so many deviations of the noise.
 _TEXTURE = 4.0
 _TEXTURE_SIGMAS = 4.0
-# A smoothness term fills what has no texture: true near texture on the same row, invented further
-# away than so many cells.
+# The smoothness term fills areas without texture: up to so many cells from texture on the same row
+# the disparity is true, further away it is invented.
 _SUPPORT_CELLS = 10
-# The Sobel operator sums its step four times, and its noise over twelve squared weights.
+# The Sobel operator sums a step four times, and the noise variance over weights whose squares add
+# up to twelve.
 _SOBEL_STEP, _SOBEL_NOISE = 4.0, 12.0**0.5
 
 
@@ -34,8 +35,8 @@ class RowTexture:
     """Texture of an image along its rows.
 
     Attributes:
-        step: grey levels, least that stands out of the noise.
-        near: (h, w) which pixels have near them, on their row, a larger one.
+        step: grey levels, least step that stands out of the noise.
+        near: (h, w) which pixels have a larger step near them on their row.
     """
 
     step: float
@@ -53,8 +54,8 @@ def depth_image(
 ) -> NDArray[np.float32]:
     """Return the disparity (h, w) of the cells, pixels of the full image; NaN unknown.
 
-    Semi-global matching (Hirschmueller, 2008) on the reduced pair, whose smoothness carries the
-    disparity of contours over plain clothes; what lies far from any texture is left out.
+    Semi-global matching (Hirschmueller, 2008) on the reduced pair; its smoothness term carries the
+    disparity of contours over plain clothes. What lies far from any texture is left out.
 
     Args:
         left, right: (h, w) grey, rectified, as ``Grid.reduced`` gives them.
@@ -92,8 +93,8 @@ def least_step(image: Image) -> float:
 
 
 def textured(image: Image, step: float) -> NDArray[np.bool_]:
-    """(h, w) which pixels have near them, on their row, a step of more than so many grey levels."""
-    # Whole numbers are compared in a tenth of the time.
+    """(h, w) which pixels have a step of more than so many grey levels near them on their row."""
+    # Comparing integers takes a tenth of the time.
     steep = np.abs(cv2.Sobel(image, cv2.CV_16S, 1, 0)) > int(_SOBEL_STEP * step)
     row = np.ones((1, 2 * _SUPPORT_CELLS + 1), np.uint8)
     return np.asarray(cv2.dilate(steep.view(np.uint8), row), np.uint8).view(np.bool_)
@@ -102,8 +103,8 @@ def textured(image: Image, step: float) -> NDArray[np.bool_]:
 def noise_of(image: Image) -> float:
     """Return the standard deviation of the noise of an image, grey levels.
 
-    By the mixed second difference, in which neither brightness nor straight edges along rows and
-    columns count, and its median, in which texture does not (after Immerkaer, 1996).
+    By the mixed second difference, which cancels brightness and straight edges along rows and
+    columns, and its median, which ignores texture (after Immerkaer, 1996).
     """
     levels = image.astype(np.int16)
     top, bottom = levels[:-1:2], levels[1::2]

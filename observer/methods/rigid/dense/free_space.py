@@ -1,4 +1,4 @@
-"""What entered space that was seen free, and what is seen where something stood before."""
+"""What entered space that was seen to be free, and what is seen where something stood before."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from observer.methods.rigid.dense.reprojection import reprojection
 
 __all__ = ["ARRIVED", "HIDDEN", "STATIC", "UNKNOWN", "DepthFrame", "FreeSpace", "slack_px"]
 
-# Seconds back of the frames that are compared, oldest first: the oldest that saw a place decides.
+# Seconds back to the frames that are compared, oldest first: the oldest that saw a place decides.
 _LAGS_S = (3.2, 1.6, 0.8, 0.4, 0.2)
-# A frame stands for a lag that differs from its own by no more than this share.
+# A frame may stand for a lag from which its age differs by no more than this share.
 _LAG_SLACK = 0.35
-# A difference of disparity that is no noise: cells, and as a share of the disparity.
+# Least difference of disparity that is no noise: cells, plus a share of the disparity.
 _LEAST_CELLS, _LEAST_SHARE = np.float32(0.6), np.float32(0.03)
-# Sides of the neighbourhoods whose nearest and farthest cell count: edges in depth are not sharp.
+# Cells, sides of the neighbourhoods whose nearest and farthest cell count: edges in depth are not
+# sharp.
 _NEAREST_CELLS, _FARTHEST_CELLS = 5, 3
 _NOTHING, _FARTHER = np.float32(-1), np.float32(1e4)
 
@@ -62,24 +63,24 @@ class FreeSpace:
         self._frames: deque[DepthFrame] = deque()
 
     def keep(self, frame: DepthFrame) -> None:
-        """Remember a frame; what is older than any lag is forgotten."""
+        """Remember a frame; forget those older than any lag."""
         self._frames.append(frame)
         oldest = frame.time - _LAGS_S[0] * (1 + _LAG_SLACK)
         while self._frames[0].time < oldest:
             self._frames.popleft()
 
     def correct_disparities(self, bias_px: float) -> None:
-        """Take the frames as if their disparities had been larger by a bias, px."""
+        """Change the frames as if their disparities had been larger by a bias, px."""
         self._frames = deque(
             replace(frame, disparity=with_bias(frame.disparity, bias_px, self._grid))
             for frame in self._frames
         )
 
     def evidence(self, frame: DepthFrame, cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """(h, w) what each of the cells (h, w) says of motion; ``UNKNOWN`` for all others.
+        """(h, w) evidence of motion of the cells (h, w); ``UNKNOWN`` for all others.
 
-        Nearer than all that was seen along its ray before, it has *arrived* in free space. Farther
-        than all, it was *hidden* by what has left. What was there before is *static*.
+        A cell nearer than all that was seen along its ray before has *arrived* in free space. One
+        farther than all was *hidden* by what has left. What was there before is *static*.
         """
         out = np.full(frame.disparity.size, UNKNOWN, np.uint8)
         asked = np.flatnonzero(cells)

@@ -1,4 +1,4 @@
-"""What looks another than a moment ago, after the camera's own motion."""
+"""What looks different from a moment ago, beyond the camera's own motion."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from observer.methods.rigid.dense.reprojection import reprojection
 from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
 
-# Seconds back of the frame that is compared, and by how many it may be another: long enough for
-# an arm to leave its own width, short enough for the camera to move little.
+# Seconds back to the frame that is compared, and by how many that may differ: long enough for an
+# arm to move by its own width, short enough for the camera to move little.
 _LAG_S, _LAG_SLACK_S = 0.13, 0.07
-# A difference that is no noise: standard deviations, and grey values at least.
+# Least difference that is no noise: standard deviations, and grey values.
 _SIGMAS, _LEAST_GREY = 4.0, 4.0
 _LEAST_CELLS = 100
-# Light flickers, as below leaves, where a quarter of what is seen again looks by this share
-# brighter or darker than a moment ago; in steady light noise and texture make it half of that.
+# Light flickers, as under leaves, if a quarter of what is seen again looks brighter or darker than
+# a moment ago by this share; in steady light noise and texture make up half of that.
 _FLICKER_SHARE = 0.06
-# The exposure swings where all of the image is by this factor brighter or darker than a moment ago.
+# The exposure swings if all of the image is brighter or darker than a moment ago by this factor.
 _SWING = 1.25
-# Both come in gusts: the newest frame's part is larger where it changes more than before.
+# Both come in gusts: gains for a frame that changes more than those before, and for one that
+# changes less.
 _GUST_GAINS = (0.5, 0.03)
 
 
@@ -37,7 +38,7 @@ class Light:
     """How light or exposure changes.
 
     Attributes:
-        flickers: otherwise here than there, as below leaves, which no exposure explains.
+        flickers: differently in different places, as under leaves, which no exposure explains.
         swings: fast, for the whole image.
     """
 
@@ -47,7 +48,7 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """One frame, and the darkest and brightest around each of its cells, (h, w)."""
+    """One frame, and the darkest and brightest grey around each of its cells, (h, w)."""
 
     frame: DepthFrame
     grey: Image
@@ -66,7 +67,7 @@ class GreyChange:
 
     @property
     def light(self) -> Light:
-        """How the light of the newest frames was."""
+        """How the light changed in the newest frames."""
         flickers = self._flicker is not None and self._flicker > _FLICKER_SHARE
         return Light(flickers=flickers, swings=self._swing > math.log(_SWING))
 
@@ -75,7 +76,7 @@ class GreyChange:
     ) -> NDArray[np.bool_]:
         """(h, w) which of the cells (h, w) show what was not seen around there a moment ago.
 
-        What was hidden then cannot be compared; the exposure may have changed. The frame is
+        What was hidden then cannot be compared; a change of exposure is allowed for. The frame is
         remembered.
 
         Args:
@@ -102,7 +103,7 @@ class GreyChange:
     def _against(
         self, frame: DepthFrame, grey: Image, before: _Look, asked: NDArray[np.intp]
     ) -> NDArray[np.intp]:
-        """Return which of the cells (N,), by index, look another than in one earlier frame."""
+        """Return which of the cells (N,), by index, look different from an earlier frame."""
         T = before.frame.T_camera_world @ frame.T_camera_world.inverse()
         now, then, alike = seen_again(
             asked,
@@ -113,7 +114,7 @@ class GreyChange:
         )
         if np.count_nonzero(alike) < _LEAST_CELLS:
             return now[:0]
-        # Whoever enters the view is no change of the light.
+        # Only what is at its old depth tells of the light: somebody who enters the view does not.
         here = grey.ravel()[now[alike]].astype(np.float32)
         there = before.grey.ravel()[then[alike]].astype(np.float32)
         gain = median(np.maximum(here, 1) / np.maximum(there, 1))
@@ -129,12 +130,12 @@ class GreyChange:
         return changed
 
     def _note_flicker(self, share: NDArray[np.float32]) -> None:
-        """Note by which share (N,) each cell is brighter or darker than a moment ago."""
+        """Note the share (N,) by which each cell is brighter or darker than a moment ago."""
         now = median(share[share >= median(share)])
         self._flicker = now if self._flicker is None else _gusts(self._flicker, now)
 
 
 def _gusts(before: float, now: float) -> float:
-    """Return how much the light changes of late, by that and the newest frame's change."""
+    """Return how much the light changes of late, updated by the newest frame's change."""
     more, less = _GUST_GAINS
     return before + (more if now > before else less) * (now - before)

@@ -1,4 +1,4 @@
-"""The cells on which dense evidence works: pixels of the rectified images made smaller."""
+"""The cells on which dense evidence works: pixels of the downscaled rectified images."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Grid:
         return x.astype(np.float32), y.astype(np.float32)
 
     def reduced(self, image: Image) -> Image:
-        """Return the image (H, W) grey with a pixel for each cell."""
+        """Return a grey image (H, W) downscaled to one pixel per cell."""
         small = cv2.resize(image, (self.width, self.height), interpolation=cv2.INTER_AREA)
         return np.asarray(small, np.uint8)
 
@@ -76,7 +76,7 @@ class Grid:
         return np.asarray((cells + 0.5) * self.reduction - 0.5)
 
     def at(self, px: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(N,) rows and (N,) columns of the cells that hold pixels (N, 2); the nearest ones."""
+        """(N,) rows and (N,) columns of the cells that hold, or are nearest to, pixels (N, 2)."""
         cells = (px / self.reduction).astype(np.intp)
         return (
             np.clip(cells[:, 1], 0, self.height - 1),

@@ -1,4 +1,4 @@
-"""The ground: found in dense disparity, and kept as a plane of the world."""
+"""The ground: found in dense disparity, and kept as a plane in the world."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from observer.mount import CameraMount
 _SAMPLES = 700
 _TRIES = 60
 _LEAST_SAMPLES = 150
-# Half the rows over which the ground must be seen to come nearer: walls do not.
+# Half the rows over which the ground must come nearer downwards: walls do not.
 _HALF_ROWS = 4
 _SAMPLE_STEP = 2
-# What fits a plane: cells, and as a share of the disparity.
+# Most by which a cell that fits a plane may differ: cells, plus a share of the disparity.
 _TOLERANCE_CELLS, _TOLERANCE_SHARE = 0.25, 0.03
 # A camera stands between these heights above the ground, metres.
 _HEIGHT_M = (0.03, 4.0)
 _GAIN = 0.1
-# What stands out of it: cells, and as a share of the disparity.
+# Least by which a cell stands out of the ground: cells, plus a share of the disparity.
 _STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
-# What is near enough to be judged: up to these metres, or with so much disparity, in cells, that
-# noise is a small share of it; and whatever the baseline, with the least one.
+# Metres up to which cells are near enough to be judged. Its disparity, in cells, is limited to at
+# most the first, of which noise is a small share, and at least the second, whatever the baseline.
 _NEAR_M = 6.6
 _PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
-# Disparity of points, in cells, above which it alone tells what comes or goes.
+# Cells: disparity of points above which it alone tells whether they approach or recede.
 _TELLING_CELLS = 5.0
 
 
@@ -46,7 +46,7 @@ class GroundPlane:
     depth: float
 
     def mapped(self, T_target_source: Pose) -> GroundPlane:
-        """Return the same plane in another frame; in a camera's, its depth is the height."""
+        """Return the same plane in another frame; in a camera's frame, its depth is the height."""
         down = T_target_source.rotate(self.down)
         return GroundPlane(down, self.depth + float(down @ T_target_source.translation))
 
@@ -56,14 +56,14 @@ class GroundPlane:
 
 
 class Ground:
-    """The ground of a segment's world; unknown until it is seen or mounted.
+    """The ground in the world of a recording's segment; unknown until it is seen or a mount given.
 
     Attributes:
-        in_world: the plane itself; None unknown.
+        in_world: the plane itself; None if unknown.
     """
 
     def __init__(self, grid: Grid, mount: CameraMount | None) -> None:
-        """``mount`` tells the ground below the camera of the segment's first frame."""
+        """``mount`` gives the ground below the camera in the segment's first frame."""
         self._grid = grid
         self._focal = grid.camera.fx * grid.camera.baseline
         self.in_world = None if mount is None else GroundPlane(mount.down, mount.height_m)
@@ -78,7 +78,7 @@ class Ground:
         return np.asarray(self._focal / below.depth * (below.down @ self._grid.rays))
 
     def update(self, disparity: NDArray[np.float32], T_camera_world: Pose, seed: int) -> None:
-        """Fit it to what is seen (h, w) px from a pose; random choices follow from ``seed``."""
+        """Fit it to disparities (h, w) px seen from a pose; ``seed`` fixes the random choices."""
         rng = np.random.default_rng(seed)
         at, seen = self._samples(disparity, rng)
         if len(seen) < _LEAST_SAMPLES:
@@ -101,8 +101,8 @@ class Ground:
     def _samples(
         self, disparity: NDArray[np.float32], rng: np.random.Generator
     ) -> tuple[NDArray[np.intp], Float64Array]:
-        """(N,) indices and (N,) px of cells that come nearer downwards."""
-        # Half of what the ground below the highest camera rises by.
+        """(N,) indices and (N,) px of cells where the scene comes nearer downwards."""
+        # Half the rise in disparity of the ground below the highest camera.
         slope = self._grid.camera.baseline * self._grid.reduction / _HEIGHT_M[1]
         rise = np.float32(_HALF_ROWS * slope)
         top = disparity.shape[0] // 4
@@ -129,8 +129,8 @@ def above_ground(
 ) -> NDArray[np.bool_]:
     """(h, w) which cells are nearer than the ground, by more than noise.
 
-    Shadows lie on it and reflections below it, so neither is. Unknown cells are not; where the
-    ground is unknown, all others are.
+    Shadows lie on it and reflections below it, so neither counts, nor do unknown cells. If the
+    ground is unknown, all other cells count.
 
     Args:
         disparity: (h, w) px, NaN unknown. plane: as of ``Ground.plane``.
@@ -154,5 +154,5 @@ def near_enough(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.bool_]
 
 
 def tells_approach(disparity: float, grid: Grid) -> bool:
-    """Return whether points of this disparity, px, tell alone whether they come or go."""
+    """Return whether points of this disparity, px, tell by it alone if they approach or recede."""
     return disparity > _TELLING_CELLS * grid.reduction

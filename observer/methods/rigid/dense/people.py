@@ -1,4 +1,4 @@
-"""Segments of people: whole, though an arm of them is all that moves, or half of them is plain."""
+"""Segments of whole people, even if only an arm of them moves or half of them is plain."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from observer.methods.rigid.dense.segments import (
 )
 from observer.robust import median
 
-# Metres from what stirs within which a part of its body lies, and all of it.
+# Metres from a moving part within which more of its body lies, and all of it.
 _BESIDE_M, _BODY_M = 0.75, 1.8
 # A person, arms included: metres, least height seen, and most width and height.
 _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
-# An arm is a smaller part of a person than this, who stands while so much of him is static.
+# An arm is at most this share of a person, who stands while more than this share of him is static.
 _ARM_SHARE, _STANDS_SHARE = 0.35, 0.6
 # Head and shoulders are in this upper share of the rows: arms swing below it.
 SHOULDERS_SHARE = 0.35
@@ -38,7 +38,7 @@ def is_person(segment: Segment, scene: DenseScene) -> bool:
 
 
 def whole_person(scene: DenseScene, part: Segment, free: Mask) -> Segment:
-    """Return the person who stands, and of whom a segment is an arm; else the segment itself.
+    """Return the standing person whose arm a segment is; else the segment itself.
 
     Args:
         free: (h, w) cells that belong to nothing yet, those of the segment among them.
@@ -86,8 +86,8 @@ def with_head(scene: DenseScene, body: Segment, free: Mask) -> Segment:
     """Return the segment of a walking person, with head and shoulders if it lacks them.
 
     Plain cloth before a plain wall looks the same wherever it is, and so seems to stand. What is
-    above a body at its depth is part of it, unless beside that nothing is farther, as at a wall.
-    Nothing is sought by a camera of which it is not known that it looks level.
+    above a body at its depth is part of it, unless nothing beside that is farther, as at a wall.
+    Nothing is looked for unless the camera is known to look level.
 
     Args:
         free: (h, w) cells that belong to nothing yet, or to the body.

@@ -1,4 +1,4 @@
-"""Where the places that the cells of one frame show were to be seen in another frame."""
+"""Reprojection of the cells of one frame into another frame."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Singles = NDArray[np.float32]
 def reprojection(
     grid: Grid, T_other_camera: Pose
 ) -> tuple[Singles, Singles, Singles, Singles, Singles, int, int]:
-    """Return what the kernels need to find them, in the order in which they take it.
+    """Return the arguments that the kernels need to reproject cells, in their order.
 
-    That is rays x and y, rotation, scaled translation, lens, height and width, see
+    They are rays x and y, rotation, scaled translation, lens, height and width, see
     ``observer.kernels.reprojection``.
 
     Args:
@@ -24,7 +24,7 @@ def reprojection(
     """
     c = grid.camera
     rotation = T_other_camera.rotation.astype(np.float32)
-    # Places over their depth f B / d: the ray, and the translation times d / (f B).
+    # Places are divided by their depth f B / d: the ray plus the translation times d / (f B).
     translation = (T_other_camera.translation / (c.fx * c.baseline)).astype(np.float32)
     lens = np.array([c.fx, c.fy, c.cx + 0.5, c.cy + 0.5, grid.reduction], np.float32)
     return (*grid.cell_rays, rotation, translation, lens, *grid.shape)

@@ -22,10 +22,10 @@ from observer.parameters import DenseParameters, StereoParameters
 from observer.types import Image
 from observer.vision.view import View
 
-# A body is no thicker than this, metres; and noise of the disparity no less than this, cells.
+# Metres, most thickness of a body; and cells, least noise of the disparity.
 _THICKNESS_M = 0.35
 _LEAST_TOLERANCE_CELLS = 0.65
-# No robot that these methods are for drives faster, m/s.
+# m/s: no robot for which these methods are meant drives faster.
 _FASTEST_MPS = 2.5
 
 
@@ -35,13 +35,13 @@ class DenseScene:
 
     Attributes:
         time: seconds. grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
-        texture: of that one. disparity: (h, w) px, NaN unknown.
+        texture: of the left image. disparity: (h, w) px, NaN unknown.
         near: (h, w) which cells are near enough to be judged.
         standing: (h, w) those of them that stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
-        changed: (h, w) which cells look another than a moment ago.
+        changed: (h, w) which cells look different from a moment ago.
         light: how it changes.
-        ground: None unknown.
+        ground: in the world; None if unknown.
     """
 
     time: float
@@ -64,13 +64,13 @@ class DenseScene:
 
     @cached_property
     def tolerances(self) -> tuple[float, float]:
-        """``tolerance`` of disparity at least, px, and over its square, 1/px."""
+        """Least ``tolerance`` of disparity, px, and its ratio to the squared disparity, 1/px."""
         camera = self.grid.camera
         thickness = _THICKNESS_M / (camera.fx * camera.baseline)
         return _LEAST_TOLERANCE_CELLS * self.grid.reduction, thickness
 
     def tolerance(self, disparity: float) -> float:
-        """Return by how many px of disparity parts of one body may differ."""
+        """Return by how many px the disparities of parts of one body may differ."""
         least, thickness = self.tolerances
         return max(least, disparity * disparity * thickness)
 
@@ -86,7 +86,7 @@ class DenseVision:
         self._looked = -np.inf
 
     def is_due(self, time: float, dt: float, parameters: DenseParameters) -> bool:
-        """Return whether a frame is to be looked at, as often as the parameters have it.
+        """Return whether a frame is due to be looked at, at the rate of the parameters.
 
         Args:
             time: of the frame, dt: since the one before, seconds.
@@ -99,11 +99,11 @@ class DenseVision:
     ) -> DenseScene | None:
         """Return the evidence of a frame, and remember its depth.
 
-        None while the camera is so fast that what stands looks another from frame to frame: on
-        the road the points are on their own.
+        None while the camera is so fast that static things look different from frame to frame: on
+        the road only the points are used.
 
         Args:
-            bias_px: what all disparities lack, at the image's centre.
+            bias_px: by how much all disparities are too small, at the image's centre.
         """
         self._looked = view.time
         if np.linalg.norm(now.rate.shift) > _FASTEST_MPS:
@@ -137,9 +137,9 @@ class DenseVision:
         )
 
     def correct_disparities(self, bias_px: float) -> None:
-        """Take all that is remembered as if its disparities had been larger by a bias, px."""
+        """Change all that is remembered as if its disparities had been larger by a bias, px."""
         self._space.correct_disparities(bias_px)
 
     def forget(self) -> None:
-        """Forget where it was free: what was seen there was seen at wrong depths."""
+        """Forget where space was free: what was seen there was seen at wrong depths."""
         self._space = FreeSpace(self._grid)

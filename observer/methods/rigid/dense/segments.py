@@ -20,23 +20,25 @@ Window = tuple[slice, slice]
 
 # The trunk is in this upper share of the rows; legs swing below it.
 TRUNK_SHARE = 0.6
-# m^2 and cells: what is smaller is no seed, and no segment.
+# Least area of a seed and of a segment, m^2, and of either, cells.
 _SEED_M2, SEGMENT_M2, LEAST_CELLS = 0.03, 0.08, 12
 _MOST_SEEDS = 12
-# Metres by which a segment may grow beyond a seed, or beyond where it was expected, into what is
-# static: two things that touch are not to become one.
+# Metres by which a segment may grow from a seed into what is static, or beyond where it was
+# expected: two things that touch are not to become one.
 _GROWTH_M = 0.12
-# A step of the disparity that is no noise, cells.
+# Cells: least step of the disparity that is no noise.
 _STEP_CELLS = 0.5
-# A body's border shows something farther on this share of what is comparable, and of all of it;
-# what only seems to have appeared behind something else, on more. Beside what is near there is much
-# that only one camera sees: less is enough of what fills so much of the view, and came where it
-# was free, or goes away from where it was and stands apart this clearly.
+# A body's border shows something farther on this share of its comparable cells, and on this share
+# of all of them, or on more for a body that was hidden rather than has arrived. Beside a near body
+# there is much that only one camera sees: less is enough if it fills so much of the view, and so
+# much of it has arrived, or was hidden while its border stands apart this clearly.
 _APART, _CLEAR, _CLEAR_HIDDEN, _CLEAR_NEAR = 0.6, 0.2, 0.35, 0.1
 _NEAR_SHARE, _MOVED_SHARE, _APART_AWAY = 0.05, 0.7, 0.8
-# A cell is of an expected body up to so many tolerances of its disparity.
+# A cell may belong to an expected body up to so many tolerances from its disparity.
 _OWN_TOLERANCES = 1.5
-# A limb is this near to its body, metres; above or below it, or else smaller by this share.
+# A limb is at most so many metres from its body, and either above or below it, in this share of the
+# columns, or smaller than this share of it. It differs by at most so many tolerances to be joined
+# to the body, and to be a limb, or seen between limbs, at all.
 _LIMB_M, _STACKED_SHARE, _LIMB_SHARE = 0.25, 0.6, 0.25
 _LIMB_TOLERANCES, _GAP_TOLERANCES = 1.5, 2.5
 
@@ -49,7 +51,8 @@ class Segment:
         mask: (h, w). box: first column and row, and those after the last.
         disparity: px, median of the trunk. area: cells.
         arrived, hidden, static: shares of the cells that could be tested.
-        apart: share of the comparable border beyond which the scene is farther. clear: of all.
+        apart: share of the comparable border beyond which the scene is farther. clear: share of
+            the whole border.
         columns: of the trunk: mean left edge, middle and right edge.
         cut: True where the left, right, top and bottom border is not its own: the image's border
             or something nearer cuts it off.
@@ -69,7 +72,7 @@ class Segment:
 
     @property
     def stands_apart(self) -> bool:
-        """True if it is a thing of its own, and no part of a wall or a slope."""
+        """True if it is a separate thing, and no part of a wall or a slope."""
         least = _CLEAR if self.arrived > self.hidden else _CLEAR_HIDDEN
         goes = self.hidden > _MOVED_SHARE and self.apart > _APART_AWAY
         moved = goes or self.arrived > _MOVED_SHARE
@@ -86,7 +89,7 @@ class Expected:
     disparity: float
 
     def as_segment(self, before: Segment) -> Segment:
-        """Return the segment that a body which was seen as one before should be seen as."""
+        """Return the expected segment of a body that was last seen as ``before``."""
         rows, columns = window_of(self.mask)
         box = (columns.start, rows.start, columns.stop, rows.stop)
         return replace(before, mask=self.mask, box=box, disparity=self.disparity)
@@ -127,7 +130,7 @@ def segment_of(scene: DenseScene, mask: Mask, trunk_share: float = TRUNK_SHARE) 
 
 
 def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
-    """Segments that grew from what arrived in free space or was hidden, largest seed first.
+    """List segments grown from what arrived in free space or was hidden, largest seed first.
 
     Args:
         free: (h, w) cells that belong to nothing yet.
@@ -169,7 +172,7 @@ def followed_segment(
 
     Args:
         core: (h, w) the cells that are most likely its own. free: those that it may take.
-        grows: beyond where it was expected; what stands does not.
+        grows: whether it may grow beyond where it was expected; a body that stands may not.
     """
     if np.count_nonzero(core) < LEAST_CELLS:
         return None
@@ -182,7 +185,7 @@ def followed_segment(
 
 
 def owners(scene: DenseScene, bodies: list[Expected]) -> NDArray[np.int16]:
-    """(h, w) number of the expected body that each cell is most likely of; -1 none."""
+    """(h, w) number of the expected body to which each cell most likely belongs; -1 none."""
     owner = np.full(scene.grid.shape, -1, np.int16)
     best = np.full(scene.grid.shape, _OWN_TOLERANCES, np.float32)
     for number, body in enumerate(bodies):
@@ -204,20 +207,20 @@ def is_limb(scene: DenseScene, part: Segment, body: Segment) -> bool:
     if a[0] > b[2] + reach or a[2] < b[0] - reach or a[1] > b[3] + reach or a[3] < b[1] - reach:
         return False
     shared = min(a[2], b[2] + reach / 2) - max(a[0], b[0] - reach / 2)
-    # Of a body that was seen in part the rest may be the larger one.
+    # If only a part of a body was seen, the rest may be larger.
     stacked = shared >= _STACKED_SHARE * min(a[2] - a[0], b[2] - b[0])
     return stacked or part.area < _LIMB_SHARE * body.area
 
 
 def with_limb(scene: DenseScene, body: Segment, limb: Segment) -> Segment:
-    """The body with its limb, unless that is rather what is seen between its limbs."""
+    """Return the body with its limb, unless that is rather something seen between its limbs."""
     if _gap(scene, limb, body) > _LIMB_TOLERANCES:
         return body
     return segment_of(scene, body.mask | limb.mask)
 
 
 def window_of(mask: Mask, more: int = 0) -> Window:
-    """Rows and columns of a mask (h, w), and so many around them; empty for an empty one."""
+    """Return rows and columns of a mask (h, w), and ``more`` around; empty for an empty one."""
     left, top, right, bottom = _box_of(mask)
     h, w = mask.shape
     return (
@@ -233,7 +236,7 @@ def _box_of(mask: Mask) -> tuple[int, int, int, int]:
 
 
 def widened(mask: Mask, reach: int) -> Mask:
-    """The mask (h, w) and all that is at most so many cells away from it, level and vertically."""
+    """Return the mask (h, w) dilated by so many cells to each side, as by a square."""
     window = window_of(mask, reach)
     wide = np.zeros_like(mask)
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
@@ -253,21 +256,21 @@ def _gap(scene: DenseScene, part: Segment, body: Segment) -> float:
 
 
 def least_cells(scene: DenseScene, area_m2: float, disparity: float) -> float:
-    """Return of how many cells an area, m^2, seen at a disparity, px, consists; never too few."""
+    """Return how many cells an area, m^2, covers at a disparity, px; at least ``LEAST_CELLS``."""
     return max(LEAST_CELLS, area_m2 * scene.grid.per_metre(disparity) ** 2)
 
 
 def _widened(scene: DenseScene, mask: Mask, disparity: float) -> Mask:
-    """The mask (h, w) and what is so near to it that a body may have grown there."""
+    """Return the mask (h, w) and what is so near to it that a body may have grown there."""
     return widened(mask, max(2, int(_GROWTH_M * scene.grid.per_metre(disparity))))
 
 
 def grown_mask(
     scene: DenseScene, free: Mask, seed: Mask, may_be_static: Mask, disparity: float
 ) -> Mask | None:
-    """(h, w) the free cells of the seed's depth that hang together with it; None without any.
+    """(h, w) the free cells at the seed's depth that are connected to it; None without any.
 
-    What was there before is left out, but for the cells that may be static.
+    Static cells are left out, except for those that may be static.
 
     Args:
         free, seed, may_be_static: (h, w). disparity: px.

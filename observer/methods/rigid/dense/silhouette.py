@@ -10,8 +10,8 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.segments import window_of
 
-# Corners may be left out that are nearer than this to the simpler line, cells: a slanted border
-# runs in steps, whose corners are 0.71 cells off.
+# Cells: corners nearer than this to the simplified line are left out. A slanted border runs in
+# steps, whose corners are 0.71 cells off.
 _TOLERANCE_CELLS = 0.75
 _LEAST_CORNERS = 3
 
