@@ -42,7 +42,7 @@ export interface components {
        */
       type: "link";
     };
-    /** @description The first one: how others see this operator. */
+    /** @description First message: the operator's name as others see it. */
     OperatorMessage: {
       name: string;
       /**
@@ -399,7 +399,7 @@ export interface components {
       /** @description Settings that it did not accept. */
       refused: string[];
     };
-    /** @description One observation, as pages are told it: silhouettes are drawn in the views already. */
+    /** @description One observation as sent to pages, without silhouettes: the views show these already. */
     LiveLine: {
       frame: number;
       time: number;
@@ -430,7 +430,7 @@ export interface components {
       /** @description The reduced processing while the computer is too slow for full processing. */
       reduced_to: string | null;
     };
-    /** @description Live motion capture that is listened to. */
+    /** @description State of the live motion capture that the engine listens to. */
     LiveTruthStatus: {
       spec: string;
       observer: string | null;
@@ -474,7 +474,7 @@ export interface components {
       roll_rad: number;
       pan_rad: number;
     };
-    /** @description A frame was observed; it is answered with ``painted`` and its sequence. */
+    /** @description A frame was observed; the client answers with ``painted`` and its sequence. */
     ObservationMessage: {
       /** @description Counted by the server over all engines, from 1. */
       sequence: number;
@@ -554,7 +554,7 @@ export interface components {
       position: number[];
       orientation_wxyz: number[];
     };
-    /** @description The programme that is driven. */
+    /** @description Programme in progress. */
     ProgrammeNow: {
       name: string;
       /** @enum {string} */
@@ -1073,7 +1073,7 @@ export interface components {
       /** @default true */
       activate: boolean;
     };
-    /** @description Place of the left camera on a body of motion capture, in the body's axes. */
+    /** @description Pose of the left camera on a body of motion capture, in the body's axes. */
     CameraOnBodyFacts: {
       x_m: number;
       y_m: number;
@@ -1327,7 +1327,7 @@ export interface components {
       /** @description Days for which a deleted run can be restored. */
       undo_days: number;
     };
-    /** @description Another track took a body's place; tracks are named SEGMENT:NUMBER. */
+    /** @description A body continues under another track; tracks are named SEGMENT:NUMBER. */
     IdentityChange: {
       time: number;
       body: string;
@@ -1370,7 +1370,7 @@ export interface components {
       /** @description Why it has no result in this frame. */
       missing: string | null;
     };
-    /** @description All nine steps, and what they were observed with; the same for each picture's address. */
+    /** @description All nine steps and the settings they were made with; pictures' addresses take the same. */
     MethodSteps: {
       /** @description Text that opens it. */
       source: string;
@@ -2006,7 +2006,7 @@ export interface components {
       v: number;
       measured_m: number;
     };
-    /** @description One body, as it was understood. */
+    /** @description One body, as it was read. */
     TruthBody: {
       name: string;
       has_orientation: boolean;
