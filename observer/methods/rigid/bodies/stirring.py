@@ -21,8 +21,8 @@ from observer.vision.lifecycle import TrackIds
 
 # m^2 and cells: a smaller change is noise. Beyond so many metres it cannot be told from noise.
 _LEAST_M2, _LEAST_CELLS, _FARTHEST_M = 0.003, 7, 6.0
-# Metres: changes up to so far apart are at one place. Weight of their distance in z, as depth is
-# less certain than direction.
+# Metres: changes up to so far apart are at one place. Weight of their distance along the line of
+# sight, as depth is less certain than direction.
 _PLACE_M, _ALONG_WEIGHT = 0.45, 0.4
 _GAIN = 0.2
 # m/s, one standard deviation: travel speed of a body that has moved in place for a while.
@@ -65,7 +65,7 @@ class Stirring:
             changed = stays and any(mine[cell] for cell, _ in changes)
             track.changes.note(scene.time, changed=changed)
             free &= ~mine
-        self._note_places([place for cell, place in changes if free[cell]], scene.time)
+        self._note_places([place for cell, place in changes if free[cell]], scene)
         for place in [p for p in self._places if p.changes.stirs]:
             segment = standing_segment(scene, place.at, free)
             if segment is not None and is_person(segment, scene):
@@ -76,10 +76,11 @@ class Stirring:
                 track.changes, place.changes = place.changes, Changes()
                 tracks.append(track)
 
-    def _note_places(self, found: list[Float64Array], time: float) -> None:
+    def _note_places(self, found: list[Float64Array], scene: DenseScene) -> None:
+        eye, time = scene.T_world_camera.translation, scene.time
         for at in found:
-            near = min(self._places, key=lambda p: _apart(p.at, at), default=None)
-            if near is None or _apart(near.at, at) > _PLACE_M:
+            near = min(self._places, key=lambda p: _apart(p.at, at, eye), default=None)
+            if near is None or _apart(near.at, at, eye) > _PLACE_M:
                 near = _Place(at)
                 self._places.append(near)
             near.at = near.at + _GAIN * (at - near.at)
@@ -119,8 +120,10 @@ def _on_and_around(segment: Segment, scene: DenseScene) -> Mask:
     return widened(segment.mask, max(2, round(_REACH_M * scene.grid.per_metre(segment.disparity))))
 
 
-def _apart(a: Float64Array, b: Float64Array) -> float:
-    return float(np.linalg.norm((a - b) * np.array([1.0, 1.0, _ALONG_WEIGHT])))
+def _apart(a: Float64Array, b: Float64Array, eye: Float64Array) -> float:
+    between, ahead = b - a, a - eye
+    along = between @ ahead * ahead / (ahead @ ahead)
+    return float(np.linalg.norm(between - along + _ALONG_WEIGHT * along))
 
 
 def _lies_on(track: BodyTrack, segment: Segment) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.lifecycle import judge
@@ -50,12 +51,14 @@ def found(
     who: Shape = WHO,
     places: Callable[[int], Shape] = lambda _: hand(),
     lasting: int = 40,
+    pose: Pose = HERE,
 ) -> list[BodyTrack]:
     """The bodies found while something changes in these of so many frames."""
     stirring, numbers, tracks = Stirring(), TrackIds(), list[BodyTrack]()
     now = set(frames)
     for k in range(lasting):
-        stirring.note(tracks, scene(k * DT, who, places(k) if k in now else None), numbers)
+        still = scene(k * DT, who, places(k) if k in now else None)
+        stirring.note(tracks, replace(still, T_world_camera=pose), numbers)
         for track in tracks:
             judge(track, np.zeros(3), DT, P)
     return tracks
@@ -84,6 +87,15 @@ def test_one_flicker_is_no_motion() -> None:
 
 def test_what_changes_at_a_cabinet_is_no_person() -> None:
     assert found(WAVING, CABINET) == []
+
+
+@pytest.mark.parametrize("turned_deg", [0, 90, 180])
+def test_two_places_beside_each_other_are_two_wherever_the_camera_looks(turned_deg: int) -> None:
+    pose = Pose.from_rotvec((0, np.radians(turned_deg), 0), (0, 0, 0))
+    # Twice at each of both is not enough, four times at one is.
+    frames = [k for k in WAVING if k < 32]
+    assert found(frames, places=lambda k: hand(0.4 if k % 16 < 8 else -0.4), pose=pose) == []
+    assert len(found(frames, places=lambda _: hand(0.4), pose=pose)) == 1
 
 
 def test_what_passes_by_moves_in_no_place() -> None:
