@@ -18,7 +18,7 @@ from observer.kernels.compiled import (
 from observer.kernels.reprojection import cell_there
 
 # Evidence of a cell.
-UNKNOWN, STATIC, ARRIVED, HIDDEN = 0, 1, 2, 3
+UNKNOWN, STATIC, ARRIVED, UNCOVERED = 0, 1, 2, 3
 
 
 @kernel(
@@ -66,7 +66,7 @@ def evidence_against(
             continue
         noise = slack + slack_share * d
         if d - farthest[at] < -noise:
-            out[k] = HIDDEN
+            out[k] = UNCOVERED
         elif d - nearest[at] > noise:
             out[k] = ARRIVED
         else:

@@ -17,7 +17,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.contract import StageTimer, Step
 from observer.methods.rigid.bodies.expectation import expected_at
 from observer.methods.rigid.bodies.reporting import describe_body
-from observer.methods.rigid.bodies.seeming import told_px
+from observer.methods.rigid.bodies.seeming import moving_boxes_px
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseVision
@@ -82,7 +82,7 @@ class RigidMethod:
         self._dense = DenseVision(camera, mount)
         self._unseen = UnseenRegions(camera)
         # Of the last frame whose dense depth is known.
-        self._told_unseen: Unseen | None = None
+        self._unseen_now: Unseen | None = None
         self._points = TrackedPoints.none()
         self._drift = StereoDrift(camera) if drift is None else drift
         self._drift.begin_segment()
@@ -136,15 +136,15 @@ class RigidMethod:
         obstacles = self._described(now)
         with timer("unseen"):
             if due:
-                boxes = told_px(self._tracker.tracks, scene, now)
-                self._told_unseen = self._unseen.look(view, scene, points, *boxes, p.stereo)
+                boxes = moving_boxes_px(self._tracker.tracks, scene, now)
+                self._unseen_now = self._unseen.look(view, scene, points, *boxes, p.stereo)
             elif p.dense.rate_hz == 0:
-                self._told_unseen = None
-        trace.keep("unseen", self._told_unseen)
+                self._unseen_now = None
+        trace.keep("unseen", self._unseen_now)
         with timer("features"):
             self._renew_points(p)
         share = points.stereo_share
-        return Step(ego, T_world_camera, obstacles, share, rows, self._told_unseen, notes=notes)
+        return Step(ego, T_world_camera, obstacles, share, rows, self._unseen_now, notes=notes)
 
     # --- the steps ---------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ from observer.camera import StereoCamera
 from observer.kernels.unseen import background, cell_means, fills, told_by_points
 from observer.methods.rigid.bodies.seeming import BoxPx
 from observer.methods.rigid.dense.depth_image import RowTexture
-from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import TrackedPoints
@@ -144,7 +144,7 @@ def _known(
         depth, evidence = np.isfinite(scene.disparity), scene.evidence
         known = _shares(depth)
         stands = _shares(depth & (~scene.standing | (evidence == STATIC)))
-        moves = _shares((evidence == ARRIVED) | (evidence == HIDDEN))
+        moves = _shares((evidence == ARRIVED) | (evidence == UNCOVERED))
     # A point seen only once, or by one camera only, is no evidence of motion.
     tells = (points.sightings > 1) & np.isfinite(points.disparity) & points.cornered
     side_px, least = np.float32(_SIDE * grid.reduction), np.float32(_SEEN_SHARE)

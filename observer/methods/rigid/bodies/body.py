@@ -64,7 +64,7 @@ class BodyTrack:
         part_moves: it began as a whole person, of whom only a part was seen to move.
         merged_s: seconds for which its points were seen, but no segment separate from its
             surroundings.
-        stands: no more than half of its points lie on the ground.
+        off_ground: no more than half of its points lie on the ground.
         far: it is seen by points alone, too far away to tell whether they approach or recede.
         stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
@@ -98,7 +98,7 @@ class BodyTrack:
     crosses: bool = False
     part_moves: bool = False
     merged_s: float = 0.0
-    stands: bool = True
+    off_ground: bool = True
     far: bool = False
     stood_s: float = 0.0
     unsure_s: float = 0.0

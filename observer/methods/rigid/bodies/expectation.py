@@ -37,7 +37,7 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         steady = _STEADY if track.rigid else _WALKING
         yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
         axis = track.shape.axis(track.yaw)
-        if track.state is not TrackState.TENTATIVE and _at_untold_depth(track):
+        if track.state is not TrackState.TENTATIVE and _depth_is_unmeasured(track):
             agile *= _UNSEEN_TURNS
             axis = (track.mean[POSITION] - position) / depth
         track.filter = track.filter.predicted(dt, (steady * agile, agile), yaw_acceleration, axis)
@@ -47,9 +47,9 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         track.steady_s += dt
 
 
-def _at_untold_depth(track: BodyTrack) -> bool:
+def _depth_is_unmeasured(track: BodyTrack) -> bool:
     """Return whether nothing but a person's segment tells how far away the person is."""
-    return not track.rigid and track.outline is not None and not track.outline.depths.tell
+    return not track.rigid and track.outline is not None and not track.outline.depths.measured
 
 
 def note_lasting_errors(
@@ -63,7 +63,7 @@ def note_lasting_errors(
     for track in [t for t in tracks if t.missed_s == 0]:
         bias_px = parameters.disparity_bias_px
         outline = track.outline
-        if outline is not None and _at_untold_depth(track):
+        if outline is not None and _depth_is_unmeasured(track):
             bias_px = max(bias_px, outline.bias_px)
         place = now.T_camera_world.apply(track.mean[None, POSITION])
         velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])

@@ -18,7 +18,7 @@ YAW, YAW_RATE = 6, 7
 STATE_SIZE = 8
 # What is measured: position and yaw.
 MEASURED = np.array([0, 1, 2, YAW])
-_PLACE, _PACE = np.arange(3), np.arange(3, 6)
+_POSITION, _VELOCITY = np.arange(3), np.arange(3, 6)
 # Stands for an unknown axis.
 _UNKNOWN = np.zeros(3)
 # rad/s, one standard deviation: yaw rate of a body whose yaw nothing shows, so small that it stays.
@@ -121,11 +121,11 @@ class BodyFilter:
 
     def with_position(self, position: Float64Array, noise: Float64Array) -> BodyFilter:
         """Update by a measurement of the position (3,) alone, with covariance (3, 3)."""
-        return self._updated(_PLACE, position, noise)
+        return self._updated(_POSITION, position, noise)
 
     def with_velocity(self, velocity: Float64Array, noise: Float64Array) -> BodyFilter:
         """Update by a measurement of the velocity (3,) alone, with covariance (3, 3)."""
-        return self._updated(_PACE, velocity, noise)
+        return self._updated(_VELOCITY, velocity, noise)
 
     def straightened(self) -> BodyFilter:
         """Return the same motion, but not turning: the yaw rate is 0 and almost certain."""

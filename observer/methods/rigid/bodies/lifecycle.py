@@ -33,7 +33,7 @@ _MERGED_S = 1.0
 # So many points that stand out of the ground and move alike are a body, even if it is merged with
 # its surroundings.
 _MANY_POINTS = 12
-# Frames in a row for which a segment may idle, see ``Outline.idles``.
+# Frames in a row for which a segment may idle, see ``Outline.count_idle``.
 _IDLE_FRAMES = 3
 # A segment that stood for so many seconds and never left its place only seemed to move.
 _STOOD_S = 0.7
@@ -45,11 +45,11 @@ _ACROSS_SHARE = 0.5
 # Where light flickers, a body that is slower than so many times the stopped speed may stand, unless
 # it crosses the view.
 _SEEMS_SLOW = 8.0
-# Frames in which a segment must have entered free space, or been hidden before, and standard
-# deviations of its velocity. A body that goes away was hidden by itself before. What others uncover
-# seems to move across the view as they do, so this share of the velocity must lead away.
+# Frames in which a segment must have entered free space, or been uncovered, and standard deviations
+# of its velocity. A body that goes away is uncovered by itself. What others uncover seems to move
+# across the view as they do, so this share of the velocity must lead away.
 _ARRIVED_FRAMES, _ARRIVED_SIGMAS = 3, 3.0
-_HIDDEN_FRAMES, _HIDDEN_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
+_UNCOVERED_FRAMES, _UNCOVERED_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
 _STEADY = Light()
 
 
@@ -131,9 +131,9 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     hopeless = unmoved and track.age_s > patience
     outline = track.outline
     if outline is not None:
-        moves = outline.depths.tell and track.significance >= _MOVING_SIGMAS
+        moves = outline.depths.measured and track.significance >= _MOVING_SIGMAS
         may_stand = track.part_moves or moves
-        if outline.idles(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
+        if outline.count_idle(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
             return True
     # A body that stood apart once may drive along a wall.
     known = outline is not None or _shown_by_many(track)
@@ -194,7 +194,7 @@ def _is_away(track: BodyTrack, place: Float64Array) -> bool:
 
 def _shown_by_many(track: BodyTrack) -> bool:
     """Return whether a body is seen by so many members that it needs no segment of its own."""
-    return track.stands and track.points >= _MANY_POINTS
+    return track.off_ground and track.points >= _MANY_POINTS
 
 
 def _may_stand(
@@ -262,7 +262,7 @@ def _confirmed_by_outline(
     outline = track.seen_outline
     if outline is None or track.motion is not MotionState.MOVING:
         return False
-    if (outline.merged or outline.stands or outline.beside_nearer) and not outline.is_high:
+    if (outline.merged or outline.is_static or outline.beside_nearer) and not outline.is_high:
         # A patch of noise on a wall, or where only one camera sees, beside somebody who passes.
         return False
     frames, sigmas = _ARRIVED_FRAMES, _ARRIVED_SIGMAS
@@ -271,8 +271,8 @@ def _confirmed_by_outline(
     arrived = outline.arrived_frames >= frames
     away = track.centre - camera_position
     away_mps = float(track.mean[VELOCITY] @ away) / float(np.linalg.norm(away))
-    hidden = outline.hidden_frames >= _HIDDEN_FRAMES
-    hidden &= away_mps > _AWAY_SHARE * float(np.linalg.norm(track.mean[VELOCITY]))
+    uncovered = outline.uncovered_frames >= _UNCOVERED_FRAMES
+    uncovered &= away_mps > _AWAY_SHARE * float(np.linalg.norm(track.mean[VELOCITY]))
     return (arrived and track.significance >= sigmas) or (
-        hidden and track.significance >= _HIDDEN_SIGMAS
+        uncovered and track.significance >= _UNCOVERED_SIGMAS
     )

@@ -47,7 +47,7 @@ def may_be_rigid(track: BodyTrack) -> bool:
     outline = track.outline
     if outline is None or track.rigid:
         return False
-    return not outline.upright or not outline.depths.tell
+    return not outline.upright or not outline.depths.measured
 
 
 def moves_as_one(track: BodyTrack, velocity: Float64Array, points: int) -> bool:

@@ -88,8 +88,8 @@ class Outline:
         carried_s: seconds since it was seen, during which it was assumed to move as predicted.
         trunk: as it last looked; None where little of it was seen. depths: of points on it.
         only_legs: the trunk is above the image's upper border.
-        arrived_frames, hidden_frames: number of frames with evidence of motion of either kind.
-        idle_frames: frames in a row in which it idled, see ``idles``.
+        arrived_frames, uncovered_frames: number of frames with evidence of motion of either kind.
+        idle_frames: frames in a row in which it idled, see ``count_idle``.
         moving_area: largest while it moved, cells per px^2 of disparity, so at any distance.
     """
 
@@ -103,7 +103,7 @@ class Outline:
     box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     middle: Float64Array = field(default_factory=lambda: np.zeros(3))
     arrived_frames: int = 0
-    hidden_frames: int = 0
+    uncovered_frames: int = 0
     idle_frames: int = 0
     bias_px: float = 0.0
     carried_s: float = 0.0
@@ -157,7 +157,7 @@ class Outline:
         return (cut[0] and left > 1) or (cut[1] and right < self.grid.width - 1)
 
     @property
-    def stands(self) -> bool:
+    def is_static(self) -> bool:
         """True while most of it is seen where something was before."""
         return self.segment.static >= _STATIC_SHARE
 
@@ -187,10 +187,10 @@ class Outline:
         """Note the segment at which it is seen now, with the body's origin at (3,) m, world."""
         self.segment, self.seen, self.carried_s = segment, True, 0.0
         self.box_px = box_px(scene.grid, segment)
-        if not self.stands:
+        if not self.is_static:
             self.moving_area = max(self.moving_area, _shown(segment))
             self.arrived_frames += segment.arrived > _MOVED_SHARE
-            self.hidden_frames += segment.arrived <= _MOVED_SHARE < segment.hidden
+            self.uncovered_frames += segment.arrived <= _MOVED_SHARE < segment.uncovered
         width, height = extent_m(segment, scene.grid)
         self.width = max(width, _SHRINK * self.width)
         self.height = max(height, _SHRINK * self.height)
@@ -236,14 +236,14 @@ class Outline:
         if self._silhouette is not None:
             self._silhouette = replace(self._silhouette, origin=self._silhouette.origin + offset)
 
-    def idles(self, tentative: bool, *, may_stand: bool = False) -> int:
+    def count_idle(self, tentative: bool, *, may_stand: bool = False) -> int:
         """Count the frames in a row in which it is merged or stands, and has grown much.
 
-        A tentative one idles without growing, and it may stand if told so: a person who only
+        A tentative one count_idle without growing, and it may stand if told so: a person who only
         begins to walk, or comes straight on, is still mostly where he was.
         """
         grown = _shown(self.segment) > _SWALLOWING * self.moving_area
-        stands = self.stands and not (tentative and may_stand)
+        stands = self.is_static and not (tentative and may_stand)
         idle = self.seen and (self.merged or stands) and (tentative or grown)
         self.idle_frames = self.idle_frames + 1 if idle else 0
         return self.idle_frames
@@ -252,7 +252,7 @@ class Outline:
         """Keep the silhouette that shows most of a body while it is cut off: it will reappear."""
         if self._silhouette is not None and age_s - self._silhouette_s <= _WHOLE_S:
             share = _shown(self.segment) / _shown(self._silhouette.segment)
-            lost = self.stands and share < _LOST_SHARE
+            lost = self.is_static and share < _LOST_SHARE
             if share < 1 and (lost or anchor_of(self.segment) != "middle"):
                 return
         self._silhouette = _Silhouette(self.segment, origin, scene.T_camera_world)

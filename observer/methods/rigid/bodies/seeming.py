@@ -22,7 +22,7 @@ _CAME_SHARE = 0.5
 _WIDTH_M, _HEIGHT_M = 0.5, 1.8
 
 
-def told_px(
+def moving_boxes_px(
     tracks: list[BodyTrack], scene: DenseScene | None, now: CameraStep
 ) -> tuple[list[BoxPx], list[BoxPx]]:
     """Return the boxes, px, of the bodies reported as seen, and of those that seem to move."""

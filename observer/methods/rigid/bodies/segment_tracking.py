@@ -41,7 +41,7 @@ from observer.vision.lifecycle import TrackIds, is_provisional
 _LEAST_MEMBERS = 3
 _OWN_SHARE = 0.5
 # Share of a body's members that must be at or beside cells near enough to be judged.
-_KNOWN_SHARE = 0.5
+_NEAR_SHARE = 0.5
 # Share of them that may lie on the ground, as shadows do.
 _LYING_SHARE = 0.5
 # m/s, one standard deviation: horizontal and vertical speed of a body that was just found.
@@ -189,7 +189,7 @@ def _follow(
     free = np.ones(scene.grid.shape, np.bool_)
     for number, (track, where) in enumerate(expected):
         core = owner == number
-        grows = track.outline is None or not track.outline.stands
+        grows = track.outline is None or not track.outline.is_static
         segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
         if segment is None:
             continue
@@ -228,14 +228,14 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
     if len(members) < _LEAST_MEMBERS:
         return
     rows, columns = scene.grid.at(points.px[members])
-    judged = widened(scene.near, 1)[rows, columns].mean() > _KNOWN_SHARE
+    judged = widened(scene.near, 1)[rows, columns].mean() > _NEAR_SHARE
     track.far = not tells_approach(median(points.disparity[members]), scene.grid)
     if judged:
         track.merged_s += dt
     elif not track.far:
         track.merged_s = max(0.0, track.merged_s - dt)
     lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.standing[rows, columns]
-    track.stands = float(lies.mean()) <= _LYING_SHARE
+    track.off_ground = float(lies.mean()) <= _LYING_SHARE
 
 
 def _seen_members(track: BodyTrack, points: TrackedPoints) -> NDArray[np.intp]:
@@ -275,7 +275,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         track.filter = _motion_at(place, before, cov)
     # When a new anchor takes over, the body is assumed to be where it was expected.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
-    if outline.depths.tell:
+    if outline.depths.measured:
         cov = cov + _along(place, scene) * _DEPTH_DRIFT_M**2
     if not track.rigid or not track.by_points:
         track.filter = track.filter.with_position(place - offset, cov)

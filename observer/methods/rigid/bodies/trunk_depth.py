@@ -37,13 +37,13 @@ class TrunkDepths:
 
     Attributes:
         number: (N,) of each point. offset: (N, 3) metres, world axes. variance: (N,) m^2, along
-            the line of sight. tell: enough of them were seen to tell how far away the body is.
+            the line of sight. measured: enough of them were seen to tell how far away the body is.
     """
 
     number: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     offset: Float64Array = field(default_factory=lambda: np.zeros((0, 3)))
     variance: Float64Array = field(default_factory=lambda: np.zeros(0))
-    tell: bool = False
+    measured: bool = False
 
     def measure(
         self,
@@ -67,8 +67,8 @@ class TrunkDepths:
             number, place, sightings.information[on_trunk], motion.mean[POSITION], ahead,
             self.number, self.offset, self.variance, _LEAST_POINTS,
         )  # fmt: skip
-        self.tell = math.isfinite(moved_variance)
-        if self.tell:
+        self.measured = math.isfinite(moved_variance)
+        if self.measured:
             motion = _moved(motion, ahead, moved, moved_variance + _SWAY_M**2)
         offset, doubt = place - motion.mean[POSITION], variance.copy()
         stay = np.flatnonzero(before >= 0)

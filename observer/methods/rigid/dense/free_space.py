@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Pose
-from observer.kernels.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN, evidence_against
+from observer.kernels.free_space import ARRIVED, STATIC, UNCOVERED, UNKNOWN, evidence_against
 from observer.methods.rigid.dense.corrections import with_bias
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.reprojection import reprojection
 
-__all__ = ["ARRIVED", "HIDDEN", "STATIC", "UNKNOWN", "DepthFrame", "FreeSpace", "slack_px"]
+__all__ = ["ARRIVED", "STATIC", "UNCOVERED", "UNKNOWN", "DepthFrame", "FreeSpace", "slack_px"]
 
 # Seconds back to the frames that are compared, oldest first: the oldest that saw a place decides.
 _LAGS_S = (3.2, 1.6, 0.8, 0.4, 0.2)
@@ -80,7 +80,7 @@ class FreeSpace:
         """(h, w) evidence of motion of the cells (h, w); ``UNKNOWN`` for all others.
 
         A cell nearer than all that was seen along its ray before has *arrived* in free space. One
-        farther than all was *hidden* by what has left. What was there before is *static*.
+        farther than all was *uncovered* by what has left. What was there before is *static*.
         """
         out = np.full(frame.disparity.size, UNKNOWN, np.uint8)
         asked = np.flatnonzero(cells)

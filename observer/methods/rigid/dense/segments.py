@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.kernels.segments import described, grown
-from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED, UNKNOWN
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.robust import median
@@ -29,10 +29,10 @@ _GROWTH_M = 0.12
 # Cells: least step of the disparity that is no noise.
 _STEP_CELLS = 0.5
 # A body's border shows something farther on this share of its comparable cells, and on this share
-# of all of them, or on more for a body that was hidden rather than has arrived. Beside a near body
-# there is much that only one camera sees: less is enough if it fills so much of the view, and so
-# much of it has arrived, or was hidden while its border stands apart this clearly.
-_APART, _CLEAR, _CLEAR_HIDDEN, _CLEAR_NEAR = 0.6, 0.2, 0.35, 0.1
+# of all of them, or on more for a body that was uncovered rather than has arrived. Beside a near
+# body there is much that only one camera sees: less is enough if it fills so much of the view, and
+# so much of it has arrived, or was uncovered while its border stands apart this clearly.
+_APART, _CLEAR, _CLEAR_UNCOVERED, _CLEAR_NEAR = 0.6, 0.2, 0.35, 0.1
 _NEAR_SHARE, _MOVED_SHARE, _APART_AWAY = 0.05, 0.7, 0.8
 # A cell may belong to an expected body up to so many tolerances from its disparity.
 _OWN_TOLERANCES = 1.5
@@ -50,7 +50,7 @@ class Segment:
     Attributes:
         mask: (h, w). box: first column and row, and those after the last.
         disparity: px, median of the trunk. area: cells.
-        arrived, hidden, static: shares of the cells that could be tested.
+        arrived, uncovered, static: shares of the cells that could be tested.
         apart: share of the comparable border beyond which the scene is farther. clear: share of
             the whole border.
         columns: of the trunk: mean left edge, middle and right edge.
@@ -63,7 +63,7 @@ class Segment:
     disparity: float
     area: int
     arrived: float
-    hidden: float
+    uncovered: float
     static: float
     apart: float
     clear: float
@@ -73,8 +73,8 @@ class Segment:
     @property
     def stands_apart(self) -> bool:
         """True if it is a separate thing, and no part of a wall or a slope."""
-        least = _CLEAR if self.arrived > self.hidden else _CLEAR_HIDDEN
-        goes = self.hidden > _MOVED_SHARE and self.apart > _APART_AWAY
+        least = _CLEAR if self.arrived > self.uncovered else _CLEAR_UNCOVERED
+        goes = self.uncovered > _MOVED_SHARE and self.apart > _APART_AWAY
         moved = goes or self.arrived > _MOVED_SHARE
         if moved and self.area > _NEAR_SHARE * self.mask.size:
             least = _CLEAR_NEAR
@@ -120,7 +120,7 @@ def segment_of(scene: DenseScene, mask: Mask, trunk_share: float = TRUNK_SHARE) 
         disparity=float(d),
         area=int(evidence.sum()),
         arrived=float(evidence[ARRIVED] / tested),
-        hidden=float(evidence[HIDDEN] / tested),
+        uncovered=float(evidence[UNCOVERED] / tested),
         static=float(evidence[STATIC] / tested),
         apart=float(farther / max(1, farther + same)),
         clear=float(farther / max(1, around)),
@@ -130,12 +130,12 @@ def segment_of(scene: DenseScene, mask: Mask, trunk_share: float = TRUNK_SHARE) 
 
 
 def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
-    """List segments grown from what arrived in free space or was hidden, largest seed first.
+    """List segments grown from what arrived in free space or was uncovered, largest seed first.
 
     Args:
         free: (h, w) cells that belong to nothing yet.
     """
-    moved = (scene.evidence == ARRIVED) | (scene.evidence == HIDDEN)
+    moved = (scene.evidence == ARRIVED) | (scene.evidence == UNCOVERED)
     seeds = opened(moved & scene.standing & free)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(seeds.view(np.uint8), connectivity=8)
     areas = stats[1:, cv2.CC_STAT_AREA]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Pose
-from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN, DepthFrame
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED, UNKNOWN, DepthFrame
 from observer.methods.rigid.dense.grid import Grid
 
 from .reprojection import reproject, slack_px
@@ -25,6 +25,6 @@ def against(
     slack = slack_px(there.disparity, grid)
     out = np.full(len(asked), STATIC, np.uint8)
     out[there.disparity - reference.nearest.ravel()[there.at] > slack] = ARRIVED
-    out[there.disparity - reference.farthest.ravel()[there.at] < -slack] = HIDDEN
+    out[there.disparity - reference.farthest.ravel()[there.at] < -slack] = UNCOVERED
     out[~seen] = UNKNOWN
     return out

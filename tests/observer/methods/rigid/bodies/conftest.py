@@ -24,14 +24,14 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
         velocity: tuple[float, float, float] = (0.5, 0.0, 0.0),
         *,
         arrived: int = 0,
-        hidden: int = 0,
+        uncovered: int = 0,
         sigma: float = 0.03,
         evidence: int = ARRIVED,
         height: float = 1.2,
     ) -> BodyTrack:
         track = make_track((0.0, 0.0, 4.0), velocity, sigma=sigma)
         track.outline = outline_of(Solid((0.0, 0.0, 4.0), (0.45, height, 0.1)), evidence)
-        track.outline.arrived_frames, track.outline.hidden_frames = arrived, hidden
+        track.outline.arrived_frames, track.outline.uncovered_frames = arrived, uncovered
         return track
 
     return make

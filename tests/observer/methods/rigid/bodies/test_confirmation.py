@@ -20,7 +20,7 @@ def test_who_enters_free_space_is_confirmed_without_any_point(guest: MakeTrack) 
 
 
 def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
-    assert judged(guest(arrived=2, hidden=3), 20) is TrackState.TENTATIVE
+    assert judged(guest(arrived=2, uncovered=3), 20) is TrackState.TENTATIVE
 
 
 @pytest.mark.parametrize("against", ["wall", "before"])
@@ -66,19 +66,19 @@ def test_who_waves_is_confirmed_as_a_thing_of_its_own(guest: MakeTrack) -> None:
 def test_who_comes_out_of_hiding_needs_more_frames_and_a_surer_velocity(guest: MakeTrack) -> None:
     """Of 3.9 standard deviations, and then of more than 16."""
     for sigma, state in ((0.13, TrackState.TENTATIVE), (0.03, TrackState.CONFIRMED)):
-        assert judged(guest(AWAY, hidden=4, sigma=sigma)) is state
+        assert judged(guest(AWAY, uncovered=4, sigma=sigma)) is state
     assert judged(guest(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
 
 
 def test_what_others_uncover_seems_to_move_across_and_is_not_confirmed(guest: MakeTrack) -> None:
     for velocity in ((0.5, 0.0, 0.0), (0.5, 0.0, 0.4), (0.0, 0.0, -0.5)):
-        assert judged(guest(velocity, hidden=50), 20) is TrackState.TENTATIVE
+        assert judged(guest(velocity, uncovered=50), 20) is TrackState.TENTATIVE
 
 
 def test_an_outline_confirms_only_while_it_moves(guest: MakeTrack) -> None:
     for velocity in (STOOD, (P.stopped_below_mps / 2, 0.0, 0.0)):
         # However surely it creeps.
-        track = guest(velocity, arrived=50, hidden=50, sigma=1e-3)
+        track = guest(velocity, arrived=50, uncovered=50, sigma=1e-3)
         assert judged(track, 20) is TrackState.TENTATIVE
         assert track.motion is MotionState.STOPPED
 
@@ -112,7 +112,7 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
         (20, 0.1, False, TrackState.TENTATIVE),
     ):
         track = make_track()
-        track.points, track.merged_s, track.stands = points, merged_s, stands
+        track.points, track.merged_s, track.off_ground = points, merged_s, stands
         assert judged(track, P.confirm_hits + 5) is state
 
 

@@ -41,7 +41,7 @@ def test_one_whose_points_tell_that_it_moves_may_stand(guest: MakeTrack) -> None
     for sigma, ends in ((0.2, None), (0.5, 4)):
         track = guest((0.0, 0.0, -0.8), sigma=sigma, evidence=STATIC)
         assert track.outline is not None
-        track.outline.depths.tell = True
+        track.outline.depths.measured = True
         judged(track)
         assert ends_after(track) == ends
 

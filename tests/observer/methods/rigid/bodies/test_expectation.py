@@ -30,7 +30,7 @@ def walker(make_track: MakeTrack) -> Callable[..., BodyTrack]:
     def make(*, tells: bool, state: TrackState = TrackState.CONFIRMED) -> BodyTrack:
         track = make_track(tuple(AT), (0.0, 0.0, -0.9))
         track.outline = outline_of(Solid(tuple(AT), (0.45, 1.2, 0.1)))
-        track.outline.depths.tell = tells
+        track.outline.depths.measured = tells
         track.rigid, track.state = False, state
         return track
 

@@ -85,7 +85,7 @@ def test_who_stands_upright_is_rigid_only_after_points_drove_steadily(upright: B
         told.append(moves_as_one(upright, velocity, 12))
     assert told == [False, False, True]
     assert upright.outline is not None
-    upright.outline.depths.tell = True
+    upright.outline.depths.measured = True
     assert not may_be_rigid(upright), "points on its trunk tell how it moves"
 
 

@@ -294,13 +294,13 @@ def test_what_something_nearer_cuts_off_is_beside_it_and_at_the_border_it_is_not
 
 def test_frames_are_counted_by_what_they_show_of_motion() -> None:
     outline, _ = outlined(0.0, 4.0)
-    assert (outline.arrived_frames, outline.hidden_frames, outline.stands) == (1, 0, False)
+    assert (outline.arrived_frames, outline.uncovered_frames, outline.is_static) == (1, 0, False)
     scene, still = view(body(0.0, 4.0), evidence=STATIC)
     outline.note(still, np.array([0.0, 0.0, 4.0]), scene, 0.1)
-    assert (outline.arrived_frames, outline.hidden_frames, outline.stands) == (1, 0, True)
+    assert (outline.arrived_frames, outline.uncovered_frames, outline.is_static) == (1, 0, True)
     scene, left = view(body(0.0, 4.0), evidence=3)
     outline.note(left, np.array([0.0, 0.0, 4.0]), scene, 0.1)
-    assert (outline.arrived_frames, outline.hidden_frames, outline.stands) == (1, 1, False)
+    assert (outline.arrived_frames, outline.uncovered_frames, outline.is_static) == (1, 1, False)
 
 
 def test_a_limb_is_taken_and_a_stranger_is_not() -> None:
@@ -329,24 +329,24 @@ def test_of_a_body_that_was_seen_in_part_the_rest_is_taken_though_it_is_larger()
 
 def test_one_that_moves_as_a_thing_of_its_own_never_idles() -> None:
     outline, _ = outlined(0.0, 4.0)
-    assert [outline.idles(True) for _ in range(5)] == [0] * 5
+    assert [outline.count_idle(True) for _ in range(5)] == [0] * 5
 
 
 def test_a_tentative_one_that_stands_idles_and_a_confirmed_one_may_stand() -> None:
     outline, scene = outlined(0.0, 4.0)
     still = view(body(0.0, 4.0), evidence=STATIC)[1]
     outline.note(still, np.array([0.0, 0.0, 4.0]), scene, 0.1)
-    assert [outline.idles(False) for _ in range(3)] == [0, 0, 0]
-    assert [outline.idles(True) for _ in range(3)] == [1, 2, 3]
+    assert [outline.count_idle(False) for _ in range(3)] == [0, 0, 0]
+    assert [outline.count_idle(True) for _ in range(3)] == [1, 2, 3]
     outline.seen = False
-    assert outline.idles(True) == 0
+    assert outline.count_idle(True) == 0
 
 
 def test_a_confirmed_one_idles_while_it_swallows_what_stands_beside_it() -> None:
     outline, _ = outlined(0.0, 4.0)
     scene, twice = view(Solid((0.2, 0.0, 4.0), (0.9, 1.2, 0.1)), evidence=STATIC)
     outline.note(twice, np.array([0.0, 0.0, 4.0]), scene, 0.1)
-    assert [outline.idles(False) for _ in range(3)] == [1, 2, 3]
+    assert [outline.count_idle(False) for _ in range(3)] == [1, 2, 3]
 
 
 def test_cells_of_outlines_that_are_seen_are_not_free() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.seeming import may_fill, seems_to_move, told_px
-from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC
+from observer.methods.rigid.bodies.seeming import may_fill, moving_boxes_px, seems_to_move
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.types import TrackState
 
@@ -44,7 +44,7 @@ def test_who_came_where_it_was_free_seems_to_move_however_uncertain_the_velocity
     assert seems_to_move(guest(ARRIVED))
     assert not seems_to_move(guest(STATIC))
     # Behind whoever passes, what stands comes out of hiding.
-    assert not seems_to_move(guest(HIDDEN))
+    assert not seems_to_move(guest(UNCOVERED))
 
 
 def test_a_patch_of_noise_is_no_person_and_who_fills_the_view_is_one(guest: MakeTrack) -> None:
@@ -140,10 +140,10 @@ def test_points_on_somebody_who_is_reported_tell_of_nobody_beside_him(
 ) -> None:
     scene, now = seen(ROOM), step_to(dt=0.1)
     part, whole = head(make_track), make_track(number=2)
-    reported, seeming = told_px([part], scene, now)
+    reported, seeming = moving_boxes_px([part], scene, now)
     assert (reported, seeming) == ([], [may_fill(part, scene.ground, HERE, CAMERA)])
     assert seeming != [part.box_px]
     whole.state, whole.box_px = TrackState.CONFIRMED, (250.0, 50.0, 390.0, 399.0)
-    assert told_px([part, whole], scene, now) == ([whole.box_px], [part.box_px])
+    assert moving_boxes_px([part, whole], scene, now) == ([whole.box_px], [part.box_px])
     # Without dense depth nothing tells where the ground is.
-    assert told_px([part], None, now) == ([], [part.box_px])
+    assert moving_boxes_px([part], None, now) == ([], [part.box_px])

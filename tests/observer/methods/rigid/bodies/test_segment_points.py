@@ -217,7 +217,7 @@ def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
         track.points = 9
         tracked([track], points_on(patch(*place)), seen([*ROOM, NEAR_WALL]))
         assert track.merged_s > 0
-        assert track.stands is stands
+        assert track.off_ground is stands
 
 
 def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrack) -> None:

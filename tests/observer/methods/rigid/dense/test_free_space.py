@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from observer.geometry import Pose
 from observer.methods.rigid.dense.free_space import (
     ARRIVED,
-    HIDDEN,
     STATIC,
+    UNCOVERED,
     UNKNOWN,
     DepthFrame,
     FreeSpace,
@@ -110,7 +110,7 @@ def test_what_something_left_behind_was_hidden() -> None:
     found = evidence(frame(0.4, ROOM), frame(0.0, [*ROOM, guest]))
     on = inner(cells_of(guest, [*ROOM, guest]))
     upper = on & (np.arange(GRID.height)[:, None] < GRID.height // 2 + 20)
-    assert (found[upper] == HIDDEN).all()
+    assert (found[upper] == UNCOVERED).all()
     assert (found[~cells_of(guest, [*ROOM, guest])] == STATIC).all()
 
 
@@ -123,7 +123,7 @@ def test_a_static_thing_beside_one_that_arrives_stays_static() -> None:
 def test_what_moves_away_along_the_line_of_sight_was_hidden_and_what_comes_has_arrived() -> None:
     near, far = person(0.0, 3.0), person(0.0, 3.6)
     on = inner(cells_of(far, [far])) & (np.arange(GRID.height)[:, None] < 110)
-    assert (evidence(frame(0.4, [far]), frame(0.0, [near]))[on] == HIDDEN).all()
+    assert (evidence(frame(0.4, [far]), frame(0.0, [near]))[on] == UNCOVERED).all()
     assert (evidence(frame(0.4, [near, FLOOR]), frame(0.0, [far, FLOOR]))[on] == ARRIVED).all()
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.geometry import Pose
-from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED, UNKNOWN
 from observer.methods.rigid.dense.scene import DenseScene, DenseVision
 from observer.parameters import DenseParameters, StereoParameters
 from observer.vision.camera_rate import CameraRate
@@ -60,7 +60,7 @@ def test_what_is_seen_once_it_has_left_was_hidden(scenes: list[DenseScene]) -> N
     vision = DenseVision(CAMERA, MOUNT)
     vision.look(view(1, True), step_to(dt=0.4), P, 0.0)
     left = vision.look(view(2, False), step_to(dt=0.4), P, 0.0)
-    assert (left.evidence[ON_GUEST] == HIDDEN).mean() > 0.9
+    assert (left.evidence[ON_GUEST] == UNCOVERED).mean() > 0.9
 
 
 def test_only_what_stands_is_judged(scenes: list[DenseScene]) -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     Expected,
@@ -49,12 +49,12 @@ quick = settings(deadline=None, max_examples=10)
 
 
 def world(
-    *things: Shape, arrived: Sequence[Shape] = (), hidden: Sequence[Shape] = ()
+    *things: Shape, arrived: Sequence[Shape] = (), uncovered: Sequence[Shape] = ()
 ) -> DenseScene:
-    """Things in a room; what arrived is in it too, and so is what stands where it was hidden."""
-    shapes = [*ROOM, *things, *arrived, *hidden]
+    """Things in a room; what arrived is in it too, and so is what stands where it was uncovered."""
+    shapes = [*ROOM, *things, *arrived, *uncovered]
     evidence = np.full(GRID.shape, STATIC, np.uint8)
-    for what, kind in ((arrived, ARRIVED), (hidden, HIDDEN)):
+    for what, kind in ((arrived, ARRIVED), (uncovered, UNCOVERED)):
         for shape in what:
             evidence[cells_of(shape, shapes)] = kind
     bare = seen(shapes)
@@ -78,15 +78,15 @@ def test_what_arrived_is_one_segment(x: float, z: float) -> None:
     segment, true = only(scene), cells(scene, guest)
     assert overlap(segment.mask, true) > 0.95
     assert segment.stands_apart
-    assert (segment.arrived, segment.hidden, segment.static) == (1.0, 0.0, 0.0)
+    assert (segment.arrived, segment.uncovered, segment.static) == (1.0, 0.0, 0.0)
     assert segment.disparity == pytest.approx(60.0 / (z - 0.125), rel=0.01)
     assert segment.area == segment.mask.sum()
 
 
 def test_what_came_out_of_hiding_is_a_segment_too() -> None:
     thing = person(0.4, 4.0)
-    segment = only(world(hidden=[thing]))
-    assert segment.hidden == 1.0
+    segment = only(world(uncovered=[thing]))
+    assert segment.uncovered == 1.0
     assert segment.stands_apart
 
 
@@ -180,23 +180,23 @@ def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, a
     scene = world(person(0.3, 4.0))
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
     area = int(share * segment.mask.size)
-    segment = replace(segment, area=area, arrived=arrived, hidden=0.0, apart=0.9, clear=0.15)
+    segment = replace(segment, area=area, arrived=arrived, uncovered=0.0, apart=0.9, clear=0.15)
     assert segment.stands_apart is apart
 
 
 @pytest.mark.parametrize(
-    ("share", "hidden", "apart", "whole"),
+    ("share", "uncovered", "apart", "whole"),
     [(0.2, 0.9, 0.9, True), (0.02, 0.9, 0.9, False), (0.2, 0.5, 0.9, False),
      (0.2, 0.9, 0.7, False)],
     ids=["goes away", "small", "hardly moved", "beside a wall that it uncovers"],
 )  # fmt: skip
 def test_so_has_of_who_goes_away_and_clearly_stands_apart(
-    share: float, hidden: float, apart: float, whole: bool
+    share: float, uncovered: float, apart: float, whole: bool
 ) -> None:
     scene = world(person(0.3, 4.0))
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
     area = int(share * segment.mask.size)
-    segment = replace(segment, area=area, arrived=0.0, hidden=hidden, apart=apart, clear=0.15)
+    segment = replace(segment, area=area, arrived=0.0, uncovered=uncovered, apart=apart, clear=0.15)
     assert segment.stands_apart is whole
 
 
@@ -209,7 +209,7 @@ def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> Non
     scene.disparity[24:30, 80:150] = 10.0
     scene.disparity[90:94, 100:115] = 10.0
     segments = []
-    for kind in (ARRIVED, HIDDEN):
+    for kind in (ARRIVED, UNCOVERED):
         scene.evidence[mask] = kind
         segments.append(segment_of(scene, mask))
     assert 0.2 < segments[0].clear < 0.35
