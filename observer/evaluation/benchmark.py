@@ -1,4 +1,4 @@
-"""Accuracy and cost of presets over sources with truth: scenarios and seeds, or a folder."""
+"""Accuracy and cost of presets over sources with ground truth: scenarios and seeds, or a folder."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ def run_benchmark(
 ) -> Benchmark:
     """Run every preset over every source, at full speed.
 
-    Each frame is read once and observed by all presets in turn, so that they see the same noise
-    and share the machine's load. On some of the frames OpenCV's calls are timed in place of the
+    Each frame is read once and observed with all presets in turn, so that they see the same noise
+    and share the machine's load. On some of the frames OpenCV's calls are timed instead of the
     stages.
 
     Args:
-        sources: specs as ``open_source`` takes them.
-        presets: by the name to print, as ``{"paper": preset("paper")}``.
+        sources: specs as for ``open_source``.
+        presets: by the name to print, e.g. ``{"paper": preset("paper")}``.
         max_frames: most frames of each source.
         scale: a room or a road.
         jobs: processes to spread the sources over. Accuracy is the same whatever their number;
             cost is measured with one only.
-        progress: called with the frames done and all of them, after each frame of a source, or a
-            few times a second with several jobs.
+        progress: called with the number of frames done and their total, after each frame of a
+            source, or a few times a second with several jobs.
 
     Raises:
         InputError: nothing to do, or a source cannot be opened or has no calibration.
-        WorkerLost: a process was ended by the system.
+        WorkerLost: a process was killed by the system.
     """
     if not sources or not presets:
         raise InputError("a benchmark needs at least one source and one preset")
@@ -134,7 +134,7 @@ def _preset_result(
 
 
 def _ordered(kinds: Mapping[str, list[Tally]]) -> dict[str, list[Tally]]:
-    """Return the kinds of scenarios, people last and ideal before faulty."""
+    """Return the kinds of scenarios, those with people last, ideal before faulty."""
     names = sorted(kinds, key=lambda kind: ("people" in kind, "faulty" in kind))
     return {name: kinds[name] for name in names}
 

@@ -1,9 +1,9 @@
 """Accuracy by range, true speed, direction of motion, kind of obstacle and of scenario.
 
-**Direction** is the angle between the true velocity and the line of sight, told by the share of
-the velocity that lies along that line (its cosine): *lateral* below 0.35 (more than about 70
-degrees), *radial* from 0.85 on (less than about 32 degrees), *diagonal* between. Classes hold
-their lower limit and not their upper one.
+**Direction** is the angle between the true velocity and the line of sight, measured by the share
+of the velocity that lies along that line (its cosine): *lateral* below 0.35 (more than about 70
+degrees), *radial* from 0.85 on (less than about 32 degrees), *diagonal* between. Classes include
+their lower limit but not their upper one.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from observer.truth.contract import Kind
 
 LATERAL_BELOW = 0.35
 RADIAL_FROM = 0.85
-# The target for radial motion speaks of what begins this near.
+# Metres: the target for the delay of radial motion covers episodes that begin within this range.
 NEAR_M = 3.0
 
 Direction = Literal["lateral", "diagonal", "radial"]
@@ -46,7 +46,7 @@ class Group:
     """Figures of one class; names and None as in ``Evaluation``.
 
     Attributes:
-        count: samples, that is moving obstacles in sight summed over frames. matched: found.
+        count: samples, i.e. moving obstacles in sight, summed over frames. matched: those found.
     """
 
     label: str
@@ -63,7 +63,7 @@ class Group:
 
 @dataclass(frozen=True)
 class DelayGroup:
-    """Delay of the first report of one class of episodes, told by how they began."""
+    """Delay of the first report of one class of episodes, classified by how they began."""
 
     label: str
     episodes: int
@@ -73,7 +73,7 @@ class DelayGroup:
 
 @dataclass(frozen=True)
 class Breakdown:
-    """Accuracy of one preset in classes, in the order in which they are shown."""
+    """Accuracy of one preset by class, in the order in which they are shown."""
 
     by_range: tuple[Group, ...]
     by_speed: tuple[Group, ...]
@@ -110,7 +110,7 @@ def break_down(
     """Return the figures of several runs together, by class.
 
     Args:
-        kinds: the same runs by the kind of their scenarios, as ``{"ideal": [...]}``.
+        kinds: the same runs by the kind of their scenarios, e.g. ``{"ideal": [...]}``.
     """
     runs = list(tallies)
     scored = _scored(runs)
@@ -139,10 +139,10 @@ def break_down(
 
 
 def breakdown_tables(breakdowns: Mapping[str, Breakdown]) -> str:
-    """Return a Markdown table for each grouping, the presets beneath each other in each class.
+    """Return a Markdown table for each grouping, with a row per preset within each class.
 
     Args:
-        breakdowns: by preset; one without a name gets no column for it.
+        breakdowns: by preset; if the only name is empty, there is no preset column.
     """
     named = any(breakdowns)
     parts = []
@@ -188,7 +188,7 @@ def _cells(group: Group | DelayGroup) -> list[str]:
 
 
 def _scored(tallies: Iterable[Tally]) -> list[tuple[Sample, bool]]:
-    """Return all samples, each with True if its errors of position and speed count."""
+    """Return all samples, each with whether its position and speed errors count."""
     return [(s, t.scored_for == "everything") for t in tallies for s in t.samples]
 
 

@@ -1,8 +1,8 @@
-"""Accuracy of a calibration by a hand-held board, where the cameras are known exactly.
+"""Accuracy of a calibration with a hand-held board, where the cameras are known exactly.
 
 A simulated person shows a board, its corners are detected in noisy images, both cameras are fitted,
-and the depth of another simulated place is measured with the result. All of it is compared with
-the cameras as simulated.
+and the depth of another simulated place is measured with the result. Everything is compared with
+the simulated cameras.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ BOARD_SCENARIO = "calibration"
 # The same cameras elsewhere.
 DEPTH_SCENARIO = "webcams"
 POSES = 20
-# Pairs of the other place, spread over its length.
+# Pairs of images of the other place, spread over the scenario's duration.
 SCENES = 6
-# Where depth is judged, metres along the left camera's axis.
+# Metres along the left camera's axis: range in which depth is evaluated.
 DEPTH_M = (2.5, 3.5)
-# A ray is cast every so many pixels in both directions.
+# Pixels between two cast rays, in both directions.
 _STEP_PX = 2
 
 
@@ -51,12 +51,12 @@ class CameraErrors:
     """Differences of a calibration from the true cameras, absolute values.
 
     Attributes:
-        focal_percent: of the worst of fx and fy of both cameras.
-        baseline_percent: of the distance of the two cameras.
-        rotation_deg: angle of the rotation from the true R to the found one.
+        focal_percent: the worst of fx and fy of both cameras.
+        baseline_percent: of the distance between the two cameras.
+        rotation_deg: angle of the rotation from the true R to the estimated one.
         turn_y_deg: part of that rotation about the right camera's y axis.
         pitch_deg, vergence_deg, roll_deg: errors of ``view_angles_deg``, by which both images are
-            rotated. A wrong principal point makes up for a part of ``turn_y``.
+            rotated. A wrong principal point compensates for part of ``turn_y``.
     """
 
     focal_percent: float
@@ -73,11 +73,11 @@ class DepthAccuracy:
     """Relative errors of distances along the left camera's lines of sight, by dense stereo.
 
     Attributes:
-        count: lines of sight that meet a surface within ``DEPTH_M`` and were matched.
-        matched: share of those that meet a surface there.
-        median_percent: of the errors' sizes. bias_percent: median of the errors; positive where
-            things seem too far. spread_percent: half the distance between the errors' 16th and
-            84th percentile. All None where nothing was matched.
+        count: lines of sight that hit a surface within ``DEPTH_M`` and were matched.
+        matched: share of all lines of sight that hit a surface there.
+        median_percent: median absolute error. bias_percent: median error; positive where things
+            seem too far away. spread_percent: half the distance between the errors' 16th and 84th
+            percentiles. All None if nothing was matched.
     """
 
     count: int
@@ -106,17 +106,16 @@ class CalibrationAccuracy:
 
     Attributes:
         seed: of both scenarios.
-        poses: of the board that were shown. pairs: of them that both cameras saw and the fit used.
-        refused: views that the fit left out.
+        poses: of the board that were shown. pairs: those that both cameras saw and the fit used.
+        refused: views that the fit rejected.
         errors: of the calibration.
         rms_px: root mean square distance of the corners in both images.
-        held_out_p95_px: of the vertical errors on views that the fit left out; None where the
-            views were too few.
-        exact_p95_px: of the vertical errors of corners without noise, at all poses of the
-            scenario, shown or not: the error of the calibration alone.
+        held_out_p95_px: of the vertical errors on held-out views; None if there were too few views.
+        exact_p95_px: of the vertical errors of noise-free corners, at all poses of the scenario,
+            shown or not: the error of the calibration alone.
         depth: measured with this calibration. depth_by_truth: measured in the same images with
-            the true cameras, which leaves the errors of matching.
-        detection_s: of the corners in all images. fit_s: of the calibration.
+            the true cameras, so that only matching errors remain.
+        detection_s: time to detect the corners in all images. fit_s: time to calibrate.
     """
 
     seed: int
@@ -140,12 +139,12 @@ def calibration_accuracy(
     scenes: int = SCENES,
     clock: Callable[[], float] = time.perf_counter,
 ) -> CalibrationAccuracy:
-    """Calibrate the simulated cameras by a board that is shown in one seed's poses.
+    """Calibrate the simulated cameras with a board shown in one seed's poses.
 
     Args:
-        poses: how many, spread evenly over one pass of the scenario's.
+        poses: how many, spread evenly over those of the scenario.
         scenes: pairs of images in which depth is measured.
-        clock: seconds; for the times alone.
+        clock: seconds; used only to measure durations.
 
     Raises:
         CalibrationError: the views do not give a calibration.
@@ -181,7 +180,7 @@ def calibration_accuracy(
 
 
 def calibration_targets(runs: Sequence[CalibrationAccuracy]) -> dict[str, tuple[Target, ...]]:
-    """Return the targets of all seeds: ``worst`` and ``median``."""
+    """Return the targets over all seeds, for the ``worst`` and the ``median`` one."""
     figures: list[tuple[str, float, list[float | None]]] = [
         ("focal length, %", 0.3, [r.errors.focal_percent for r in runs]),
         ("baseline, %", 0.5, [r.errors.baseline_percent for r in runs]),
@@ -223,7 +222,7 @@ def camera_errors(found: StereoCalibration, truth: StereoCalibration) -> CameraE
 
 
 def same_cameras(a: StereoCalibration, b: StereoCalibration) -> bool:
-    """Tell whether two calibrations are of the same cameras, to the last digit."""
+    """Return whether two calibrations are of the same cameras, to the last digit."""
     names = ("width", "height", "distortion_model", "K1", "D1", "K2", "D2", "R", "T")
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
 
@@ -231,7 +230,7 @@ def same_cameras(a: StereoCalibration, b: StereoCalibration) -> bool:
 def exact_row_error_p95(world: World, held: HeldBoard, calibration: StereoCalibration) -> float:
     """Return the 95th percentile, px, of the vertical errors of corners at their true positions.
 
-    Over all held poses, where both images show the corner.
+    It covers all held poses, wherever both images show the corner.
     """
     truth, errors = world.true_calibration, []
     last = np.array([truth.width, truth.height]) - 1
@@ -245,11 +244,11 @@ def exact_row_error_p95(world: World, held: HeldBoard, calibration: StereoCalibr
 def depth_accuracy(
     world: World, calibration: StereoCalibration, scenes: Sequence[Scene]
 ) -> DepthAccuracy:
-    """Compare distances by dense stereo with a calibration with the simulated surfaces.
+    """Compare the distances that dense stereo measures under a calibration with the true ones.
 
     Each rectified pixel is mapped back to the left image as taken, by the calibration, and from
-    there to the true camera's ray. A wrong lens therefore counts with its effect on the distance
-    along that ray.
+    there to the true camera's ray. A wrong lens model therefore counts by its effect on the
+    distance along that ray.
     """
     rectification = Rectification(calibration)
     camera = rectification.camera
@@ -291,7 +290,7 @@ def depth_accuracy(
 def _views(
     world: World, held: HeldBoard, poses: int, clock: Callable[[], float]
 ) -> tuple[list[BoardView], float]:
-    """Return the board at evenly spread poses, as both cameras saw it; and detection's seconds."""
+    """Return the board at evenly spread poses as seen by both cameras, and the detection time."""
     imager = StereoImager(world)
     times = held.motion.held_at
     chosen = np.unique(np.linspace(0, len(times) - 1, min(poses, len(times))).round().astype(int))

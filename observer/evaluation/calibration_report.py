@@ -1,4 +1,4 @@
-"""Report of the accuracy of calibrations as Markdown."""
+"""Report on the accuracy of calibrations as Markdown."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def calibration_markdown(runs: Sequence[CalibrationAccuracy]) -> str:
 
 
 def _by_seed(runs: Sequence[CalibrationAccuracy], figures: dict[str, _Figure]) -> str:
-    """Return a row for each seed, then each figure's median and its largest by absolute value."""
+    """Return a row for each seed, then rows of the medians and the largest absolute values."""
     rows = [[str(run.seed), *(shown(figure(run)) for figure in figures.values())] for run in runs]
     known = [[v for run in runs if (v := figure(run)) is not None] for figure in figures.values()]
     rows.append(["median", *(shown(statistics.median(each) if each else None) for each in known)])

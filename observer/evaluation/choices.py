@@ -1,6 +1,6 @@
-"""What may be chosen for an evaluation: its scale, its frames, and what ranks a sweep.
+"""Choices for an evaluation: its scale, its number of frames, and the figures that rank a sweep.
 
-It is imported by helps of the command line and therefore imports nothing that takes time.
+The command line's help imports it, so it imports nothing slow.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Literal
 MOVING_MPS = 0.05
 GATE_M = 0.5
 ROAD_GATE_M = 3.0
-# A scenario without an end is left after this many frames, unless told otherwise.
+# Frames after which an endless scenario is stopped by default.
 DEFAULT_MAX_FRAMES = 300
-# What a crowd as a source of a sweep begins with, and how often it is driven through.
+# Prefix of a sweep's crowd sources, and how often each is driven through.
 CROWD = "crowd:"
 DEFAULT_RUNS = 20
 
@@ -36,7 +36,7 @@ class Scale:
     """Scale on which a place is judged: a room or a road.
 
     Attributes:
-        gate_m: greatest distance of an instance from its body.
+        gate_m: highest distance of an instance from its body.
         range_limits_m, speed_limits_mps: limits of the classes, ascending, the last one infinite.
     """
 

@@ -1,4 +1,4 @@
-"""Figures by which methods are compared (definitions: ``observer.evaluation.tally``)."""
+"""Figures for comparing methods (definitions: ``observer.evaluation.tally``)."""
 
 from __future__ import annotations
 
@@ -19,24 +19,25 @@ class Evaluation:
     Runs that are scored for detection only have no errors of position, speed and velocity.
 
     Attributes:
-        frames: compared. frames_without_world: left out, as their world is unrelated to truth's.
+        frames: compared. frames_without_world: left out, because their world cannot be related to
+            that of the ground truth.
         frames_degraded, frames_lost: of all frames, by the method's status.
-        truth_count: obstacles that count, summed over frames. matched: of these, found ones.
+        truth_count: obstacles that count, summed over frames. matched: those found.
         recall: matched / truth_count.
-        missed: the others. missed_told: of these, those of which the lines tell that they may
-            have been missed. misses_not_told: the rest; misses_not_told_share: of all missed.
-        false: instances with no moving truth near. false_per_100_frames.
+        missed: those not found. missed_told: missed ones that the lines flag as possibly missed.
+            misses_not_told: unflagged ones; misses_not_told_share: their share of all missed.
+        false: instances with no moving true obstacle nearby. false_per_100_frames.
         surplus_boxes: second instances on one obstacle. surplus_boxes_per_100_frames.
         box_iou_median: intersection over union of the reported and the true box in the image.
         surface_rmse_m: of the position, from the middle of the visible surface.
         centre_rmse_m: of the position, from the centre, once two faces were seen.
-        speed_rmse_mps, velocity_rmse_mps: of the length, and of the vector.
+        speed_rmse_mps, velocity_rmse_mps: of the magnitude, and of the vector.
         speed_bias_mps: mean of estimate minus truth.
         identity_switches: number of times that a true obstacle got another identity.
-        episodes: stretches of motion in sight; episodes_missed: without any report.
-        delay_median_s: from the time both began to the first confirmed report; None also where
-            half of the episodes or more were missed.
-        coverage: share of joint 3D Mahalanobis distances of velocity inside 95 %.
+        episodes: periods of motion in sight; episodes_missed: those without any report.
+        delay_median_s: from the beginning of an episode to the first confirmed report; None also
+            if half of the episodes or more were missed.
+        coverage: share of velocities inside their joint 3D 95 % region (Mahalanobis distance).
         mota, motp_m: CLEAR-MOT's accuracy (1 at best, no lower limit) and precision (mean
             distance of pairs).
     """
@@ -75,7 +76,7 @@ class Evaluation:
         return asdict(self)
 
     def markdown(self) -> str:
-        """Return a table of two columns, figure and value."""
+        """Return a table with two columns, figure and value."""
         return markdown_table(["figure", "value"], [[title, v] for title, v in self.rows()])
 
     def rows(self) -> list[tuple[str, str]]:
@@ -162,7 +163,7 @@ def recall(samples: Sequence[Sample]) -> float | None:
 
 
 def misses_not_told(samples: Iterable[Sample]) -> int:
-    """Return the number of samples that were missed without the line telling so."""
+    """Return the number of missed samples that the line does not flag as possibly missed."""
     return sum(not s.matched and not s.told for s in samples)
 
 
@@ -178,7 +179,7 @@ def per_100(count: int, frames: int) -> float | None:
 
 
 def coverage(samples: Iterable[Sample]) -> float | None:
-    """Return the share of velocities inside their 95 % interval, of those with a covariance."""
+    """Return the share of velocities inside their 95 % region, of those with a covariance."""
     known = (s.mahalanobis2 for s in samples)
     return _mean(float(d <= VELOCITY_95_CHI2) for d in known if d is not None)
 
@@ -203,7 +204,7 @@ def shown(value: float | int | None) -> str:
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table; the first column is text, the others are aligned to the right."""
+    """Return a Markdown table; the first column is text, the others are right-aligned."""
     lines = [
         "| " + " | ".join(header) + " |",
         "|---|" + "---:|" * (len(header) - 1),

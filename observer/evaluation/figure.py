@@ -19,7 +19,7 @@ from observer.evaluation.breakdown import GROUPINGS, Group
 from observer.evaluation.results import Benchmark, PresetResult, SourceResult
 
 _DPI = 130
-# Okabe and Ito's colours, which colour-blind people can tell apart, as they can the markers.
+# Okabe and Ito's colours, which colour-blind people can tell apart, as well as the markers.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v")
 GREY = "#5a5a5a"
@@ -49,9 +49,9 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 def benchmark_figure(result: Benchmark) -> Figure:
-    """Plot recall and velocity error in classes, false instances by source, and cost by stage.
+    """Plot recall and velocity error by class, false instances by source, and cost by stage.
 
-    What was not measured gets no panel.
+    Figures that were not measured get no panel.
     """
     presets = [p for p in result.presets if p.breakdown is not None]
     timed = [p for p in result.presets if p.timings]
@@ -207,7 +207,7 @@ def _stage_ms(result: PresetResult, stage: str) -> float | None:
 
 
 def _false_by_source(sources: Sequence[SourceResult]) -> list[tuple[str, dict[str, float]]]:
-    """Return each scenario's label, its seeds together, with false per 100 frames by preset."""
+    """Return the false instances per 100 frames by preset for each scenario, over all its seeds."""
     false: dict[str, dict[str, list[int]]] = {}
     for s in sources:
         if s.evaluation is None or s.evaluation.frames == 0:
@@ -262,7 +262,7 @@ def _horizontal_target(axes: Axes, value: float, label: str = "") -> None:
 
 
 def plain_axes(axes: Axes, lines: Literal["x", "y", "both"]) -> None:
-    """Draw axes without a frame, with a light grid across these directions."""
+    """Draw axes without a frame, with a light grid along these directions."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

@@ -1,4 +1,4 @@
-"""Boxes in the rectified left image, as the truth and as a line of ``observe`` tell them."""
+"""Boxes in the rectified left image, of the ground truth and of the lines of ``observe``."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from observer.truth.contract import Box
 
 
 def clipped(box: Box, image_size: tuple[int, int]) -> Box:
-    """Return a box cut by the border of an image of width and height."""
+    """Return a box clipped to an image of this width and height."""
     ends = np.array([image_size, image_size]).ravel() - 0.5
     u0, v0, u1, v1 = np.clip(box, -0.5, ends).tolist()
     return u0, v0, u1, v1
 
 
 def area(box: Box) -> float:
-    """Return the area of a box, px^2; 0 of an empty one."""
+    """Return the area of a box, px^2; 0 for an empty one."""
     return max(box[2] - box[0], 0.0) * max(box[3] - box[1], 0.0)
 
 
@@ -43,6 +43,6 @@ def unseen_share(box: Box, unseen: Unseen) -> float:
 
 
 def _overlaps(low: float, high: float, count: int, cell_px: int) -> Float64Array:
-    """Return (count,) pixels of an interval within each cell; the first begins at -0.5."""
+    """Return the length (count,) of an interval in each cell, px; the first starts at -0.5."""
     edges = np.clip(np.arange(count + 1) * cell_px - 0.5, low, high)
     return np.diff(edges)

@@ -1,4 +1,4 @@
-"""Reported obstacles in the truth's world, as they are compared with it."""
+"""Reported obstacles in the truth's world, for comparison with the ground truth."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def instances_of(
     state: Literal["confirmed", "coasting"] = "confirmed",
     motions: Container[str] = ("moving",),
 ) -> list[Instance]:
-    """Return the instances of a line in one state, of which ``world`` is ``T_truth_world``.
+    """Return the instances of a line that have one state.
 
     Args:
-        motions: that they are reported to have.
+        world: ``T_truth_world`` of the line's segment. motions: reported motions to include.
     """
     R = world.rotation
     return [
@@ -71,8 +71,8 @@ def centre_distance(body: TrueBody, instance: Instance) -> float:
 def axis_distance(body: TrueBody, instance: Instance) -> float:
     """Return the distance of an instance from a body's upright axis, metres.
 
-    Of a tall body often only a part is seen, whose middle lies above or below the centre. The
-    truth's world is upright but for the tilt of its first camera.
+    Often only part of a tall body is seen, whose middle lies above or below the centre. The
+    truth's world is upright except for the tilt of its first camera.
     """
     gap = instance.position - body.position
     half = float(body.size[2]) / 2

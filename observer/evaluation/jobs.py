@@ -1,4 +1,4 @@
-"""Distribution of a benchmark's sources over processes, for accuracy alone."""
+"""Distribution of a benchmark's sources over processes, for accuracy only."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ _POLL_S = 0.2
 
 
 class WorkerLost(DynamicObserverError):
-    """Process that ended in the middle of its work."""
+    """A process died during its work."""
 
 
 @contextmanager
 def worker_pool(
     jobs: int, begin: Callable[..., None], *given: Any
 ) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of new processes, each on one core, whose open work ends with the block.
+    """Yield a pool of new processes; pending work is cancelled at the end of the block.
 
     Args:
         jobs: number of processes. begin: called in each with ``given`` before its first work.
 
     Raises:
-        WorkerLost: a process was ended, by the system for want of memory for example.
+        WorkerLost: a process was killed, e.g. by the system for lack of memory.
     """
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=begin, initargs=given)
@@ -49,7 +49,7 @@ def worker_pool(
 
 
 def use_one_core() -> None:
-    """Keep this process to one core: OpenCV's threads would only compete with other processes."""
+    """Limit this process to one core, as OpenCV's threads would compete with other processes."""
     cv2.setNumThreads(1)
 
 
@@ -68,8 +68,8 @@ def run_sources_in_processes(
         report: called with the number of frames done over all sources, a few times a second.
 
     Raises:
-        InputError: as ``run_source``.
-        WorkerLost: a process was ended, by the system for want of memory for example.
+        InputError: as for ``run_source``.
+        WorkerLost: a process was killed, e.g. by the system for lack of memory.
     """
     done: Synchronized[int] = multiprocessing.get_context("spawn").Value("L", 0)
     with worker_pool(min(jobs, len(sources)), _begin, done) as pool:
@@ -85,7 +85,7 @@ def run_sources_in_processes(
         return [each.result() for each in futures]
 
 
-# In a worker: the counter of its frames, for the process that started it.
+# In a worker: the shared counter of frames, for the process that started it.
 _done: list[Synchronized[int]] = []
 
 

@@ -20,12 +20,12 @@ Matrix = tuple[Vector, Vector, Vector]
 Quaternion = tuple[Finite, Finite, Finite, Finite]
 Share = Annotated[float, Field(ge=0, le=1)]
 
-# By rounding in the tools of those who write such lines themselves.
+# Tolerance for rounding in other tools that write such lines.
 _UNIT_WITHIN = 1e-3
 
 
 class _Entry(BaseModel):
-    # Lines may hold more than evaluation needs.
+    # Lines may contain more than evaluation needs.
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
@@ -63,7 +63,8 @@ class Unseen(_Entry):
     Attributes:
         share: of the image. causes: shares by cause.
         rows: of square cells of ``cell_px``, from the top, a letter for each cell from the left;
-            "." is a cell in which motion could be noticed, any other letter one in which not.
+            "." is a cell in which motion could be noticed, any other letter one in which it could
+            not.
     """
 
     share: Share
@@ -80,7 +81,7 @@ class Unseen(_Entry):
 
 
 class Line(_Entry):
-    """Fields of a frame that evaluation needs; ``unseen`` is None where the method tells none."""
+    """Fields of a frame that evaluation needs; ``unseen`` is None if the method reports none."""
 
     frame: int
     time: Finite
@@ -92,17 +93,17 @@ class Line(_Entry):
 
 
 def checked_lines(lines: Iterable[Mapping[str, Any]]) -> tuple[Line, ...]:
-    """Check lines as ``observer.jsonl.observation_line`` makes them.
+    """Check lines as made by ``observer.jsonl.observation_line``.
 
     Raises:
-        InputError: naming the first line and field that is invalid, or lines that are not in the
-            order of their times.
+        InputError: naming the first invalid line and field, or a line that is out of order in
+            time.
     """
     return _checked(enumerate(lines, 1))
 
 
 def read_both(path: Path) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]:
-    """Read a file of JSON lines, and return with them all their content as plain dictionaries.
+    """Read a file of JSON lines, and return the lines and their full content as dictionaries.
 
     Raises:
         InputError: the file cannot be read, or as for ``checked_lines``.
@@ -119,7 +120,7 @@ def read_both(path: Path) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]
         try:
             lines.append((number, json.loads(text)))
         except (ValueError, RecursionError):
-            # A plain ValueError is a whole number of thousands of digits.
+            # A plain ValueError is raised for an integer with thousands of digits.
             raise InputError(f"{path.name} line {number} is not valid JSON") from None
     if not lines:
         raise InputError(f"{path.name} holds no lines")

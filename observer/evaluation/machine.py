@@ -1,4 +1,4 @@
-"""Facts of the machine that figures were measured on, and its load."""
+"""Facts about the machine on which figures are measured, and its load."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import cv2
 
 
 def machine_facts() -> dict[str, Any]:
-    """Return what a reader of figures must know of the machine, as plain values for JSON."""
+    """Return what a reader of figures must know about the machine, as plain values for JSON."""
     return {
         "platform": platform.platform(),
         "python": platform.python_version(),
@@ -27,6 +27,6 @@ def machine_line() -> str:
 def load() -> float | None:
     """Return the average number of runnable processes over the last minute.
 
-    None where the system does not tell.
+    None if the system does not report it.
     """
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None

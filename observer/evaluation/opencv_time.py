@@ -1,7 +1,7 @@
-"""Bare cost of OpenCV's calls: the time its functions run while a frame is observed.
+"""Bare cost of OpenCV's calls: the time spent in its functions while a frame is observed.
 
 While a recorder is on, every function of ``cv2`` and every method of its algorithms (detectors,
-matchers) is wrapped by a timer. The wrapping itself costs time, so nothing else should be timed
+matchers) is wrapped in a timer. The wrapping itself costs time, so nothing else should be timed
 meanwhile.
 """
 
@@ -18,7 +18,7 @@ from typing import Any
 
 import cv2
 
-# Classes beside the algorithms that have functions; the rest are plain data.
+# Classes with functions besides the algorithms; the rest are plain data.
 _OTHER_CLASSES = (cv2.KeyPoint,)
 
 
@@ -37,10 +37,10 @@ class OpenCvRecorder:
 
     @contextmanager
     def on(self) -> Iterator[None]:
-        """Record while the block runs; then OpenCV is as it was.
+        """Record while the block runs, then restore OpenCV's functions.
 
         Raises:
-            RuntimeError: it is on already.
+            RuntimeError: a recorder is already on.
         """
         if any(getattr(owner, name) is not original for owner, name, original in _calls()[:1]):
             raise RuntimeError("a recorder of OpenCV's time is on already")
@@ -58,7 +58,7 @@ class OpenCvRecorder:
                 setattr(owner, name, original)
 
     def take(self) -> Mapping[str, float]:
-        """Return milliseconds by call since the last call of this, and start again."""
+        """Return milliseconds by call since the last ``take``, and start again."""
         taken = {name: 1e3 * seconds for name, seconds in self._seconds.items()}
         self._seconds.clear()
         return taken

@@ -1,4 +1,4 @@
-"""Report of a benchmark's result as Markdown."""
+"""Report on a benchmark's result as Markdown."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from observer.evaluation.evaluate import FIGURE_TITLES, markdown_table, shown
 from observer.evaluation.results import Benchmark, OpenCvCost, PresetResult, SourceResult, Timing
 from observer.evaluation.targets import targets_table
 
-# Number of OpenCV's calls that are shown, the most expensive ones.
+# Number of OpenCV's calls that are shown, most expensive first.
 _CALLS = 8
 
 
 def benchmark_markdown(result: Benchmark) -> str:
-    """Return tables of targets, accuracy as a whole, in classes and by source, and cost."""
+    """Return tables of targets, of accuracy overall, by class and by source, and of cost."""
     presets = result.presets
     names = [p.preset for p in presets]
     parts = []

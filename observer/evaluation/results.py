@@ -37,8 +37,8 @@ class OpenCvCost:
         timing: of all calls of a frame together.
         ratio: median of the whole ``observe`` on the other frames, over the median of this.
         ratio_within: median of the ratio of both on the same frame; the overhead of timing counts
-            as ``observe``'s, but a busy machine disturbs it less.
-        calls_ms: mean of each call, per frame, the most expensive ones first.
+            as part of ``observe``, but a busy machine disturbs it less.
+        calls_ms: mean of each call per frame, most expensive first.
     """
 
     timing: Timing
@@ -63,7 +63,7 @@ class SourceResult:
     Attributes:
         frames: observed. skipped: frames that the source could not read.
         evaluation: None where the source has no truth.
-        false: instances with no moving truth near.
+        false: instances with no moving true obstacle nearby.
     """
 
     preset: str
@@ -93,10 +93,10 @@ class PresetResult:
 
     Attributes:
         timings: by stage, ``total`` being the whole of ``observe``; without the first frames.
-            Empty where sources ran side by side.
-        opencv: None where it was not measured.
-        evaluation, breakdown: all sources with truth together, None without any.
-        targets: empty on the road, and without truth.
+            Empty if sources ran in parallel.
+        opencv: None if it was not measured.
+        evaluation, breakdown: of all sources with ground truth together, None without any.
+        targets: empty at road scale, and without ground truth.
     """
 
     preset: str

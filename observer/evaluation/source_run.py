@@ -24,10 +24,10 @@ from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
 from observer.types import StereoFrame
 
-# Caches and clocks settle first.
+# First frames that are not timed: caches and clock rates settle.
 _WARM_UP_FRAMES = 3
-# Share of the frames on which OpenCV's calls are timed in place of the stages. They are drawn at
-# random, so that periodic work of the method falls on both kinds.
+# Share of the frames on which OpenCV's calls are timed instead of the stages. They are drawn at
+# random, so that periodic work of the method falls on both kinds of frames.
 _RECORDED_SHARE = 1 / 3
 
 
@@ -38,11 +38,11 @@ class SourceRun:
     Attributes:
         image_size: width, height.
         frames: observed. skipped: frames that the source could not read.
-        tally: None where the source has no truth, and for a preset that saw only part of it.
-        times_ms: by stage, one value for each frame on which they were taken.
+        tally: None if the source has no ground truth, or the preset saw only part of it.
+        times_ms: by stage, one value for each frame on which stages were timed.
         opencv_ms: by call, one mapping for each of the other frames. recorded_ms: time of the
-            whole of ``observe`` on these, overhead of timing included.
-        timed_frames: the number of the frame of each value in ``times_ms``.
+            whole of ``observe`` on these, including the overhead of timing.
+        timed_frames: the frame number of each value in ``times_ms``.
     """
 
     image_size: tuple[int, int]
@@ -63,9 +63,9 @@ def run_source(
     report: Callable[[int], None],
     clock: Callable[[], float] = time.perf_counter,
 ) -> dict[str, SourceRun]:
-    """Observe one source by all presets, frame by frame in turn.
+    """Observe one source with all presets in turn, frame by frame.
 
-    They see the same noise and share the machine's load.
+    The presets see the same noise and share the machine's load.
 
     Args:
         report: called with the number of frames done, before each one.

@@ -1,4 +1,4 @@
-"""Sources of a benchmark, and their scenarios' declarations."""
+"""Sources of a benchmark, and what their scenarios declare."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class BenchmarkSource:
     """Source of a benchmark.
 
     Attributes:
-        spec: as ``open_source`` takes it.
-        declares: its scenario's declaration of its cameras; None without a scenario.
+        spec: as for ``open_source``.
+        declares: what its scenario declares about its cameras; None without a scenario.
         scored_for: the figures that count.
         frames: their number, None where unknown.
     """

@@ -1,19 +1,19 @@
-"""Errors of speed against truth, as figure 17 of the paper compares them.
+"""Errors of speed against ground truth, compared as in figure 17 of the paper.
 
 The definitions:
 
-* A **sample** is one speed that a track states, at the instant to which it belongs (the middle of
+* A **sample** is one speed reported by a track, at the instant to which it refers (the middle of
   its displacement, or its frame), with the true speed of its body at that instant. Coasting tracks
-  state nothing.
-* True speeds are **interpolated** linearly between two samples of truth that follow each other
-  without a gap, and known nowhere else.
-* A sample has the **direction** of its body's true motion then: towards the camera or away from it
-  where most of the velocity lies along the line of sight, to the left or to the right otherwise;
-  and its **way**: forward or backward by where the body's front points, as programmes count it.
-* **Coverage** is the share of errors within the stated 95 % interval, of those samples that state
+  give no samples.
+* True speeds are **interpolated** linearly between consecutive ground-truth samples without a gap,
+  and unknown elsewhere.
+* A sample has the **direction** of its body's true motion at that instant: towards the camera or
+  away from it if most of the velocity lies along the line of sight, else to the left or right; and
+  its **way**: forward or backward relative to the body's front, as programmes count it.
+* **Coverage** is the share of errors within the stated 95 % interval, of the samples that have
   one.
-* The **share seen** is that of the instants of truth at which the body moved in sight and a track
-  was measured on it.
+* The **share seen** is the share of the ground-truth instants with the body moving in sight at
+  which a track was measured on it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOVING_MPS = 0.05
 AT_REST = "at rest"
 DIRECTIONS = ("towards", "away", "left", "right")
 WAYS = ("forward", "backward")
-# Samples of truth further apart than so many of their usual distance have a gap between them.
+# Ground-truth samples farther apart than this many median intervals have a gap between them.
 _GAP_FRAMES = 3.0
 
 
@@ -42,8 +42,8 @@ class TrueMotion:
 
     Attributes:
         body: its name.
-        times: (N,) seconds on the source's clock, rising.
-        speeds: (N,) m/s, NaN where not known.
+        times: (N,) seconds on the source's clock, increasing.
+        speeds: (N,) m/s, NaN where unknown.
         directions, ways: N words each, of ``DIRECTIONS`` and ``WAYS``, or ``AT_REST``.
         in_sight: (N,) True where the camera could see at least half of it.
     """
@@ -56,7 +56,7 @@ class TrueMotion:
     in_sight: NDArray[np.bool_]
 
     def speeds_at(self, times: Float64Array) -> Float64Array:
-        """Interpolate speeds (M,) m/s; NaN in a gap and outside of the samples."""
+        """Interpolate speeds (M,) m/s; NaN in gaps and outside the samples."""
         if len(self.times) == 0:
             return np.full(len(times), np.nan)
         later = np.clip(np.searchsorted(self.times, times), 1, max(len(self.times) - 1, 1))
@@ -73,7 +73,7 @@ class TrueMotion:
         return np.where(known, before + after, np.nan)
 
     def nearest(self, times: Float64Array) -> NDArray[np.intp]:
-        """Return the indices (M,) of the nearest samples of truth; there must be one."""
+        """Return the indices (M,) of the nearest ground-truth samples; there must be one."""
         later = np.clip(np.searchsorted(self.times, times), 0, len(self.times) - 1)
         before = np.maximum(later - 1, 0)
         closer = np.abs(self.times[before] - times) < np.abs(self.times[later] - times)
@@ -85,10 +85,10 @@ class SeenMotion:
     """Motion of a track while it was matched to one body.
 
     Attributes:
-        track: segment and number, as in ``0:3``. body: its name.
+        track: segment and number, e.g. ``0:3``. body: its name.
         frame_times: (N,) of the frames in which it was measured.
-        times: (N,) the instants to which the speeds belong.
-        speeds, stds: (N,) m/s; a standard deviation that is not known is NaN.
+        times: (N,) the instants to which the speeds refer.
+        speeds, stds: (N,) m/s; unknown standard deviations are NaN.
     """
 
     track: str
@@ -106,9 +106,10 @@ class SpeedErrors:
     Attributes:
         group: ``all``, ``body``, ``track``, ``direction`` or ``way``. label: its name.
         body: its name, None for several together.
-        samples: count. bias_mps: mean error, seen less true. rmse_mps, maximum_mps: of errors.
-        coverage: share within the band of 95 %, and of how many: ``covered_of``.
-        seen_share: share of the moving instants in sight; None where groups have no instants.
+        samples: count. bias_mps: mean error, seen minus true. rmse_mps, maximum_mps: of the errors.
+        coverage: share of the ``covered_of`` samples with a standard deviation that lie within
+            their 95 % interval.
+        seen_share: see the module; None if the group has no instants.
     """
 
     group: str
@@ -125,7 +126,7 @@ class SpeedErrors:
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Known samples of a track, of which ``SpeedErrors`` are computed."""
+    """Known samples of a track, from which ``SpeedErrors`` are computed."""
 
     motion: SeenMotion
     errors: Float64Array
@@ -137,7 +138,7 @@ class _Samples:
 def speed_errors(seen: Sequence[SeenMotion], true: Sequence[TrueMotion]) -> tuple[SpeedErrors, ...]:
     """Return all groups with a sample or an instant: whole run, direction, way, body, track.
 
-    Tracks of bodies without truth are left out.
+    Tracks of bodies without ground truth are left out.
     """
     by_name = {motion.body: motion for motion in true}
     all_samples = [_samples(each, by_name[each.body]) for each in seen if each.body in by_name]
@@ -154,7 +155,7 @@ def speed_errors(seen: Sequence[SeenMotion], true: Sequence[TrueMotion]) -> tupl
 
 
 def sample_errors(seen: SeenMotion, true: TrueMotion) -> Float64Array:
-    """Return the errors (N,) of a track's speeds, m/s; NaN where truth is unknown."""
+    """Return the errors (N,) of a track's speeds, m/s; NaN where the true speed is unknown."""
     return seen.speeds - true.speeds_at(seen.times)
 
 

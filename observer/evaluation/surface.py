@@ -9,7 +9,7 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.truth.contract import TrueBody
 
-# A side with less than this share of the body's visible area has hardly been seen.
+# A side with less than this share of the body's visible area counts as unseen.
 _SEEN_SHARE = 0.15
 
 
@@ -18,8 +18,8 @@ class VisibleSurface:
     """Faces of a body's box that the camera sees.
 
     Attributes:
-        centre: (3,) metres, world: mean of the faces that look towards the camera, each weighted
-            by the size at which it appears.
+        centre: (3,) metres, world: mean of the faces towards the camera, weighted by apparent
+            size.
         sides: numbers of the upright faces that are properly seen (0 front, 1 back, 2 right,
             3 left).
     """
@@ -31,7 +31,8 @@ class VisibleSurface:
 def visible_surface(body: TrueBody, camera_position: Float64Array) -> VisibleSurface:
     """Return the faces of the body's box, upright in the world, that a camera sees.
 
-    Occlusion by other bodies is not considered. Inside the box the whole body is "seen".
+    Occlusion by other bodies is ignored. From inside the box no side is seen, and the centre is
+    the body's.
 
     Args:
         camera_position: (3,) metres, world.

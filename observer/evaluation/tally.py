@@ -1,23 +1,24 @@
-"""Comparison of one run with truth, frame by frame; all figures follow from these counts.
+"""Comparison of one run with ground truth, frame by frame; all figures follow from these counts.
 
 The definitions, the same for every method:
 
 * An **instance** is a reported obstacle that is ``confirmed`` and ``moving`` and has a position.
-  Coasting ones are neither right nor wrong, nor is what moves in place (``in_place``).
+  Coasting ones are neither right nor wrong, nor are those that move in place (``in_place``).
 * A true obstacle **moves** above 0.05 m/s. It **counts** while it moves and is in sight, from 0.6 s
-  after both began. **In sight** is what is visible by half or more, or fills a tenth of the image
-  or more, as who stands close by does. One whose visibility is unknown is taken as visible.
-* An instance and a true obstacle **belong together** within the gate (0.5 m, 3 m on the road) of
-  the obstacle's upright axis, one to one. As CLEAR-MOT has it (Bernardin and Stiefelhagen, 2008),
-  a pair of the frame before stays together while it can, and the rest are paired at the least
+  after both began. It is **in sight** if at least half of it is visible, or if its box fills at
+  least a tenth of the image, as that of a person close by does. If its visibility is unknown, it
+  counts as visible.
+* An instance and a true obstacle are **matched** one to one, within the gate (0.5 m, 3 m on the
+  road) around the obstacle's upright axis. As in CLEAR-MOT (Bernardin and Stiefelhagen, 2008),
+  pairs of the previous frame are kept while possible, and the others are assigned by the least
   total distance.
 * An instance is **false** if no moving true obstacle, visible or not, lies within the gate.
 * A second instance on one obstacle is not false but a **surplus box**; MOTA counts both.
-* A miss is **told** if the line says that it is lost, if a coasting instance belongs to it, or if
-  the line is degraded and motion could not be noticed in at least half of the box in which the
-  obstacle is seen. It is also told if the obstacle is reported where it is, though as ``stopped``
-  or ``in_place``, and its true velocity lies within the stated 95 %: who turns round is slow for
-  a moment, and not unseen.
+* A miss is **told** (flagged) if the line's status is lost, if a coasting instance lies within the
+  gate, or if the line is degraded and motion could not be noticed in at least half of the box in
+  which the obstacle is seen. It is also told if the obstacle is reported in its place as
+  ``stopped`` or ``in_place`` and its true velocity lies within the stated 95 % region: a person who
+  turns round is slow for a moment, but not unseen.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ VISIBLE_SHARE = 0.5
 FILLING_SHARE = 0.1
 SETTLING_S = 0.6
 
-# Figures of a run that count: everything, or only status, detection and coverage (where depth is
-# known to be biased, errors of position and speed say nothing about the method).
+# Figures of a run that count: everything, or only status, detection and coverage (if depth is known
+# to be biased, errors of position and speed say nothing about the method).
 ScoredFor = Literal["everything", "detection"]
 
 _REFUSED = 1e9
@@ -57,15 +58,15 @@ class Sample:
     Attributes:
         range_m: from the camera. speed_mps: true. radial: share of the true velocity along the
             line of sight, 0 (lateral) to 1 (radial).
-        matched: an instance belongs to it; otherwise what follows is None.
+        matched: whether an instance is matched to it; if not, the following are None.
         distance_m: to the instance. surface_error_m: from the middle of the visible surface.
             centre_error_m: from the centre, None before two faces were seen.
-        speed_error_mps, velocity_error_mps: signed difference of lengths; length of the difference.
-        mahalanobis2: squared distance of the velocity by its covariance; None without one.
-        switched: the instance has another identity than the one this obstacle had before.
-        box_iou: intersection over union of the reported and the true box; None where one is
-            unknown.
-        kind: of the obstacle. told: it was missed, and the line tells so.
+        speed_error_mps, velocity_error_mps: signed difference of the speeds; magnitude of the
+            difference of the velocities.
+        mahalanobis2: squared Mahalanobis distance of the velocity error; None without a covariance.
+        switched: whether the instance's identity differs from the obstacle's previous one.
+        box_iou: intersection over union of the reported and the true box; None if one is unknown.
+        kind: of the obstacle. told: whether it was missed but the line flags that.
         segment, frame: of its line.
     """
 
@@ -92,11 +93,11 @@ class Episode:
     """A stretch of time in which a true obstacle moved and was visible.
 
     Attributes:
-        body: its id. began, ended: seconds. first_seen: time of the first instance that belongs
-            to it, None if there never was one.
+        body: its id. began, ended: seconds. first_seen: time of the first instance within the
+            gate, None if there was none.
         range_m: from the camera, when it began.
-        radial: share of the true velocity along the line of sight, mean of its first 0.6 s:
-            bodies that start slowly or turn on the spot have settled their direction then.
+        radial: share of the true velocity along the line of sight, mean of the first 0.6 s:
+            by then bodies that start slowly or turn on the spot have settled their direction.
         kind: of the obstacle.
     """
 
@@ -116,14 +117,14 @@ class Episode:
 
 @dataclass(frozen=True)
 class FalseInstance:
-    """An instance with no moving truth near it, with place and time to look for the cause.
+    """An instance with no moving true obstacle nearby, with place and time to find the cause.
 
     Attributes:
         frame, segment, time: of its line; the time in seconds. id: of the reported obstacle.
         position: (x, y, z) metres, the truth's world. speed_mps: as reported.
         range_m: from the camera.
         nearest_id: the true body whose centre is nearest, moving or not; None without any.
-        nearest_m: its distance. nearest_moving: True if it moves.
+        nearest_m: its distance. nearest_moving: whether it moves.
     """
 
     frame: int
@@ -140,15 +141,16 @@ class FalseInstance:
 
 @dataclass
 class Tally:
-    """Counts of one run; several runs are summed up together.
+    """Counts of one run; the figures may sum up several.
 
     Attributes:
         frames: compared frames. frames_without_world: those left out because the segment's
             world cannot be related to the truth's.
         frames_degraded, frames_lost: of all frames, by the method's status.
-        false: instances with no moving truth near. surplus_boxes: second instances on one body.
-        moved: True if any true obstacle moved at any time, visible or not.
-        people: True if any true obstacle was a person, moving or not.
+        false: instances with no moving true obstacle nearby. surplus_boxes: second instances on one
+            body.
+        moved: whether any true obstacle moved at any time, visible or not.
+        people: whether any true obstacle was a person, moving or not.
         scored_for: the figures that count.
     """
 
@@ -172,10 +174,10 @@ def tally(
     scored_for: ScoredFor = "everything",
     image_size: tuple[int, int] | None = None,
 ) -> Tally:
-    """Compare one run's lines with the truth.
+    """Compare one run's lines with the ground truth.
 
     Args:
-        image_size: width and height, to which reported boxes are cut; None where unknown.
+        image_size: width and height, to which reported boxes are clipped; None where unknown.
     """
     result = _Comparison(truth, gate_m, image_size).run(lines)
     result.scored_for = scored_for
@@ -188,7 +190,8 @@ class _Comparison:
         self._image_size = image_size
         self._gate = gate_m
         self._tally = Tally()
-        # By the body's id: its present episode, the identity it last had, the sides seen so far.
+        # By body id: current episode and its first radial shares, last identity, sides seen so far,
+        # and the identity matched in the previous frame; then ``T_truth_world`` by segment.
         self._running: dict[int, Episode] = {}
         self._first_radial: dict[int, list[float]] = {}
         self._identity: dict[int, tuple[int, int]] = {}
@@ -207,15 +210,16 @@ class _Comparison:
             self._tally.frames += 1
             self._compare(line, world)
         self._tally.episodes += self._running.values()
-        # A body that moved in sight only for a moment never counted.
+        # A body that moved in sight only briefly never counted.
         self._tally.episodes = [e for e in self._tally.episodes if e.ended - e.began >= SETTLING_S]
         return self._tally
 
     def _world(self, line: Line) -> Pose | None:
-        """Return ``T_truth_world`` of the line's segment; None where it cannot be told.
+        """Return ``T_truth_world`` of the line's segment; None where it is unknown.
 
-        The first segment begins where the truth's world does, if it begins with frame 0. Others
-        are placed by the camera's true pose, at their first line with a pose.
+        It follows from the camera's true pose at the segment's first line with a pose. Without a
+        true pose only a first segment that begins with frame 0 can be placed: its world is the
+        truth's.
         """
         if line.segment not in self._worlds:
             true_pose = self._truth.camera_pose(line.time)
@@ -280,7 +284,7 @@ class _Comparison:
     def _counting(
         self, moving: list[TrueBody], time: float, camera: Float64Array
     ) -> list[TrueBody]:
-        """Return the bodies that count at this frame; begin and end episodes."""
+        """Return the bodies that count at this frame; start and end episodes."""
         in_sight = {b.id: b for b in moving if self._in_sight(b)}
         for number in [n for n in self._running if n not in in_sight]:
             self._tally.episodes.append(self._running.pop(number))
@@ -309,7 +313,7 @@ class _Comparison:
             for column, instance in enumerate(instances):
                 kept = self._together.get(body.id) == instance.identity
                 if kept and distance[row, column] < _REFUSED:
-                    # Together before and still near: better than any other pairing.
+                    # Matched before and still within the gate: preferred to any other pairing.
                     distance[row, column] -= _REFUSED
         rows, columns = linear_sum_assignment(distance)
         return [
@@ -337,7 +341,7 @@ class _Comparison:
             return
         before = self._identity.get(body.id)
         self._identity[body.id] = instance.identity
-        # The velocity belongs to an instant of its own, the middle of the displacement.
+        # The velocity refers to an instant of its own, the middle of the displacement.
         then = {b.id: b for b in self._truth.bodies(instance.velocity_time)}.get(body.id, body)
         error = instance.velocity - then.velocity
         mahalanobis2 = None

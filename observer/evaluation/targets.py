@@ -4,8 +4,8 @@ The figures are for obstacles between 0.8 and 4 m from the camera: samples and e
 do not count here (they do in ``breakdown``). Lateral motion must be found from 0.2 m/s on, other
 motion from 0.3 m/s on. False instances count wherever they are.
 
-People have figures of their own, from 0.4 m/s on and between 0.5 and 6 m, and count in no other;
-nor do runs in which a person is about count among the false instances of the others.
+People have their own figures, from 0.4 m/s on and between 0.5 and 6 m, and count in no others.
+Runs with people are also excluded from the others' figures of false instances.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from observer.evaluation.evaluate import (
 from observer.evaluation.tally import Episode, Sample, Tally
 
 RANGE_M = (0.8, 4.0)
-# A motion this fast must be found, by its direction; slower ones are found where they can be.
+# Speeds from which motion must be found, by direction; slower motion need not be.
 LATERAL_MPS = 0.2
 OTHER_MPS = 0.3
 PEOPLE_RANGE_M = (0.5, 6.0)
@@ -42,7 +42,7 @@ class Cost:
 
     Attributes:
         image_size: width, height of all images; None where they differ.
-        median_ms: of the whole step. opencv_ratio: over the bare cost of its OpenCV calls.
+        median_ms: of the whole step. opencv_ratio: relative to the bare cost of its OpenCV calls.
     """
 
     image_size: tuple[int, int] | None
@@ -56,8 +56,8 @@ class Target:
 
     Attributes:
         least, most: limits, None where there is none.
-        measured: None without data, or where half of the episodes or more never got a report.
-        count: samples, episodes or frames it is based on; 0 where it was not measured.
+        measured: None without data, or if half of the episodes or more never got a report.
+        count: samples, episodes or frames it is based on; 0 if it was not measured.
     """
 
     figure: str
@@ -75,7 +75,7 @@ class Target:
 
     @property
     def reached(self) -> bool | None:
-        """True if the figure lies within its limits; None where it was not measured."""
+        """True if the figure lies within its limits; None if it was not measured."""
         if self.count == 0:
             return None
         if self.measured is None:
@@ -96,7 +96,7 @@ def targets(
 
     Args:
         runs: each with its scenario's declaration, ``ideal`` or ``faulty``, None where unknown.
-        cost: None where it was not measured, or not on a quiet machine.
+        cost: None if it was not measured, or not on a quiet machine.
     """
     return (
         *_robots(runs),
@@ -106,7 +106,7 @@ def targets(
 
 
 def _robots(runs: Sequence[tuple[Tally, str | None]]) -> list[Target]:
-    """Return the targets of all that is not known to be a person."""
+    """Return the targets for all obstacles that are not known to be people."""
     tallies = [t for t, _ in runs]
     samples = [s for t in tallies for s in _in_range(t)]
     lateral = [s for s in samples if _is_lateral(s.radial) and s.speed_mps >= LATERAL_MPS]
@@ -141,7 +141,7 @@ def _robots(runs: Sequence[tuple[Tally, str | None]]) -> list[Target]:
 
 
 def _people(tallies: Sequence[Tally]) -> list[Target]:
-    """Return the targets of people, and of false and surplus instances where people are about."""
+    """Return the targets for people, and for false and surplus instances in runs with people."""
     samples = [s for t in tallies for s in _fast_people(t)]
     measured = [s for t in tallies if t.scored_for == "everything" for s in _fast_people(t)]
     pairs = [s for s in measured if s.velocity_error_mps is not None]

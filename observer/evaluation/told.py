@@ -1,4 +1,4 @@
-"""Whether a line tells of an obstacle that it does not report as moving."""
+"""Decides whether a line accounts for an obstacle that it does not report as moving."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from observer.geometry import Float64Array, Pose
 from observer.truth.contract import TrueBody
 
 UNSEEN_SHARE = 0.5
-# Squared length of what lies on the border of the 95 % region of a velocity.
+# Squared Mahalanobis distance of the border of a velocity's 95 % region.
 VELOCITY_95_CHI2 = quantile(0.95, df=3)
 _STANDING = ("stopped", "in_place")
 
 
 def is_told(line: Line, body: TrueBody, world: Pose, gate_m: float) -> bool:
-    """Return whether a line tells that this body may have been missed, or where it is.
+    """Return whether a line flags that this body may have been missed, or reports its place.
 
     Args:
-        world: ``T_truth_world`` of the line's segment. gate_m: how near to a body an instance
-            belongs to it.
+        world: ``T_truth_world`` of the line's segment. gate_m: distance from a body within which
+            an instance belongs to it.
     """
     if line.status == "lost" or _unseen(line, body):
         return True
@@ -32,7 +32,7 @@ def is_told(line: Line, body: TrueBody, world: Pose, gate_m: float) -> bool:
 
 
 def squared_length(error: Float64Array, covariance: Float64Array) -> float:
-    """Return the squared length of an error (3,) by its covariance (3, 3)."""
+    """Return the squared Mahalanobis length of an error (3,) under its covariance (3, 3)."""
     return float(error @ np.linalg.pinv(covariance) @ error)
 
 
@@ -44,7 +44,7 @@ def _unseen(line: Line, body: TrueBody) -> bool:
 
 
 def _may_move(instance: Instance, body: TrueBody) -> bool:
-    """Return whether an instance may have the velocity of a body, with its uncertainty."""
+    """Return whether a body's velocity lies within an instance's 95 % region."""
     if instance.velocity_cov is None:
         return False
     return (

@@ -1,1 +1,1 @@
-"""Export of a run as files for other tools: tables, video, point clouds, ROS 2 bags."""
+"""Export of a run to files for other tools: tables, video, point clouds, ROS 2 bags."""

@@ -31,14 +31,14 @@ def write_archive(
     cloud_frame: Frame = "world",
     progress: Callable[[int, int | None], None] | None = None,
 ) -> None:
-    """Write the zip; what the recording does not hold is named in its README instead.
+    """Write the zip; its README lists what the recording does not contain.
 
     Args:
         tables: their format. cloud_position: frame of the point cloud, from 0.
-        progress: called with frames of the video done and their number.
+        progress: called with the number of video frames done and their total.
 
     Raises:
-        ExportError: nothing can be written, or pyarrow is not installed and Parquet asked for.
+        ExportError: nothing can be written, or Parquet is requested but pyarrow not installed.
     """
     if tables == "parquet":
         check_parquet()
@@ -60,7 +60,7 @@ def write_archive(
 
 
 class _Archive:
-    """The zip, with what its README tells of it."""
+    """The zip, and the contents of its README."""
 
     def __init__(self, file: zipfile.ZipFile, recording: Recording) -> None:
         self._file = file
@@ -94,7 +94,7 @@ class _Archive:
     def add_video(self, video: Path, progress: Callable[[int, int | None], None] | None) -> None:
         try:
             codec = write_run_video(self._recording, video, progress).codec
-            # It is packed already.
+            # It is already compressed.
             self._file.write(video, "overlay.mp4", compress_type=zipfile.ZIP_STORED)
             self._told.append(
                 ("overlay.mp4", f"overlay of the detected obstacles on the left image; {codec}")

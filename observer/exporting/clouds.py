@@ -1,4 +1,4 @@
-"""Point cloud of a frame, and the file that holds it."""
+"""Point cloud of a frame, and its file format."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map, point_cloud
 
 Frame = Literal["camera", "world"]
-# More than any screen shows; a pair of 640x480 has a third of it.
+# More than any screen shows; a 640x480 pair yields a third of it.
 _MAX_POINTS = 1_000_000
 
 
@@ -43,14 +43,14 @@ class Cloud:
 
 
 def cloud_at(recording: Recording, position: int, frame: Frame = "camera") -> Cloud:
-    """Return the cloud of a frame: as it was recorded, else by dense stereo from the images.
+    """Return the cloud of a frame: as recorded, else by dense stereo from the images.
 
     Args:
         position: of the frame in the recording, from 0.
-        frame: what the points are given in; the world is that of the frame's segment.
+        frame: coordinate frame of the points; the world is that of the frame's segment.
 
     Raises:
-        ExportError: there is no such frame, or its pose is not known and the world was asked for.
+        ExportError: there is no such frame, or the world is requested but its pose unknown.
         SourceError: neither a cloud nor images were recorded for it.
     """
     count = len(recording.frames)
@@ -70,7 +70,7 @@ def cloud_at(recording: Recording, position: int, frame: Frame = "camera") -> Cl
 
 
 def recorded_clouds(recording: Recording) -> Iterator[tuple[int, Cloud]]:
-    """Yield the clouds that were recorded, each with the position of its frame, camera frame."""
+    """Yield the recorded clouds, in the camera frame, each with the position of its frame."""
     wall = recording.facts.anchor.wall_time_ns
     positions = {wall(frame.received): k for k, frame in enumerate(recording.frames)}
     for _, message in recording.messages(topics.CLOUD.name):

@@ -1,4 +1,4 @@
-"""Errors of exporting."""
+"""Errors in exporting."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from observer.errors import InputError
 
 
 class ExportError(InputError):
-    """Export of what a recording does not hold, or without a package that it needs."""
+    """The recording lacks the data to export, or a required package is not installed."""
 
 
 def missing_extra(package: str, extra: str, purpose: str) -> ExportError:
     """Return the error for an optional package that is not installed.
 
     Args:
-        package: what was imported. extra: of ours, which brings it. purpose: what needs it.
+        package: the missing one. extra: ours that installs it. purpose: what needs it.
     """
     return ExportError(
         f"{purpose} needs the package {package}, which is not installed; install it with: pip "

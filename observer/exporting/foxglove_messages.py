@@ -1,6 +1,6 @@
-"""Reader of Foxglove's messages in a recording for exports: clouds, log, time stamps.
+"""Reader of a recording's Foxglove messages, for exports: clouds, log, time stamps.
 
-Numbers of fields are those of foxglove/PointCloud.proto, Log.proto and
+Field numbers are those of foxglove/PointCloud.proto, Log.proto and
 google/protobuf/timestamp.proto.
 """
 
@@ -18,7 +18,7 @@ _STAMP = 1
 _SECONDS, _NANOSECONDS = 1, 2
 _CLOUD_STRIDE, _CLOUD_DATA = 4, 6
 _LOG_LEVEL, _LOG_MESSAGE, _LOG_NAME = 2, 3, 4
-# As ``observer.recording.foxglove.point_cloud`` packs them.
+# Layout as packed by ``observer.recording.foxglove.point_cloud``.
 _POINT = np.dtype([("point", "<f4", 3), ("color", "u1", 4)])
 
 
@@ -27,7 +27,7 @@ class RecordedCloud:
     """Points (N, 3) float32, metres, camera frame, and colours (N, 3) uint8, RGB.
 
     Attributes:
-        stamp_ns: nanoseconds since 1970, that of its frame.
+        stamp_ns: stamp of its frame, nanoseconds since 1970.
     """
 
     stamp_ns: int

@@ -1,4 +1,4 @@
-"""Output that takes its place only when it is complete, and replaces nothing unasked."""
+"""Output that is moved into place only when complete, and replaces nothing unasked."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from observer.exporting.errors import ExportError
 def whole_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Provide a path of the same name in a temporary folder, for a file or folder.
 
-    It takes its place when the block ends. When the block ends with an error, what was written is
-    deleted, and what was there before stays.
+    When the block ends, the output is moved to ``path``. If it ends with an error, the output is
+    deleted and anything already there stays.
 
     Args:
-        overwrite: replace what is there.
+        overwrite: replace existing output.
 
     Raises:
-        ExportError: something is there, or its folder does not exist or cannot be written.
+        ExportError: the path exists, or its folder does not exist or cannot be written.
     """
     if os.path.lexists(path) and not overwrite:
         raise ExportError(f"{path} exists; name another output, or add --overwrite to replace it")

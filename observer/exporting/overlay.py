@@ -1,4 +1,4 @@
-"""Overlay of what was found in a frame on a copy of its rectified left image."""
+"""Overlay of a frame's results on a copy of its rectified left image."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.intervals import half_95
 from observer.types import Image
 
 _TEXT = (235, 235, 235)
-# Height of the letters in pictures of this width, pixels.
+# Text scale per pixel of picture width: 0.45 at 512 pixels.
 _LETTERS_PER_WIDTH = 0.45 / 512
 
 
@@ -18,7 +18,7 @@ def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
     """Return a new BGR picture with silhouettes, boxes, speeds and the frame's time and status.
 
     Args:
-        left: rectified left image, (H, W) grey or (H, W, 3) BGR; it stays as it is.
+        left: rectified left image, (H, W) grey or (H, W, 3) BGR; it is not modified.
         line: the observation's JSON line, see ``observer.jsonl.observation_line``.
     """
     canvas = color_copy(left)
@@ -28,7 +28,7 @@ def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
         sure = "" if std is None else f" ± {half_95(std):.2f}"
         text = f"#{entry['id']}  {entry['speed']:.2f}{sure} m/s"
         color = obstacle_color(entry["state"], entry["motion"])
-        # Recordings of before tell no silhouettes.
+        # Older recordings have no silhouettes.
         draw_obstacle(canvas, entry["box_px"], entry.get("silhouette"), text, color, scale)
     status = "" if line["status"] == "ok" else f"  {line['status']}"
     text = f"frame {line['frame']}  {line['time']:.3f} s{status}"

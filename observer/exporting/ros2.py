@@ -1,8 +1,8 @@
 """Export of a run as a ROS 2 bag: a folder with metadata.yaml and one data file.
 
 Version 8 of the bag format with Humble's message types, which Humble, Iron, Jazzy and later read.
-Fixed transforms are on /tf_static, kept for late subscribers. Stamps are exposures: the source's
-clock, set to the wall clock at the first frame, so that a bag plays at the pace of its source
+Fixed transforms are on /tf_static, latched for late subscribers. Stamps are exposure times: the
+source's clock, set to the wall clock at the first frame, so that a bag plays at the source's pace
 however long observing took.
 """
 
@@ -59,7 +59,7 @@ def write_ros2_bag(
     """Write the bag.
 
     Args:
-        folder: made anew. storage: of its data file.
+        folder: created; must not exist. storage: format of its data file.
         progress: called with observations done and the number of frames.
 
     Returns:
@@ -129,7 +129,7 @@ class _Run:
             try:
                 yield from read[topic](message, topic)
             except SourceError:
-                # One damaged message is no reason to have none of the others.
+                # One damaged message must not prevent the export of the others.
                 continue
 
     def _image(self, message: Message, topic: str) -> Iterator[_Told]:
@@ -140,7 +140,7 @@ class _Run:
         else:
             jpeg = self.ros.compressed(jpeg_data(message.data), side, at)
             yield _Told(f"/camera/{side}/image_raw/compressed", at, jpeg)
-        # With exactly the stamp of its image, by which ROS pairs them.
+        # ROS pairs it with its image by exactly equal stamps.
         given = self._calibration
         model = camera_model(given, self._rectified, side)
         info = self.ros.camera_info(model, given.width, given.height, side, at)
@@ -180,7 +180,7 @@ class _Run:
 
 
 def _latched() -> list[Any]:
-    """Return the quality of service of topics that late subscribers get, too."""
+    """Return the quality of service of topics that late subscribers also receive."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -208,12 +208,12 @@ def _latched() -> list[Any]:
 
 
 class ExposureClock:
-    """Clock for tools that know only one: nanoseconds since 1970 at the pace of the source's clock.
+    """Clock for tools that have only one: nanoseconds since 1970 at the pace of the source's clock.
 
     It starts with the first frame. The wall clock at reception would do for live cameras, but not
-    for what was observed faster or slower than it happened: speeds by its stamps would be wrong.
-    Where the source's clock goes back, it continues from the wall clock, or from the frame before
-    if that is later.
+    for sources observed faster or slower than real time: speeds computed from its stamps would be
+    wrong. Where the source's clock goes back, it continues from the wall clock, or from the
+    previous frame if that is later.
 
     Args:
         recording: with at least one frame.
@@ -244,7 +244,7 @@ class ExposureClock:
         return self._by_frame.get((index, time), int(self._stamps[-1]))
 
     def of_wall(self, wall_ns: int) -> int:
-        """Return the stamp at an instant of the wall clock: a frame's, if it was received then."""
+        """Return the stamp at an instant of the wall clock: a frame's stamp at its reception."""
         k = max(0, int(np.searchsorted(self._wall, wall_ns, side="right")) - 1)
         stamp = int(self._stamps[k]) + max(0, wall_ns - int(self._wall[k]))
         return stamp if k + 1 == len(self._stamps) else min(stamp, int(self._stamps[k + 1]))

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 made of a run's, by the ``rosbags`` package.
+"""ROS 2 messages made from a run's, with the ``rosbags`` package.
 
 Frames are those of ``observer.recording.camera_frames``; times are those of ``ExposureClock``.
 """
@@ -27,21 +27,21 @@ _UNTURNED = (1, 0, 0, 0)
 _FLOAT32 = 7
 # rcl_interfaces/msg/Log, by Foxglove's level.
 _LEVELS = {1: 10, 2: 20, 3: 30, 4: 40, 5: 50}
-# nav_msgs and geometry_msgs have no word for what is not known; robot_localization and others take
-# so large a variance as that.
+# nav_msgs and geometry_msgs have no value for unknown; robot_localization and others treat so large
+# a variance as that.
 _UNKNOWN_VARIANCE = 1e6
 
-# A cube with no extent is not drawn.
+# A cube without extent is not drawn.
 _LEAST_EXTENT_M = 0.01
-# Of a true body's box, which is solid here.
+# Opacity of a true body's box, which is solid here.
 _TRUE_ALPHA = 0.35
 
 
 class RosMessages:
-    """Makes messages of the types that ROS 2 Humble and all later ones share.
+    """Makes messages of the types shared by ROS 2 Humble and all later versions.
 
     Attributes:
-        store: rosbags' own, which turns them into CDR.
+        store: rosbags' type store, which serialises them to CDR.
 
     Raises:
         ExportError: rosbags is not installed.
@@ -79,7 +79,7 @@ class RosMessages:
     # --- images ------------------------------------------------------------------------------
 
     def compressed(self, jpeg: memoryview, side: str, wall_ns: int) -> Any:
-        """Return a ``sensor_msgs/CompressedImage`` of the recorded JPEG itself."""
+        """Return a ``sensor_msgs/CompressedImage`` with the recorded JPEG, unchanged."""
         return self._make(
             "sensor_msgs/msg/CompressedImage",
             self._header(wall_ns, f"camera_{side}"),
@@ -173,7 +173,7 @@ class RosMessages:
         )
 
     def odometry(self, told: Odometry, wall_ns: int) -> Any:
-        """Return ``nav_msgs/Odometry`` by the robot's wheels; twist and variances are unknown."""
+        """Return the wheels' ``nav_msgs/Odometry``; twist and variances are unknown."""
         unknown = np.diag(np.full(6, _UNKNOWN_VARIANCE)).ravel()
         half = told.yaw / 2
         zero = self._xyz("Vector3", (0, 0, 0))
@@ -193,12 +193,12 @@ class RosMessages:
             ),
         )
 
-    # --- what was seen, as text and boxes ----------------------------------------------------
+    # --- results, as text and boxes ----------------------------------------------------------
 
     def bodies(self, bodies: Sequence[DrawnBody], wall_ns: int) -> Any:
         """Return a ``visualization_msgs/MarkerArray``: box, velocity and label of each."""
         nowhere = self._pose((0, 0, 0), _UNTURNED)
-        # It deletes what was drawn before and is no longer seen.
+        # Deletes the previous markers, so that nothing remains that is no longer seen.
         clearing = self._marker(
             wall_ns, "", 0, 0, WHITE, nowhere, (0.0, 0.0, 0.0), action=_DELETE_ALL
         )

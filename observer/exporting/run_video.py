@@ -1,4 +1,4 @@
-"""Video of a run: what was found, drawn over the recorded images."""
+"""Video of a run: its results drawn over the recorded images."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from observer.recording.reader import Recording
 from observer.vision.rectification import Rectification
 
 _FALLBACK_RATE = 15.0
-# Players and encoders refuse others.
+# Players and encoders refuse rates outside these.
 _SLOWEST, _FASTEST = 1.0, 240.0
 
 
@@ -27,10 +27,10 @@ def write_run_video(
     """Write the overlay video of a run, at the rate of its frames.
 
     Args:
-        progress: called with frames done and their number.
+        progress: called with the number of frames done and their total.
 
     Returns:
-        The finished video, which tells its codec.
+        The finished video, which knows its codec.
 
     Raises:
         ExportError: the recording holds no images, or the file cannot be written.
@@ -52,7 +52,7 @@ def write_run_video(
                 try:
                     left = rectified.apply_left(recording.pair(position)[0])
                 except SourceError:
-                    # Its images were lost; the picture before stays.
+                    # Its images were lost; the previous picture stays.
                     continue
                 video.add(draw_overlay(left, line), line["time"])
             if progress is not None:
@@ -64,7 +64,7 @@ def write_run_video(
 
 
 def frame_rate(recording: Recording) -> float:
-    """Return the frame rate of a run, 1/s, by the median interval of its frames."""
+    """Return the frame rate of a run, 1/s, from the median interval of its frames."""
     times = np.array([frame.time for frame in recording.frames])
     steps = np.diff(times)
     steps = steps[steps > 0]

@@ -1,4 +1,4 @@
-"""Tables as files: CSV for everybody, Parquet where there is much."""
+"""Tables as files: CSV for every tool, Parquet for large tables."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from observer.exporting.errors import missing_extra
 from observer.exporting.tables import Table
 from observer.recording.reader import Recording
 
-# Rows of a Parquet file that are written at once.
+# Rows of a Parquet file that are written per batch.
 _BATCH = 65_536
 
 
 def write_csv(table: Table, recording: Recording, file: IO[str]) -> int:
-    """Write a table with its header; numbers so that every digit is read back.
+    """Write a table with its header; numbers are written without loss of digits.
 
     Args:
         file: opened with ``newline=""``.
@@ -33,7 +33,7 @@ def write_csv(table: Table, recording: Recording, file: IO[str]) -> int:
 
 
 def write_parquet(table: Table, recording: Recording, file: IO[bytes]) -> int:
-    """Write a table as Parquet, each column with its help as metadata; return its rows' number.
+    """Write a table as Parquet, with each column's help as metadata; return the number of rows.
 
     Raises:
         ExportError: pyarrow is not installed.

@@ -1,8 +1,8 @@
-"""Flat tables of a run: one row an instant, the unit at the column's end.
+"""Flat tables of a run: one row per instant, the unit at the end of the column's name.
 
 ``_m`` metres, ``_mps`` m/s, ``_s`` seconds, ``_rad`` radians, ``_px`` pixels, ``_m2`` and
-``_m2ps2`` their squares. ``time_s`` is the source's clock, ``received_s`` the host's monotonic
-one. An empty cell (null in Parquet) is what is not known.
+``_m2ps2`` squares of metres and m/s. ``time_s`` is the source's clock, ``received_s`` the host's
+monotonic one. An empty cell (null in Parquet) means unknown.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class Column:
 
     Attributes:
         name: ends with the unit. kind: of its values. help: what it is, for the README.
-        key: of its value in a record; empty where that is the name.
-        place: indices within the value, where that is a vector or a matrix.
+        key: of its value in a record; empty if equal to the name.
+        place: indices within the value, if that is a vector or a matrix.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Column:
     place: tuple[int, ...] = ()
 
     def cell(self, record: Mapping[str, Any]) -> Any:
-        """Return its value in a record; None is not known."""
+        """Return its value in a record; None means unknown."""
         value = record[self.key or self.name]
         for index in self.place:
             value = None if value is None else value[index]
@@ -47,7 +47,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Table with its columns, and the reader of what its rows are made of, one by one."""
+    """Table with its columns, and a reader that yields the record of each row."""
 
     name: str
     help: str
@@ -60,7 +60,7 @@ class Table:
         return tuple(column.name for column in self.columns)
 
     def rows(self, recording: Recording) -> Iterator[Row]:
-        """Yield the rows: values by column; None is not known."""
+        """Yield the rows: values by column; None means unknown."""
         for record in self.records(recording):
             yield {column.name: column.cell(record) for column in self.columns}
 
@@ -70,7 +70,7 @@ def _vector(help_: str, key: str, *names: str) -> tuple[Column, ...]:
 
 
 def _covariance(help_: str, key: str, name: str) -> tuple[Column, ...]:
-    """Return the upper triangle of a matrix; ``name`` has places for two axes."""
+    """Return the upper triangle of a matrix; ``name`` has placeholders for two axes."""
     return tuple(
         Column(name.format(_AXES[i], _AXES[j]), "float", help_, key, (i, j))
         for i in range(3)
@@ -254,7 +254,7 @@ def _goals(recording: Recording) -> Iterator[Row]:
         goal = row.facts.get("goal")
         if isinstance(goal, dict):
             ahead, left = goal.get("place") or (None, None)
-            # Recordings of before tell neither of these.
+            # Older recordings have neither of these.
             meets_ahead, meets_left = goal.get("meets_at") or (None, None)
             yield {
                 **goal,

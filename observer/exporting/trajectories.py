@@ -1,6 +1,6 @@
-"""Trajectories as the TUM format has them, for evo and other tools that compare trajectories.
+"""Trajectories in the TUM format, for evo and other tools that compare trajectories.
 
-A line a pose, ``t tx ty tz qx qy qz qw``: seconds on the source's clock, metres, and a unit
+One line per pose, ``t tx ty tz qx qy qz qw``: seconds on the source's clock, metres, and a unit
 quaternion, in the world of one segment (the camera at its first frame: x right, y down, z forward).
 """
 
@@ -18,11 +18,11 @@ _UPRIGHT_WXYZ = (1.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class WrittenTrajectory:
-    """What was written.
+    """Summary of a written trajectory.
 
     Attributes:
-        poses: their number. segment: whose world they are in. others: poses of other segments,
-            which are left out, for their worlds are others.
+        poses: number written. segment: whose world they are in. others: number of poses of other
+            segments, which are left out because their worlds differ.
     """
 
     poses: int
@@ -31,14 +31,14 @@ class WrittenTrajectory:
 
 
 def write_tum(recording: Recording, file: TextIO, track: int | None = None) -> WrittenTrajectory:
-    """Write the camera's trajectory, or an obstacle's, of the segment with most poses.
+    """Write the camera's trajectory, or an obstacle's, of the segment with the most poses.
 
     Args:
-        track: number of an obstacle, whose centre is written; an attitude that is not known is
-            written as none. None: the left camera.
+        track: number of an obstacle, whose centre is written; an unknown orientation is written as
+            the identity. None: the left camera.
 
     Raises:
-        ExportError: there is no such obstacle, or no pose was known.
+        ExportError: there is no such obstacle, or no pose is known.
     """
     poses: dict[int, list[str]] = defaultdict(list)
     for line in recording.lines():

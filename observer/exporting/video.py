@@ -1,6 +1,6 @@
 """Writer of MP4 video: H.264, which browsers play, by ffmpeg where it is installed.
 
-Without it OpenCV's own encoder makes MPEG-4 (``mp4v``), which players show and browsers do not.
+Without ffmpeg OpenCV's own encoder makes MPEG-4 (``mp4v``), which players show but browsers do not.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from observer.types import Image
 
 H264 = "H.264"
 MPEG4 = "MPEG-4 (mp4v), which browsers cannot play; install ffmpeg to get H.264"
-# Of H.264, lower is better: text stays sharp at this.
+# CRF of H.264, lower is better: text stays sharp at this value.
 _QUALITY = 20
 _PATIENCE_S = 60.0
-# A pause of the source is shown in real time up to this.
+# Longest pause of the source that is shown in real time.
 _LONGEST_STILL_S = 5.0
 
 
@@ -40,25 +40,25 @@ class _Encoder(Protocol):
 class OverlayVideo:
     """A video at a constant rate that shows each picture at its own time.
 
-    The first picture decides on the size; later ones must be of the same. An uneven width or
-    height loses a line, since videos have an even number. Frames that are missing in the source
-    are filled with the picture before, so that the video takes as long as what it shows.
+    The first picture sets the size, and later ones must have the same. An odd width or height
+    loses a line, since video needs even ones. Frames missing in the source are filled with the
+    previous picture, so that the video runs in real time.
 
     Args:
         path: of the file; written as pictures come.
         frame_rate: 1/s.
-        ffmpeg: path of the program, None for OpenCV's encoder; searched where it is left out.
+        ffmpeg: path of the program, None for OpenCV's encoder; searched for if left out.
 
     Attributes:
-        pictures: number of those in the file so far.
+        pictures: number written to the file so far.
 
     Raises:
-        ExportError: nothing can be written there; so do all methods.
+        ExportError: the file cannot be written; all methods may raise it.
     """
 
     def __init__(self, path: Path, frame_rate: float, *, ffmpeg: str | None = "") -> None:
         self._path = path
-        # A fraction that containers hold, as in 30000/1001.
+        # A fraction that containers can store, such as 30000/1001.
         self._rate = Fraction(frame_rate).limit_denominator(1001)
         if self._rate <= 0:
             raise ExportError(f"a video needs a frame rate above 0, not {frame_rate:g}")
@@ -78,8 +78,8 @@ class OverlayVideo:
         """Show this picture from ``time`` on.
 
         Args:
-            picture: (H, W, 3) BGR. time: seconds on the source's clock; a clock that goes back
-                or stands for long goes on with the next picture.
+            picture: (H, W, 3) BGR. time: seconds on the source's clock; after a jump back or a
+                long pause the picture follows immediately.
         """
         height, width = (side - side % 2 for side in picture.shape[:2])
         even = np.ascontiguousarray(picture[:height, :width])
@@ -113,7 +113,7 @@ class OverlayVideo:
         encoder.finish()
 
     def abort(self) -> None:
-        """End the encoder without a file; safe after ``finish``."""
+        """Stop the encoder without completing the file; safe after ``finish``."""
         encoder, self._encoder = self._encoder, None
         if encoder is not None:
             encoder.abort()
@@ -125,7 +125,7 @@ class OverlayVideo:
 
 
 def find_ffmpeg() -> str | None:
-    """Return the path of ffmpeg, where it is installed and can encode H.264."""
+    """Return the path of ffmpeg if it is installed and can encode H.264, else None."""
     ffmpeg = shutil.which("ffmpeg")
     if ffmpeg is None:
         return None
@@ -145,14 +145,14 @@ def find_ffmpeg() -> str | None:
 class _Ffmpeg:
     def __init__(self, ffmpeg: str, path: Path, width: int, height: int, rate: Fraction) -> None:
         self._path = path
-        # Its messages, kept in a file: a full pipe that nobody reads would stop it.
+        # Its messages go to a file, because a full pipe that nobody reads would block it.
         self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         arguments = [
             ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
             "-f", "rawvideo", "-pix_fmt", "bgr24", "-s", f"{width}x{height}",
             "-r", f"{rate.numerator}/{rate.denominator}", "-i", "pipe:0",
             "-c:v", "libx264", "-preset", "veryfast", "-crf", str(_QUALITY),
-            # What browsers play, and its index at the beginning, so that it plays while it loads.
+            # A pixel format that browsers play, and the index first, to play while loading.
             "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4",
             f"file:{path.absolute()}",
         ]  # fmt: skip
@@ -162,7 +162,7 @@ class _Ffmpeg:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=self._said,
-                # An interrupt from the keyboard is ours to handle: it ends with its input.
+                # Keep Ctrl-C away from it: we handle it, and ffmpeg ends with its input.
                 start_new_session=True,
             )
         except OSError as error:
@@ -209,7 +209,7 @@ class _Ffmpeg:
 class _OpenCv:
     def __init__(self, path: Path, width: int, height: int, rate: Fraction) -> None:
         self._path = path
-        # It takes the container from the ending.
+        # OpenCV chooses the container by the suffix.
         self._working = path.with_name(f"{path.name}.mp4")
         code = cv2.VideoWriter.fourcc(*"mp4v")
         self._writer = cv2.VideoWriter(str(self._working), code, float(rate), (width, height))

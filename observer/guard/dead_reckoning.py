@@ -1,4 +1,4 @@
-"""Dead reckoning of where the robot was a moment ago, by the velocities reported since."""
+"""Dead reckoning of where the robot was a moment ago, from the velocities reported since."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from observer.geometry import Float64Array
 
-# Beyond such a gap nobody knows what it did meanwhile.
+# After a longer gap the robot's motion in between is unknown.
 _LONGEST_GAP_S = 0.25
 _CAPACITY = 1024
 
 
 class DeadReckoning:
-    """Poses of the robot's base over the last seconds, in axes of which only differences matter.
+    """Poses of the robot's base over the last seconds, in an arbitrary fixed frame.
 
-    It holds the last 512 calls at least: 10 s of a loop of 20 ms.
+    It holds at least the last 512 calls: 10 s of a loop of 20 ms.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class DeadReckoning:
         """Take in the velocity at which the robot drove since the last call.
 
         Returns:
-            False where what was before is forgotten: the calls are too far apart, or time ran
+            False if the earlier poses were dropped: the calls are too far apart, or time ran
             backwards.
         """
         if self._count:
@@ -52,14 +52,14 @@ class DeadReckoning:
         self._count += 1
 
     def poses(self, times: Float64Array) -> Float64Array:
-        """Poses (N, 3) at instants (N,); as ``then_from_now`` before what is remembered."""
+        """Poses (N, 3) at instants (N,); earlier ones are taken as the first remembered pose."""
         rows = self._rows[: self._count]
         return np.stack([np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2, 3)], axis=-1)
 
     def then_from_now(self, times: Float64Array) -> Float64Array:
         """Poses (N, 3) of the base as it stands now, in the base frame of each instant (N,).
 
-        Before the first remembered instant the robot is taken to have stood.
+        Before the first remembered instant the robot is assumed to have stood still.
         """
         x0, y0, yaw0 = self.poses(times).T
         x, y, yaw = self._rows[self._count - 1, 1:]
@@ -69,14 +69,14 @@ class DeadReckoning:
 
 
 def moved(points: Float64Array, pose: Float64Array) -> Float64Array:
-    """Points (N, 2) of a frame in the frame in which it has the pose (3,) x, y, yaw."""
+    """Points (N, 2) in the frame in which their own frame has the pose (3,) x, y, yaw."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = points[:, 0], points[:, 1]
     return np.stack([pose[0] + c * x - s * y, pose[1] + s * x + c * y], axis=-1)
 
 
 def inverse(pose: Float64Array) -> tuple[float, float, float]:
-    """The opposite pose."""
+    """The inverse pose."""
     x, y, yaw = (float(value) for value in pose)
     c, s = math.cos(yaw), math.sin(yaw)
     return -c * x - s * y, s * x - c * y, -yaw

@@ -1,16 +1,17 @@
 """Free ground ahead, seen in one rectified pair by coarse dense stereo.
 
-Block matching compares blocks that face the camera, and the floor does not: so it is matched
-twice, as it is for what stands, and once more with the right image shifted by the disparity that
-the floor must have (linear in the pixel, as every plane's), so that the floor faces the camera
-(ground plane stereo; Burt, Wixson and Salgian, Electronically directed focal stereo, ICCV 1995).
+Block matching assumes surfaces that face the camera, and the floor does not. So the pair is
+matched twice: as it is, for standing objects, and with the right image shifted by the disparity
+that the floor must have (linear in the pixel, as for every plane), so that the floor faces the
+camera (ground plane stereo; Burt, Wixson and Salgian, Electronically directed focal stereo, ICCV
+1995).
 
-What is *seen* to be free is floor that was matched. A thing of at least ``step_m`` height that
-stands at distance r hides the floor from r to r / (1 - step_m / H), H the camera's height, so
-floor that is seen at distance D also tells that nothing stands from D (1 - step_m / H) on. What
-was matched higher than that and lower than the robot reaches is in the way. Everything else is
-unknown: what is nearer than f B / d_max or below the lower edge of the view, what has no texture,
-and what lies behind. A thing that hangs in the air is noticed only where it has texture.
+Only matched floor is *seen* to be free. An object at least ``step_m`` high at distance r hides the
+floor from r to r / (1 - step_m / H), H being the camera's height, so floor that is seen at
+distance D also shows that nothing stands between D (1 - step_m / H) and D. Whatever was matched
+higher than that and lower than the robot's height is in the way. Everything else is unknown:
+what is nearer than f B / d_max or below the lower edge of the view, has no texture, or is
+occluded. A hanging object is noticed only where it has texture.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from observer.guard.sight import FreeScan
 from observer.mount import CameraMount
 from observer.types import Image
 
-# About so many columns are matched, whatever the image's size.
+# Approximate number of columns that are matched, whatever the image's size.
 _COLUMNS = 256
 _BLOCK_PX = 9
 _UNIQUENESS_PERCENT = 10
@@ -38,30 +39,30 @@ _SPECKLE_PIXELS = 30
 _FIXED_POINT = 16
 # One standard deviation of a coarse disparity, coarse pixels.
 _SIGMA_PX = 0.25
-# Disparities besides the floor's own among which it must be the best, coarse pixels.
+# Disparities searched about the floor's own: lowest offset and number, coarse pixels.
 _FLOOR_LEAST, _FLOOR_DISPARITIES = -8, 32
-# Width of a direction, and by which share a cell of floor is longer than it is far.
+# Angular width of a direction, and ratio of the far to the near edge of a floor cell.
 _BEARING_RAD = math.radians(1.5)
 _CELL = 1.08
 _NEAREST_M, _FARTHEST_M = 0.25, 5.0
-# Of a cell of floor so much must be matched as floor.
+# Share, and number, of a floor cell's pixels that must be matched as floor.
 _FLOOR_SHARE = 0.5
 _FLOOR_PIXELS = 3
-# So many pixels make a surface: fewer are mismatches.
+# Minimum number of pixels of a surface: fewer are mismatches.
 _SURFACE_PIXELS = 4
-# Distances along a direction from the base's origin.
+# Step between distances along a direction from the base's origin.
 _STEP_M = 0.04
 
 
 class FreePath:
-    """Finds the free floor in pairs of one camera on one mount; holds what depends on those."""
+    """Finds the free floor in pairs of one camera on one mount; precomputes their geometry."""
 
     def __init__(
         self, camera: StereoCamera, mount: CameraMount, max_disparity_px: int, p: GuardParameters
     ) -> None:
         """
         Args:
-            max_disparity_px: the largest that is looked for, of the images as they are.
+            max_disparity_px: the largest that is searched, at the images' full resolution.
         """
         self.made_of = (camera, mount, max_disparity_px, p)
         self._parameters = p
@@ -76,10 +77,10 @@ class FreePath:
         self._lay_out(camera, mount, p)
 
     def _lay_out(self, camera: StereoCamera, mount: CameraMount, p: GuardParameters) -> None:
-        """Compute what of every coarse pixel does not depend on the image."""
+        """Precompute everything about the coarse pixels that does not depend on the image."""
         width, height = self._size
         f = self._factor
-        # Pixel centres lie on whole numbers, so it is the pixels' edges that scale.
+        # Pixel centres have integer coordinates, so scale about the pixels' edges.
         u = (np.arange(width) + 0.5) * f - 0.5
         v = (np.arange(height) + 0.5) * f - 0.5
         rays = np.empty((height, width, 3))
@@ -104,13 +105,13 @@ class FreePath:
         cell = np.searchsorted(self._edges, floor, side="right") - 1
         inside = (cell >= 0) & (cell < cells)
         self._shape = (count, cells)
-        # Pixels of no cell are counted in one beyond the last.
+        # Pixels outside all cells are counted in an extra cell after the last.
         self._cell = np.where(inside, column * cells + cell, count * cells).astype(np.intp)
         total = np.bincount(self._cell.ravel(), minlength=count * cells + 1)[:-1]
         self._needed = np.maximum(_FLOOR_SHARE * total, _FLOOR_PIXELS).reshape(self._shape)
         self._column = column.astype(np.intp)
         self._height = mount.height_m
-        # The right camera sees floor further left by this; above the horizon there is none.
+        # Disparity of the floor at each pixel; above the horizon there is no floor.
         floor_px = np.maximum(-self._rise * np.float32(self._fb / mount.height_m), 0.0)
         below = np.nonzero((floor_px > 0).any(axis=1))[0]
         self._first_row = int(below[0]) if len(below) else height
@@ -124,12 +125,12 @@ class FreePath:
         )
         self._in_right = self._shift[0] >= 0
         hidden = 1 - min(p.step_m / mount.height_m, 0.5)
-        # Whole cells before a seen one in which something would have hidden it.
+        # Whole cells in front of a seen one in which an object would have hidden it.
         self._told_before = int(-math.log(hidden) / math.log(_CELL))
         self._reach = np.arange(_STEP_M, _FARTHEST_M, _STEP_M)
         directions = np.stack([np.cos(self._bearings), np.sin(self._bearings)], axis=1)
         ground = directions[:, None] * self._reach[:, None]
-        # Bearings of the scan are about the base's origin, those of the pixels about the camera.
+        # The scan's bearings are from the base's origin, those of the pixels from the camera.
         self._ground = (ground - self._origin[:2]).reshape(-1, 2)
 
     def scan(self, left: Image, right: Image) -> FreeScan:
@@ -149,7 +150,7 @@ class FreePath:
 
     def _surfaces(self, left: Image, right: Image) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
         """Distance and direction of every pixel that shows something in the way."""
-        # The matcher leaves as many columns out at the left as it looks for disparities.
+        # The matcher omits as many columns at the left as it searches disparities.
         margin, p = self._disparities, self._parameters
         wide = [
             cv2.copyMakeBorder(one, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for one in (left, right)
@@ -182,7 +183,7 @@ class FreePath:
         if self._size[1] - first <= _BLOCK_PX:
             return seen
         shifted = cv2.remap(right[first:], *self._shift, cv2.INTER_LINEAR)
-        # Both ways, for as many columns are left out at the right for what is negative.
+        # Pad both sides: for negative disparities the matcher also omits columns at the right.
         before, behind = _FLOOR_DISPARITIES, -_FLOOR_LEAST
         wide = [
             cv2.copyMakeBorder(one, 0, 0, before, behind, cv2.BORDER_REPLICATE)
@@ -191,7 +192,7 @@ class FreePath:
         fixed = np.asarray(self._floor.compute(wide[0], wide[1]))[:, before:-behind]
         off = fixed.astype(np.float32) / np.float32(_FIXED_POINT)
         p = self._parameters
-        # A height of h stands out by h / (H - h) of the floor's own disparity.
+        # A point at height h differs from the floor's own disparity by h / (H - h) of it.
         tolerance = np.float32(p.step_m / self._height) * self._floor_px
         tolerance += np.float32(p.sigmas * _SIGMA_PX)
         seen[first:] = (np.abs(off) <= tolerance) & self._in_right
@@ -207,7 +208,7 @@ class FreePath:
         return free
 
     def _about_the_base(self, free: NDArray[np.bool_], nearest: Float64Array) -> FreeScan:
-        """The longest free stretch before the nearest surface, in directions from the base."""
+        """The longest free stretch before the nearest surface, by direction from the base."""
         near, far = self._stretch(free, nearest)
         view = ScanView.of(
             FreeScan(
@@ -253,12 +254,12 @@ def _matcher(least: int, count: int) -> cv2.StereoBM:
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return begin and length of the longest run of True in each row (N, M)."""
+    """Return start and length of the longest run of True in each row (N, M)."""
     edge = np.diff(np.pad(flags, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     rows, begins = np.nonzero(edge == 1)
     lengths = np.nonzero(edge == -1)[1] - begins
     best, start = np.zeros(len(flags), np.intp), np.zeros(len(flags), np.intp)
-    # The last one written stays: the longest.
+    # The last write wins: the longest run.
     order = np.argsort(lengths, kind="stable")
     best[rows[order]], start[rows[order]] = lengths[order], begins[order]
     return start, best

@@ -1,10 +1,10 @@
 """Guard of the robots' speed, asked every tick of the drive loop.
 
-Nav2's collision monitor is the model: what would be met within ``slow_time_s`` slows the robot in
-proportion (its *approach*), what is too near to stop for stops it; here by uncertainty, and with
-what is not known counted as in the way. It is no certified safety function.
+It follows Nav2's collision monitor: an obstacle that would be met within ``slow_time_s`` slows the
+robot in proportion (its *approach*), one within the stopping distance stops it. Unlike Nav2's, it
+accounts for uncertainty and treats unknown ground as blocked. It is no certified safety function.
 
-The rules stand in ``limiting``, what is held of each robot from tick to tick in ``side``.
+The rules are in ``limiting``, each robot's state from tick to tick in ``side``.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ class Verdict:
 
     Attributes:
         level: whether it may drive as asked, slower or not at all. Never ``clear`` while blind.
-        blind: the sight that it must go by cannot be gone by; ``reason`` says why.
+        blind: the sight that it depends on is unusable; ``reason`` says why.
         speed_mps, turn_rate_radps: permitted; scaled together, so the robot stays on its arc.
         reason: one sentence; None where nothing limits.
-        limit_mps: the highest speed forth or back along this arc; None where only the declared
-            highest speed limits.
+        limit_mps: the highest speed forward or backward along this arc; None where only the
+            declared highest speed limits it.
         stop_zone, slow_zone: polygons in the base frame, metres.
-        comes: what limits comes nearer by itself, as sonar hears; nothing was driven up to.
+        comes: whether the limit is due to something that approaches by itself, by sonar, rather
+            than to something the robot drove up to.
     """
 
     level: Level
@@ -52,7 +53,7 @@ class Verdict:
 
 
 def sight_trouble(sight: Sight | None, now: float, world: str) -> str | None:
-    """Return why a robot of a world cannot go by this sight, one sentence; None where it can.
+    """Return why a robot of a world cannot rely on this sight, one sentence; None where it can.
 
     Args:
         now: the host's monotonic clock. world: in which the robot drives, as ``Sight.world``.
@@ -83,18 +84,18 @@ def sight_trouble(sight: Sight | None, now: float, world: str) -> str | None:
 
 
 class Guard:
-    """Limits what is asked of the robots; holds what it needs from tick to tick by role."""
+    """Limits the velocities asked of the robots; keeps its state from tick to tick by role."""
 
     def __init__(self, parameters: GuardParameters) -> None:
         self._parameters = parameters
         self._sides: dict[Role, Side] = {}
 
     def use(self, parameters: GuardParameters) -> None:
-        """Go by these from the next tick on."""
+        """Use these parameters from the next tick on."""
         self._parameters = parameters
 
     def forget(self, role: Role) -> None:
-        """Forget a role: another robot has it from now on."""
+        """Forget a role's state: another robot has the role from now on."""
         self._sides.pop(role, None)
 
     def limit(
@@ -110,15 +111,15 @@ class Guard:
         length_m: float | None,
         now: float,
     ) -> Verdict:
-        """Return what the robot may do for what is asked of it; takes 0.2 ms.
+        """Return which part of the wanted velocity is permitted; takes 0.2 ms.
 
         Args:
             wanted: m/s forward and rad/s to the left, finite. measured: the same by its encoders;
-                what is not told is taken as permitted last.
-            sight: the newest, of no use to the obstacle. world: in which the robot drives.
+                None stands for the value permitted last.
+            sight: the newest; ignored for the obstacle robot. world: in which the robot drives.
             sonars: newest readings. radius_m, width_m, length_m: its outline.
-            now: the host's monotonic clock; call it at least five times a second, so that the
-                guard knows where the robot has driven since a frame.
+            now: the host's monotonic clock. Call at least five times a second, so that the guard
+                knows where the robot has driven since a frame.
         """
         p = self._parameters
         side = self._sides.get(role)
@@ -152,7 +153,7 @@ class Guard:
 
 
 def _within(wanted: tuple[float, float], p: GuardParameters) -> tuple[float, float]:
-    """The wanted velocity on its arc, no faster than is ever permitted."""
+    """The wanted velocity, scaled along its arc to the highest permitted speeds."""
     speed, turn = wanted
     share = min(
         1.0,

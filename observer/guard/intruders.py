@@ -1,14 +1,14 @@
-"""Intruders: what sonar hears come nearer by itself, also where no camera looks.
+"""Intruders: objects that sonar hears approaching by themselves, also where no camera looks.
 
-An echo tells how far something is, not where across the cone. So what stands still explains a new
-echo as long as some place on its arc has not been told to be clear a moment ago: by this sonar's
-earlier readings or by any other's, carried along by the odometry. Driving past boxes and through
-doors brings new ground into the cone at its leading edge, and the echo may jump nearer; a thing
-that moves comes nearer over ground that was clear, by steps that fit a speed, reading by reading.
+An echo gives a distance, but not where across the cone. So a static object explains a new echo
+unless every place on its arc was reported clear a moment ago, by this sonar's earlier readings or
+by another's, carried along by odometry. Driving past boxes and through doors brings new ground
+into the cone at its leading edge, and the echo may jump nearer; a moving object approaches over
+ground that was clear, in steps that fit a speed, reading by reading.
 
-Such a thing is predicted from several places across the cone: as if it kept its bearing, which is
-how two meet, and as if it came straight along the cone. The standard deviations that go with it
-are those of the range, of the rate at which it falls, and of the cone's width.
+Such an object is predicted from several places across the cone: once at constant bearing, which
+is how two bodies collide, and once straight along the cone. The standard deviations used are those
+of the range, of the rate at which it falls, and of the cone's width.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ from observer.guard.sight import SeenObstacle
 from observer.guard.sonar_clear import sonar_rows
 from observer.robots.contract import SonarReading
 
-# How long ground counts as clear because it was: what stands still does not come into it.
+# How long ground that was clear is evidence that no static object is there.
 _MEMORY_S = 4.0
-# A range is noisy by about 1 cm, and a packet tells it up to 0.1 s after it was taken.
+# A range has about 1 cm of noise, and a packet reports it up to 0.1 s after it was taken.
 _RANGE_SIGMA_M = 0.015
 _TOLERANCE_M = 0.04
 _DELAY_S = 0.05
-# Error of the odometry, as a share of the way since.
+# Error of the odometry, as a share of the distance driven since.
 _DRIFT = 0.05
-# An echo where there was one so long ago is of something that stands.
+# An echo where there already was one this long ago comes from a static object.
 _STANDS_S = 0.45
 # Two echoes further apart in time are not compared.
 _LONGEST_GAP_S = 0.8
-# Readings of one sonar that follow each other faster tell nothing more.
+# Readings of one sonar at shorter intervals add no information.
 _APART_S = 0.1
-# Nothing comes nearer than by this over ground, beside the robot's own speed.
+# Range of approach speeds over ground, besides the robot's own speed.
 _FASTEST_MPS = 1.5
 _SLOWEST_MPS = 0.05
-# So much of an echo's arc must have been clear for it to be of something that moves; while it
-# comes nearer still, so much is enough.
+# Share of an echo's arc that must have been clear for it to come from a moving object, and the
+# share that suffices while that goes on approaching.
 _CLEAR_SHARE = 0.8
 _STILL_CLEAR_SHARE = 0.4
 _ARC = 7
-# Further off a cone is too wide to tell what moves.
+# Farther away a cone is too wide to tell what moves.
 _FARTHEST_M = 1.5
 _DEGREE = math.radians(1.0)
-# Well within the cone, wherever the echo came from now, it would have been heard.
+# Share of the half angle within which an object surely echoes, wherever in the cone it is now.
 _SURE_SHARE = 0.67
 _ACROSS = (-0.67, 0.0, 0.67)
 
@@ -62,7 +62,7 @@ class _Heard:
     """An echo, in the odometry's axes.
 
     Attributes:
-        x, y, heading: of the sonar. comes: something that comes nearer by itself.
+        x, y, heading: of the sonar. comes: whether something approaches by itself.
     """
 
     received: float
@@ -74,7 +74,7 @@ class _Heard:
 
 
 class SonarWatch:
-    """Follows each sonar's echoes and tells which are of something that comes nearer."""
+    """Follows each sonar's echoes and tells which come from approaching objects."""
 
     def __init__(self) -> None:
         # Columns: received, x, y, heading, range (infinite where nothing echoed), clear up to.
@@ -84,7 +84,7 @@ class SonarWatch:
         self._doubted: dict[int, _Heard] = {}
 
     def forget(self) -> None:
-        """Forget all readings: nobody knows where the robot was before."""
+        """Forget all readings: where the robot was before is unknown."""
         self._readings.clear()
         self._newest.clear()
         self._trails.clear()
@@ -93,7 +93,7 @@ class SonarWatch:
     def listen(
         self, sonars: Sequence[SonarReading], now: float, past: DeadReckoning, p: GuardParameters
     ) -> None:
-        """Take in the readings that were not there at the last call."""
+        """Take in the readings that are new since the last call."""
         new = [one for one in sonars if self._is_new(one, now, p)]
         if not new:
             return
@@ -108,7 +108,7 @@ class SonarWatch:
         if any(nearer):
             shares[nearer] = self._come_in(rows[nearer], p)
         for one, row, share in zip(new, rows.tolist(), shares.tolist(), strict=True):
-            # Echoes fail to come now and then: what one reading alone calls clear may not be.
+            # Echoes are missed now and then: one reading alone does not prove ground clear.
             _, before = self._newest.get(one.index, (0.0, 0.0))
             self._newest[one.index] = one.received, row[4]
             self._readings.append((*row, min(row[4], before)))
@@ -119,7 +119,7 @@ class SonarWatch:
         return one.received - before >= _APART_S and now - one.received <= p.sonar_fresh_s
 
     def _may_come(self, index: int, range_m: float | None, p: GuardParameters) -> bool:
-        """Return whether it is nearer than what it may continue; the rest need not be looked at."""
+        """Return whether it is nearer than the echo it may continue; others need no check."""
         if range_m is None or range_m > min(_FARTHEST_M, p.sonar_reach_m):
             return False
         trail, doubted = self._trails.get(index), self._doubted.get(index)
@@ -128,7 +128,7 @@ class SonarWatch:
         )
 
     def _come_in(self, rows: Float64Array, p: GuardParameters) -> Float64Array:
-        """(M,) which share of each echo's arc was clear before, with nothing standing there."""
+        """(M,) share of each echo's arc that was clear before, with no static object there."""
         while self._readings and rows[0, 0] - self._readings[0][0] > _MEMORY_S:
             self._readings.popleft()
         if not self._readings:
@@ -144,7 +144,7 @@ class SonarWatch:
         c, s = np.cos(heading), np.sin(heading)
         along, aside = c * dx + s * dy, np.abs(c * dy - s * dx)
         age = (rows[:, 0, None] - received)[:, None, :]
-        # What is heard so far off the axis now would have been heard there before.
+        # An object that echoes this far off the axis now would have echoed there before.
         surely = np.tan(np.maximum(np.abs(off) + _DEGREE, _SURE_SHARE * half))[:, None]
         reach = np.minimum(free, p.sonar_reach_m)
         driven = np.hypot(rows[:, 1, None] - x, rows[:, 2, None] - y)
@@ -159,7 +159,7 @@ class SonarWatch:
         return np.asarray(moved_in.mean(axis=1))
 
     def _follow(self, index: int, row: list[float], share: float, p: GuardParameters) -> None:
-        """Continue a sonar's trail by its new reading, or begin another one."""
+        """Continue a sonar's trail with its new reading, or begin another one."""
         received, x, y, heading, echo = row
         trail = self._trails.setdefault(index, deque(maxlen=4))
         doubted = self._doubted.pop(index, None)
@@ -168,7 +168,7 @@ class SonarWatch:
             trail.clear()
         if trail and not _follows(trail[-1], new, p):
             if doubted is None:
-                # A wild reading, or something else: for that it takes two.
+                # An outlier or another object: a second reading has to confirm the latter.
                 self._doubted[index] = new
                 return
             trail.clear()
@@ -176,7 +176,7 @@ class SonarWatch:
                 trail.append(doubted)
         comes = bool(trail) and _comes(trail[-1], new, share)
         if not comes:
-            # The rate is that since it began to come.
+            # The rate is measured since the approach began.
             trail.clear()
         if echo <= p.sonar_reach_m:
             trail.append(replace(new, comes=comes))
@@ -184,7 +184,7 @@ class SonarWatch:
     def coming(
         self, now: float, past: DeadReckoning, p: GuardParameters
     ) -> list[tuple[int, list[SeenObstacle]]]:
-        """Return what comes nearer: the sonar's number and places, in the base frame of now."""
+        """Return what approaches: sonar number and predicted places, in the current base frame."""
         return [
             (index, _predicted(index, trail, now, past, p))
             for index, trail in self._trails.items()
@@ -193,7 +193,7 @@ class SonarWatch:
 
 
 def _follows(last: _Heard, new: _Heard, p: GuardParameters) -> bool:
-    """Return whether one thing may have echoed twice: it does not jump."""
+    """Return whether the same object may have echoed twice: its range does not jump."""
     gap = new.received - last.received
     own = math.hypot(new.x - last.x, new.y - last.y)
     most = _FASTEST_MPS * (gap + _DELAY_S) + own
@@ -201,7 +201,7 @@ def _follows(last: _Heard, new: _Heard, p: GuardParameters) -> bool:
 
 
 def _comes(last: _Heard, new: _Heard, share: float) -> bool:
-    """Return whether what echoes came nearer over ground of which such a share was clear."""
+    """Return whether the echo came nearer and enough of its arc (``share``) was clear before."""
     if last.range_m - new.range_m <= _SLOWEST_MPS * (new.received - last.received):
         return False
     return share >= (_STILL_CLEAR_SHARE if last.comes else _CLEAR_SHARE)

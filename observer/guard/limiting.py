@@ -1,15 +1,15 @@
-"""The rules: which share of a wanted velocity what is known permits, and why not the whole.
+"""The rules: which share of a wanted velocity is permitted, and why not all of it.
 
-What the robot passes over until it would stand again must be known to be free:
+All ground that the robot passes over until it could have stopped must be known to be free:
 
-- seen free in the newest frame, carried to where the robot stands now;
+- seen free in the newest frame, carried to the robot's current pose;
 - or clear by fresh sonar that covers it;
-- or seen free a moment ago, as far as nothing unseen can have come in since.
+- or seen free a moment ago, as far as nothing unseen can have entered since.
 
 A surface that is seen is in the way whatever sonar says, and an echo within ``sonar_stop_m`` ahead
-whatever is seen. Tracked obstacles are followed along their own motion (``separation``), and so is
-what sonar hears come nearer by itself (``intruders``). A turn on the spot asks the same of the
-robot's turning circle. The obstacle robot has no eyes: only echoes limit it.
+whatever is seen. Tracked obstacles are predicted along their own motion (``separation``), and so
+are objects that sonar hears approaching by themselves (``intruders``). A turn on the spot requires
+the same of the robot's turning circle. The obstacle robot has no eyes: only echoes limit it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def limit_of(
     """Return the least of what tracked obstacles, the ground and sonar permit.
 
     Args:
-        wanted: m/s and rad/s, not zero. sight: to go by; None for the robot without eyes.
+        wanted: m/s and rad/s, not zero. sight: usable; None for the robot without eyes.
     """
     view = fresh_sonar(sonars, now, side.past, p)
     if sight is None:
@@ -59,7 +59,7 @@ def limit_of(
 def _limit_by_coming(
     side: Side, wanted: tuple[float, float], outline: Outline, p: GuardParameters, now: float
 ) -> Limit:
-    """Limit by what sonar hears come nearer by itself, also where no camera looks."""
+    """Limit by objects that sonar hears approaching by themselves, also where no camera looks."""
     places = [one for _, several in side.watch.coming(now, side.past, p) for one in several]
     if not places:
         return Limit(1.0)
@@ -79,7 +79,7 @@ def _limit_by_obstacles(near: Approach, p: GuardParameters) -> Limit:
 
 
 def _named(number: int | None) -> str:
-    # A track has no lasting number yet while it is tentative.
+    # A tentative track has no permanent number yet.
     return "an object that starts to move" if number is None or number < 0 else f"obstacle {number}"
 
 
@@ -96,7 +96,7 @@ def _limit_by_ground(
     stop_s = stopping.way_s()
     seconds = max(stop_s, p.slow_time_s)
     points, times, beside, step = swept(outline, *wanted, seconds, p.margin_m)
-    # Beyond where the robot would stand nothing has to be known.
+    # Ground beyond the stopping point may be unknown.
     needed = (times <= stop_s) & ~beside
     free = blocked = np.zeros(len(points), np.bool_)
     if side.scan is not None:
@@ -126,7 +126,7 @@ def _limit_by_ground(
 def _limit_by_echo(
     wanted: tuple[float, float], view: SonarView | None, outline: Outline, p: GuardParameters
 ) -> Limit:
-    """Limit a robot without eyes: where nothing echoes it may drive, also without any sonar."""
+    """Limit a robot without eyes: it may drive where nothing echoes, even without sonar."""
     if view is None or is_spot_turn(*wanted):
         return Limit(1.0)
     stopping = Stopping.of(*wanted, p)
@@ -146,9 +146,9 @@ def _near_echo(
     outline: Outline,
     p: GuardParameters,
 ) -> int | None:
-    """The number of a sonar with an echo on the way within the stop distance.
+    """The number of a sonar with an echo on the robot's path within the stop distance.
 
-    What stands beside the robot does not keep it from turning away.
+    An object beside the robot does not keep it from turning away.
     """
     if is_spot_turn(*wanted):
         return None

@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 
-# A robot that nobody has measured is taken for a large one, metres.
+# Metres: a robot of unknown size is assumed to be large.
 _UNKNOWN_LENGTH_M = 0.55
 _UNKNOWN_WIDTH_M = 0.45
-# Between two samples of ground: less than half of anything that would be run into.
+# Metres between ground samples: less than half the width of any relevant obstacle.
 _STEP_M = 0.05
 _MOST_STEPS = 40
 _EDGE_M = 0.1
 _RING = 24
-# Below this way per radian a motion is a turn on the spot: the axle hardly leaves its place.
+# Metres per radian: below this a motion is a turn on the spot, as the axle hardly moves.
 _SPOT_M = 0.02
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Length and width about the middle of the axle, and within which radius it turns; metres."""
+    """Length and width about the middle of the axle, and radius of the turning circle; metres."""
 
     length_m: float
     width_m: float
@@ -34,7 +34,7 @@ class Outline:
 
     @staticmethod
     def of(length_m: float | None, width_m: float | None, radius_m: float | None) -> Outline:
-        """Return an outline in which unknown sizes are taken for large."""
+        """Return an outline in which unknown sizes are assumed to be large."""
         length = _UNKNOWN_LENGTH_M if length_m is None else length_m
         width = _UNKNOWN_WIDTH_M if width_m is None else width_m
         diagonal = math.hypot(length, width) / 2
@@ -50,31 +50,31 @@ class Outline:
 def poses_along(speed_mps: float, turn_rate_radps: float, times: Float64Array) -> Float64Array:
     """Poses (..., 3) x, y, yaw after driving an arc for ``times`` seconds, from the base frame.
 
-    The exact motion of a base with two wheels at steady speeds (Siegwart et al., Introduction to
+    The exact motion of a differential drive at constant speeds (Siegwart et al., Introduction to
     Autonomous Mobile Robots, 3.2).
     """
     yaw = turn_rate_radps * times
     way = speed_mps * times
     half = yaw / 2
-    # The chord of an arc; sinc takes pi times its argument.
+    # The chord of an arc; numpy's sinc multiplies its argument by pi.
     chord = way * np.sinc(half / math.pi)
     return np.stack([chord * np.cos(half), chord * np.sin(half), yaw], axis=-1)
 
 
 def is_spot_turn(speed_mps: float, turn_rate_radps: float) -> bool:
-    """Return whether a motion turns about a place within the axle's own."""
+    """Return whether a motion turns about the middle of the axle, or nearly so."""
     return abs(speed_mps) <= _SPOT_M * abs(turn_rate_radps)
 
 
 class Way(NamedTuple):
-    """Ground that a robot will pass over and, with its margin, does not stand on now; sampled.
+    """Samples of ground that a robot will pass over and, with its margin, does not cover now.
 
     Attributes:
-        points: (N, 2) in the base frame as it stands now.
+        points: (N, 2) in the current base frame.
         times: (N,) seconds at the wanted velocity until each is reached.
-        beside: (N,) which of them lie beside the robot's way, within its margin: nothing may be
-            there that is known of, but what is there need not be known.
-        step_s: between two samples of time; 0 where there is one only.
+        beside: (N,) whether each lies beside the robot's path, within its margin: no known
+            obstacle may be there, but the ground may be unknown.
+        step_s: between two samples of time; 0 where there is only one.
     """
 
     points: Float64Array
@@ -83,16 +83,16 @@ class Way(NamedTuple):
     step_s: float
 
 
-# Most ticks of either robot want the same as the one before.
+# Most ticks of either robot ask for the same velocity as the one before.
 @lru_cache(maxsize=4)
 def swept(
     outline: Outline, speed_mps: float, turn_rate_radps: float, seconds: float, margin_m: float
 ) -> Way:
-    """Sample the ground under the outline with its margin, along an arc of so many seconds.
+    """Sample the ground under the outline with its margin, along an arc of ``seconds`` duration.
 
-    Of a motion forth or back: the leading edge with its margin, the middles of the sides and the
-    trailing corners, which swing out in a bend. Of a turn on the spot: the turning circle, all of
-    it at once and without the margin, for it comes no nearer to what stands beside it.
+    For a motion forward or backward: the leading edge with its margin, the middles of the sides
+    and the trailing corners, which swing out in a bend. For a turn on the spot: the whole turning
+    circle at once and without the margin, as it gets no nearer to what stands beside it.
     """
     if is_spot_turn(speed_mps, turn_rate_radps):
         angle = np.arange(_RING) * (2 * math.pi / _RING)
@@ -126,12 +126,12 @@ def placed(body: Float64Array, poses: Float64Array) -> Float64Array:
 def _edge(
     outline: Outline, margin_m: float, speed_mps: float
 ) -> tuple[Float64Array, NDArray[np.bool_]]:
-    """Points (P, 2) of a body that sweep all its ground, and which lie beside it (P,)."""
+    """Points (P, 2) of a body that sweep all its ground, and whether each lies beside it (P,)."""
     front = math.copysign(outline.length_m / 2 + margin_m, speed_mps)
     half = outline.width_m / 2
     count = max(3, math.ceil(2 * half / _EDGE_M) + 1)
     leading = [(front, y) for y in np.linspace(-half, half, count)]
-    # What follows swings out of where the robot and its margin stand only in the tightest bends.
+    # The rear swings out beyond the robot's margin only in the tightest bends.
     tail = math.copysign(outline.length_m / 2, -speed_mps)
     rest = [(0.0, half), (0.0, -half), (tail, half), (tail, -half)]
     beside = [(front, half + margin_m), (front, -half - margin_m)]

@@ -6,7 +6,7 @@ from observer.parameters.fields import Real, Stage, number
 
 
 class GuardParameters(Stage):
-    """Speed limits of the robots, by what is seen and by sonar; no observation depends on them."""
+    """Speed limits of the robots, from vision and sonar; no observation depends on them."""
 
     speed_max_mps: Real = number(0.5, unit="m/s", ge=0.05, le=2.0, step=0.05, title="Max. speed")
     """Upper limit for both robots, whoever drives."""

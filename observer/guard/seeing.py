@@ -1,4 +1,4 @@
-"""Conversion of an observation to what the guard goes by, in the robot's frame."""
+"""Conversion of an observation to the guard's input, in the robot's frame."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.mount import CameraMount
 from observer.types import Observation, Obstacle, Status, TrackState
 
-# What is not confirmed yet counts once its motion stands out so far, in standard deviations.
+# Standard deviations: significance of its motion at which a tentative track counts.
 _SURE = 4.0
-# Often only a part of a body is seen, or a few points on it: then it is taken for a person, who
-# measures so much from the middle to the elbows and to the foot ahead.
+# Metres: often only part of a body is seen, or a few points on it. It is then assumed to be a
+# person, who extends this far from the centre to the elbows and the leading foot.
 _LEAST_RADIUS_M = 0.3
 
 
@@ -25,15 +25,15 @@ def sight_of_observation(
     scan: FreeScan | None,
     published: float,
 ) -> Sight:
-    """Return what the drive process is told of a frame.
+    """Return the sight of a frame for the drive process.
 
     Regions in which motion could not be noticed do not make the frame unfit for driving: where no
-    floor is seen the free scan is unknown, which counts as in the way.
+    floor is seen the free scan is unknown, which counts as blocked.
 
     Args:
-        camera: the rectified pair. mount: of the cameras on the robot, None where unknown: then
-            nothing is known of places.
-        scan: the free floor of this very frame, None where it was not looked for.
+        camera: the rectified pair. mount: of the cameras on the robot; None where unknown, so that
+            no positions are known.
+        scan: the free floor of this very frame; None where it was not computed.
         published: the host's monotonic clock.
     """
     unseen = () if observation.unseen is None else observation.unseen.reasons
@@ -57,10 +57,10 @@ def seen_obstacles(
 ) -> tuple[SeenObstacle, ...]:
     """The tracks that count for driving, over the floor.
 
-    Confirmed and coasting ones; and tentative ones whose motion stands out by ``_SURE`` standard
-    deviations with a velocity that is known to some accuracy: waiting for their confirmation
-    would cost about 0.2 s, in which a robot at 0.4 m/s comes 8 cm nearer. Weaker ones are left
-    out: they come and go, and what they are made of is in the free scan as surfaces anyway.
+    Confirmed and coasting ones; and tentative ones whose motion is significant by ``_SURE``
+    standard deviations and whose velocity covariance is known: waiting for their confirmation
+    would cost about 0.2 s, in which a robot at 0.4 m/s drives 8 cm. Weaker ones are left out: they
+    come and go, and the free scan contains their surfaces anyway.
     """
     return tuple(
         _seen(one, camera, mount)
@@ -89,7 +89,7 @@ def _seen(one: Obstacle, camera: StereoCamera, mount: CameraMount) -> SeenObstac
 
 
 def _reach(one: Obstacle, camera: StereoCamera) -> float:
-    """Metres to which the silhouette reaches beside the centre, at its depth; 0 without one."""
+    """Metres that the silhouette extends sideways from the centre, at its depth; 0 without one."""
     if one.silhouette is None:
         return 0.0
     x, _, z = one.position_camera
@@ -98,7 +98,7 @@ def _reach(one: Obstacle, camera: StereoCamera) -> float:
 
 
 def _sigma(covariance: Float64Array | None) -> float | None:
-    """Return the largest standard deviation over all directions; None where it is not known."""
+    """Return the largest standard deviation over all directions; None where it is unknown."""
     if covariance is None or not np.isfinite(covariance).all():
         return None
     return largest_sigma(covariance)

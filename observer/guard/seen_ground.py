@@ -14,19 +14,19 @@ from observer.guard.dead_reckoning import DeadReckoning, moved
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan
 
-# A surface is taken to begin this much nearer than told, beside its uncertainty.
+# A surface is assumed this much nearer than reported, in addition to its uncertainty.
 _SURFACE_ERROR_M = 0.03
-# Remembered scans are this far apart, and so many of them are asked.
+# Seconds between remembered scans, and how many of them are consulted.
 _APART_S = 0.15
 _ASKED = 3
-# Whoever may have come from further away than this is not followed up: the memory is too old.
+# Scans so old that an intruder could have come farther than this are not used.
 _FARTHEST_INTRUSION_M = 0.6
 _AROUND = 8
 
 
 @dataclass(frozen=True, eq=False)
 class ScanView:
-    """A scan with the worse of every two neighbouring bearings, ready to be asked.
+    """A scan with the worse of every two neighbouring bearings, prepared for queries.
 
     Attributes:
         bearings: (N,) ascending. near, far, blocked: (N + 1,) of the gap below each bearing; the
@@ -42,7 +42,7 @@ class ScanView:
     def of(scan: FreeScan) -> ScanView:
         near, far = np.array(scan.known_from_m), np.array(scan.known_to_m)
         blocked = np.array([np.inf if b is None else b for b in scan.blocked_m])
-        # In places beyond a surface nothing is seen.
+        # Nothing is seen beyond a surface.
         far = np.minimum(far, blocked)
         return ScanView(
             np.array(scan.bearings),
@@ -52,7 +52,7 @@ class ScanView:
         )
 
     def look(self, points: Float64Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which points (N, 2) of the scan's base frame are seen free, which are blocked."""
+        """Return which points (N, 2) of the scan's base frame are seen free and which blocked."""
         if len(self.bearings) < 2:
             nothing = np.zeros(len(points), np.bool_)
             return nothing, nothing
@@ -65,7 +65,7 @@ class ScanView:
 
 
 class RememberedGround:
-    """Scans of the last moments, and what of them still counts."""
+    """Recent scans, and which ground they still show to be free."""
 
     def __init__(self) -> None:
         self._scans: deque[tuple[float, ScanView]] = deque(maxlen=64)
@@ -81,10 +81,10 @@ class RememberedGround:
     def free(
         self, points: Float64Array, now: float, past: DeadReckoning, p: GuardParameters
     ) -> NDArray[np.bool_]:
-        """Return which points (N, 2) of the base frame of now were seen free and must still be so.
+        """Return which points (N, 2) of the current base frame must still be free as once seen.
 
-        All ground around a point must have been free as far as something unseen may have come
-        since, at ``intruder_mps``.
+        All ground around a point must have been free, out to the distance that something unseen
+        may have travelled since at ``intruder_mps``.
         """
         found = np.zeros(len(points), np.bool_)
         while self._scans and now - self._scans[0][0] > p.memory_s:

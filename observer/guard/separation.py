@@ -1,22 +1,24 @@
 """Speed and separation: distance that a robot must keep, and speed for the space it has.
 
-The protective separation distance of ISO/TS 15066:2016, 5.5.4 (with the words of ISO 13855 for
-what approaches), as Marvel and Norcross write it out (Implementing speed and separation monitoring
-in collaborative robot workcells, Robotics and Computer-Integrated Manufacturing 44, 2017)::
+The protective separation distance of ISO/TS 15066:2016, 5.5.4 (with ISO 13855's terms for
+approaching bodies), as Marvel and Norcross write it out (Implementing speed and separation
+monitoring in collaborative robot workcells, Robotics and Computer-Integrated Manufacturing 44,
+2017)::
 
     S_p = S_h + S_r + S_s + C + Z_d + Z_r
 
-    S_h   way of the obstacle until the robot stands: its speed times (reaction + braking time)
-    S_r   way of the robot during its reaction time: speed times reaction time
-    S_s   way of the robot while it brakes: speed^2 / (2 deceleration)
-    C     distance kept all the same: the margin
-    Z_d   uncertainty of where the obstacle is (sigmas times its standard deviation, which grows
+    S_h   distance the obstacle covers until the robot has stopped: its speed times (reaction +
+          braking time)
+    S_r   distance the robot covers during its reaction time: speed times reaction time
+    S_s   distance the robot covers while it brakes: speed^2 / (2 deceleration)
+    C     distance kept in any case: the margin
+    Z_d   uncertainty of the obstacle's position (sigmas times its standard deviation, which grows
           with that of its velocity and the time)
-    Z_r   uncertainty of the robot's own way: a share of S_r + S_s
+    Z_r   uncertainty of the robot's own distance: a share of S_r + S_s
 
-The standard adds the speeds up as if both drove straight at each other. Here the robot's way is
-the commanded arc and the obstacle's its measured velocity, so what passes behind the robot does
-not stop it. This is a help for careful people, not a certified safety function: neither the
+The standard adds the speeds up as if both drove straight at each other. Here the robot follows the
+commanded arc and the obstacle its measured velocity, so an obstacle that passes behind the robot
+does not stop it. This is an aid for careful people, not a certified safety function: neither the
 cameras nor the computer are safety rated.
 """
 
@@ -34,14 +36,14 @@ from observer.guard.outline import Outline, poses_along
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SeenObstacle
 
-# One standard deviation of the robot's own way, as a share of it: wheels slip, floors differ.
+# One standard deviation of the distance driven, as a share of it: wheels slip, floors differ.
 _WAY_SIGMA = 0.05
-# Where no uncertainty is told.
+# Assumed where the uncertainty is unknown.
 _UNKNOWN_POSITION_SIGMA_M = 0.2
 _UNKNOWN_VELOCITY_SIGMA_MPS = 0.3
 _SHARES = 11
 _INSTANTS = 9
-# Coming this much nearer than one would by standing is no approach.
+# Getting this much nearer than when standing still does not count as an approach.
 _NO_APPROACH_M = 0.002
 
 
@@ -50,11 +52,11 @@ class Stopping:
     """Braking of a motion along one arc.
 
     Speed and turn rate are scaled together by a *share* from 0 to 1, so the robot stays on the
-    arc; its way is told in seconds at the wanted velocity.
+    arc; its way is measured in seconds at the wanted velocity.
 
     Attributes:
         reaction_s: before it brakes. braking_s: from the wanted velocity to standing.
-        stretch: by which the way may turn out longer than planned (Z_r).
+        stretch: factor by which the way may turn out longer than planned (Z_r).
     """
 
     reaction_s: float
@@ -82,7 +84,7 @@ class Stopping:
         return float(min(1.0, (root**0.5 - self.reaction_s) / self.braking_s))
 
     def progress(self, shares: Float64Array, times: Float64Array) -> Float64Array:
-        """Way (M, K) at instants (M, K), each row braking from its share (M, 1) after reacting."""
+        """Way (M, K) at instants (M, K); each row brakes from its share (M, 1) after reacting."""
         braking = np.clip(times - self.reaction_s, 0.0, shares * self.braking_s)
         rolling = shares * (np.minimum(times, self.reaction_s) + braking)
         return np.asarray(self.stretch * (rolling - braking**2 / (2 * self.braking_s)))
@@ -93,10 +95,10 @@ class Approach:
     """Limits that tracked obstacles set.
 
     Attributes:
-        stop_share: of the wanted velocity, with which the separation is kept to the end of
-            braking. stopper: the obstacle that sets it, None where none does.
-        contact_s: until the separation would be used up at the wanted velocity, None where it
-            would not be within the time looked at. nearest: the obstacle of it.
+        stop_share: of the wanted velocity, at which the separation is kept until the robot has
+            stopped. stopper: the obstacle that sets it, None where none does.
+        contact_s: until the separation would be used up at the wanted velocity, None if not
+            within ``slow_time_s``. nearest: the obstacle concerned.
     """
 
     stop_share: float
@@ -115,12 +117,12 @@ def approach(
 ) -> Approach:
     """Return how tracked obstacles limit a motion along an arc, their own motion included.
 
-    A motion that comes no nearer to an obstacle than standing would is never limited by it, so
-    that a robot can always make way.
+    An obstacle never limits a motion that gets no nearer to it than standing still would, so that
+    a robot can always make way.
 
     Args:
-        obstacles: in the base frame of ``age_s`` ago. T_now_then: that frame as x, y, yaw in the
-            base frame of now.
+        obstacles: in the base frame of ``age_s`` ago. T_now_then: pose x, y, yaw of that frame in
+            the current base frame.
         wanted: m/s and rad/s.
     """
     stopping = Stopping.of(*wanted, p)
@@ -136,19 +138,19 @@ def approach(
     wx, wy = c * vx - s * vy, s * vx + c * vy
 
     def separation(way_s: Float64Array, times: Float64Array) -> Float64Array:
-        """(..., O) from outline to obstacle at instants from now, uncertainty taken off."""
+        """(..., O) from outline to obstacle at instants from now, less margin and uncertainty."""
         poses = poses_along(*wanted, way_s)[..., None, :]
         dx = ox + wx * (age_s + times[..., None]) - poses[..., 0]
         dy = oy + wy * (age_s + times[..., None]) - poses[..., 1]
         cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
         gap = outline.distance(cos * dx + sin * dy, cos * dy - sin * dx)
-        # Within the outline the distance of the centres goes on falling.
+        # Within the outline, keep falling with the distance of the centres.
         gap = gap + np.minimum(0.0, np.hypot(dx, dy) - outline.width_m / 2)
         sigma = np.hypot(sigma_p, sigma_v * (age_s + times[..., None]))
         return np.asarray(gap - radius - p.margin_m - p.sigmas * sigma)
 
     def too_near(way_s: Float64Array, times: Float64Array) -> NDArray[np.bool_]:
-        """(..., O) at which instants the separation is used up, and more so than by standing."""
+        """(..., O) whether the separation is used up, and more so than when standing still."""
         driving, standing = separation(way_s, times), separation(np.zeros_like(times), times)
         return np.asarray((driving < 0) & (driving < standing - _NO_APPROACH_M), np.bool_)
 
@@ -175,7 +177,7 @@ def _within_reach(
     outline: Outline,
     p: GuardParameters,
 ) -> bool:
-    """Return whether the two might meet within a time, wherever they head."""
+    """Return whether the two might meet within a time, whatever their directions."""
     body = math.hypot(outline.length_m, outline.width_m) / 2
     _, _, vx, vy, radius, sigma_p, sigma_v = _numbers(one)
     # Z_r stretches the robot's way.

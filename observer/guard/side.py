@@ -1,4 +1,4 @@
-"""State of the guard for one robot from tick to tick: what it knows and what it permitted."""
+"""State of the guard for one robot from tick to tick: what it knows and what it has permitted."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.seen_ground import RememberedGround, ScanView
 from observer.guard.sight import Sight
 
-# A share that differs by less is not worth a word.
+# A share above this counts as the whole.
 WHOLE = 0.999
-# A turn on the spot that was stopped begins again with at least this share.
+# Share: a stopped turn on the spot starts again with at least this.
 _LEAST_TURN = 0.1
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Share of the wanted velocity, and why it is not the whole.
+    """Permitted share of the wanted velocity, and why it is not the whole.
 
     Attributes:
-        comes: what limits comes nearer by itself, as sonar hears; nothing was driven up to.
+        comes: whether the limit is due to something that approaches by itself, by sonar, rather
+            than to something the robot drove up to.
     """
 
     share: float
@@ -32,7 +33,7 @@ class Limit:
 
 
 class Side:
-    """One robot's side of the guard.
+    """State of the guard for one robot.
 
     Attributes:
         past: where it was. ground: what was seen free a moment ago. watch: what its sonar hears.
@@ -51,7 +52,7 @@ class Side:
         self._stopped = False
 
     def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
-        """Take in the measured velocity; forget all where the way since is unknown."""
+        """Take in the measured velocity; forget everything if the motion since is unknown."""
         speed, turn = (
             told if known is None else known
             for known, told in zip(measured, self.permitted, strict=True)
@@ -62,7 +63,7 @@ class Side:
             self.release()
 
     def see(self, sight: Sight) -> None:
-        """Take over a frame that was not there at the last tick."""
+        """Take in a frame if it is new since the last tick."""
         if self._frame == (sight.frame, sight.received):
             return
         self._frame = (sight.frame, sight.received)
@@ -71,22 +72,22 @@ class Side:
             self.ground.remember(sight.received, self.scan)
 
     def release(self) -> None:
-        """Forget the limits that were called for before."""
+        """Forget the earlier limits."""
         self._calls.clear()
         self._stopped = False
 
     def held(
         self, limit: Limit, wanted: tuple[float, float], now: float, p: GuardParameters
     ) -> Limit:
-        """Return the limit in force: it falls at once, and rises if less was not called for lately.
+        """Return the limit in force: it falls at once, and rises only after ``release_s``.
 
         Args:
-            limit: of the wanted velocity, called for at this moment.
+            limit: of the wanted velocity, at this moment.
         """
         spot = is_spot_turn(*wanted)
         heading = (0, _sign(wanted[1])) if spot else (_sign(wanted[0]), 0)
         if heading != self._heading:
-            # Making way in another direction has nothing to do with why this one was closed.
+            # The limits of one direction do not apply to another.
             self._heading = heading
             self.release()
         size = abs(wanted[1]) if spot else abs(wanted[0])
@@ -99,7 +100,7 @@ class Side:
             return Limit(1.0)
         _, least, called = min(self._calls, key=lambda call: call[1])
         share = min(1.0, least / size)
-        # Who stands begins again only with room for more than the slowest speed.
+        # A stopped robot starts again only with room for twice the slowest speed.
         slowest = _LEAST_TURN * size if spot else min(p.creep_mps, size)
         enough = slowest * (1 if spot or not self._stopped else 2)
         self._stopped = share < WHOLE and least < enough

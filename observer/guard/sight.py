@@ -1,4 +1,4 @@
-"""Sight: what the drive process is told of each observed frame, in the robot's own frame."""
+"""Sight: the content of an observed frame for the drive process, in the robot's own frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 
 from observer.types import Status
 
-# So old may the reception of the newest frame be, seconds.
+# Seconds: highest age of the newest frame since its reception.
 SIGHT_FRESH_S = 0.2
 # The world that live cameras show.
 REAL_WORLD = "real"
@@ -22,7 +22,7 @@ class SeenObstacle:
 
     Attributes:
         x, y: of its centre, metres. vx, vy: over ground, m/s, in the base's axes.
-        radius_m: of a circle about the centre that holds the whole body, to its farthest edge.
+        radius_m: of a circle about the centre that encloses the whole body.
         position_sigma_m, velocity_sigma_mps: largest standard deviation over all directions;
             None where unknown.
         coasting: not seen in this frame.
@@ -47,9 +47,8 @@ class FreeScan:
 
     Attributes:
         bearings: radians to the left, ascending.
-        blocked_m: distance of the nearest surface that stands in the way, None where none is
-            seen.
-        known_from_m, known_to_m: between these distances the direction is seen to be free; equal
+        blocked_m: distance of the nearest surface in the way, None where none is seen.
+        known_from_m, known_to_m: distances between which the direction is seen to be free; equal
             where nothing is known.
     """
 
@@ -65,12 +64,12 @@ class Sight:
 
     Attributes:
         frame: its number. received, published: the host's monotonic clock at its reception and
-            behind observing it.
-        world: which world it shows; a robot is moved by sight of its own world only. ``real`` for
-            live cameras, another text for each simulated world, None for what is only replayed.
+            after it was observed.
+        world: which world it shows; a robot moves only by sight of its own world. ``real`` for
+            live cameras, another text for each simulated world, None for replayed recordings.
         status, reasons: of the observation.
-        mount_known: whether the cameras' place on the robot is known; without it there are no
-            obstacles and no scan here.
+        mount_known: whether the pose of the cameras on the robot is known; without it there are
+            no obstacles and no scan.
     """
 
     frame: int
@@ -92,9 +91,9 @@ _SIGHT = TypeAdapter(Sight)
 
 
 def sight_of(facts: Mapping[str, Any]) -> Sight:
-    """Return the sight of which these are the ``facts``.
+    """Return the sight with these ``facts``.
 
     Raises:
-        ValueError: they are of none.
+        ValueError: they do not describe a sight.
     """
     return _SIGHT.validate_python(facts)

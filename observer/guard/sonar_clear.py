@@ -1,4 +1,4 @@
-"""Ground that fresh sonar readings call clear, or an echo, or neither."""
+"""Classification of ground by fresh sonar readings: clear, echoing or neither."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.parameters import GuardParameters
 from observer.robots.contract import SonarReading
 
-# An echo's range may be wrong by so much.
+# Highest error of an echo's range.
 _RANGE_ERROR_M = 0.04
-# Beside its own face a sonar notices nothing; what is level with it is noticed by its neighbour.
+# A sonar is blind to the side of its own face; its neighbour covers what is level with it.
 _BEHIND_FACE_M = 0.08
-# A reading may come while the tick that asks is under way: later than its "now" by so much.
+# A reading may arrive during the tick: by at most this much later than the tick's ``now``.
 _SINCE_S = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class SonarView:
-    """Fresh readings, carried to where the robot stands now.
+    """Fresh readings, carried to the robot's current pose.
 
     Attributes:
-        index: (S,) their numbers. x, y, heading: (S,) of each sonar when it was asked, in the
-            base frame of now. echo_m: (S,) range of the echo, infinite where none came.
-        clear_m: (S,) how far its cone counts as clear still.
+        index: (S,) their numbers. x, y, heading: (S,) of each sonar at its reading, in the
+            current base frame. echo_m: (S,) range of the echo, infinite where none came.
+        clear_m: (S,) how far its cone still counts as clear.
     """
 
     index: tuple[int, ...]
@@ -41,7 +41,7 @@ class SonarView:
 
 
 def sonar_rows(sonars: Sequence[SonarReading]) -> Float64Array:
-    """Return rows (S, 5) of received, x, y, heading and range, infinite where none echoed."""
+    """Return rows (S, 5) of received, x, y, heading and range, infinite without an echo."""
     return np.array(
         [
             (s.received, s.x, s.y, s.heading, math.inf if s.range_m is None else s.range_m)
@@ -55,13 +55,13 @@ def fresh_sonar(
 ) -> SonarView | None:
     """Return the readings that still count; None where there are none.
 
-    What a sonar told before is worth less by what may have come in since at ``intruder_mps``.
+    A reading's clear range shrinks with its age, by ``intruder_mps``.
     """
     fresh = [one for one in sonars if -_SINCE_S <= now - one.received <= p.sonar_fresh_s]
     if not fresh:
         return None
     received, x, y, heading, echo = sonar_rows(fresh).T
-    # The base as it stands now in the base frame of each reading; here its inverse is needed.
+    # The current base in the base frame of each reading; here its inverse is needed.
     dx, dy, yaw = past.then_from_now(received).T
     c, s = np.cos(yaw), np.sin(yaw)
     rx, ry = x - dx, y - dy
@@ -77,10 +77,10 @@ def fresh_sonar(
 
 
 def clear_by_sonar(points: Float64Array, view: SonarView, p: GuardParameters) -> NDArray[np.bool_]:
-    """Return which points (N, 2) of the base frame lie in ground that sonar says is clear.
+    """Return which points (N, 2) of the base frame lie on ground that is clear by sonar.
 
-    In a clear cone, or between two clear cones whose gap there is narrower than
-    ``thing_width_m``: whatever stands in it reaches into one of them.
+    In a clear cone, or between two clear cones whose gap there is at most ``thing_width_m``: any
+    obstacle in it reaches into one of them.
     """
     along, aside, distance = _local(points, view)
     half = math.radians(p.sonar_half_angle_deg)
@@ -91,15 +91,15 @@ def clear_by_sonar(points: Float64Array, view: SonarView, p: GuardParameters) ->
     right = np.where(aside <= 0, gap, np.inf).min(axis=0)
     inside = np.minimum(left, right) <= 0
     between = left + right <= p.thing_width_m
-    # What echoes there may be narrow.
+    # An object that echoes there may be narrow enough to fit the gap.
     echoed = (off_cone <= 0) & (distance >= view.echo_m[:, None] - _RANGE_ERROR_M)
     return np.asarray(inside | (between & ~echoed.any(axis=0)), np.bool_)
 
 
 def echo_at(points: Float64Array, view: SonarView, p: GuardParameters) -> NDArray[np.bool_]:
-    """(S, N): at which points (N, 2) of the base frame the thing may be that echoed, or behind it.
+    """(S, N) whether points (N, 2) of the base frame may be where the echo arose, or behind it.
 
-    An echo does not tell where in the cone it came from, so it may be anywhere across.
+    An echo does not tell where in the cone it arose, so it may be anywhere across.
     """
     along, aside, distance = _local(points, view)
     half = math.radians(p.sonar_half_angle_deg)

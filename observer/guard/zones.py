@@ -1,4 +1,4 @@
-"""The stop zone and the slow zone, as polygons for people."""
+"""The stop zone and the slow zone, as polygons for display."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ _CIRCLE = 16
 _ALONG = 6
 
 
-# Most ticks of either robot want the same as the one before.
+# Most ticks of either robot ask for the same velocity as the one before.
 @lru_cache(maxsize=4)
 def stop_zone(outline: Outline, wanted: tuple[float, float], p: GuardParameters) -> Polygon:
-    """Return what must be free for the wanted velocity until the robot stands, with the margin."""
+    """Return the ground, margin included, that must be free until the robot could have stopped."""
     return _zone(outline, wanted, Stopping.of(*wanted, p).way_s(), p.margin_m)
 
 
 @lru_cache(maxsize=4)
 def slow_zone(outline: Outline, wanted: tuple[float, float], p: GuardParameters) -> Polygon:
-    """Return where a thing makes the robot slow down: what it would reach in ``slow_time_s``."""
+    """Return where an object slows the robot down: what it would reach in ``slow_time_s``."""
     way_s = max(p.slow_time_s, Stopping.of(*wanted, p).way_s())
     return _zone(outline, wanted, way_s, p.margin_m)
 
 
 def _zone(outline: Outline, wanted: tuple[float, float], way_s: float, margin_m: float) -> Polygon:
-    """The outline of the ground passed over, in the base frame; the sides by the body's own."""
+    """The outline of the ground passed over, in the base frame, with the body's own sides."""
     side, front = outline.width_m / 2 + margin_m, outline.length_m / 2 + margin_m
     if wanted == (0.0, 0.0):
         return _polygon(np.array([(front, side), (-front, side), (-front, -side), (front, -side)]))

@@ -1,8 +1,8 @@
-"""Honesty of predictions: how often people come to where they were predicted to be.
+"""Calibration of predictions: how often people end up where they were predicted to be.
 
-The region that is to hold somebody with 95 % probability is the smallest one: that of the highest
-density (Hyndman, Computing and graphing highest density regions, The American Statistician 50,
-1996). Its border has no closed form for a mixture, so probability is counted by samples.
+The region that should contain a person with 95 % probability is the smallest such one: that of
+highest density (Hyndman, Computing and graphing highest density regions, The American Statistician
+50, 1996). Its border has no closed form for a mixture, so its probability is estimated by sampling.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ _TINY: Final = 1e-300
 def ranks(
     people: Futures, instant: int, places: Float64Array, rng: np.random.Generator
 ) -> Float64Array:
-    """(N,) probability of being where the density is higher than where each person truly was.
+    """(N,) probability mass where the density is higher than at each person's true position.
 
-    Uniform from 0 to 1 for an honest prediction: a person was within its 95 % region where this
-    is at most 0.95.
+    Uniform from 0 to 1 for a calibrated prediction: a person was within its 95 % region where
+    this is at most 0.95.
 
     Args:
-        instant: number of the predicted instant. places: (N, 2) of the people at that instant,
+        instant: index of the predicted instant. places: (N, 2) of the people at that instant,
             metres in the frame of the prediction.
     """
     mean, sigma = people.mean[:, :, instant], people.sigma[:, :, instant]
     count = len(people)
-    # Draw of each sample the manoeuvre, then the place.
+    # Draw the manoeuvre of each sample, then its place.
     steps = people.weight.cumsum(axis=1)[:, None]
     drawn = (rng.random((count, _SAMPLES, 1)) > steps / steps[..., -1:]).sum(axis=2)
     row = np.arange(count)[:, None]
@@ -46,7 +46,7 @@ def ranks(
 
 
 def coverage(ranked: Sequence[float] | Float64Array, region: float = REGION) -> float | None:
-    """Return the share of people within their region; None for nobody."""
+    """Return the share of people within their region; None without people."""
     values = np.asarray(ranked)
     return float((values <= region).mean()) if len(values) else None
 
@@ -54,7 +54,7 @@ def coverage(ranked: Sequence[float] | Float64Array, region: float = REGION) -> 
 def _log_density(
     places: Float64Array, mean: Float64Array, sigma: Float64Array, weight: Float64Array
 ) -> Float64Array:
-    """(N, S) of mixtures (N, M) at places (N, S, 2)."""
+    """(N, S) log density of mixtures (N, M) at places (N, S, 2)."""
     squared = ((places[:, :, None] - mean[:, None]) ** 2).sum(axis=3)
     variance = sigma[:, None] ** 2
     terms = weight[:, None] * np.exp(-squared / (2 * variance)) / (2 * np.pi * variance)

@@ -1,4 +1,4 @@
-"""Goal of a robot and the robot's state, as a planner takes them."""
+"""Goal of a robot and the robot's state, as input to the planner."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Goal:
     """Place on the floor to which a robot is sent.
 
     Attributes:
-        number: rises with every goal.
+        number: increases with every goal.
         x, y: metres in the frame of the robot's odometry.
         risk_per_metre: declared probability of touching somebody on each metre driven.
     """
@@ -37,7 +37,7 @@ class Errand:
     Attributes:
         time: of the robot's report, host's monotonic clock.
         x, y, yaw: its odometry, metres and radians.
-        speed_mps, turn_rate_radps: by its encoders, or as sent where it tells none.
+        speed_mps, turn_rate_radps: by its encoders, or as commanded where it reports none.
         radius_m, width_m, length_m: its outline; None where unknown.
         sonars: newest readings.
     """
@@ -63,9 +63,9 @@ _ERRAND = TypeAdapter(Errand)
 
 
 def errand_of(facts: Mapping[str, Any]) -> Errand:
-    """Return the errand of which these are the ``facts``.
+    """Return the errand with these ``facts``.
 
     Raises:
-        ValueError: they are of none.
+        ValueError: they do not describe an errand.
     """
     return _ERRAND.validate_python(facts)

@@ -1,10 +1,10 @@
 """Where tracked people may be over the next seconds.
 
-A person goes on, stops, or turns to either side. Each of these is a Gaussian that widens with the
-track's own uncertainty and with the accelerations of walking people; together they are a mixture,
-weighed by what that person did so far: the multiple-model estimate of Blom and Bar-Shalom (The
-interacting multiple model algorithm, IEEE TAC 33, 1988), with the weights alone kept from frame to
-frame, for position and velocity come from the tracker.
+A person goes on, stops, or turns to either side. Each of these manoeuvres is a Gaussian that
+widens with the track's own uncertainty and with the accelerations of walking people. Together they
+form a mixture, weighted by what that person did so far: the multiple-model estimate of Blom and
+Bar-Shalom (The interacting multiple model algorithm, IEEE TAC 33, 1988). Only the weights are kept
+from frame to frame, as position and velocity come from the tracker.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.guard.sight import SeenObstacle
 
-# Who stops halves its speed in this time; who turns does so at this rate, for so long.
+# A stopping person halves its speed in this time; a turning one turns at this rate, for this long.
 _STOPPING_S: Final = 0.35
 _TURN_RADPS, _TURNING_S = 0.9, 1.2
-# Where the tracker tells none.
+# Standard deviations assumed where the tracker reports none.
 _UNKNOWN_POSITION_M: Final = 0.2
 _UNKNOWN_VELOCITY_MPS: Final = 0.3
 
@@ -31,10 +31,10 @@ class Futures:
     """N people at K instants, each a mixture of M Gaussians of equal spread in all directions.
 
     Attributes:
-        ids: (N,) numbers of their tracks. radius: (N,) metres, of a circle that holds the body.
+        ids: (N,) numbers of their tracks. radius: (N,) metres, of a circle that encloses the body.
         times: (K,) seconds from now.
         mean: (N, M, K, 2) metres. sigma: (N, M, K) metres, one standard deviation.
-        weight: (N, M) probability of each.
+        weight: (N, M) probability of each Gaussian.
     """
 
     ids: tuple[int, ...]
@@ -54,12 +54,12 @@ def futures(
     times: Float64Array,
     acceleration_noise: float,
 ) -> Futures:
-    """Return what may become of people, in the frame in which they are given.
+    """Return where people may be, in the frame in which they are given.
 
     Args:
-        people: N tracks, whose axes do not move. weights: (N, M) as of ``Habits``.
+        people: N tracks, in a fixed frame. weights: (N, M) as from ``Habits``.
         times: (K,) seconds from now.
-        acceleration_noise: of whoever keeps doing the same, m/s^2 in a band of 1 Hz.
+        acceleration_noise: within one manoeuvre, m/s^2 in a band of 1 Hz.
     """
     if not people:
         empty = np.zeros((*weights.shape, len(times)))
@@ -85,7 +85,7 @@ def futures(
 
 
 def displaced(velocity: Float64Array, times: Float64Array) -> Float64Array:
-    """(N, M, K, 2) metres by which people of velocities (N, 2) m/s go in times (K,), each way."""
+    """(N, M, K, 2) displacements, metres, in times (K,) at velocities (N, 2) m/s, by manoeuvre."""
     vx, vy = velocity[:, :1], velocity[:, 1:]
     stopping = _STOPPING_S / np.log(2)
     straight = (times, np.zeros_like(times))

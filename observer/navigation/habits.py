@@ -1,4 +1,4 @@
-"""What each person has been doing: goes on, stops, or turns."""
+"""What each person has been doing: going on, stopping or turning."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from observer.geometry import Float64Array
 from observer.guard.sight import SeenObstacle
 from observer.navigation.futures import displaced
 
-# What was expected is compared with what came after so long.
+# Interval after which the predicted velocity is compared with the observed one.
 _LOOK_S: Final = 0.4
-# One standard deviation of the velocity after that time, beside the track's own.
+# One standard deviation of the velocity after that time, in addition to the track's own.
 _MANOEUVRE_MPS: Final = 0.25
-# Nobody keeps doing the same: weights fall back to the prior by this share at each look.
+# Nobody does the same forever: at each comparison the weights move this share towards the prior.
 _FORGETTING: Final = 0.3
 _FORGOTTEN_S: Final = 3.0
 
 
 @dataclass(frozen=True)
 class _Habit:
-    """Of one track: the velocity (2,) m/s at the last look, when it was, and the weights (M,)."""
+    """Velocity (2,) m/s of one track at its last comparison, its time, and the weights (M,)."""
 
     velocity: Float64Array
     time: float
@@ -42,8 +42,8 @@ class Habits:
         """(N, M) probabilities of going on, stopping, turning left and right.
 
         Args:
-            people: tracks in axes that do not turn between two calls. time: seconds.
-            prior: M probabilities of somebody of whom nothing is known.
+            people: tracks in a frame that does not turn between calls. time: seconds.
+            prior: M probabilities for a person of whom nothing is known.
         """
         self._of = {i: h for i, h in self._of.items() if time - h.time < _FORGOTTEN_S}
         out = np.empty((len(people), len(prior)))
@@ -66,7 +66,7 @@ def _looked(
     sigma_mps: float | None,
     prior: Sequence[float],
 ) -> _Habit:
-    """Return the habit after a look, by how well each manoeuvre explains the new velocity."""
+    """Return the habit updated by how well each manoeuvre explains the new velocity."""
     passed = time - habit.time
     short = 1e-3
     ways = displaced(habit.velocity[None], np.array([passed, passed + short]))[0]

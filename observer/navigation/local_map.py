@@ -1,4 +1,4 @@
-"""What stands around the robot: surfaces that its cameras and its sonar saw lately."""
+"""Static obstacles around the robot: surfaces that its cameras and its sonar saw lately."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ CELL_M: Final = 0.1
 # Cells on each side of the robot.
 _HALF: Final = 50
 _SIZE: Final = 2 * _HALF + 1
-# A surface stands if it was seen in one place for so long, with gaps no longer than this. Others
-# count for nothing: people who walk past would make the robot go round where they were, and what is
-# new ahead is the guard's affair for so short a time.
+# A surface is static if it was seen in one place for this long, with gaps no longer than this.
+# Others are ignored: the robot would drive around places that people have walked past, and for
+# such a short time the guard handles whatever is new ahead.
 _STANDS_S: Final = 0.6
 _GAP_S: Final = 0.5
-# It is remembered for so long where nothing newer is seen.
+# Time for which it is remembered where nothing newer is seen.
 _REMEMBERED_S: Final = 10.0
-# Sonar does not tell whether its echo was a person.
+# Sonar cannot tell whether its echo came from a person, so only near echoes count, and briefly.
 _ECHO_S: Final = 1.0
 _ECHO_M: Final = 1.5
-# Two neighbouring bearings whose surfaces lie closer together show one surface.
+# Surfaces at neighbouring bearings that are closer together than this are one surface.
 _ONE_SURFACE_M: Final = 0.4
-# The surface of a tracked obstacle lies within its circle and so much more.
+# The surface of a tracked obstacle lies within its circle enlarged by this.
 _BESIDE_TRACK_M: Final = 0.2
 _NEVER: Final = -math.inf
 
@@ -40,17 +40,17 @@ _NEVER: Final = -math.inf
 class LocalMap:
     """Square grid around the robot in the frame of its odometry; it reads no clock.
 
-    A cell is blocked where a surface was seen to stand and nothing newer says that it is free.
-    Unknown cells are not blocked: the guard asks for ground that is known to be free. Which cells
-    were seen to be free is kept for people, who are shown it (``snapshot``).
+    A cell is blocked where a static surface was seen and nothing newer shows that it is free.
+    Unknown cells are not blocked: it is the guard that requires ground known to be free. Which
+    cells were seen to be free is kept only for display (``snapshot``).
     """
 
     def __init__(self) -> None:
         self._corner = np.full(2, -_HALF, np.int64)
-        # Of each cell: since when and when last a surface was seen there without a gap, and until
-        # when it counts as blocked.
+        # For each cell: when a surface was first and last seen there without a gap, and until when
+        # it counts as blocked.
         self._since, self._last, self._until = (np.full((_SIZE, _SIZE), _NEVER) for _ in range(3))
-        # When it was last seen to be free.
+        # When each cell was last seen to be free.
         self._free = np.full((_SIZE, _SIZE), _NEVER)
 
     def move_to(self, x: float, y: float) -> None:
@@ -80,7 +80,7 @@ class LocalMap:
         self._block(_without(_surfaces(bearings, blocked), tracks), pose, time, _REMEMBERED_S)
 
     def hear(self, sonars: Sequence[SonarReading], pose: Float64Array) -> None:
-        """Take in near echoes; they are forgotten soon."""
+        """Take in near echoes, which are soon forgotten."""
         heard = [
             (
                 each.x + each.range_m * math.cos(each.heading),
@@ -94,7 +94,7 @@ class LocalMap:
             self._block(np.array([[x, y]]), pose, received, _ECHO_S)
 
     def stand(self, track: SeenObstacle, until: float) -> None:
-        """Block the circle of a track that stands, given in the frame of the map."""
+        """Block the circle of a stationary track, given in the frame of the map."""
         angles = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
         rings = [share * track.radius_m for share in (0.0, 0.35, 0.7, 1.0)]
         x = np.concatenate([track.x + ring * np.cos(angles) for ring in rings])
@@ -109,7 +109,7 @@ class LocalMap:
     def snapshot(self, pose: Float64Array, time: float) -> OccupancyMap:
         """Return which cells are known to be free or blocked; the others are unknown.
 
-        Where a surface was seen since, and does not stand yet, it is not known.
+        A free cell where a surface was seen since that is not static yet is unknown.
 
         Args:
             pose: (3,) x, y, yaw of the base. time: of the newest frame, seconds.
@@ -122,14 +122,14 @@ class LocalMap:
         return OccupancyMap.of(cells, (x, y), CELL_M, (at, beside, yaw), time)
 
     def cell(self, places: Float64Array) -> Float64Array:
-        """(..., 2) places in metres, in cells of ``blocked``; not clipped to the grid."""
+        """(..., 2) cell coordinates in ``blocked`` of places in metres; not clipped to the grid."""
         return np.asarray(places / CELL_M - self._corner - 0.5)
 
     def clearance(self, places: Float64Array, time: float) -> Float64Array:
         """(...,) metres from places (..., 2) to the nearest surface, at most 2.
 
         Args:
-            time: seconds, at which what was seen too long ago counts no more.
+            time: seconds; surfaces that are out of date by then are ignored.
         """
         blocked = self.blocked(time)
         if not blocked.any():
@@ -141,7 +141,7 @@ class LocalMap:
     def _block(
         self, points: Float64Array, pose: Float64Array, time: float, remembered_s: float
     ) -> None:
-        """Take in surfaces seen at a time; those that stand are remembered for so long."""
+        """Take in surfaces seen at ``time``; static ones are remembered for ``remembered_s``."""
         x, y = self._cells(points, pose)
         begins = time - self._last[x, y] > _GAP_S
         self._since[x, y] = np.where(begins, time, self._since[x, y])
@@ -172,7 +172,7 @@ def _shifted(grid: Float64Array, shift: NDArray[np.int64]) -> Float64Array:
 
 
 def _overlap(shift: int) -> tuple[slice, slice]:
-    """Return where cells go and come from along one axis."""
+    """Return the target and the source slice of a shift along one axis."""
     if shift >= 0:
         return slice(0, _SIZE - shift), slice(shift, _SIZE)
     return slice(-shift, _SIZE), slice(0, _SIZE + shift)
@@ -187,7 +187,7 @@ def _rays(bearings: Float64Array, near: Float64Array, far: Float64Array) -> Floa
     near = np.concatenate([near, np.maximum(near[:-1], near[1:])])
     far = np.concatenate([far, np.minimum(far[:-1], far[1:])])
     steps = np.arange(0.0, 6.0, CELL_M / 2)
-    # The last half cell before a surface belongs to the surface.
+    # Stop a cell short of the end, so that a surface's own cell is not cleared.
     free = (steps >= near[:, None]) & (steps <= far[:, None] - CELL_M)
     at, step = np.nonzero(free)
     distance, bearing = steps[step], bearings[at]
@@ -195,7 +195,7 @@ def _rays(bearings: Float64Array, near: Float64Array, far: Float64Array) -> Floa
 
 
 def _surfaces(bearings: Float64Array, blocked: Float64Array) -> Float64Array:
-    """(N, 2) points on the surfaces, also between neighbouring directions that show one."""
+    """(N, 2) points on the surfaces, also between neighbouring directions on the same surface."""
     seen = np.isfinite(blocked)
     reach = np.where(seen, blocked, 0.0)
     points = np.stack([reach * np.cos(bearings), reach * np.sin(bearings)], axis=1)

@@ -1,6 +1,6 @@
-"""Navigator of one robot: what it knows from frame to frame, and its plan of the next seconds.
+"""Navigator of one robot: its state from frame to frame, and its plan for the next seconds.
 
-All places are in one frame that stands, that of the robot's odometry. It reads no clock.
+All places are in one fixed frame, that of the robot's odometry. It reads no clock.
 """
 
 from __future__ import annotations
@@ -33,26 +33,27 @@ from observer.occupancy import OccupancyMap
 from observer.robots.contract import SonarReading
 from observer.types import Status
 
-# Whoever left the view may have changed velocity by so much each second.
+# m/s per second: how fast the velocity of a person out of view may change, one sigma.
 _CHANGED_MPS: Final = 0.3
-# Whoever was not seen for so long may have gone elsewhere; a body echoes from so much nearer.
+# Time unseen after which sonar may show a person to be gone, and how much nearer than its centre
+# a body echoes.
 _UNSEEN_S: Final = 0.35
 _BODY_M: Final = 0.2
 # Where the tracker states no uncertainty.
 _UNKNOWN_M, _UNKNOWN_MPS = 0.2, 0.3
-# Larger values of metres, m/s or radians are errors, as are what is no number.
+# Larger values of metres, m/s or radians are errors, as is NaN.
 _IMPOSSIBLE: Final = 1e6
-# Of a robot that does not report its outline.
+# Assumed for a robot that does not report its outline.
 _RADIUS_M: Final = 0.3
-# Whoever is slower stands in the way as a thing does, until seen to move.
+# A slower person blocks the map like a static obstacle, for this long after each plan.
 _STANDS_MPS, _STANDS_S = 0.15, 0.3
-# Nobody farther away than everybody could come, and so much more, matters.
+# People who could not come this near within the horizon are ignored.
 _NEAR_M: Final = 2.0
 
 
 @dataclass(frozen=True)
 class _Known:
-    """Track in the frame that stands, and when it was seen."""
+    """Track in the fixed frame, and when it was seen."""
 
     track: SeenObstacle
     seen: float
@@ -62,22 +63,22 @@ class Navigator:
     """Navigator of one robot; see the module."""
 
     def __init__(self, limits: GuardParameters, planner: NavigationParameters) -> None:
-        """``limits``: parameters of the guard, which limits whatever is planned."""
+        """``limits``: parameters of the guard, which limits every plan."""
         self._limits = limits
         self._planner = planner
         self._known: dict[int, _Known] = {}
         self._habits = Habits()
         self._map = LocalMap()
-        # What the guard knows by the same sights, sonar and wheels.
+        # What the guard knows from the same sights, sonar and wheels.
         self._side = Side()
         self._sight: Sight | None = None
-        # Whether the newest frame tells impossible values.
+        # Whether the newest frame contains impossible values.
         self._odd = False
-        # Of the base at the newest frame; None where that is not gone by.
+        # Pose of the base at the newest frame; None where that frame is not usable.
         self._pose: Float64Array | None = None
 
     def use(self, limits: GuardParameters, planner: NavigationParameters) -> None:
-        """Go by these parameters from now on."""
+        """Use these parameters from now on."""
         self._limits = limits
         self._planner = planner
 
@@ -102,13 +103,13 @@ class Navigator:
             self._map.see(sight.scan, sight.obstacles, pose, sight.received)
 
     def local_map(self) -> OccupancyMap | None:
-        """Return what is known of the ground by now; None where the newest frame is not usable."""
+        """Return the current map of the ground; None where the newest frame is not usable."""
         if self._sight is None or self._pose is None:
             return None
         return self._map.snapshot(self._pose, self._sight.received)
 
     def plan(self, errand: Errand, now: float) -> Plan:
-        """Plan the next seconds of an errand.
+        """Return the plan for the next seconds of an errand.
 
         Args:
             now: the host's monotonic clock.
@@ -193,7 +194,7 @@ class Navigator:
     def _forget_where_clear(
         self, sonars: Sequence[SonarReading], motion: Motion, now: float
     ) -> None:
-        """Forget who is seen no more and does not echo either from where it should be by now."""
+        """Forget people out of view whose predicted place is clear by sonar."""
         p = self._limits
         fresh = [one for one in sonars if now - one.received <= p.sonar_fresh_s]
         half = math.radians(p.sonar_half_angle_deg)
@@ -213,7 +214,7 @@ class Navigator:
             del self._known[number]
 
     def _people(self, motion: Motion, now: float) -> list[SeenObstacle]:
-        """Return everybody who matters, where they are by now as far as is known."""
+        """Return the people who matter, predicted to the present."""
         memory = self._planner.memory_s
         self._known = {i: k for i, k in self._known.items() if now - k.seen < memory}
         people = [_aged(known, now) for known in self._known.values()]
@@ -249,7 +250,7 @@ class Navigator:
 
 
 def _usable(*values: float | None) -> bool:
-    """Return whether numbers may be reckoned with; an unknown one may."""
+    """Return whether numbers are plausible; unknown ones are."""
     return all(value is None or abs(value) < _IMPOSSIBLE for value in values)
 
 
@@ -272,7 +273,7 @@ def _usable_errand(errand: Errand, now: float) -> bool:
 
 
 def _motion(errand: Errand, now: float) -> Motion:
-    """Return where the robot is by now if it drives on as it reported."""
+    """Return where the robot is now if it kept its reported velocity."""
     dt = min(max(now - errand.time, 0.0), SIGHT_FRESH_S)
     way, turned = errand.speed_mps * dt, errand.turn_rate_radps * dt
     x, y = along_arc(errand.x, errand.y, errand.yaw, way, turned)
@@ -280,7 +281,7 @@ def _motion(errand: Errand, now: float) -> Motion:
 
 
 def _standing(one: SeenObstacle, pose: Float64Array) -> SeenObstacle:
-    """Return a track of the base frame in the frame in which the base has a pose."""
+    """Transform a track from the base frame to the frame in which the base has the pose."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return replace(
         one,
@@ -292,14 +293,14 @@ def _standing(one: SeenObstacle, pose: Float64Array) -> SeenObstacle:
 
 
 def _in_base(one: SeenObstacle, motion: Motion) -> tuple[float, float]:
-    """Return where a track is from the robot: metres ahead and to the left."""
+    """Return a track's place relative to the robot: metres ahead and to the left."""
     c, s = math.cos(motion.yaw), math.sin(motion.yaw)
     dx, dy = one.x - motion.x, one.y - motion.y
     return c * dx + s * dy, c * dy - s * dx
 
 
 def _aged(known: _Known, now: float) -> SeenObstacle:
-    """Return where a track is by now, as far as is known."""
+    """Return the track predicted to the present."""
     one, age = known.track, max(now - known.seen, 0.0)
     sigma_p = _UNKNOWN_M if one.position_sigma_m is None else one.position_sigma_m
     sigma_v = _UNKNOWN_MPS if one.velocity_sigma_mps is None else one.velocity_sigma_mps

@@ -1,4 +1,4 @@
-"""Parameters of the planner, and the set of whoever observes and drives robots."""
+"""Parameters of the planner, and the full set for observing and driving."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ class NavigationParameters(Stage):
 
     @property
     def prior(self) -> tuple[float, float, float, float]:
-        """Probabilities of going on, stopping, turning left and right; their bounds leave some.
+        """Probabilities of going on (0.05 or more), stopping, turning left and right.
 
-        They are those of somebody of whom nothing is known.
+        They apply to a person of whom nothing is known.
         """
         turn = self.turn_probability
-        # Rounded once, as if it had been written down.
+        # fsum rounds only once, as if the value had been written out.
         goes_on = math.fsum((1.0, -self.stop_probability, -turn))
         return goes_on, self.stop_probability, turn / 2, turn / 2
 
@@ -60,7 +60,7 @@ class AllParameters(Parameters):
 
     @property
     def vision(self) -> Parameters:
-        """Parameters that an observer takes: a change of the other groups leaves them equal."""
+        """The observer's parameters; they stay equal when other groups change."""
         return Parameters.model_validate(
             {group: getattr(self, group) for group in Parameters.model_fields}
         )

@@ -1,4 +1,4 @@
-"""Plan of the next seconds of an errand, and the reasons for it."""
+"""Plan for the next seconds of an errand, and the reasons for it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
 
-# A plan tells of so many refused paths.
+# Most refused paths that a plan lists.
 MOST_REFUSED: Final = 6
 
 
@@ -20,13 +20,13 @@ class RefusedPath:
         direction: from the robot's heading to the path's end, radians, positive to the left.
         speed_mps: highest speed on it.
         path: x, y of some places along it, metres.
-        cause: ``risk`` where it would exceed the declared risk before the robot could stand again,
-            ``later`` where somebody would probably be met after that, ``guard`` where the guard
-            would not permit to begin it, ``surface`` where it runs into what stands.
-        risk: probability of a contact, on each metre for ``risk`` and altogether for ``later``;
-            None for the others.
-        track: number of the obstacle that would be met, below zero while that is tentative.
-        meets_s: seconds until that one, or the surface, is met.
+        cause: ``risk`` where it would exceed the declared risk before the robot could have
+            stopped, ``later`` where contact is likely after that, ``guard`` where the guard would
+            not let it begin, ``surface`` where it runs into a static surface.
+        risk: probability of a contact, per metre for ``risk`` and in total for ``later``; None for
+            the others.
+        track: number of the obstacle that would be met, negative while that is tentative.
+        meets_s: seconds until that obstacle, or the surface, is met.
         guard: the guard's sentence.
     """
 
@@ -46,17 +46,17 @@ class Plan:
 
     Attributes:
         goal: number of the goal.
-        received: the host's monotonic clock at the reception of the newest frame it goes by.
+        received: the host's monotonic clock at the reception of the newest frame it is based on.
         speed_mps, turn_rate_radps: to ask of the robot now.
         path: x, y of the path of the next seconds, metres in the frame of the robot's odometry;
             empty where the robot is to stand.
-        risk_per_metre: probability of touching somebody on each metre until the robot could stand
-            again.
+        risk_per_metre: probability of touching somebody per metre until the robot could have
+            stopped.
         reason: why the robot does what it does, one sentence.
-        waits_for: number of the track for which it stands or turns aside, below zero while that is
+        waits_for: number of the track for which it stands or turns aside, negative while that is
             tentative; None for none.
-        meets_s: seconds until it would meet that one on the straight path; None for none.
-        meets_at: x, y where that one is predicted to be then; None for none.
+        meets_s: seconds until it would meet that track on the straight path; None for none.
+        meets_at: x, y where that track is predicted to be then; None for none.
         refused: some paths that it does not take, in different directions, the best one first.
     """
 
@@ -81,9 +81,9 @@ _PLAN = TypeAdapter(Plan)
 
 
 def plan_of(facts: Mapping[str, Any]) -> Plan:
-    """Return the plan of which these are the ``facts``.
+    """Return the plan with these ``facts``.
 
     Raises:
-        ValueError: they are of none.
+        ValueError: they do not describe a plan.
     """
     return _PLAN.validate_python(facts)

@@ -1,13 +1,13 @@
-"""Choice of a path to a goal around people, made anew with every frame.
+"""Choice of a path to a goal around people, repeated with every frame.
 
-Two questions are asked of every path that the robot could take. Is it *permitted*: may the robot
-begin it and still stop, with no more than the declared risk on each metre until it stands? That is
-the chance constraint, and it holds for all that is driven before the next choice. And how *good* is
-it: how much nearer does it lead to the goal, and how likely does it lead into somebody over the
-seconds after, which later choices may still avoid? So a risk that lies far ahead steers the robot
-aside or behind somebody, and only a near one stops it.
+Every candidate path is judged twice. Is it *permitted*: can the robot begin it and still stop,
+with no more than the declared risk per metre until it stands? That is the chance constraint, and
+it holds for everything driven before the next choice. And how *good* is it: how much nearer does
+it lead to the goal, and how likely is contact with somebody in the seconds after, which later
+choices may still avoid? So a risk far ahead steers the robot aside or behind somebody, and only a
+near one stops it.
 
-What the guard would permit is asked last and only of the best paths, as it takes longest.
+The guard is asked last and only about the best paths, as that takes longest.
 """
 
 from __future__ import annotations
@@ -32,34 +32,34 @@ from observer.navigation.surroundings import Surroundings
 
 STEP_S: Final = 0.2
 TIMES: Final = np.asarray(np.arange(1, 21) * STEP_S, np.float64)
-# Metres that running into what stands costs.
+# Metres: cost of running into a static surface.
 _WALL_M: Final = 8.0
-# Metres that a radian of heading missed at the end, and a change of turn rate by 1 rad/s, cost.
+# Metres: cost per radian of heading error at the end, and per rad/s^2 of turn acceleration.
 _HEADING_M, _SMOOTH_M = 0.15, 0.04
-# Questions to the guard; each takes 0.2 ms.
+# Most questions to the guard; each takes 0.2 ms.
 _MOST_QUESTIONS: Final = 25
-# The robot does not begin what the guard would all but stop.
+# The robot does not begin a path on which the guard would permit less than this share.
 _LEAST_SHARE: Final = 0.05
-# The risk of what is driven until the next choice is not divided by less than this way, metres.
+# Metres: lower bound of the distance by which a risk per metre is divided.
 _LEAST_WAY_M: Final = 0.1
-# Share of the velocity (m/s forward, rad/s to the left) that the guard would permit, and why less.
+# Share of a velocity (m/s forward, rad/s to the left) that the guard would permit, and why not all.
 Permits = Callable[[tuple[float, float]], tuple[float, str | None]]
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The chosen path among those that were looked at.
+    """The chosen path among the candidates.
 
     Attributes:
         ways: all of them. best: the number of the chosen one.
-        cost: (C,) metres that each is worse than arriving at once; alone: the same, people and
-            surfaces left aside.
+        cost: (C,) metres that each is worse than arriving at once; alone: the same without the
+            costs of people and of running into surfaces.
         hits_s: (C,) seconds until each runs into a surface, infinite for never.
-        per_metre: (C,) risk of each on each metre until the robot could stand.
-        near, far: risk of all until the robot stands, and over the whole horizon.
+        per_metre: (C,) risk of each per metre until the robot could have stopped.
+        near, far: risk of all until the robot has stopped, and over the whole horizon.
         permitted: (C,) by the risk alone.
-        wished: the number of the one that would be best if the risk now and the guard did not
-            count. refusal: the guard's sentence about it, None where it permits it.
+        wished: the number of the one that would be best without the risk limit and the guard.
+            refusal: the guard's sentence about it, None where the guard permits it.
         refusals: the guard's sentence about each that it was asked about and refuses.
     """
 
@@ -78,7 +78,7 @@ class Choice:
 
     @property
     def risk_per_metre(self) -> float:
-        """Return that of the chosen one."""
+        """Return the risk per metre of the chosen path."""
         return float(self.per_metre[self.best])
 
     @property
@@ -106,20 +106,20 @@ def choose(
 
     Args:
         now: the robot. around: goal and surfaces. people: their futures at ``TIMES``; all in one
-            frame that stands.
-        limits: of the robot, the guard's. planner: what paths cost.
+            fixed frame.
+        limits: the guard's, of the robot. planner: costs of paths.
         risk_per_metre: declared. permits: asks the guard.
     """
     ways = rollouts(now, around.heading, around.left_m(now), TIMES, limits)
     near, per_metre = _risk_until_standing(ways, people, around.radius_m, limits)
     permitted = per_metre <= risk_per_metre
-    # To stand is always permitted.
+    # Standing is always permitted.
     permitted[STANDING] = True
-    # Later instants count less, for choices that are made until then.
+    # Later instants count less, because new choices are made by then.
     foresight = np.exp(-ways.times / planner.foresight_s)
     counts = np.broadcast_to(foresight, ways.speed.shape)
     far = risk_of(ways, people, around.radius_m + planner.berth_m, counts)
-    # Near somebody the guard lets it drive slowly only; to stand there costs no more than the time.
+    # Near people the guard permits only slow driving; standing there costs no more than its time.
     moving = counts * np.abs(ways.speed) / limits.speed_max_mps
     slowed = seconds_near(ways, people, around.radius_m + planner.near_m, moving)
     hits = around.hits(ways) > 0
@@ -140,13 +140,13 @@ def choose(
 def _cheapest(
     ways: Rollouts, cost: Float64Array, permits: Permits, refused_m: float
 ) -> tuple[int, dict[int, str | None]]:
-    """Return the cheapest path once what the guard refuses is added to its cost.
+    """Return the cheapest path with the guard's reductions added to its cost.
 
-    And the guard's sentence about each path that it refuses altogether. The guard only ever adds,
-    so the first path that is cheapest after its question is final.
+    Also return the guard's sentence about each path that it refuses altogether. The guard only
+    ever adds cost, so the first path that is still cheapest after its question is final.
 
     Args:
-        refused_m: that a velocity costs of which the guard permits nothing.
+        refused_m: cost of a velocity of which the guard permits nothing.
     """
     refusals: dict[int, str | None] = {}
     queue = [(float(each), k, False) for k, each in enumerate(cost) if np.isfinite(each)]
@@ -167,7 +167,7 @@ def _cheapest(
 
 def _asked(ways: Rollouts, way: int) -> tuple[float, float]:
     speed, turn = ways.asked[way].tolist()
-    # Paths that begin alike are one question.
+    # Rounded, so that paths that begin alike make one question.
     return round(speed, 2), round(turn, 2)
 
 
@@ -176,12 +176,12 @@ def _risk_until_standing(
 ) -> tuple[Risk, Float64Array]:
     """Return the risk of each path until the robot stands, by person and (C,) per metre.
 
-    It is what driving adds: whoever would walk into the robot if it braked at once is not its
-    doing, and a path away from him is no worse.
+    Only the risk that driving adds counts: the robot is not to blame for a person who would walk
+    into it even if it braked at once, and a path away from that person is no worse.
     """
     reaction = max(1, math.ceil(limits.reaction_s / STEP_S))
     stopped = braked(ways, reaction, limits)
-    # Whoever it stands beside may walk into it: that is not its doing.
+    # Contacts while the robot stands are not its fault, so those instants do not count.
     moves = np.asarray(stopped.speed > 1e-3, np.float64)
     near = risk_of(stopped, people, radius_m, moves)
     still = stopped.only(STANDING)
@@ -191,7 +191,7 @@ def _risk_until_standing(
 
 
 def _cost(ways: Rollouts, now: Motion, around: Surroundings) -> Float64Array:
-    """(C,) metres that each path is worse than arriving at once, if nothing were in the way."""
+    """(C,) metres that each path is worse than arriving at once, without contacts."""
     left = around.distance(ways.poses[:, :, :2])
     # Arriving early counts as much as being near at the end.
     cost = 0.5 * left[:, -1] + 0.5 * left.mean(axis=1)

@@ -11,27 +11,27 @@ import numpy as np
 from observer.navigation.futures import Futures
 from observer.navigation.planner import Choice
 
-# Less probable contacts decide nothing; a path that is by so much safer than straight ahead was
-# chosen for that.
+# Less probable contacts are not given as a reason; a path that is safer than straight ahead by
+# this much was chosen for that.
 LEAST_CHANCE: Final = 0.02
 LESS_CHANCE: Final = 0.01
 # Number of the path that leads straight ahead.
 _STRAIGHT: Final = 1
-# More turn than this is not straight ahead, and less speed is a turn on the spot.
+# A higher turn rate is not straight ahead, and a lower speed is a turn on the spot.
 _TURNS_RADPS, _ON_THE_SPOT_MPS = 0.2, 0.03
-# Has a logarithm.
+# Added to probabilities so that zero has a logarithm.
 _NEVER: Final = 1e-12
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Reason of a choice.
+    """Reason for a choice.
 
     Attributes:
         sentence: for people.
         track: number of the obstacle that decided; None for none. meets_s: seconds until the
-            robot would meet it on the path that it would take otherwise.
-        meets_at: x, y where that one is predicted to be then, metres.
+            robot would meet it on the straight path.
+        meets_at: x, y where that obstacle is predicted to be then, metres.
     """
 
     sentence: str
@@ -60,7 +60,7 @@ def reason_of(choice: Choice, people: Futures, left_m: float) -> Reason:
 def _standing(choice: Choice, decider: Reason | None) -> Reason:
     guards = None if choice.refusal is None else f"Waiting: {choice.refusal}."
     if guards is not None and (decider is None or choice.permitted[choice.wished]):
-        # Nothing but the guard's rules keeps it; perhaps because of the same obstacle.
+        # Only the guard's rules stop it, perhaps because of the same obstacle.
         same = decider is not None and f"obstacle {decider.track} " in guards
         return replace(decider, sentence=guards) if decider is not None and same else Reason(guards)
     if decider is not None:
@@ -69,7 +69,7 @@ def _standing(choice: Choice, decider: Reason | None) -> Reason:
 
 
 def _turns_aside(choice: Choice, people: Futures, decider: Reason) -> bool:
-    """Return whether the path is another than would be driven without somebody."""
+    """Return whether the path differs from the one that would be driven without the obstacle."""
     if choice.best != choice.wished:
         return True
     chance = choice.far.each[:, _index(people, decider)]
@@ -77,7 +77,7 @@ def _turns_aside(choice: Choice, people: Futures, decider: Reason) -> bool:
 
 
 def _decider(choice: Choice, people: Futures) -> Reason | None:
-    """Return who keeps the robot from the straight path: by the risk now, or over the horizon."""
+    """Return the obstacle that keeps the robot off the straight path, by near or later risk."""
     if not len(people):
         return None
     risk = choice.far if choice.permitted[_STRAIGHT] else choice.near
@@ -91,7 +91,7 @@ def _decider(choice: Choice, people: Futures) -> Reason | None:
 
 
 def _predicted(choice: Choice, people: Futures, who: int, meets_s: float) -> tuple[float, float]:
-    """Return where somebody is at an instant, on the way that most probably meets the robot's."""
+    """Return where a person is at an instant, on the manoeuvre likeliest to meet the robot."""
     instant = int(np.argmin(np.abs(people.times - meets_s)))
     places = people.mean[who, :, instant]
     gap = np.linalg.norm(places - choice.ways.poses[_STRAIGHT, instant, :2], axis=1)
@@ -101,9 +101,9 @@ def _predicted(choice: Choice, people: Futures, who: int, meets_s: float) -> tup
 
 
 def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
-    """Return on which side of an obstacle the path leads past."""
+    """Return the sentence that tells on which side the path passes an obstacle."""
     who = _index(people, decider)
-    # As it most probably goes on.
+    # Its most probable manoeuvre.
     way = people.mean[who, int(np.argmax(people.weight[who]))]
     moves = way[-1] - way[0]
     named = _named(people.ids[who])
@@ -122,5 +122,5 @@ def _index(people: Futures, decider: Reason) -> int:
 
 
 def _named(track: int) -> str:
-    # A track has no lasting number yet while it is tentative.
+    # A tentative track has no permanent number yet.
     return "an object that starts to move" if track < 0 else f"obstacle {track}"

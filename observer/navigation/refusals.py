@@ -16,9 +16,9 @@ from observer.navigation.reasons import LEAST_CHANCE, LESS_CHANCE
 from observer.navigation.risk import Risk
 from observer.navigation.rollouts import STANDING, Motion, wrapped
 
-# Their ends are seen from the robot at least so far apart.
+# Least angle between the ends of two paths, seen from the robot.
 SPREAD_RAD: Final = math.radians(10)
-# Shorter ones cannot be told from standing.
+# Shorter paths cannot be told from standing.
 _SHORTEST_M: Final = 0.15
 _PLACES: Final = 5
 # Finer differences cannot be seen.
@@ -48,7 +48,7 @@ def refused_paths(
 
 
 def _refused(choice: Choice, goal: tuple[float, float]) -> NDArray[np.bool_]:
-    """(C,) which paths may not be taken, or are not though they lead nearer to the goal."""
+    """(C,) which paths are forbidden, or not taken although they lead nearer to the goal."""
     best, far = choice.best, choice.far
     refused = ~choice.permitted
     refused[list(choice.refusals)] = True
@@ -87,7 +87,7 @@ def _described(choice: Choice, people: Futures, way: int, direction: float) -> R
 
 
 def _met(risk: Risk, way: int) -> tuple[int, float]:
-    """Return who is likeliest to be met, by index, and when."""
+    """Return the index of the person most likely to be met, and when."""
     who = int(np.argmax(risk.each[way]))
     return who, round(float(risk.when_s[way, who]), _DIGITS)
 

@@ -1,4 +1,4 @@
-"""Probability of touching somebody along a way."""
+"""Probability of touching somebody along a path."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from observer.geometry import Float64Array
 from observer.navigation.futures import Futures
 from observer.navigation.rollouts import Rollouts
 
-# So many deviations away nobody is.
+# The probability of being farther off than this many standard deviations is neglected.
 _NEVER_SIGMAS = 5.0
 
 
@@ -34,13 +34,13 @@ class Risk:
 
 
 def risk_of(ways: Rollouts, people: Futures, radius_m: float, counts: Float64Array) -> Risk:
-    """Return the risk of ways, each instant counted by a share.
+    """Return the risk of ways, with each instant weighted.
 
-    From instant to instant it is the same uncertainty, so that the worst one counts, not their sum.
+    All instants share the same uncertainty, so the worst one counts, not their sum.
 
     Args:
-        radius_m: of a circle that holds the robot.
-        counts: (C, K) share with which each instant counts.
+        radius_m: of a circle that encloses the robot.
+        counts: (C, K) weight of each instant, from 0 to 1.
     """
     if not len(people):
         nothing = np.zeros((len(ways.poses), 0))
@@ -53,9 +53,9 @@ def risk_of(ways: Rollouts, people: Futures, radius_m: float, counts: Float64Arr
 def seconds_near(
     ways: Rollouts, people: Futures, radius_m: float, counts: Float64Array
 ) -> Float64Array:
-    """(C,) expected seconds of each way with somebody within a radius; arguments as of ``risk_of``.
+    """(C,) expected seconds of each way with somebody within a radius; arguments as ``risk_of``.
 
-    At each instant it is at most certain.
+    The probability at each instant is capped at 1.
     """
     if not len(people):
         return np.zeros(len(ways.poses))
@@ -68,13 +68,12 @@ def _chances(
 ) -> Float64Array:
     """(K, C, N, M) probability of being within the two radii at each instant.
 
-    It is taken as that of being in the square around the circle, two sides of which look at the
-    other, and so is never less; and never more than that of being beyond a straight border, which
-    is the usual bound (as in Zhu and Alonso-Mora, Chance-constrained collision avoidance for MAVs
-    in dynamic environments, RA-L 4, 2019).
+    Upper bound: the probability of being in the circle's bounding square, aligned with the line
+    between the two. It is tighter than the usual bound by a half-plane (as in Zhu and Alonso-Mora,
+    Chance-constrained collision avoidance for MAVs in dynamic environments, RA-L 4, 2019).
     """
     count, manoeuvres, instants = people.sigma.shape
-    # Instants first: then all distances are one product of matrices for each.
+    # Instants come first, so that all distances of an instant are one matrix product.
     at = ways.poses[:, :, :2].transpose(1, 0, 2)
     mean = people.mean.reshape(-1, instants, 2).transpose(1, 2, 0)
     squared = (at**2).sum(axis=2)[:, :, None] + (mean**2).sum(axis=1)[:, None, :] - 2 * at @ mean

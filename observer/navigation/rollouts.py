@@ -1,4 +1,4 @@
-"""Ways that a robot with two wheels could take over the next seconds."""
+"""Candidate paths of a differential-drive robot over the next seconds."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.guard.parameters import GuardParameters
 
-# Number of the way on which the robot stops.
+# Index of the path on which the robot stops.
 STANDING: Final = 0
-# Turn rate asked for each radian of heading that is missing, 1/s.
+# Turn rate per radian of heading error, 1/s.
 _STEERING: Final = 1.0
-# Directions tried beside that to the goal, radians; and how long each is held before the goal is
-# headed for again, seconds.
+# Directions tried, relative to that to the goal, radians; and how long each is held before turning
+# back to the goal, seconds.
 _ASIDE: Final = np.radians([0, 12, -12, 25, -25, 45, -45, 70, -70])
 _HELD_S: Final = (1.2, 2.8)
-# Share of the deceleration with which a way ends at the goal.
+# Share of the full deceleration used to stop at the goal.
 _GENTLY: Final = 0.5
-# Of the highest speed.
+# Speeds tried, as shares of the highest speed.
 _SPEEDS: Final = (1.0, 0.6, 0.25)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A robot now: x, y metres and yaw in a frame that stands; m/s forward, rad/s to the left."""
+    """A robot now: x, y metres and yaw in a fixed frame; m/s forward, rad/s to the left."""
 
     x: float
     y: float
@@ -38,7 +38,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """C ways at K instants.
+    """C paths (*ways*) at K instants.
 
     Attributes:
         times: (K,) seconds from now. poses: (C, K, 3) x, y, yaw. speed, turn: (C, K) m/s, rad/s.
@@ -76,8 +76,8 @@ def rollouts(
 ) -> Rollouts:
     """Return the ways to choose from; the first one stops, and the next goes straight ahead.
 
-    Each heads beside the bearing for a while and then along it; speed and turn rate change no
-    faster than the robot's limits allow.
+    Each heads to one side of the bearing for a while and then along it; speed and turn rate change
+    no faster than the robot's limits allow.
 
     Args:
         bearing: direction to drive in, radians in the frame of ``now``.
@@ -103,7 +103,7 @@ def rollouts(
     for time in times - dt:
         error = wrapped(bearing + np.where(time < held, aside, 0.0) - pose[:, 2])
         ending = np.sqrt(2 * _GENTLY * limits.deceleration_mps2 * np.maximum(left, 0.0))
-        # It slows down to turn rather than drive a wide bend.
+        # Slow down to turn rather than drive a wide bend.
         target = np.minimum(wanted, ending) * np.maximum(np.cos(error), 0.0)
         rate = np.where(wanted > 0, np.clip(_STEERING * error, -most, most), 0.0)
         speed = speed + np.clip(target - speed, -slower, faster)
@@ -118,7 +118,7 @@ def rollouts(
 
 
 def braked(ways: Rollouts, reaction: int, limits: GuardParameters) -> Rollouts:
-    """Return the same ways, each braked to a stand after the first ``reaction`` instants."""
+    """Return the same ways, each braked to a standstill after the first ``reaction`` instants."""
     dt = float(ways.times[1] - ways.times[0])
     poses, speed, turn = ways.poses.copy(), ways.speed.copy(), ways.turn.copy()
     for k in range(reaction, len(ways.times)):

@@ -1,4 +1,4 @@
-"""Way to the goal around what stands: how far it is from each place, along free cells."""
+"""Route to the goal around static obstacles: distance from each place along free cells."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from scipy.sparse.csgraph import dijkstra
 from observer.geometry import Float64Array
 from observer.navigation.local_map import CELL_M, LocalMap
 
-# Cells of the map that make one of the route.
+# Cells of the map along each side of one coarse cell of the route.
 _COARSE: Final = 2
-# A step through cells that are too narrow costs so many times more: a way out of them is found, but
-# none through.
+# Cost factor of cells that are too narrow for the robot: it finds a way out of them, but avoids
+# going through.
 _NARROW: Final = 30.0
-# Beside a surface a way costs more, up to so far beyond the robot's radius.
+# Near a surface a route costs more: out to this distance beyond the robot's radius, and by at most
+# this share.
 _BESIDE_M: Final = 0.3
 _BESIDE: Final = 1.0
 
@@ -39,7 +40,7 @@ class Route:
     left_m: Float64Array
 
     def distance(self, places: Float64Array) -> Float64Array:
-        """(...,) metres to drive from places (..., 2); beyond the map those in a straight line."""
+        """(...,) metres to drive from places (..., 2); outside the map the straight distance."""
         at = (self.map.cell(places) + 0.5) / _COARSE - 0.5
         flat = at.reshape(-1, 2)
         inside = ((flat >= 0) & (flat <= len(self.left_m) - 1)).all(axis=1)
@@ -48,14 +49,14 @@ class Route:
         return np.where(inside, along, beeline).reshape(places.shape[:-1])
 
     def heading(self, x: float, y: float, reach_m: float) -> float:
-        """Return the direction in which the goal is neared most from a place, radians.
+        """Return the direction from a place that most reduces the distance to drive, radians.
 
         Args:
-            reach_m: distance over which it is looked at.
+            reach_m: distance at which the reduction is compared.
         """
         bearing = math.atan2(self.goal[1] - y, self.goal[0] - x)
         away = min(reach_m, math.hypot(self.goal[0] - x, self.goal[1] - y))
-        # The beeline first: it wins where others are hardly shorter.
+        # The beeline comes first: it wins where others are hardly shorter.
         angles = bearing + np.radians(np.arange(0, 360, 10))
         ring = np.stack([x + away * np.cos(angles), y + away * np.sin(angles)], axis=1)
         left = self.distance(ring)
@@ -67,7 +68,7 @@ def route(local: LocalMap, goal: tuple[float, float], radius_m: float, time: flo
     """Return the distances to a goal by Dijkstra's algorithm on the map's cells.
 
     Args:
-        goal: x, y metres. radius_m: that the robot needs on each side. time: seconds.
+        goal: x, y metres. radius_m: clearance that the robot needs on each side. time: seconds.
     """
     cost = _cost(local.blocked(time), radius_m)
     size = len(cost)
@@ -79,7 +80,7 @@ def route(local: LocalMap, goal: tuple[float, float], radius_m: float, time: flo
         rows.append(a)
         columns.append(b)
         weights.append(step * (cost.ravel()[a] + cost.ravel()[b]) / 2)
-    # One more node is the goal, tied to the cells nearest to it.
+    # The goal is an extra node, linked to the cells nearest to it.
     tied, far = _ties(local, goal, size)
     rows.append(tied)
     columns.append(np.full(len(tied), size * size))
@@ -93,7 +94,7 @@ def route(local: LocalMap, goal: tuple[float, float], radius_m: float, time: flo
 
 
 def _cost(blocked: NDArray[np.bool_], radius_m: float) -> Float64Array:
-    """(S, S) cost of a metre in each coarse cell."""
+    """(S, S) cost per metre in each coarse cell."""
     far = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
     if not blocked.any():
         far[:] = math.inf
@@ -114,9 +115,9 @@ def _neighbours(index: NDArray[np.intp], dx: int, dy: int) -> tuple[NDArray[np.i
 def _ties(
     local: LocalMap, goal: tuple[float, float], size: int
 ) -> tuple[NDArray[np.intp], Float64Array]:
-    """Return the cells from which the goal is neared in a straight line, and how far it is.
+    """Return the cells that are linked straight to the goal, and their distances from it.
 
-    Within the map those around it, else all of its border.
+    For a goal within the map those around it, else the map's whole border.
     """
     at = (local.cell(np.array(goal)) + 0.5) / _COARSE - 0.5
     grid = np.stack(np.meshgrid(np.arange(size), np.arange(size), indexing="ij"), axis=-1)

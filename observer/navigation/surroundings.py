@@ -1,4 +1,4 @@
-"""What stands between the robot and its goal, as a choice of paths needs it."""
+"""Static surroundings of the robot and its goal, as needed to choose a path."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from observer.navigation.local_map import LocalMap
 from observer.navigation.rollouts import Motion, Rollouts
 from observer.navigation.route import Route, route
 
-# The direction to drive in is that in which the goal is nearest after so much of the way.
+# Distance at which the directions to drive in are compared.
 _AHEAD_M: Final = 0.8
-# A robot that stands too close to something may leave it.
+# A robot too close to a surface may lose this much clearance, so that it can leave.
 _LEAVING_M: Final = 0.03
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Goal and surfaces around a robot, in one frame that stands.
+    """Goal and surfaces around a robot, in one fixed frame.
 
     Attributes:
         goal: x, y metres. heading: direction to drive in now, radians.
-        radius_m: of a circle that holds the robot, margin included.
-        clearance_m: now.
+        radius_m: of a circle that encloses the robot, margin included.
+        clearance_m: from the robot's current place to the nearest surface.
     """
 
     goal: tuple[float, float]
@@ -44,7 +44,7 @@ class Surroundings:
         """Return the surroundings at an instant.
 
         Args:
-            time: seconds, as of the map.
+            time: seconds, on the map's clock.
         """
         way = route(local, goal, radius_m, time)
         here = np.array([[now.x, now.y]])

@@ -27,7 +27,7 @@ class Step:
     """A frame and what was found in it.
 
     Attributes:
-        frame: as the source gave it. observation: what was found.
+        frame: as read from the source. observation: what was found.
         truth: true bodies at that instant, in the ground truth's own world; empty if unknown.
         trace: every intermediate image and number by name (see ``observer.observer``); None if
             it was not requested.
@@ -73,7 +73,7 @@ class ObservedSource:
     ) -> None:
         """
         Raises:
-            CalibrationError: there is none, or it cannot be used.
+            CalibrationError: there is no calibration, or it cannot be used.
         """
         self._opened = opened
         source = opened.source
@@ -102,7 +102,7 @@ class ObservedSource:
 
     @property
     def truth(self) -> Truth | None:
-        """Ground truth of the same world, or None."""
+        """Ground truth of the source's world, or None."""
         return self._opened.truth
 
     @property
@@ -111,13 +111,13 @@ class ObservedSource:
         return dict(self._observer.parameters.flat())
 
     def set(self, changes: Mapping[str, Any]) -> None:
-        """Use other parameters from the next frame on.
+        """Change parameters from the next frame on.
 
         Args:
             changes: values by dotted name; the others stay.
 
         Raises:
-            ParameterError: a name or a value is refused, or has no effect with the
+            ParameterError: a name or a value is invalid, or has no effect with the
                 current method; nothing was changed.
         """
         parameters = effective(self._observer.parameters, changes)

@@ -64,7 +64,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class SpeedsBesideTruth:
-    """Speeds of a track and of the body it was matched to, at the same N instants.
+    """Speeds of a track and of the body matched to it, at the same N instants.
 
     Attributes:
         body: the body's name. segment, id: of the track. times: (N,) seconds, source's clock.
@@ -95,7 +95,7 @@ class LoadedRun:
     """A recorded run; see ``observer.load``. Nothing is written to it.
 
     Attributes:
-        recording: everything that was recorded, one by one.
+        recording: reader of everything that was recorded.
     """
 
     def __init__(self, path: Path) -> None:
@@ -116,7 +116,7 @@ class LoadedRun:
 
     @cached_property
     def lines(self) -> tuple[dict[str, Any], ...]:
-        """JSON lines as ``observe`` writes them, a dictionary a frame."""
+        """JSON lines as ``observe`` writes them, one dictionary per frame."""
         return tuple(self.recording.lines())
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
@@ -187,7 +187,7 @@ class LoadedRun:
         """Return a table as arrays by column; unknown numbers are NaN.
 
         Args:
-            name: one of ``observer.exporting.tables.TABLES``, as in ``obstacles``.
+            name: one of ``observer.exporting.tables.TABLES``, e.g. ``obstacles``.
 
         Raises:
             ExportError: there is no such table.
@@ -250,7 +250,7 @@ class LoadedRun:
         """Return the point cloud of a frame: as recorded, or from its images by dense stereo.
 
         Raises:
-            ExportError, SourceError: as of ``observer.exporting.clouds.cloud_at``.
+            ExportError, SourceError: as for ``observer.exporting.clouds.cloud_at``.
         """
         return cloud_at(self.recording, position, frame)
 
@@ -265,8 +265,8 @@ class LoadedRun:
             changes: parameters that replace the recorded ones throughout, by dotted name.
 
         Raises:
-            SourceError: the images were not recorded. ParameterError: a parameter is refused, or
-                does not act with the method that the run began with.
+            SourceError: the images were not recorded. ParameterError: a parameter is invalid, or
+                has no effect with the method that the run began with.
         """
         effective(replay_revisions(self.recording)[0][0], changes or {})
         source = RecordingSource(self.recording.path)

@@ -1,1 +1,1 @@
-"""Recordings: what happened in a run, as one MCAP file that other tools open."""
+"""Recordings: everything that happened in a run, in one MCAP file that other tools can open."""

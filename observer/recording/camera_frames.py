@@ -1,9 +1,9 @@
 """A run's cameras in the terms that Foxglove and ROS share: frames, distortion, projection.
 
-Frames: ``level`` (z up, the ground at z = 0 where the mount is known) holds ``world`` (as the
-observations have it), that ``camera`` (the rectified left camera), and that ``base`` (the robot)
-and ``camera_left`` and ``camera_right`` (the cameras as taken, before rectification).
-``odom`` is where the robot's wheels began to count.
+Frames: ``level`` (z up, the ground at z = 0 where the mount is known) is the parent of ``world``
+(that of the observations), which is the parent of ``camera`` (the rectified left camera), which is
+the parent of ``base`` (the robot) and of ``camera_left`` and ``camera_right`` (the cameras as
+taken, before rectification). ``odom`` is the origin of the robot's wheel odometry.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from observer.mount import CameraMount, level_pose
 from observer.vision.rectification import Rectification
 
 DistortionModel = Literal["plumb_bob", "rational_polynomial", "equidistant"]
-# REP-104 and Foxglove expect these of plumb_bob.
+# REP-104 and Foxglove expect this many for plumb_bob.
 _LEAST_COEFFICIENTS = 5
 
 
@@ -28,7 +28,7 @@ class CameraModel:
     """A camera for its images as taken, as in ROS's ``CameraInfo`` (REP-104).
 
     Attributes:
-        K: (3, 3) pixels. D: (N,) in OpenCV's order, as the model has them.
+        K: (3, 3) pixels. D: (N,) distortion of the model, in OpenCV's order.
         R: (3, 3) rectification. P: (3, 4) projection of the rectified image, in pixels and, for
             the right camera, pixel metres.
     """
@@ -61,8 +61,8 @@ def camera_model(
 def fixed_frames(
     rectified: Rectification, mount: CameraMount | None
 ) -> list[tuple[str, str, Pose]]:
-    """Return (parent, child, ``T_parent_child``) of what does not move in a segment."""
-    # Rectification turns each camera about its own centre.
+    """Return (parent, child, ``T_parent_child``) of the transforms that are fixed in a segment."""
+    # Rectification rotates each camera about its own centre.
     right = np.array([rectified.camera.baseline, 0.0, 0.0])
     frames = [
         ("level", "world", level_pose(mount)),

@@ -1,8 +1,8 @@
 """Writer of an MCAP file, chunk by chunk, that can be read at any time.
 
-The ``mcap`` package's own writer neither takes back a chunk that the disk had no room for nor
-resumes a file that was left behind. Here both are the same: the file is truncated behind its last
-whole chunk, and more chunks or its end are written from there.
+The ``mcap`` package's own writer can neither undo a chunk for which the disk had no space nor
+resume an unfinished file. Here both work the same way: the file is truncated after its last
+complete chunk, and further chunks or the file's end are written from there.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ from observer.recording.errors import RecordingError
 from observer.recording.topics import Topic
 
 LIBRARY = "dynamic-observer"
-# LZ4's default level, and one that hardly searches: it saves 3 % instead of 7 % of camera images,
-# which are noisy, but takes half the time to pack and to unpack.
+# LZ4's default level, and one that hardly searches: for camera images, which are noisy, it saves
+# 3 % instead of 7 % but takes half the time to pack and to unpack.
 _LEVEL, _BULK_LEVEL = 0, -10
-# Bytes before packing at which a chunk is written at once.
+# Size in bytes, before packing, at which a chunk is written immediately.
 _LARGEST_CHUNK = 8 << 20
-# A piece from this size on is worth a call of its own.
+# Bytes: pieces from this size on are packed by a call of their own.
 _LARGE_BYTES = 64 << 10
 
 
 class _Chunk:
-    """Messages of one chunk that is not written yet."""
+    """Messages of a chunk that is not written yet."""
 
     def __init__(self) -> None:
         self.pieces: list[bytes] = []
@@ -73,18 +73,19 @@ class Container:
     """Writes one MCAP file. Used by one thread.
 
     Args:
-        file: open for writing in bytes, positioned at its beginning; with ``resume`` also for
+        file: open for writing bytes, positioned at its beginning; with ``resume`` also for
             reading. It is written piece by piece, so it needs no buffer of its own.
         name: of the file, for messages.
-        resume: go on behind the last whole chunk of what the file holds already.
+        resume: continue after the last complete chunk of the file.
 
     Attributes:
-        size: of what is whole in the file, bytes. failure: after which nothing is written, or None.
+        size: of the complete part of the file, bytes. failure: the error after which nothing more
+            is written, or None.
 
     Raises:
-        RecordingError: the file cannot be written. From then on nothing is, and every call that
-            would write raises the same.
-        SourceError: there is nothing to go on with.
+        RecordingError: the file cannot be written. From then on nothing is written, and every call
+            that would write raises the same error.
+        SourceError: there is nothing to resume.
     """
 
     def __init__(self, file: BinaryIO, name: str, *, resume: bool = False) -> None:
@@ -115,8 +116,8 @@ class Container:
     def write_large(self) -> None:
         """Write chunks that are large enough.
 
-        ``add`` does not, so that messages that belong together, as a frame's two images, share a
-        chunk.
+        ``add`` does not do so, so that messages that belong together, such as a frame's two
+        images, share a chunk.
         """
         if self._bulk.size >= _LARGEST_CHUNK:
             self._bulk = self._written(self._bulk, _BULK_LEVEL)
@@ -159,12 +160,12 @@ class Container:
         for piece in pieces:
             view = memoryview(piece)
             while view:
-                # A file without a buffer may take a part, as before the disk is full.
+                # An unbuffered file may write only a part, e.g. just before the disk is full.
                 written = self._file.write(view)
                 view = view[written:]
 
     def _leave_whole(self) -> None:
-        """Cut off the incomplete chunk; its room may suffice for the index."""
+        """Cut off the incomplete chunk; the space it frees may suffice for the index."""
         with contextlib.suppress(OSError):
             self._cut()
             try:
@@ -198,7 +199,7 @@ class Container:
             metadata={},
             schema_id=schema.id,
         )
-        # Outside of chunks, so that it is known without unpacking any.
+        # Written outside chunks, so that it can be read without unpacking any.
         self._write(*pieces, _bytes_of(channel))
         self._schemas[topic.schema_name] = schema
         self._channels[topic.name, topic.schema_name] = channel
@@ -224,7 +225,7 @@ class Container:
 
     @staticmethod
     def _index_messages(index: ChunkIndex, entries: Mapping[int, Sequence[Entry]]) -> bytes:
-        """Return the records that follow the chunk, and have its index tell where they are."""
+        """Return the records that follow the chunk, and enter their offsets in its index."""
         records, begin = b"", index.chunk_start_offset + index.chunk_length
         for id_, found in entries.items():
             index.message_index_offsets[id_] = begin + len(records)
@@ -233,7 +234,7 @@ class Container:
         return records
 
     def _remember(self, index: ChunkIndex) -> None:
-        # As bytes: a run of hours has very many of them.
+        # Kept as bytes, because a run of hours has very many of them.
         self._chunk_indexes += _bytes_of(index)
         self._chunk_count += 1
         start, end = self._span or (index.message_start_time, index.message_end_time)
@@ -291,7 +292,7 @@ class Container:
         if not contents.chunks:
             self.size = contents.end
         self._cut()
-        # Some may have stood behind the last whole chunk; repetition is allowed.
+        # Some may have come after the last complete chunk and been cut off; repeats are allowed.
         known = (*self._schemas.values(), *self._channels.values())
         self._write(*map(_bytes_of, known))
 
@@ -300,8 +301,8 @@ def _packed(pieces: Sequence[bytes], level: int) -> tuple[list[bytes], int]:
     """Return the pieces as one LZ4 frame, and the CRC of its content.
 
     Large pieces are packed one by one: joining megabytes of images would copy each again, and the
-    loop beside this thread pays for memory traffic as well. Small ones are joined, since a call for
-    each message header would cost more than its bytes.
+    memory traffic would also slow down the loop in the other thread. Small ones are joined, as a
+    call for each message header would cost more than packing its bytes.
     """
     packer = lz4.frame.LZ4FrameCompressor(compression_level=level)
     packed, checksum = [packer.begin()], 0
@@ -313,7 +314,7 @@ def _packed(pieces: Sequence[bytes], level: int) -> tuple[list[bytes], int]:
 
 
 def _gathered(pieces: Sequence[bytes]) -> Iterator[bytes]:
-    """Yield the same bytes in fewer pieces, large ones as they are."""
+    """Yield the same bytes in fewer pieces, leaving large ones as they are."""
     small: list[bytes] = []
     for piece in pieces:
         if len(piece) < _LARGE_BYTES:

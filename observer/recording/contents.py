@@ -1,7 +1,7 @@
 """Index of an MCAP file, also of one whose end was never written.
 
-The format: https://mcap.dev/spec. A file whose writer was killed ends anywhere; everything up to
-the last whole chunk counts. Nothing is written here.
+The format: https://mcap.dev/spec. A file whose writer was killed may end anywhere; everything up
+to the last complete chunk counts. This module writes nothing.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ MESSAGE = struct.Struct("<HIQQ")
 # the packed records, which follow.
 CHUNK = struct.Struct("<QQQII3sQ")
 COMPRESSION = b"lz4"
-# Where the summary begins, where its offsets do, and its CRC-32.
+# Start of the summary, start of its offsets, and its CRC-32.
 _FOOTER = struct.Struct("<QQI")
 _FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
-# A record that claims to be larger is no record.
+# A record that claims to be larger than this is none.
 _LARGEST = 1 << 32
 
 
@@ -55,11 +55,11 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True)
 class ChunkPlace:
-    """A whole chunk.
+    """A complete chunk.
 
     Attributes:
-        index: where it is in the file, and where the ``MessageIndex`` of each channel in it.
-        rebuilt: the entries of each channel where those in the file may be cut off.
+        index: its place in the file, and that of the ``MessageIndex`` of each channel in it.
+        rebuilt: the entries of each channel, if those in the file may be cut off.
     """
 
     index: ChunkIndex
@@ -67,12 +67,12 @@ class ChunkPlace:
 
     @property
     def offset(self) -> int:
-        """Place of its record in the file, bytes."""
+        """Offset of its record in the file, bytes."""
         return self.index.chunk_start_offset
 
     @property
     def end(self) -> int:
-        """Place behind it and its message indexes, bytes."""
+        """Offset of the end of its message indexes, bytes."""
         return self.offset + self.index.chunk_length + self.index.message_index_length
 
     @property
@@ -83,12 +83,12 @@ class ChunkPlace:
 
 @dataclass(frozen=True)
 class Contents:
-    """Places of all that an MCAP file holds.
+    """Places of everything in an MCAP file.
 
     Attributes:
         finished: the file has its end and its index.
-        end: behind the last chunk and its indexes that are whole, bytes.
-        counts: messages by channel, whole chunks only.
+        end: offset after the last complete chunk and its indexes, bytes.
+        counts: messages by channel, complete chunks only.
     """
 
     channels: Mapping[int, Channel]
@@ -104,10 +104,10 @@ class Contents:
 
 
 def find_contents(file: BinaryIO, name: str) -> Contents:
-    """Find all contents by the index, or chunk by chunk where there is none.
+    """Find all contents by the index, or chunk by chunk if there is none.
 
     Raises:
-        SourceError: the file is no MCAP file.
+        SourceError: the file is not an MCAP file, or damaged.
     """
     file.seek(0)
     if file.read(len(MAGIC)) != MAGIC:
@@ -122,7 +122,7 @@ def chunk_records(file: BinaryIO, chunk: ChunkPlace, name: str) -> bytes:
     """Return the records of a chunk, unpacked.
 
     Raises:
-        SourceError: they are not those that were written.
+        SourceError: they are damaged.
     """
     records = _unpacked(file, chunk)
     if records is None:
@@ -214,7 +214,7 @@ def _by_index(file: BinaryIO) -> Contents | None:
     # The CRC covers everything before itself.
     if crc and zlib.crc32(records[: -len(MAGIC) - 4]) != crc:
         return None
-    # Not of the file itself, which the reader would close.
+    # Not from the file itself, because the reader would close it.
     summary = NonSeekingReader(io.BytesIO(MAGIC + records)).get_summary()
     assert summary is not None
     chunks = tuple(map(ChunkPlace, summary.chunk_indexes))
@@ -253,8 +253,8 @@ def _by_scanning(file: BinaryIO) -> Contents:
                 channels[described.id] = described
         at = end = behind
     while chunks:
-        # Behind the last chunk some of its indexes may be missing, or, after the machine itself
-        # went down, the chunk may be empty space.
+        # Some indexes of the last chunk may be missing, or, after a crash of the machine, the
+        # chunk may be filled with zeros.
         last = chunks.pop()
         records = _unpacked(file, last)
         if records is not None:

@@ -1,4 +1,4 @@
-"""Obstacles and true bodies as Foxglove and ROS both draw them: box, velocity and label."""
+"""Obstacles and true bodies as drawn in both Foxglove and ROS: box, velocity and label."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOTIONS: dict[str, Rgba] = {
 }
 _COASTING: Rgba = (0.6, 0.6, 0.6, 0.3)
 _TRUE: Rgba = (0.1, 0.9, 0.3, 1.0)
-# An arrow is as long as the way of one second.
+# An arrow's length is the distance travelled in one second.
 _SHORTEST_ARROW_MPS = 0.02
 _LABEL_ABOVE_M = 0.15
 
@@ -34,7 +34,7 @@ class DrawnBody:
         kind: ``obstacle``, or a true body's role. id: its number. name: for people.
         position: (3,) metres, its middle. wxyz, size: of its box, (3,) metres along the box's axes.
         velocity: (3,) m/s. color: of the box. text: of the label.
-        true: it is ground truth.
+        true: whether it is ground truth.
     """
 
     kind: str
@@ -50,7 +50,7 @@ class DrawnBody:
 
     @property
     def arrow_m(self) -> float:
-        """Length of the velocity's arrow; 0 for a body that hardly moves."""
+        """Length of the velocity arrow; 0 for a body that hardly moves."""
         speed = math.hypot(*self.velocity)
         return speed if speed >= _SHORTEST_ARROW_MPS else 0.0
 
@@ -62,7 +62,7 @@ class DrawnBody:
 
 
 def drawn_obstacles(line: Mapping[str, Any]) -> list[DrawnBody]:
-    """Return the obstacles of an observation's JSON line whose place is known."""
+    """Return the obstacles of an observation's JSON line whose pose is known."""
     found = []
     for entry in line["obstacles"]:
         if entry["position"] is None or entry["orientation_wxyz"] is None:

@@ -1,4 +1,4 @@
-"""Encoder of what happens in a run as the messages of its recording; no file, no thread."""
+"""Encoder of the events of a run as messages of its recording; no file, no thread."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ JPEG_QUALITY = 95
 
 
 def _plain(value: object) -> object:
-    """Return numpy's numbers and arrays as JSON has them."""
+    """Convert numpy's numbers and arrays to plain values for JSON."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} cannot be recorded")
@@ -46,10 +46,10 @@ _json = msgspec.json.Encoder(enc_hook=_plain)
 
 
 class Encoded(NamedTuple):
-    """Message that is ready for a file.
+    """Message that is ready to be written.
 
     Attributes:
-        sequence: counted within its topic. log_time_ns: nanoseconds since 1970, never falling.
+        sequence: counted within its topic. log_time_ns: nanoseconds since 1970, never decreasing.
     """
 
     topic: Topic
@@ -59,15 +59,15 @@ class Encoded(NamedTuple):
 
 
 class Encoder:
-    """Makes messages and gives them to ``_keep``, which a subclass defines.
+    """Makes messages and passes them to ``_keep``, which a subclass defines.
 
-    Log times are the anchor's wall clock plus what the monotonic clock counts from there, so they
-    never fall, whatever happens to the wall clock. ``received`` is the host's monotonic clock,
+    Log times are the anchor's wall clock plus the time since then on the monotonic clock, so they
+    never decrease, whatever happens to the wall clock. ``received`` is the host's monotonic clock,
     seconds, everywhere.
 
     Args:
         facts: of the run. first_image: number of the first pair of images.
-        after_ns: no message is older than this.
+        after_ns: earliest log time of all messages.
 
     Raises:
         CalibrationError: the calibration's text cannot be used.
@@ -80,14 +80,14 @@ class Encoder:
         self._image = first_image
         self._newest_ns = after_ns
         self._sequences: dict[str, int] = {}
-        # The first frame is always that of an observer that knows nothing yet.
+        # The first frame is always the first one of a new observer.
         self._begins: Begins | None = "observer"
 
     def _keep(self, messages: Sequence[Encoded]) -> None:
         raise NotImplementedError
 
     def _begin(self) -> None:
-        """Keep the run's facts and the cameras, with which a recording begins."""
+        """Record the run's facts and the cameras, with which a recording begins."""
         at = self.facts.anchor.monotonic
         wall = self.facts.anchor.wall_time_ns(at)
         left, right = (self._cameras.calibration(side, wall) for side in ("left", "right"))
@@ -107,18 +107,18 @@ class Encoder:
         source_time: float | None = None,
         begins: Begins | None = None,
     ) -> None:
-        """Keep a frame exactly as the observer gets it, before it is observed.
+        """Record a frame exactly as the observer gets it, before it is observed.
 
         Args:
-            source_position, source_time: within the source, where it is played in a loop.
-            begins: ``segment`` where ``begin_segment`` was called for it.
+            source_position, source_time: within a source that is played in a loop.
+            begins: ``segment`` if ``begin_segment`` was called for it.
         """
         at, image = frame.received, None
         messages = []
         if self.facts.images != "none":
             image = self._image
             self._image += 1
-            # One after the other: each keeps a core busy while it is packed.
+            # One after the other, because packing each one keeps a core busy.
             for side, pixels in (("left", frame.left), ("right", frame.right)):
                 topic, data = self._packed(side, pixels, self._wall(at))
                 messages.append(Encoded(topic, image, self._log_time(at), data))
@@ -149,13 +149,14 @@ class Encoder:
         truth: Sequence[Mapping[str, Any]] = (),
         no_truth: str | None = None,
     ) -> None:
-        """Keep the JSON line of an observation, and what is drawn of it.
+        """Record the JSON line of an observation, and its drawing.
 
         Args:
-            line: as of ``observer.jsonl.observation_line``. received: of its frame.
+            line: as from ``observer.jsonl.observation_line``. received: of its frame.
             ego_motion, truth: as in the engine's ``ObservationEvent``.
-            no_truth: why the truth that belongs to the run tells nothing yet; then its topics say
-                so, so that every recording with truth has them from its first frame.
+            no_truth: why the run's ground truth is not available yet. Its topics are then written
+                with this sentence, so that every recording with truth has them from its first
+                frame.
         """
         wall = self._wall(received)
         transforms = self._cameras.transforms(line_pose(line), wall)
@@ -188,10 +189,9 @@ class Encoder:
             )
 
     def truth(self, sample: TruthSample, received: float) -> None:
-        """Keep the ground truth at a frame.
+        """Record the ground truth at a frame.
 
-        ``frame`` and ``time`` are those of the frame as it was observed, the world is the truth's
-        own.
+        ``frame`` and ``time`` are those of the frame as observed; the world is the truth's own.
         """
         pose = sample.camera_pose
         # The fields of ``TruthPayload`` and ``BodyPayload``.
@@ -205,11 +205,11 @@ class Encoder:
         self._keep([self._own(topics.TRUTH, payload, received)])
 
     def parameters(self, revision: ParameterRevision, received: float) -> None:
-        """Keep the parameters that act on the next frame that is written."""
+        """Record the parameters that apply from the next recorded frame on."""
         self._keep([self._own(topics.PARAMETERS, revision, received)])
 
     def capture(self, samples: Sequence[BodySample]) -> None:
-        """Keep the samples of motion capture since the last call."""
+        """Record the motion capture samples since the last call."""
         if not samples:
             return
         # The fields of ``SamplePayload``.
@@ -221,15 +221,15 @@ class Encoder:
         self._keep([self._own(topics.MOTION_CAPTURE, {"samples": told}, newest)])
 
     def robot(self, row: RobotRow) -> None:
-        """Keep the state of one robot at one instant."""
+        """Record the state of one robot at one instant."""
         self._keep([self._own(topics.ROBOT, row, row.received)])
 
     def local_map(self, told: LocalMapPayload) -> None:
-        """Keep the map of a frame by which the way to a goal was planned."""
+        """Record the local map that was used to plan the path to a goal."""
         self._keep([self._own(topics.LOCAL_MAP, told, told.map.received)])
 
     def skipped(self, skipped: SkippedFrame, received: float) -> None:
-        """Keep the number of a frame that the source could not read."""
+        """Record the number of a frame that the source could not read."""
         self._keep(
             [
                 self._own(topics.SKIPPED, skipped, received),
@@ -238,7 +238,7 @@ class Encoder:
         )
 
     def incident(self, incident: Incident) -> None:
-        """Keep an incident, in the log too."""
+        """Record an incident, in the log as well."""
         self._keep(
             [
                 self._own(topics.INCIDENT, incident, incident.received),
@@ -247,16 +247,16 @@ class Encoder:
         )
 
     def log(self, level: foxglove.LogLevel, name: str, message: str, received: float) -> None:
-        """Keep a sentence for the log."""
+        """Record a sentence in the log."""
         self._keep([self._log(level, name, message, received)])
 
     def cloud(
         self, points: NDArray[np.float32], colors: NDArray[np.uint8], received: float
     ) -> None:
-        """Keep a dense cloud: points (N, 3), metres, in the camera frame, and RGB (N, 3).
+        """Record a dense cloud: points (N, 3), metres, in the camera frame, and RGB (N, 3).
 
         Args:
-            received: of the frame that it was made of.
+            received: of the frame that it was computed from.
         """
         data = foxglove.point_cloud(points, colors, self._wall(received))
         self._keep([self._made(topics.CLOUD, data, received)])

@@ -1,4 +1,4 @@
-"""Error of writing a recording; what cannot be read is a ``SourceError``."""
+"""Error in writing a recording; errors in reading one are ``SourceError``."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import errno
 
 from observer.errors import DynamicObserverError
 
-# No space, quota exceeded, file size limit: only more room helps.
+# No space, quota exceeded, file size limit: only more space helps.
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class RecordingError(DynamicObserverError):
-    """A recording ended before its time; what was written until then stays readable.
+    """A recording ended prematurely; everything written until then stays readable.
 
     Attributes:
-        full: whether there is no room left for it.
+        full: whether the disk has no space left for it.
     """
 
     def __init__(self, message: str, *, full: bool) -> None:

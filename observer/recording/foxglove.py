@@ -1,4 +1,4 @@
-"""Messages of Foxglove and Lichtblick, made of ours.
+"""Messages of Foxglove and Lichtblick, made from ours.
 
 Frames are those of ``observer.recording.camera_frames``.
 """
@@ -23,7 +23,7 @@ from observer.recording.images import RAW_DATA, field_head
 from observer.types import Image, Odometry
 from observer.vision.rectification import Rectification
 
-# Along each edge of a true body's box.
+# Dashes along each edge of a true body's box.
 _DASHES = 5
 _POINTS_PER_EDGE = 16
 LogLevel = Literal["debug", "info", "warning", "error"]
@@ -35,7 +35,7 @@ def stamp(wall_ns: int) -> fox.Timestamp:
 
 
 def raw_image(image: Image, side: str, wall_ns: int) -> bytes:
-    """Return a ``RawImage`` of (H, W) grey or (H, W, 3) BGR, every pixel as it is."""
+    """Return a lossless ``RawImage`` of (H, W) grey or (H, W, 3) BGR."""
     height, width = image.shape[:2]
     head = fox.RawImage(
         timestamp=stamp(wall_ns),
@@ -45,7 +45,7 @@ def raw_image(image: Image, side: str, wall_ns: int) -> bytes:
         encoding="mono8" if image.ndim == 2 else "bgr8",
         step=width * (1 if image.ndim == 2 else 3),
     ).encode()
-    # Fields may stand in any order: with the pixels behind the others they are copied only once.
+    # Fields may come in any order: with the pixels last, they are copied only once.
     return b"".join((head, field_head(RAW_DATA, image.nbytes), np.ascontiguousarray(image).data))
 
 
@@ -57,7 +57,7 @@ def jpeg_image(jpeg: bytes, side: str, wall_ns: int) -> bytes:
 
 
 class Cameras:
-    """Messages that follow from calibration and mount, the same for all of a recording."""
+    """Messages derived from calibration and mount, constant throughout a recording."""
 
     def __init__(self, calibration: StereoCalibration, mount: CameraMount | None) -> None:
         """
@@ -106,7 +106,7 @@ class Cameras:
 
 def scene(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
     """Return a ``SceneUpdate`` of boxes, dashed for true bodies, velocity arrows and labels."""
-    # Delete what was drawn before, so that nothing stays that is no longer seen.
+    # Delete the previous drawing, so that nothing remains that is no longer seen.
     gone = fox.SceneEntityDeletion(
         timestamp=stamp(wall_ns), type=fox.SceneEntityDeletionType.All, id=""
     )
@@ -115,9 +115,9 @@ def scene(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
 
 
 def box_edges(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
-    """Return a ``PointCloud`` in the world of points along the edges of the bodies' boxes.
+    """Return a ``PointCloud``, world frame, of points along the edges of the bodies' boxes.
 
-    For tools that show points and no ``SceneUpdate``. Bodies whose size is not known have none.
+    For tools that show points but no ``SceneUpdate``. Bodies of unknown size are left out.
     """
     bodies = [body for body in bodies if np.isfinite(body.size).all()]
     corners = [_edge_points(body) for body in bodies]
@@ -141,7 +141,7 @@ def _edge_points(body: DrawnBody) -> Float64Array:
 
 @cache
 def _unit_edges() -> Float64Array:
-    """(N, 3) points along the edges of a box whose sides are 1, about its middle."""
+    """(N, 3) points along the edges of a unit cube about its centre."""
     steps = np.linspace(-0.5, 0.5, _POINTS_PER_EDGE)
     grid = np.stack(np.meshgrid(steps, (-0.5, 0.5), (-0.5, 0.5), indexing="ij"), axis=-1)
     along_x = grid.reshape(-1, 3)
@@ -180,7 +180,7 @@ def point_cloud(
 
 
 def odometry(told: Odometry, wall_ns: int) -> bytes:
-    """Return ``Odometry`` by the robot's wheels."""
+    """Return the ``Odometry`` of the robot's wheels."""
     half = told.yaw / 2
     return fox.Odometry(
         timestamp=stamp(wall_ns),
@@ -257,21 +257,21 @@ def _dashed_box(size: ArrayLike) -> Float64Array:
     edges = [
         (a, b) for a in corners for b in corners if (a <= b).all() and np.count_nonzero(a != b) == 1
     ]
-    # A dash and a gap of equal length, a dash at both ends.
+    # Dashes and gaps of equal length, with a dash at both ends.
     steps = np.arange(2 * _DASHES) / (2 * _DASHES - 1)
     points = [a + s * (b - a) for a, b in edges for s in steps]
     return np.asarray(np.array(points) * np.asarray(size, dtype=np.float64))
 
 
 def _turn_from_x(direction: Sequence[float]) -> tuple[float, float, float, float]:
-    """Return the shortest rotation (w, x, y, z) of the x axis into a non-zero direction."""
+    """Return the smallest rotation (w, x, y, z) from the x axis to a non-zero direction."""
     length = math.hypot(*direction)
     x, y, z = (value / length for value in direction)
     aside = y * y + z * z
     if aside == 0:
         return (1.0, 0.0, 0.0, 0.0) if x > 0 else (0.0, 0.0, 0.0, 1.0)
-    # Half of the turn: between the axis and the direction lies their sum, whose part along the
-    # axis, 1 + x, has no digits left where they are opposite.
+    # The sum of axis and direction lies at half the angle. Its part along the axis, 1 + x, loses
+    # all digits to cancellation where they are nearly opposite.
     ahead = 1 + x if x > 0 else aside / (1 - x)
     norm = math.sqrt(2 * ahead)
     return norm / 2, 0.0, -z / norm, y / norm

@@ -1,7 +1,7 @@
 """Reader of images in a recording's messages.
 
-It knows as much of protobuf's wire format (https://protobuf.dev/programming-guides/encoding) as
-they use, so that reading a recording needs no package of Foxglove.
+It implements the part of protobuf's wire format (https://protobuf.dev/programming-guides/encoding)
+that they use, so that reading a recording does not need Foxglove's package.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from observer.errors import SourceError
 from observer.types import Image
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
-# Of the ten bytes that a number may have; one without end would take a time without end.
+# Of the ten bytes that a number may have; an endless one must not be read forever.
 _VARINT_BITS = 70
-# Numbers of fields in foxglove/RawImage.proto and foxglove/CompressedImage.proto.
+# Field numbers in foxglove/RawImage.proto and foxglove/CompressedImage.proto.
 _RAW_WIDTH, _RAW_HEIGHT, _RAW_ENCODING, _RAW_STEP, RAW_DATA = 2, 3, 4, 5, 6
 _JPEG_DATA = 2
 _DAMAGED_JPEG = "a JPEG image of the recording is damaged"
@@ -51,7 +51,7 @@ def jpeg_pixels(message: memoryview) -> Image:
         SourceError: the message is damaged.
     """
     data = jpeg_data(message)
-    # OpenCV answers an empty buffer with an error of its own.
+    # OpenCV raises its own error for an empty buffer.
     found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if found is None:
         raise SourceError(_DAMAGED_JPEG)
@@ -102,7 +102,7 @@ def message_fields(message: memoryview) -> dict[int, int | memoryview]:
 
 
 def field_head(number: int, size: int) -> bytes:
-    """Return the bytes that precede those of a field.
+    """Return the bytes that precede the content of a field.
 
     Args:
         number: of the field in the ``.proto`` file. size: bytes.

@@ -1,9 +1,9 @@
 """JSON schemas of our own messages, in the form that Foxglove and Lichtblick understand.
 
-Their parsers know one plain ``type`` for each property, no alternatives, no references and no
-arrays of arrays. What may be null therefore says ``nullable`` (as OpenAPI 3.0 has it) beside its
-type, and arrays of arrays stand under ``patternProperties``, which those parsers pass over. No
-draft of JSON Schema knows ``nullable``, so no ``$schema`` names one.
+Their parsers support one plain ``type`` per property, and neither alternatives nor references nor
+arrays of arrays. Properties that may be null are therefore marked ``nullable`` (as in OpenAPI 3.0)
+beside their type, and arrays of arrays are put under ``patternProperties``, which those parsers
+ignore. No draft of JSON Schema has ``nullable``, so no ``$schema`` is given.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def _of(kind: inspect.Type) -> dict[str, Any]:
     if isinstance(kind, _Object):
         return _object(kind)
     if isinstance(kind, inspect.TupleType):
-        # Of one kind of values each.
+        # The values of a tuple all have the same type.
         return {"type": "array", "items": _of(kind.item_types[0])}
     if isinstance(kind, inspect.ListType | inspect.VarTupleType):
         return {"type": "array", "items": _of(kind.item_type)}

@@ -1,4 +1,4 @@
-"""Local maps of a recording beside its frames: which one was in force, and where it lies."""
+"""Local maps of a recording by frame: which one was in force, and the robot's place in it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class MapInForce:
 
     Attributes:
         positions: of these frames, from 0; the first one is that of the map.
-        T_world_base: the robot at each of them, where it is known.
+        T_world_base: the robot's pose at each of them, where known.
     """
 
     map: OccupancyMap
@@ -29,7 +29,7 @@ class MapInForce:
     T_world_base: Mapping[int, Pose]
 
     def at(self, position: int) -> OccupancyMap | None:
-        """Return the map with the robot where it was at a frame; None where that is unknown."""
+        """Return the map with the robot's place at a frame; None where that is unknown."""
         begin, now = (self.T_world_base.get(k) for k in (self.positions.start, position))
         if begin is None or now is None:
             return None
@@ -42,7 +42,7 @@ class MapInForce:
 
 
 def maps_in_force(recording: Recording) -> tuple[MapInForce, ...]:
-    """Return the maps of a recording, in order; quickly, where there is none.
+    """Return the maps of a recording, in order; fast if there are none.
 
     Raises:
         SourceError: the recording is damaged.
@@ -51,7 +51,7 @@ def maps_in_force(recording: Recording) -> tuple[MapInForce, ...]:
     mount = recording.facts.camera_mount() if maps else None
     if mount is None:
         return ()
-    # Frame numbers may come again in a recording.
+    # Keyed by reception time, because frame numbers may repeat in a recording.
     places = {frame.received: position for position, frame in enumerate(frames)}
     begins = [(places[m.map.received], m.map) for m in maps if m.map.received in places]
     begins.sort(key=itemgetter(0))
@@ -68,7 +68,7 @@ def maps_in_force(recording: Recording) -> tuple[MapInForce, ...]:
 
 
 def maps_by_frame(recording: Recording) -> dict[int, OccupancyMap]:
-    """Return the map in force at each frame, by its position, with the robot as it was there."""
+    """Return the map in force at each frame, by position, with the robot's place at that frame."""
     return {
         position: placed
         for one in maps_in_force(recording)
@@ -78,7 +78,7 @@ def maps_by_frame(recording: Recording) -> dict[int, OccupancyMap]:
 
 
 def _goes_on(frame: RecordedFrame, begin: RecordedFrame) -> bool:
-    """Return whether the map of a frame counts at a later one, if there is no newer map."""
+    """Return whether a frame's map is still valid at a later frame, if there is no newer map."""
     return frame.begins is None and frame.received - begin.received <= HELD_S
 
 
@@ -89,7 +89,7 @@ def _poses(recording: Recording, mount: CameraMount) -> Iterator[Pose | None]:
     line = next(lines, None)
     for frame in recording.frames:
         if line is None or (line.get("frame"), line.get("time")) != (frame.index, frame.time):
-            # It was not observed.
+            # The frame was not observed.
             yield None
             continue
         try:

@@ -1,4 +1,4 @@
-"""What is recorded of an observed frame: its line, and the truth about it."""
+"""Recording of an observed frame: its line, and the ground truth at it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from observer.types import Observation, StereoFrame
 
 
 class ObservedWriter:
-    """Writer of observations beside the truth about their frames.
+    """Writer of observations with the ground truth at their frames.
 
     Args:
-        truth: on the frames' clock; None without.
+        truth: on the frames' clock; None without ground truth.
     """
 
     def __init__(self, writer: RecordingWriter, truth: Truth | None) -> None:
@@ -25,7 +25,7 @@ class ObservedWriter:
     def write(
         self, frame: StereoFrame, observation: Observation, line: Mapping[str, Any]
     ) -> list[TrueBodyEntry]:
-        """Write the observation of a frame that was written, and return the truth about it.
+        """Write the observation of a recorded frame, and return the ground truth at it.
 
         Args:
             line: of the observation.

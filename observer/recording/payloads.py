@@ -1,7 +1,7 @@
-"""Our own messages of a recording: plain values as JSON, with the schema that each follows.
+"""Our own messages of a recording: plain values as JSON, with their schemas.
 
-Every number has SI units. ``time`` is on the source's clock, ``received`` on the host's monotonic
-one; both mean something within one recording only. Null is what is not known.
+All numbers are in SI units. ``time`` is on the source's clock, ``received`` on the host's monotonic
+one; both are meaningful only within one recording. Null means unknown.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from observer.occupancy import OccupancyMap
 from observer.types import Odometry
 
 Images = Literal["none", "jpeg", "lossless"]
-# ``observer``: a new observer began with this frame; ``segment``: the same one began a new world.
+# ``observer``: a new observer begins at this frame; ``segment``: the same one begins a new world.
 Begins = Literal["observer", "segment"]
 
 
 class Anchor(msgspec.Struct, frozen=True):
-    """One instant on two clocks: the only place where a recording asks the wall clock.
+    """One instant on two clocks: the only time at which a recording reads the wall clock.
 
     Attributes:
         wall_ns: nanoseconds since 1970, UTC. monotonic: the host's monotonic clock, seconds.
@@ -37,21 +37,21 @@ class Anchor(msgspec.Struct, frozen=True):
         return Anchor(time.time_ns(), time.monotonic())
 
     def wall_time_ns(self, monotonic: float) -> int:
-        """Return nanoseconds since 1970 at an instant of the monotonic clock, without jumps."""
+        """Convert an instant of the monotonic clock to nanoseconds since 1970, without jumps."""
         return max(0, self.wall_ns + round((monotonic - self.monotonic) * 1e9))
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """Facts known when a run begins, and all that a re-run needs.
+    """Facts known when a run begins, including everything that a re-run needs.
 
     Attributes:
-        id, name: of the run. source: the text it was opened by, without passwords.
+        id, name: of the run. source: the spec by which it was opened, without passwords.
         info: the fields of the source's ``SourceInfo``.
         calibration_yaml: OpenCV FileStorage text, as used. rig_yaml: as used, or None.
-        mount: fields of the ``CameraMount`` that the observer was made with, or None.
-        preset: the name of what the parameters began as, or None.
+        mount: fields of the ``CameraMount`` that the observer was created with, or None.
+        preset: name of the preset that the run began with, or None.
         segment: number of the first segment. versions: of packages, by name.
-        images: which are kept. anchor: of all log times.
+        images: how images are recorded. anchor: of all log times.
         notes: further facts in words, by name.
     """
 
@@ -73,7 +73,7 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
         """Return the mount that the run was observed with.
 
         Raises:
-            SourceError: it is no camera's.
+            SourceError: the recorded mount is invalid.
         """
         if self.mount is None:
             return None
@@ -92,10 +92,10 @@ class RecordedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         index, time, right_time, received, odometry: of the ``StereoFrame``.
-        source_position, source_time: of the frame within its source, which repeat where the
-            source is played in a loop.
-        image: number of its images among those of the recording; None where none are kept.
-        begins: what the observer began anew with this frame, or None.
+        source_position, source_time: of the frame within its source; they repeat if the source
+            is played in a loop.
+        image: number of its images within the recording; None if none are recorded.
+        begins: what begins at this frame, or None.
     """
 
     index: int
@@ -110,12 +110,12 @@ class RecordedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterRevision(msgspec.Struct, frozen=True, kw_only=True):
-    """Parameters that are in force from the next recorded frame on.
+    """Parameters in force from the next recorded frame on.
 
     Attributes:
-        revision: counted up with every change of what is observed with. frame: index of the first
-            frame they act on, or None where nothing was observed yet.
-        values: all, by dotted name, the guard's too where a server recorded it.
+        revision: incremented with every change of the parameters of observing. frame: index of the
+            first frame they apply to, or None if nothing was observed yet.
+        values: all, by dotted name; including the guard's if recorded by a server.
         difference: those that changed.
     """
 
@@ -150,10 +150,10 @@ class BodyPayload(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TruthPayload(msgspec.Struct, frozen=True, kw_only=True):
-    """All that is truly known at one frame.
+    """Ground truth at one frame.
 
     Attributes:
-        camera_position, camera_orientation_wxyz: ``T_world_camera`` of the truth's own world.
+        camera_position, camera_orientation_wxyz: ``T_world_camera`` in the truth's own world.
     """
 
     frame: int
@@ -164,7 +164,7 @@ class TruthPayload(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MatchedBody(msgspec.Struct, frozen=True, kw_only=True):
-    """A true body in the observation's world, and the obstacle that it was taken for."""
+    """A true body in the observation's world, and the track matched to it."""
 
     id: int
     name: str
@@ -180,10 +180,10 @@ class MatchedBody(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MatchedTruth(msgspec.Struct, frozen=True, kw_only=True):
-    """True bodies beside one observation.
+    """True bodies at one observation.
 
     Attributes:
-        sentence: why there are none: motion capture is not aligned yet.
+        sentence: why there are none, e.g. motion capture is not aligned yet.
     """
 
     frame: int
@@ -193,7 +193,7 @@ class MatchedTruth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SamplePayload(msgspec.Struct, frozen=True, kw_only=True):
-    """``BodySample``; ``rotation`` is ``R_room_body`` by rows."""
+    """``BodySample``; ``rotation`` is ``R_room_body``, row by row."""
 
     name: str
     time: float
@@ -214,10 +214,10 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         role: ``observer`` or ``obstacle``. received: host's monotonic clock, seconds.
         time: the source's clock, where known.
-        sent_speed, sent_turn_rate: as really sent, m/s and rad/s.
-        encoder_speed, encoder_turn_rate: as the robot told.
-        x, y, yaw: by its wheels, metres and radians.
-        facts: whatever else is told of it.
+        sent_speed, sent_turn_rate: as actually sent, m/s and rad/s.
+        encoder_speed, encoder_turn_rate: as reported by the robot.
+        x, y, yaw: wheel odometry, metres and radians.
+        facts: everything else known of it.
     """
 
     role: str
@@ -234,7 +234,7 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LocalMapPayload(msgspec.Struct, frozen=True, kw_only=True):
-    """Map by which the observer planned its way to a goal, some times a second.
+    """Local map used to plan the path to a goal, recorded a few times a second.
 
     Attributes:
         frame, time: of the newest frame in it.
@@ -253,7 +253,7 @@ class SkippedPayload(msgspec.Struct, frozen=True):
 
 
 class Incident(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that a person who looks back wants to find: a guard stop, lost frames, a gap.
+    """Event worth finding in a recording: a guard stop, lost frames, a gap.
 
     Attributes:
         kind: a word. sentence: what happened. received: host's monotonic clock, seconds.

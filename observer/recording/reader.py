@@ -1,4 +1,4 @@
-"""Reader of a recording, which report, re-run, export and notebooks share."""
+"""Reader of a recording, shared by reports, re-runs, exports and notebooks."""
 
 from __future__ import annotations
 
@@ -62,17 +62,17 @@ class Recording:
     Used by one thread. Times are those of ``payloads``.
 
     Attributes:
-        unfinished: its end was never written, because it is being written or its writer was
-            killed; everything up to its last whole chunk is read.
+        unfinished: its end was never written, because it is still being written or its writer was
+            killed; everything up to its last complete chunk is read.
 
     Raises:
-        SourceError: the file cannot be read or is no recording of a run.
+        SourceError: the file cannot be read or is not the recording of a run.
     """
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         try:
-            # Closed by close.
+            # Closed by ``close``.
             self._file = self.path.open("rb")
         except OSError as error:
             raise SourceError(f"{path} cannot be read: {error.strerror}") from None
@@ -83,7 +83,7 @@ class Recording:
             self._file.close()
             raise
         self.unfinished = not self._contents.finished
-        # The unpacked chunk that was read last of each side's images.
+        # Offset and records of the image chunk that was unpacked last.
         self._unpacked: tuple[int, bytes] | None = None
 
     def __enter__(self) -> Recording:
@@ -120,7 +120,7 @@ class Recording:
 
     @cached_property
     def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:
-        """Revisions of parameters, each with the position of the first frame that it acts on."""
+        """Parameter revisions, each with the position of the first frame that it applies to."""
         found, position = [], 0
         decoder = msgspec.json.Decoder(ParameterRevision)
         for topic, message in self.messages(topics.FRAME.name, topics.PARAMETERS.name):
@@ -138,15 +138,15 @@ class Recording:
         return tuple(revision for _, revision in self.positioned_revisions)
 
     def truth_samples(self) -> tuple[TruthSample, ...]:
-        """Return the ground truth at each frame, as long as time rises.
+        """Return the ground truth at each frame, up to the first step back in time.
 
-        After time went back, as after a restart of the engine, times repeat.
+        After a step back, e.g. at a restart of the engine, times repeat.
         """
         found: list[TruthSample] = []
         for payload in self._payloads(topics.TRUTH, TruthPayload):
             if found and payload.time <= found[-1].time:
                 break
-            # Where a frame's number repeats, a table of them would be of no use.
+            # Malformed vectors and quaternions raise ValueError.
             try:
                 found.append(_truth_sample(payload))
             except ValueError:
@@ -159,9 +159,9 @@ class Recording:
         return SampledTruth(samples) if samples else None
 
     def matched_truth(self) -> Iterator[MatchedTruth]:
-        """Yield true bodies in the observations' world, each with its track, in order.
+        """Yield true bodies in the observations' world, each with its matched track, in order.
 
-        Frames before motion capture was aligned are left out.
+        Frames from before motion capture was aligned are left out.
         """
         told = self._payloads(topics.MATCHED_TRUTH, MatchedTruth)
         return (each for each in told if each.sentence is None)
@@ -176,9 +176,9 @@ class Recording:
                     raise self._unlike_ours(topics.MOTION_CAPTURE.name) from None
 
     def capture(self) -> Capture | None:
-        """Return the samples by body, on the server's own clock; None where there are none.
+        """Return the samples by body, on the server's own clock; None if there are none.
 
-        Samples whose stamp is not above the one before are left out.
+        Samples whose time stamp does not increase are left out.
         """
         samples = tuple(self.capture_samples())
         if not samples:
@@ -194,7 +194,7 @@ class Recording:
         return self._payloads(topics.ROBOT, RobotRow)
 
     def local_maps(self) -> Iterator[LocalMapPayload]:
-        """Yield the maps by which the observer planned its way to goals, in order."""
+        """Yield the local maps used to plan paths to goals, in order."""
         return self._payloads(topics.LOCAL_MAP, LocalMapPayload)
 
     def skipped(self) -> Iterator[SkippedPayload]:
@@ -208,23 +208,23 @@ class Recording:
     # --- images ------------------------------------------------------------------------------
 
     def pair(self, position: int) -> tuple[Image, Image]:
-        """Return the left and right image of a frame, as taken; read-only where they are raw.
+        """Return the left and right image of a frame, as taken; read-only if they are raw.
 
         Args:
             position: of the frame, from 0.
 
         Raises:
-            SourceError: the recording holds no images, or none of this frame, or damaged ones.
+            SourceError: the recording holds no images, none of this frame, or damaged ones.
         """
         number = self._image_of(position)
         left, right = (self._image(side, number) for side in _SIDES)
         return left, right
 
     def left(self, position: int) -> Image:
-        """Return the left image of a frame alone, as ``pair`` gives it.
+        """Return only the left image of a frame, as ``pair`` does.
 
         Raises:
-            SourceError: the recording holds no images, or none of this frame, or a damaged one.
+            SourceError: the recording holds no images, none of this frame, or a damaged one.
         """
         return self._image(_SIDES[0], self._image_of(position))
 
@@ -279,7 +279,7 @@ class Recording:
 
     @cached_property
     def _first_image(self) -> int:
-        # Not 0 in a saved ring, which begins in the middle.
+        # Not 0 in a saved ring, which begins in the middle of a run.
         places = self._image_places[_SIDES[0]]
         return self._message_at(*places[0]).sequence if places else 0
 
@@ -291,9 +291,9 @@ class Recording:
     # --- messages ----------------------------------------------------------------------------
 
     def messages(self, *names: str) -> Iterator[tuple[str, Message]]:
-        """Yield the messages of these topics in the order of writing, each with its topic.
+        """Yield the messages of these topics in the order written, each with its topic.
 
-        Chunks that hold none of them are not unpacked, and damaged ones are passed over.
+        Chunks without any of them are not unpacked, and damaged ones are skipped.
         """
         channels = self._contents.channel_ids(*names)
         for chunk in self._contents.chunks:

@@ -1,4 +1,4 @@
-"""Re-run of a recording, as it was observed then or with other parameters."""
+"""Re-run of a recording, with the original or with other parameters."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
 from observer.types import NoTrace, Observation, StereoFrame, Trace
 
-# By the position of the first frame they act on.
+# Parameters and revision by the position of the first frame they apply to.
 Revisions = Mapping[int, tuple[Parameters, int]]
 _NO_TRACE = NoTrace()
 
@@ -20,13 +20,13 @@ _NO_TRACE = NoTrace()
 def replay_revisions(
     recording: Recording, changes: Mapping[str, Any] | None = None
 ) -> dict[int, tuple[Parameters, int]]:
-    """Map the position of the first frame that they act on to a run's parameters and revision.
+    """Return a run's parameters and revisions by the position of the first frame they apply to.
 
     Args:
         changes: parameters that replace the recorded ones throughout, by dotted name.
 
     Raises:
-        ParameterError: a parameter is unknown here or out of range.
+        ParameterError: a parameter is unknown to this version or out of range.
     """
     found = {}
     for position, revision in recording.positioned_revisions:
@@ -46,13 +46,13 @@ def replay(
 ) -> Iterator[Observation]:
     """Observe a recording from its first frame on.
 
-    With the revisions of the run itself and lossless images every result is the run's, to the
-    last digit, as long as no frame was dropped from the recording.
+    With the run's own revisions and lossless images every result equals the run's to the last
+    digit, unless a frame is missing in the recording.
 
     Args:
-        revisions: as of ``replay_revisions``; the newest one before a frame acts on it.
-        trace: as of ``Observer.observe``.
-        mount: of the camera, for a run that was observed without knowing it.
+        revisions: as from ``replay_revisions``; each frame uses the newest one up to it.
+        trace: as in ``Observer.observe``.
+        mount: of the camera, for a run that was observed without one.
     """
     mount = source.recording.facts.camera_mount() or mount
     newest = revisions[0]

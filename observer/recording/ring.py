@@ -1,4 +1,4 @@
-"""Ring of the last half minute, which is saved once something has happened."""
+"""Ring buffer of the last half minute, saved when something has happened."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ class Ring:
     to another one.
 
     Args:
-        seconds: how far it reaches back. max_bytes: it reaches back less far where it would
-            hold more.
+        seconds: how far it reaches back. max_bytes: limit of its size, which may shorten that.
     """
 
     def __init__(self, seconds: float = 30.0, max_bytes: int = 256 << 20) -> None:
@@ -37,7 +36,7 @@ class Ring:
         return (self._messages[-1].log_time_ns - self._messages[0].log_time_ns) * 1e-9
 
     def keep(self, messages: Sequence[Encoded]) -> None:
-        """Add messages and drop the oldest; those of one instant go together."""
+        """Add messages and drop the oldest; those of one instant are dropped together."""
         self._messages.extend(messages)
         self._bytes += sum(len(message.data) for message in messages)
         while self._messages and self._is_too_much():
@@ -53,13 +52,13 @@ class Ring:
         return reach > self._reach_ns or self._bytes > self._max_bytes
 
     def messages(self) -> list[Encoded]:
-        """Return everything that a recording of its own needs now, in order."""
+        """Return all messages that a recording saved now needs, in order."""
         kept = list(self._messages)
         begin = kept[0].log_time_ns if kept else 0
         return [old._replace(log_time_ns=begin) for old in self._latched.values()] + kept
 
     def save(self, path: Path) -> None:
-        """Write what is held at this moment as a recording, whole or not at all.
+        """Write the current content as a recording, completely or not at all.
 
         Raises:
             RecordingError: it cannot be written.

@@ -1,4 +1,4 @@
-"""Search for a run's recording by whatever a person names it."""
+"""Search for a run's recording by file, folder or id."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ RECORDING = "recording.mcap"
 
 
 def find_recording(run: Path | str, data: Path | None = None) -> Path:
-    """Return the path of the recording that is meant.
+    """Return the path of a recording.
 
     Args:
-        run: a recording's file, a run's folder, or the id of a run or its beginning.
-        data: the data folder in which runs are looked for by id; None where there is none.
+        run: a recording file, a run's folder, or the id of a run or its beginning.
+        data: the data folder in which runs are searched by id; None if there is none.
 
     Raises:
-        SourceError: there is none, or the beginning of an id is that of several.
+        SourceError: there is none, or the beginning of an id is ambiguous.
     """
     path = Path(run)
     if path.is_file():

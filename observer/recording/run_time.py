@@ -1,4 +1,4 @@
-"""Time within a run, and with it the run's length: the one place that says how long a run is."""
+"""Time within a run and the run's length; no other module computes it."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from collections.abc import Iterable
 
 from observer.recording.payloads import RecordedFrame
 
-# An engine that was replaced opens its source anew. Frames this much earlier or later than the
-# host's clock lets expect are then on another clock.
+# A replaced engine reopens its source. If the source's time then differs by more than this from
+# what the host's clock predicts, the source's clock has restarted.
 _ANOTHER_CLOCK_S = 1.0
 
 
 class RunTime:
-    """Clock of a run: its source's, continued where the source began its clock anew.
+    """Clock of a run: its source's, continued across restarts of the source's clock.
 
-    A run is as long as what was observed: from its first kept frame to its last one, on the
-    source's clock. So neither a busy machine nor the pace of playback changes it. A gap without
-    frames counts; where the clock began anew, the gap is unknown and counts as one frame's step.
+    A run's length is that of the observed time: from its first recorded frame to its last one, on
+    the source's clock. So neither a busy machine nor the playback speed changes it. Gaps without
+    frames count; at a restart of the clock the gap is unknown and counts as one frame interval.
 
     Attributes:
         begin_s: source's time of the first frame, None before it.
         duration_s: since then, None without a frame.
-        offset_s: of the run's clock to the source's at the newest frame.
+        offset_s: run's clock minus the source's, at the newest frame.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class RunTime:
 
         Args:
             time, received: of the frame, on the source's and the host's monotonic clock, seconds.
-            reopened: the source was opened anew for this frame.
+            reopened: whether the source was reopened for this frame.
         """
         if self.duration_s is None:
             self.begin_s, self.duration_s = time, 0.0

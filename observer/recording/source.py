@@ -1,4 +1,4 @@
-"""A recording as a source: the run's frames again, every number as it was."""
+"""A recording as a source: the run's frames with all their original numbers."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ KIND = "recording"
 class RecordingSource:
     """Plays a recording; fulfils ``Source`` and ``SeekableSource``.
 
-    Indexes and times are those that the observer was given then, so its results depend on nothing
-    else than they did then; ``received`` is new. A frame whose images are lost is skipped.
+    Indexes and times are those that the observer originally got, so that its results are
+    reproducible; ``received`` is new. A frame whose images are lost is skipped.
 
     Args:
         path: of the file, finished or not.
 
     Attributes:
-        recording: that is played. calibration: that the run was observed with.
+        recording: the recording played. calibration: with which the run was observed.
         position, begins: as in ``SeekableSource``.
 
     Raises:
-        SourceError: the file is no recording, or it holds no images.
+        SourceError: the file is not a recording, or it holds no images.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -100,5 +100,5 @@ def _info(facts: RunFacts, spec: str, frame_count: int) -> SourceInfo:
         recorded = msgspec.convert(facts.info, SourceInfo, strict=False)
     except msgspec.ValidationError as error:
         raise SourceError(f"{spec} is damaged: its source description is {error}") from None
-    # Whatever it was, it comes from a file now.
+    # Whatever the source was, it is now a file.
     return replace(recorded, spec=spec, kind=KIND, frame_count=frame_count, live=False, devices=())

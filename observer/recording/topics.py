@@ -1,4 +1,4 @@
-"""Topics of a recording: their names, the type of their messages, and how they are kept."""
+"""Topics of a recording: their names, the type of their messages, and how they are stored."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Topic:
     """A kind of message.
 
     Attributes:
-        name: as tools show it.
+        name: as shown by tools.
         encoding: of its messages, ``json`` or ``protobuf``.
-        schema_name: ``foxglove.RawImage`` and the like, or our own beginning with
+        schema_name: Foxglove's, e.g. ``foxglove.RawImage``, or our own, which begin with
             ``dynamic_observer.``
-        schema_encoding: ``jsonschema`` or ``protobuf``. schema: its bytes, made when asked for.
-        bulk: images and clouds, which go into chunks of their own, so that all the rest of a
-            recording is read without them.
-        latched: its last message counts until the next one.
+        schema_encoding: ``jsonschema`` or ``protobuf``. schema: returns its bytes, made on demand.
+        bulk: for images and clouds, which go into chunks of their own, so that the rest of a
+            recording can be read without them.
+        latched: whether its last message stays valid until the next one.
     """
 
     name: str
@@ -47,7 +47,7 @@ def _own(name: str, payload: type[Any], *, latched: bool = False) -> Topic:
 
 def _foxglove(name: str, message: str, *, bulk: bool = False, latched: bool = False) -> Topic:
     def schema() -> bytes:
-        # Importing starts nothing, but takes a while that only those need who write.
+        # Imported here because it takes a while and only writers need it.
         import foxglove.messages
 
         return bytes(getattr(foxglove.messages, message).get_schema().data)

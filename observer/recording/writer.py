@@ -1,4 +1,4 @@
-"""Writer of a run's recording as it happens: one thread, bounded memory, readable at any time."""
+"""Writer of a recording during the run: one thread, bounded memory, readable at any time."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
 from observer.recording.ring import Ring
 
-# A killed process loses no more than a second; half of it is left to whatever comes before.
+# A killed process must lose at most a second; the other half is for delays before the writer.
 CHUNK_S = 0.5
 
 
 class RecordingWriter(Encoder):
-    """Keeps everything that happens in a run. No thread of its own; used by one.
+    """Records everything that happens in a run. It has no thread of its own and is used by one.
 
     A chunk ends at least every ``CHUNK_S`` and at 8 MB, as long as something is written or
     ``flush`` is called.
 
     Args:
-        file: a path, which is made anew, or something open for writing; None writes no file and
-            only fills the ring.
-        facts: of the run. ring: gets every message too.
+        file: a path, which is created or overwritten, or a file open for writing; with None only
+            the ring is filled.
+        facts: of the run. ring: also gets every message.
 
     Raises:
-        RecordingError: the file cannot be written; so do all methods, once and for all. What was
-            written until then stays readable, and ``finish`` only closes it.
+        RecordingError: the file cannot be written; all later calls raise it too. Everything
+            written until then stays readable, and ``finish`` only closes the file.
         CalibrationError: the calibration's text cannot be used.
     """
 
@@ -42,7 +42,7 @@ class RecordingWriter(Encoder):
         self._open(file, "wb", ring)
         try:
             self._begin()
-            # From here on the file is a recording, whatever happens.
+            # From here on the file is a valid recording, whatever happens.
             if self._container is not None:
                 self._container.write_chunks()
         except BaseException:
@@ -51,12 +51,12 @@ class RecordingWriter(Encoder):
 
     @classmethod
     def resume(cls, path: Path, *, ring: Ring | None = None) -> RecordingWriter:
-        """Go on with a recording whose writer ended or was killed.
+        """Resume a recording whose writer ended or was killed.
 
         The next frame counts as the first one of a new observer.
 
         Raises:
-            SourceError: it is no recording. RecordingError: it cannot be written.
+            SourceError: it is not a recording. RecordingError: it cannot be written.
         """
         with Recording(path) as recording:
             facts, images = recording.facts, recording.next_image
@@ -70,7 +70,7 @@ class RecordingWriter(Encoder):
         self._ring = ring
         self._container: Container | None = None
         self._own_file: BinaryIO | None = None
-        # Since when something waits for its chunk.
+        # Since when messages have been waiting for their chunk.
         self._waiting_since: float | None = None
         if file is None:
             return
@@ -78,7 +78,7 @@ class RecordingWriter(Encoder):
             self._container = Container(file, getattr(file, "name", None) or "of the run")
             return
         try:
-            # Without a buffer: what was written is with the system, whatever becomes of us.
+            # Unbuffered: written data is with the system even if this process is killed.
             opened = cast(BinaryIO, file.open(mode, buffering=0))
         except OSError as error:
             raise RecordingError.of(error, file.name) from None
@@ -95,7 +95,7 @@ class RecordingWriter(Encoder):
         return 0 if self._container is None else self._container.size
 
     def flush(self, now: float) -> None:
-        """Write what has waited for long enough; cheap, to be called when nothing else comes.
+        """Write messages that have waited long enough; cheap, to be called while nothing comes in.
 
         Args:
             now: the host's monotonic clock.
@@ -107,9 +107,9 @@ class RecordingWriter(Encoder):
         self._container.write_chunks()
 
     def finish(self) -> None:
-        """Write what waits and the index, and close the file if it was opened here.
+        """Write pending messages and the index, and close the file if it was opened here.
 
-        Safe to call twice, and after an error: then it only closes.
+        Safe to call twice, and after an error, when it only closes the file.
         """
         container, self._container = self._container, None
         try:
@@ -134,9 +134,9 @@ class RecordingWriter(Encoder):
 
 
 def complete(path: Path) -> None:
-    """Give a recording whose writer was killed its index, so that every tool opens it quickly.
+    """Add the missing index to a recording whose writer was killed, so that tools open it fast.
 
     Raises:
-        SourceError: it is no recording. RecordingError: it cannot be written.
+        SourceError: it is not a recording. RecordingError: it cannot be written.
     """
     RecordingWriter.resume(path).finish()

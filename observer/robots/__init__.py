@@ -1,1 +1,1 @@
-"""Robots that are driven: one contract, one driver per protocol, the models that are known."""
+"""Robots to drive: one contract, one driver per protocol, the known models."""

@@ -2,8 +2,7 @@
 
 A packet is ``FA FB count data checksum`` with ``count`` the length of data and checksum. Numbers
 in data are little-endian, the checksum is big-endian: the sum of data's big-endian 16-bit words
-modulo 2^16, a byte left over at the end exclusive-ored into the low byte (Pioneer 3 operations
-manual, "ARCOS").
+modulo 2^16, with an odd last byte XORed into the low byte (Pioneer 3 operations manual, "ARCOS").
 """
 
 from __future__ import annotations
@@ -71,8 +70,8 @@ def command(number: int, argument: int | bytes | None = None) -> bytes:
     """Encode one command as a packet.
 
     Args:
-        number: of ``Command``, 0 to 255. argument: None, a number of 16 bits with sign (up to
-            65535 where it is positive), or text of at most 200 bytes.
+        number: of ``Command``, 0 to 255. argument: None, a number from -32768 to 65535, or text of
+            at most 200 bytes.
 
     Raises:
         ValueError: the number or the argument does not fit.
@@ -127,11 +126,11 @@ def decode_command(payload: bytes) -> Decoded:
 class PacketParser:
     """Finds the packets in a stream that may be damaged anywhere.
 
-    Whatever fails, the search goes on at the byte behind the header that failed, so that a
-    damaged packet never takes a whole one behind it away.
+    After any failure the search resumes at the byte after the start of the failed header, so that
+    a damaged packet never swallows an intact one after it.
 
     Attributes:
-        packets, bad_packets: with a right checksum, and headers that none follows from.
+        packets, bad_packets: packets with a correct checksum, and headers without such a packet.
         skipped_bytes: that belonged to no packet.
     """
 
@@ -143,23 +142,23 @@ class PacketParser:
 
     @property
     def pending(self) -> bool:
-        """Return whether a packet has begun that has not ended."""
+        """Return whether an incomplete packet is buffered."""
         return bool(self._rest)
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Return the payloads that are complete with these bytes, in order."""
+        """Return the payloads that these bytes complete, in order."""
         self._rest += data
         return self._scan()
 
     def abandon(self) -> list[bytes]:
-        """Give up the packet that has begun; return the whole ones behind its header.
+        """Give up the incomplete packet; return the complete ones after its header.
 
-        A count that was damaged may announce more than ever comes; who waits and sees that
-        nothing follows calls this.
+        A damaged count may announce more bytes than will ever come. Call this when nothing more
+        has arrived for a while.
         """
         found: list[bytes] = []
         while self._rest:
-            # A header that is itself cut off counts as no bad packet.
+            # A truncated header does not count as a bad packet.
             if len(self._rest) > 2:
                 self.bad_packets += 1
             self._skip(1)
@@ -167,7 +166,7 @@ class PacketParser:
         return found
 
     def clear(self) -> None:
-        """Forget what has begun."""
+        """Discard the incomplete packet."""
         self.skipped_bytes += len(self._rest)
         self._rest.clear()
 
@@ -192,7 +191,7 @@ class PacketParser:
 
     def _skip_to_header(self) -> None:
         at = self._rest.find(HEADER)
-        # The last byte may be a header's first.
+        # The last byte may be the first of a header.
         self._skip(at if at >= 0 else len(self._rest) - self._rest.endswith(HEADER[:1]))
 
     def _skip(self, count: int) -> None:

@@ -1,4 +1,4 @@
-"""Reader of a robot's settings: the reply to CONFIG. Pure."""
+"""Decoder of a robot's settings: the reply to CONFIG. Pure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 CONFIG_REPLY = 0x20
 
-# In order of the reply: name, and "s" for text that ends in a zero byte, "B" or "H" for a number.
+# In reply order: name, and "s" for null-terminated text, "B" or "H" for a number.
 _FIELDS: tuple[tuple[str, str], ...] = (
     ("type", "s"), ("subtype", "s"), ("serial", "s"), ("motors_4", "B"),
     ("turn_rate_top", "H"), ("speed_top", "H"), ("turn_acceleration_top", "H"),
@@ -31,9 +31,9 @@ class ConfigReply:
 
     Attributes:
         type, subtype, name: its texts.
-        turn_rate_top, turn_rate_max: deg/s, beyond which nothing is taken, and as set.
+        turn_rate_top, turn_rate_max: deg/s, the highest accepted value, and the current setting.
         speed_top, speed_max: mm/s. acceleration_top: mm/s^2. turn_acceleration_top: deg/s^2.
-        watchdog_ms: after which the motors are stopped where no command comes; 0: never.
+        watchdog_ms: time without a command after which it stops its motors; 0: never.
         front_bumpers, rear_bumpers: how many segments are fitted.
     """
 
@@ -55,7 +55,7 @@ def decode_config(payload: bytes) -> ConfigReply:
     """Decode the reply's payload, type byte first; what is missing at its end is None.
 
     Raises:
-        ValueError: it is no such reply.
+        ValueError: it is not such a reply.
     """
     if not payload or payload[0] != CONFIG_REPLY:
         raise ValueError(
@@ -80,5 +80,5 @@ def decode_config(payload: bytes) -> ConfigReply:
 
 
 def as_text(data: bytes) -> str:
-    """Return what a robot calls itself as printable ASCII; anything else becomes ``?``."""
+    """Return a text from a robot as printable ASCII; other characters become ``?``."""
     return "".join(chr(each) if 32 <= each < 127 else "?" for each in data).strip()

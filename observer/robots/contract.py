@@ -1,7 +1,7 @@
 """Contract of a robot with the drive loop: it takes velocities and reports its state.
 
 A robot owns its port and the threads that wait for it. Every method here returns at once,
-whatever the port does, and is called from one thread (the drive loop), ``report`` from any.
+whatever the port does, and is called from one thread (the drive loop); ``report`` from any.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Literal, Protocol, runtime_checkable
 from observer.rig.rig import Role
 from observer.types import Odometry
 
-# A velocity not repeated within this time is replaced by zero by the port's own thread, so
-# that a drive loop that hangs moves nothing.
+# The port's own thread replaces a velocity that is not repeated within this time with zero, so
+# that the robot stops if the drive loop hangs.
 SETPOINT_FRESH_S = 0.15
 
 
@@ -26,14 +26,14 @@ class RobotPhase(StrEnum):
     CONNECTED = "connected"
     # The connection was lost or never made; it is retried automatically.
     WAITING = "waiting"
-    # Not retried: the cause does not go away by itself (an unknown robot, say).
+    # Not retried: the cause does not go away by itself (e.g. an unknown robot).
     REFUSED = "refused"
     CLOSED = "closed"
 
 
 @dataclass(frozen=True)
 class RobotLimits:
-    """Largest values the robot takes: m/s, rad/s, m/s^2, rad/s^2; all positive."""
+    """Highest values the robot accepts: m/s, rad/s, m/s^2, rad/s^2; all positive."""
 
     speed_mps: float
     turn_rate_radps: float
@@ -43,7 +43,7 @@ class RobotLimits:
 
 @dataclass(frozen=True)
 class Sent:
-    """A velocity that really went out.
+    """A velocity that was actually sent.
 
     Attributes:
         speed_mps: forward. turn_rate_radps: positive to the left.
@@ -61,8 +61,8 @@ class SonarReading:
 
     Attributes:
         index: its number. x, y, heading: of the sonar in the base frame, metres and radians.
-        range_m: from the sonar to the nearest surface in its cone; None where nothing echoed
-            within its reach.
+        range_m: from the sonar to the nearest surface in its cone; None without an echo within
+            its range.
         received: the host's monotonic clock.
     """
 
@@ -76,28 +76,28 @@ class SonarReading:
 
 @dataclass(frozen=True)
 class RobotReport:
-    """Present state of a robot. What it does not tell is None.
+    """Current state of a robot. None where the robot does not report a value.
 
     Attributes:
-        phase: of the connection. trouble: one sentence of what is wrong with it, None while
+        phase: of the connection. trouble: one sentence on what is wrong with it, None while
             nothing is.
-        fault: one sentence of what happened that forbids to move (a stall, a bumper, silence, a
-            lost port, motors that went off by themselves); it stays until ``clear``.
-        warnings: sentences that forbid nothing (an old packet, a weak battery).
-        received: the newest status packet, host's monotonic clock.
-        name, model, subtype: as the robot tells, and the model it is driven as.
-        odometry: summed up since it was connected, in host floats.
+        fault: one sentence on an event that forbids motion (a stall, a bumper, silence, a lost
+            port, motors that switched off by themselves); it stays until ``clear``.
+        warnings: sentences that do not forbid motion (an old packet, a weak battery).
+        received: when the newest status packet came, host's monotonic clock.
+        name, model, subtype: name and subtype as the robot reports them; the model it is driven as.
+        odometry: accumulated since it was connected, in host floats.
         speed_mps, turn_rate_radps: by its encoders.
-        motors_enabled: as it says itself.
+        motors_enabled: as the robot reports.
         stalled: left and right wheel. front_bumpers, rear_bumpers: pressed or not; empty where
             none are fitted. stop_pressed: its own hardware button.
-        battery_v: averaged. battery: how that is to be taken. charging: in words.
+        battery_v: averaged. battery: its rating. charging: in words.
         sonars: those it has, in order; a reading keeps its time.
-        watchdog_s: after how long without a command its firmware stops it, as it says.
-        limits: in force: the least of what is known and allowed.
-        sent: the newest velocity that really went out.
-        wanted: speed (m/s) and turn rate (rad/s) that a robot which drives by itself would drive,
-            and asks to be permitted; None of one that is only driven.
+        watchdog_s: time without a command after which its firmware stops it, as it reports.
+        limits: in force: the lowest of all known limits.
+        sent: the newest velocity that was actually sent.
+        wanted: speed (m/s) and turn rate (rad/s) for which a robot that drives by itself asks
+            permission; None for one that is only driven.
         radius_m, width_m, length_m: its outline.
         counters: by name: ``packets``, ``bad_packets``, ``unknown_packets``, ``reconnects``.
     """
@@ -137,7 +137,7 @@ class Robot(Protocol):
     """A robot; see the module. It connects by itself once constructed, with motors off."""
 
     def report(self) -> RobotReport:
-        """Return the robot's present state; callable from any thread."""
+        """Return the robot's current state; callable from any thread."""
         ...
 
     def enable(self) -> None:
@@ -152,11 +152,11 @@ class Robot(Protocol):
         """Take this velocity until the next one, for ``SETPOINT_FRESH_S`` at most.
 
         Args:
-            speed_mps, turn_rate_radps: finite; anything else is taken for zero.
+            speed_mps, turn_rate_radps: finite; anything else counts as zero.
 
         Returns:
-            What it is clamped to, as it goes out; zero while it has a fault, is not connected or
-            its motors are off.
+            The velocity as clamped and sent; zero while the robot has a fault, is not connected or
+            has its motors off.
         """
         ...
 
@@ -165,11 +165,11 @@ class Robot(Protocol):
         ...
 
     def clear(self) -> None:
-        """Forget the fault, if what caused it is over; motors stay off."""
+        """Clear the fault if its cause is gone; motors stay off."""
         ...
 
     def close(self) -> None:
-        """Stop, motors off, say goodbye, release the port; waits for at most 2 s.
+        """Stop, motors off, end the session, release the port; waits for at most 2 s.
 
         Safe to call twice.
         """
@@ -178,16 +178,16 @@ class Robot(Protocol):
 
 @runtime_checkable
 class Explained(Protocol):
-    """A robot that also takes in why it may not drive as asked."""
+    """A robot that can also be told why it may not drive as asked."""
 
     def explain(self, reason: str | None) -> None:
-        """Take one sentence that holds until the next; None if nothing holds it back."""
+        """Take one sentence, valid until the next; None if nothing limits the robot."""
         ...
 
 
 @dataclass(frozen=True)
 class RobotPort:
-    """A robot that belongs to a source's own world, as a simulated one does.
+    """A robot that belongs to a source's own world, e.g. a simulated one.
 
     Attributes:
         role: which of the two. port: as ``observer.robot_opening.open_robot`` takes it.
@@ -209,7 +209,7 @@ class RobotWorld(Protocol):
         ...
 
     def serve(self) -> tuple[RobotPort, ...]:
-        """Make the robots reachable and tell where; a second call answers the same."""
+        """Make the robots reachable and return where; a second call returns the same."""
         ...
 
     def close(self) -> None:

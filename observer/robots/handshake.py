@@ -1,6 +1,6 @@
 """Session set-up with an ARCOS robot, whatever state the last client left it in.
 
-Everything here also raises what the methods of ``PacketLine`` raise.
+All functions also raise the exceptions of the methods of ``PacketLine``.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from observer.robots.packet_line import PacketLine
 from observer.robots.serial_port import FIRST_BAUD
 from observer.robots.sip import is_status
 
-# In this order: a robot stopped by its watchdog resumes its last velocity at any command but
-# these.
+# The order matters: a robot stopped by its watchdog resumes its last velocity at any command
+# other than these.
 STANDSTILL = (command(Command.STOP), command(Command.VEL, 0), command(Command.RVEL, 0))
 MOTORS_OFF = command(Command.ENABLE, 0)
 _CLOSE = command(Command.CLOSE)
 
 _SYNC_S = 1.0
-# In an open session SYNC 0 would be PULSE, and a stopped robot would resume driving; but
-# then a status packet comes every 100 ms.
+# Time to listen first: in an open session SYNC 0 would be PULSE, and a stopped robot would resume
+# driving. An open session shows by a status packet every 100 ms.
 _LISTEN_S = 0.25
 _TRIES, _TRIES_IN_SILENCE = 10, 5
 _SILENT_BEFORE_CLOSE = 2
@@ -35,15 +35,15 @@ _BAUD_S = 0.5
 
 
 class NoSession(Exception):
-    """No session with the robot can be opened. The text is a sentence."""
+    """No session with the robot can be opened. The message is a sentence."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity that a robot states.
+    """Identity that a robot reports.
 
     Attributes:
-        name: its own. kind: its class, ``Pioneer``. subtype: its model, in small letters.
+        name: its own. kind: its class, ``Pioneer``. subtype: its model, in lower case.
     """
 
     name: str
@@ -52,17 +52,17 @@ class Identity:
 
 
 def shake_hands(line: PacketLine) -> Identity:
-    """Exchange SYNC 0, 1 and 2, and return who answered.
+    """Exchange SYNC 0, 1 and 2, and return the robot's identity.
 
     Raises:
-        NoSession: it answers nothing, or nothing that makes sense.
+        NoSession: it does not answer, or not as the protocol demands.
     """
     answered = line.wait_for(is_status, _LISTEN_S) is not None
     if answered or line.parser.skipped_bytes:
-        # Damaged packets, or those of another rate, also show an open session.
+        # Damaged packets, or packets at another baud rate, also indicate an open session.
         _end_session(line)
     step, silent = 0, 0
-    # A failure is a SYNC that was not echoed; at most two echoed ones lie between two failures.
+    # Counts SYNCs that were not echoed; at most two echoed ones come between two failures.
     failed = 0
     while failed < (_TRIES if answered else _TRIES_IN_SILENCE):
         line.send(command(step))
@@ -118,7 +118,7 @@ def ask_config(line: PacketLine) -> ConfigReply:
 
 
 def speed_up(line: PacketLine, baud: int) -> bool:
-    """Ask for a higher baud rate; return whether it is in force. A silent robot gets the old one.
+    """Ask for a higher baud rate; return whether it is in force. Falls back to the old rate.
 
     Raises:
         NoSession: it is silent at the old rate as well.
@@ -126,11 +126,11 @@ def speed_up(line: PacketLine, baud: int) -> bool:
     before = line.port.baud
     if before is None or baud not in _HOSTBAUD:
         return False
-    # It may have changed its rate though nothing arrives, so it is asked for the old one as well.
+    # It may have changed its rate though nothing arrives, so the old rate is requested at the new.
     for rate in (baud, before):
         line.send(command(Command.HOSTBAUD, _HOSTBAUD[rate]))
         line.change_baud(rate)
-        # Two packets, as a single one may be an old one.
+        # Two packets, as a single one may be old.
         if all(line.wait_for(is_status, _BAUD_S) is not None for _ in range(2)):
             return rate == baud
     raise NoSession(f"the robot at {line.port.name} fell silent at {baud} baud")

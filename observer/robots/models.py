@@ -1,7 +1,7 @@
 """Constants of each robot model: conversion factors, limits, outline and sonar.
 
-Factors as MobileRobots' parameter files give them; where sources disagree the choice stands in
-the comment beside it.
+The factors are those of MobileRobots' parameter files; where sources disagree, a comment at the
+value explains the choice.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ class RobotSpec:
     """A robot's constants.
 
     Attributes:
-        model: its name, as in ``rig.yaml``. title: as people call it.
+        model: its name, as in ``rig.yaml``. title: for people.
         distance_mm: millimetres per unit of X and Y. speed_mmps: mm/s per unit of wheel speed.
-        angle_rad: radians per unit of TH. wheel_turn: rad/s per half of the difference of the
-            wheels' speeds in mm/s, by which the turn rate is found where none is told.
-        speed_max_mps, turn_rate_max_radps: what it never exceeds.
-        radius_m: within which it turns. width_m, length_m: its outline; the axle is taken to be
+        angle_rad: radians per unit of TH. wheel_turn: rad/s per half the difference of the wheel
+            speeds in mm/s, to compute the turn rate where none is reported.
+        speed_max_mps, turn_rate_max_radps: never exceeded.
+        radius_m: of the turning circle. width_m, length_m: its outline; the axle is assumed to be
             in its middle.
         sonars: empty where it has none.
-        high_speed_serial: rate that may be asked for beyond 9600 baud, None where none may.
-        flag_bits: those of the status packet's flags that mean something.
-        acceleration_max_mps2, turn_acceleration_max_radps2: the steepest that is asked for, also
-            of braking, where the robot tells nothing lower of itself.
+        high_speed_serial: baud rate above 9600 that may be requested, None where none may.
+        flag_bits: the bits of the status packet's flags that have a meaning for this model.
+        acceleration_max_mps2, turn_acceleration_max_radps2: the highest requested, also for
+            braking, unless the robot reports lower ones.
     """
 
     model: RobotModel
@@ -64,7 +64,7 @@ def robot_spec(model: str) -> RobotSpec:
     """Return the constants of a model.
 
     Raises:
-        InputError: it is not known; the sentence lists those that are.
+        InputError: it is unknown; the message lists the known ones.
     """
     if model not in SPECS:
         raise InputError(f"there is no robot model {model!r}; available are {', '.join(SPECS)}")
@@ -86,7 +86,7 @@ _AMIGO_SONARS = _ring(
     (70, 100, 90), (125, 75, 41), (144, 30, 15), (144, -30, -15),
     (120, -75, -41), (70, -100, -90), (-146, -58, -145), (-146, 58, 145),
 )  # fmt: skip
-# SH manuals give TH in degrees; ARIA and p2os use this, and it is what the firmware sends.
+# SH manuals give TH in degrees; ARIA and p2os use this unit, and the firmware sends it.
 _ANGLE_RAD = 0.001534
 
 
@@ -107,7 +107,7 @@ def _amigo(model: RobotModel, distance_mm: float, speed_mmps: float) -> RobotSpe
 SPECS: Mapping[str, RobotSpec] = {
     "p3dx-sh": _p3dx("p3dx-sh", 1.0),
     "p3dx": _p3dx("p3dx", 0.485),
-    # p2os takes 1.3746 for the speed; the vendor's own file says 1.
+    # p2os uses 1.3746 for the speed; the vendor's own file says 1.
     "amigo-sh": _amigo("amigo-sh", 1.0, 1.0),
     "amigo": _amigo("amigo", 0.5083, 0.6154),
 }

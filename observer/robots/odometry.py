@@ -7,10 +7,10 @@ import math
 from observer.robots.models import RobotSpec
 from observer.types import Odometry
 
-# X and Y have 15 bits. An apparent jump beyond this between two packets is a wrap-around.
+# X and Y have 15 bits. A larger apparent step between two packets is a wrap-around.
 _WRAP = 0x8000
 _WRAPPED_BEYOND = 0x1000
-# Packets wait in buffers: two that arrive together may be more than a period apart.
+# Packets are buffered: two that arrive together may have been sent more than a period apart.
 _LATE_S = 0.3
 _SLACK_M = 0.05
 
@@ -19,32 +19,32 @@ class WheelOdometry:
     """Accumulates the robot's own odometry, whose numbers wrap around.
 
     Attributes:
-        place: as the robot stood when the first packet came, forward and left.
+        place: relative to the robot's pose at the first packet, x forward and y left.
         spec: the model.
-        jumps: how often the robot's own numbers jumped as no driving can explain (they were set
-            to zero, or the robot was started anew); a jump counts as standing still.
+        jumps: how often the robot's own numbers jumped farther than it can drive (they were reset,
+            or the robot was restarted); a jump counts as standing still.
     """
 
     def __init__(self, spec: RobotSpec) -> None:
         self.place = Odometry(0.0, 0.0, 0.0)
         self.jumps = 0
         self.spec = spec
-        # One turn is a whole number of units; the robot's manual gives the factor rounded.
+        # One turn is a whole number of units; the factor in the robot's manual is rounded.
         self._units_per_turn = round(math.tau / spec.angle_rad)
         self._last: tuple[int, int, int, float] | None = None
         # Rotation from the robot's own axes to ours, radians.
         self._axes = 0.0
 
     def rebaseline(self) -> None:
-        """Take the next packet's numbers as where the robot stands now."""
+        """Map the next packet's numbers to the current place."""
         self._last = None
 
     def add(self, x: int, y: int, heading: int, time: float) -> Odometry:
-        """Take one packet's numbers and return the accumulated odometry.
+        """Add one packet's numbers and return the accumulated odometry.
 
         Args:
-            x, y: 0 to 0x7FFF. heading: units of angle, in any turn. time: of its reception,
-                seconds on a clock that never goes back.
+            x, y: 0 to 0x7FFF. heading: units of angle, modulo any number of turns. time: of its
+                reception, seconds on a monotonic clock.
         """
         last, self._last = self._last, (x, y, heading, time)
         unit = math.tau / self._units_per_turn

@@ -10,7 +10,7 @@ from observer.robots.serial_port import Port
 
 # The firmware needs 3 to 5 ms between two commands.
 COMMAND_GAP_S = 0.004
-# A packet is sent in one go: if nothing follows within this time, the rest was lost.
+# A packet is sent without pauses: if nothing follows within this time, the rest was lost.
 _QUIET_S = 0.05
 _BUFFERED_READS = 16
 
@@ -23,14 +23,14 @@ class PacketLine:
     """Packets of a port.
 
     Args:
-        closing: asked again and again while something is waited for.
+        closing: polled during every wait.
 
     Attributes:
-        port, parser: the halves.
+        port, parser: the two parts.
 
     Raises:
         PortLost: by every method: the port is gone or stuck.
-        Closing: by those that receive: see there.
+        Closing: by the methods that receive: the owner is closing.
     """
 
     def __init__(self, port: Port, closing: Callable[[], bool]) -> None:
@@ -39,7 +39,7 @@ class PacketLine:
         self._closing = closing
 
     def receive(self) -> list[bytes]:
-        """Return the payloads that came; wait 50 ms at most."""
+        """Return the payloads that have arrived; wait 50 ms at most."""
         if self._closing():
             raise Closing
         data = self.port.read(_QUIET_S)
@@ -57,24 +57,24 @@ class PacketLine:
         return None
 
     def drain(self, quiet_s: float, longest_s: float) -> None:
-        """Throw away what comes until it is quiet."""
+        """Discard everything received until the line is quiet."""
         until = time.monotonic() + longest_s
         while time.monotonic() < until and self.wait_for(lambda _: True, quiet_s) is not None:
             pass
         self.parser.clear()
 
     def send(self, *commands: bytes) -> None:
-        """Write each by itself, with a pause behind it."""
+        """Write each command separately, with a pause after it."""
         for each in commands:
             self.port.write(each)
             time.sleep(COMMAND_GAP_S)
 
     def change_baud(self, baud: int) -> None:
-        """Change the baud rate once all that was sent is out."""
-        # There is no sure sign that a USB adapter has sent; a few commands take 40 ms.
+        """Change the baud rate once everything written has been transmitted."""
+        # There is no reliable sign that a USB adapter has finished; a few commands take 40 ms.
         time.sleep(0.05)
         self.port.change_baud(baud)
-        # What is still buffered came at the old rate and says nothing about the new one.
+        # Buffered data came at the old rate and says nothing about the new one.
         for _ in range(_BUFFERED_READS):
             if not self.port.read(0.0):
                 break

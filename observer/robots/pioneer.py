@@ -1,7 +1,7 @@
 """Pioneer P3-DX and AmigoBot: the driver that owns the port of an ARCOS robot.
 
-One thread reads (and comes into a session first), one writes (``setpoint_writer``). What a caller
-asks for is left to them, so that no method waits for the port.
+One thread reads (after setting up the session), one writes (``setpoint_writer``). They carry out
+the callers' requests, so that no method waits for the port.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from observer.robots.serial_port import PortLost, open_port
 from observer.robots.setpoint_writer import SetpointWriter
 from observer.robots.sip import decode_status, is_status
 
-# Pauses between attempts to connect: a lost port may be back at once, a missing one is
-# not urgent.
+# Pauses between attempts to connect: a lost port may be back immediately, a missing one is not
+# urgent.
 _FIRST_PAUSE_S, _PAUSE_S = 0.3, 1.0
 # A robot silent for this long has been switched off, or its cable is out.
 _SILENCE_LOST_S = 3.0
@@ -45,7 +45,7 @@ _GOODBYES, _SILENT_S = 3, 0.15
 _CLOSE_S = 1.9
 _COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
 _STOP = (command(Command.E_STOP), *STANDSTILL[1:], MOTORS_OFF)
-# Fields of a report that are those of the model, and of the newest status packet.
+# Fields of a report taken from the model, and from the newest status packet.
 _OF_SPEC = ("model", "radius_m", "width_m", "length_m")
 _OF_STATUS = (
     *("speed_mps", "turn_rate_radps", "motors_enabled", "stalled", "front_bumpers"),
@@ -54,16 +54,16 @@ _OF_STATUS = (
 
 
 class UnknownRobot(Exception):
-    """A robot of no known model answered. The text is a sentence."""
+    """A robot of unknown model answered. The message is a sentence."""
 
 
 class Pioneer:
-    """Implements ``observer.robots.contract.Robot``; connects by itself from its construction on.
+    """Implements ``observer.robots.contract.Robot``; connects by itself once constructed.
 
     Args:
         port: ``/dev/...`` or ``socket://HOST:PORT``.
-        model: of ``observer.robots.models``, whatever the robot calls itself; None: as it does.
-        clock: monotonic; of all times that are told.
+        model: of ``observer.robots.models``, overriding what the robot reports; None: as reported.
+        clock: monotonic; of all reported times.
 
     Raises:
         InputError: there is no such model.
@@ -95,7 +95,7 @@ class Pioneer:
         self._counters: Counter[str] = Counter()
         self._line: PacketLine | None = None
         self._last_sent: Sent | None = None
-        # An agreed rate that brought no status is not tried again.
+        # A higher baud rate that brought no status packet is not tried again.
         self._may_speed_up, self._sped_up = True, False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robot reader", daemon=True)
@@ -104,7 +104,7 @@ class Pioneer:
     # ------------------------------------------------------------------ as Robot
 
     def report(self) -> RobotReport:
-        """Return the robot's present state; callable from any thread."""
+        """Return the robot's current state; callable from any thread."""
         with self._lock:
             return self._report(self._clock())
 
@@ -119,7 +119,7 @@ class Pioneer:
         self._halt(*STANDSTILL[1:], MOTORS_OFF)
 
     def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
-        """Take a velocity, as ``Robot.drive`` says."""
+        """Take a velocity, as ``Robot.drive`` specifies."""
         with self._lock:
             setpoint = (0, 0)
             if self._watch.may_move and self._limits is not None:
@@ -129,21 +129,21 @@ class Pioneer:
             return Sent(setpoint[0] / 1000, math.radians(setpoint[1]), self._clock())
 
     def stop(self) -> None:
-        """Send E_STOP, zero velocity and motors off, at once."""
+        """Send E_STOP, zero velocity and motors off, immediately."""
         self._halt(*_STOP)
 
     def clear(self) -> None:
-        """Forget the fault, if what caused it is over; motors stay off."""
+        """Clear the fault if its cause is gone; motors stay off."""
         with self._lock:
             self._watch.clear(self._clock())
             if self._writer is not None:
                 self._writer.halt(*STANDSTILL[1:], MOTORS_OFF)
 
     def close(self) -> None:
-        """Close as ``Robot.close`` says.
+        """Close as ``Robot.close`` specifies.
 
-        A host that answers nothing at all may hold the reading thread, which does nothing but
-        wait for it, some seconds longer.
+        A host that does not answer at all may keep the reading thread waiting, and doing nothing
+        else, for some seconds longer.
         """
         self._closing.set()
         self._thread.join(_CLOSE_S)
@@ -164,7 +164,7 @@ class Pioneer:
         finally:
             with self._lock:
                 if self._phase in (RobotPhase.CONNECTED, RobotPhase.CONNECTING):
-                    # After an unexpected error it must not pass for connected.
+                    # After an unexpected error it must not appear connected.
                     self._phase, self._trouble = RobotPhase.REFUSED, "its driver failed"
                     self._watch.lost(self._trouble, self._clock())
 
@@ -252,7 +252,7 @@ class Pioneer:
             self._phase, self._trouble = RobotPhase.CONNECTED, None
 
     def _serve(self, line: PacketLine, writer: SetpointWriter) -> None:
-        """Take what came, and look after the robot; every 50 ms or more often."""
+        """Process received packets and check the robot; every 50 ms or more often."""
         for payload in line.receive():
             self._take(payload, writer)
         now = self._clock()
@@ -323,11 +323,11 @@ class Pioneer:
                 line.send(*farewell)
             for _ in range(_GOODBYES):
                 line.send(command(Command.CLOSE))
-                # The first bytes may have been sent before.
+                # The first bytes may have been sent before CLOSE arrived.
                 if not line.port.read(_SILENT_S) or not line.port.read(_SILENT_S):
                     return
         except PortLost:
-            # The robot is gone already.
+            # The robot is already gone.
             return
 
     def _gone(self, phase: RobotPhase, sentence: str) -> bool:
@@ -340,7 +340,7 @@ class Pioneer:
                 self._counters["reconnects"] += 1
             return had
 
-    # ------------------------------------------------------------------ what is told
+    # ------------------------------------------------------------------ reporting
 
     @property
     def _watchdog_s(self) -> float | None:

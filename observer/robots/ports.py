@@ -1,4 +1,4 @@
-"""Texts that name a robot's port, and how they are shown."""
+"""Port names of robots, and how they are shown."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ _BEFORE_KEY = re.compile(r"[?&]|key=", re.IGNORECASE)
 
 
 def shown_port(port: str) -> str:
-    """Return the text that names a robot's port without its key, for people, records and logs."""
-    # Names of devices and of a scene's objects may hold anything.
+    """Return a robot's port name without its key, for display, records and logs."""
+    # Names of devices and of a scene's objects may contain any character.
     if port.startswith(COPPELIASIM) or re.match(r"\.{0,2}/", port):
         return port
     return _BEFORE_KEY.split(port, maxsplit=1)[0]

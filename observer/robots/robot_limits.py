@@ -11,10 +11,10 @@ from observer.robots.models import RobotSpec
 
 
 def limits_in_force(spec: RobotSpec, config: ConfigReply) -> RobotLimits:
-    """Return the lesser of the model's limits and the robot's own.
+    """Return the lower of the model's limits and the robot's own.
 
-    A zero in the robot's reply says nothing. Its accelerations as set are no limits: they are
-    what ``limit_commands`` changes.
+    A zero in the robot's reply means unknown. Its current acceleration settings are no limits:
+    ``limit_commands`` overwrites them.
     """
 
     def least(most: float, unit: float, *told: int | None) -> float:
@@ -31,7 +31,7 @@ def limits_in_force(spec: RobotSpec, config: ConfigReply) -> RobotLimits:
 
 
 def limit_commands(limits: RobotLimits) -> tuple[bytes, ...]:
-    """Return the commands that set the limits; SETA and SETRA also for braking."""
+    """Return the commands that set the limits; SETA and SETRA for braking, too."""
     speed, acceleration = _whole(limits.speed_mps * 1000), _whole(limits.acceleration_mps2 * 1000)
     turn_rate = _whole(math.degrees(limits.turn_rate_radps))
     turn_acceleration = _whole(math.degrees(limits.turn_acceleration_radps2))
@@ -48,7 +48,7 @@ def limit_commands(limits: RobotLimits) -> tuple[bytes, ...]:
 def setpoint_within(
     limits: RobotLimits, speed_mps: float, turn_rate_radps: float
 ) -> tuple[int, int]:
-    """Return a velocity as it is sent, in whole mm/s and deg/s; zero where either is not finite."""
+    """Return a velocity as it is sent, in whole mm/s and deg/s; zero if either is not finite."""
     if not (math.isfinite(speed_mps) and math.isfinite(turn_rate_radps)):
         return 0, 0
     return (
@@ -63,5 +63,5 @@ def _bounded(value: float, limit: float) -> int:
 
 
 def _whole(value: float) -> int:
-    """Round down, to 1 at least: zero would mean no limit, or no motion at all."""
+    """Round down, but to at least 1: zero would mean no limit, or no motion at all."""
     return max(1, min(32767, int(value + 1e-6)))

@@ -15,25 +15,26 @@ BATTERY_LOW_V = 11.75
 BATTERY_CRITICAL_V = 11.0
 # A status packet is up to 0.1 s old, and ENABLE takes a moment.
 _SWITCHING_S = 0.3
-# ENABLE is not acknowledged and may be lost: at these times after the request it is sent
-# again, until the motors were seen on; never after that.
+# ENABLE is not acknowledged and may be lost: it is resent at these times after the request until
+# the motors were seen on, and never after that.
 _ENABLE_AGAIN_S = (0.3, 0.6)
 _ENABLE_IN_VAIN_S = 1.5
 _DISABLE_AGAIN_S = 0.5
-# The robot's watchdog counts from what it received, we count from what we received.
+# Share of the watchdog time: the robot counts from what it received, we from what we received.
 _WATCHDOG_PART = 0.5
 _AVERAGED = 30
 
 
 class RobotWatch:
-    """Latches faults, keeps the battery's mean, and says whether the robot may move.
+    """Latches faults, averages the battery voltage, and decides whether the robot may move.
 
-    Times are seconds on a clock that never goes back.
+    Times are seconds on a monotonic clock.
 
     Attributes:
         fault: one sentence from the first fault on until ``clear``.
-        status: the newest packet of this connection; None before, and once it is lost.
-        received: when it came, also of the last connection.
+        status: the newest packet of this connection; None before it, and once the connection is
+            lost.
+        received: when the newest packet came, on any connection.
     """
 
     def __init__(self) -> None:
@@ -84,7 +85,7 @@ class RobotWatch:
         self.switch_off(now)
 
     def lost(self, sentence: str, now: float) -> None:
-        """Take the loss of the session; a fault if there was one."""
+        """Handle the loss of the session: a fault if there was a session."""
         if self._connected:
             self.blame(sentence)
         self._connected = False
@@ -93,13 +94,13 @@ class RobotWatch:
         self.switch_off(now)
 
     def closed(self) -> None:
-        """Take the end of the session on purpose."""
+        """Handle the intended end of the session."""
         self._connected = False
         self.status = None
         self._on_since = None
 
     def switch_on(self, now: float) -> bool:
-        """Note that ENABLE 1 is sent; return False if a fault or no connection forbids it."""
+        """Note that ENABLE 1 is sent; return False if a fault or a lost connection forbids it."""
         if self.fault is not None or not self._connected:
             return False
         self._on_since, self._seen_on, self._enables = now, False, 0
@@ -111,7 +112,7 @@ class RobotWatch:
         self._off_since = now
 
     def saw(self, status: RobotStatus, now: float) -> bool:
-        """Take a status packet; return whether it brought a fault."""
+        """Handle a status packet; return whether it caused a fault."""
         before = self.fault
         self.status, self.received, self._heard = status, now, now
         if status.battery_v is not None:
@@ -125,7 +126,7 @@ class RobotWatch:
         return self.fault is not before
 
     def tick(self, now: float) -> bool:
-        """Check the time limits, every 0.1 s or more often; return whether that brought a fault."""
+        """Check the timeouts, every 0.1 s or more often; return whether that caused a fault."""
         before = self.fault
         if self._connected and now - self._heard >= SILENCE_FAULT_S:
             self.blame(f"it sent no status for {SILENCE_FAULT_S:g} s")
@@ -138,13 +139,13 @@ class RobotWatch:
         return self.fault is not before
 
     def silent(self, now: float) -> bool:
-        """Return whether its status is missing."""
+        """Return whether its status is overdue."""
         return self._connected and now - self._heard > SILENCE_WARNED_S
 
     def in_outage(self, now: float, watchdog_s: float | None) -> bool:
-        """Return whether its firmware may have stopped it, as it may have heard nothing either.
+        """Return whether its firmware may have stopped it, as it may not have heard us either.
 
-        ``watchdog_s``: after how long it does; None where that is unknown.
+        ``watchdog_s``: timeout of the firmware; None where unknown.
         """
         bound = SILENCE_FAULT_S
         if watchdog_s is not None:
@@ -156,7 +157,7 @@ class RobotWatch:
         return now - self._heard
 
     def due_command(self, now: float) -> bytes | None:
-        """Return ENABLE once more, where it seems to have been lost on its way."""
+        """Return ENABLE to send again if it seems to have been lost; else None."""
         if self._on_since is not None:
             late = (
                 not self._seen_on
@@ -172,7 +173,7 @@ class RobotWatch:
         return None
 
     def clear(self, now: float) -> None:
-        """Forget the fault if its cause, or another, is not there any more; motors off."""
+        """Clear the fault unless its cause, or another, is present; motors off."""
         self.switch_off(now)
         if not self._connected:
             return
@@ -183,7 +184,7 @@ class RobotWatch:
             self.blame(_cause(self.status))
 
     def warnings(self, now: float) -> tuple[str, ...]:
-        """Return sentences on what is worth knowing and forbids nothing."""
+        """Return sentences worth knowing that do not forbid motion."""
         found = []
         if self.silent(now):
             found.append(f"its last status is {(now - self._heard) * 1000:.0f} ms old")
@@ -204,7 +205,7 @@ class RobotWatch:
         return tuple(found)
 
     def blame(self, sentence: str | None) -> None:
-        """Latch a fault; the first one stays, and None is none."""
+        """Latch a fault; the first one stays. None is ignored."""
         if sentence is not None:
             self.fault = self.fault or sentence
             self._on_since = None
@@ -212,7 +213,7 @@ class RobotWatch:
 
 
 def _cause(status: RobotStatus) -> str | None:
-    """Return what in a packet forbids motion; None if nothing does."""
+    """Return why a packet forbids motion; None if it does not."""
     left, right = status.stalled
     if left or right:
         which = "both wheels" if left and right else f"its {'left' if left else 'right'} wheel"

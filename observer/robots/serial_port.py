@@ -1,7 +1,7 @@
 """The port of an ARCOS robot, serial or TCP, through pyserial.
 
-What pyserial's ``socket://`` lacks is made up for here: Nagle's algorithm is switched off, reading
-waits on the socket itself (``in_waiting`` is no byte count there), and closing closes it.
+It makes up for the gaps in pyserial's ``socket://``: Nagle's algorithm is switched off, reading
+waits on the socket itself (``in_waiting`` is no byte count there), and closing closes the socket.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import termios
 from typing import Any, Protocol
 
 FIRST_BAUD = 9600
-# A port that accepts nothing for this long is stuck.
+# A port that accepts no data for this long is stuck.
 WRITE_TIMEOUT_S = 0.2
 _LONGEST_READ = 4096
 # Time for the other side to read the last commands before the connection is closed.
 _LAST_WORDS_S = 0.1
-# Kinds of files that are no devices one reads and writes bytes of.
+# Kinds of files that are not character devices.
 _KINDS = {
     stat.S_IFREG: "a file",
     stat.S_IFDIR: "a folder",
@@ -35,7 +35,7 @@ _FAILURES = (OSError, ValueError, TypeError, termios.error)
 
 
 class PortLost(Exception):
-    """The port cannot be opened, is gone, or accepts no data. The text is a sentence."""
+    """The port cannot be opened, is gone, or accepts no data. The message is a sentence."""
 
 
 class Port(Protocol):
@@ -57,7 +57,7 @@ class Port(Protocol):
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has come; wait so long at most; empty if nothing came.
+        """Return the received bytes, waiting at most ``timeout_s``; empty if there are none.
 
         Raises:
             PortLost: it is gone.
@@ -65,7 +65,7 @@ class Port(Protocol):
         ...
 
     def write(self, data: bytes) -> None:
-        """Hand over all of it; takes ``WRITE_TIMEOUT_S`` at most.
+        """Write all of it; takes ``WRITE_TIMEOUT_S`` at most.
 
         Raises:
             PortLost: it is gone or stuck.
@@ -76,22 +76,22 @@ class Port(Protocol):
         """Change the baud rate; do nothing where there is none.
 
         Raises:
-            PortLost: it is gone or knows no such rate.
+            PortLost: it is gone or does not support the rate.
         """
         ...
 
     def close(self, *, discard: bool) -> None:
-        """Release it; safe to call twice. ``discard``: what waits to go out is thrown away."""
+        """Release it; safe to call twice. ``discard``: drop unsent data."""
         ...
 
 
 def open_port(text: str) -> Port:
     """Open ``/dev/...`` at ``FIRST_BAUD`` 8N1, or ``socket://HOST:PORT``.
 
-    A host that answers nothing is waited for, 5 s at most.
+    It waits at most 5 s for a host that does not answer.
 
     Raises:
-        PortLost: it cannot be opened; the sentence says why.
+        PortLost: it cannot be opened; the message says why.
     """
     # Imported here: only drivers of such robots need it.
     import serial  # type: ignore[import-untyped]
@@ -110,19 +110,19 @@ def open_port(text: str) -> Port:
 
 
 def _refuse_other_files(path: str) -> None:
-    """Refuse what is no serial device without opening it.
+    """Refuse anything but a serial device, without opening it.
 
-    Opening is not harmless: pyserial locks what it opens, a named pipe wakes up who waits at its
-    other end, and a watchdog of the machine starts to run.
+    Opening is not harmless: pyserial locks what it opens, opening a named pipe wakes the process at
+    its other end, and opening the machine's watchdog device starts it.
 
     Raises:
-        PortLost: it is something else. OSError: it is not there, or must not be looked at.
+        PortLost: it is something else. OSError: it does not exist, or may not be examined.
     """
     status = os.stat(path)
     kind = _KINDS.get(stat.S_IFMT(status.st_mode))
     if kind is None:
         device = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
-        # Linux tells nothing here of pseudo terminals; other systems have no such folder.
+        # Linux has no entry for pseudo-terminals here; other systems lack the folder.
         subsystem = os.path.realpath(f"/sys/dev/char/{device}/subsystem")
         if os.path.exists(subsystem) and os.path.basename(subsystem) != "tty":
             kind = "another kind of device"
@@ -134,7 +134,7 @@ class _PySerialPort:
     def __init__(self, name: str, device: Any, tcp: bool) -> None:
         self.name = name
         self._device = device
-        # pyserial does not expose the socket, and its options cannot be set otherwise.
+        # pyserial does not expose the socket, but its options have to be set.
         self._socket: socket.socket | None = getattr(device, "_socket", None) if tcp else None
         self._closed = False
         if self._socket is not None:
@@ -181,7 +181,7 @@ class _PySerialPort:
             self._close_serial(discard)
         else:
             _close_socket(self._socket, discard)
-            # Its own close waits 0.3 s and may leave the socket open.
+            # pyserial's own close waits 0.3 s and may leave the socket open.
             self._device.is_open = False
 
     def _close_serial(self, discard: bool) -> None:
@@ -189,7 +189,7 @@ class _PySerialPort:
             if discard:
                 self._device.reset_output_buffer()
         except _FAILURES:
-            # It is gone: nothing waits in it.
+            # It is gone, and unsent data with it.
             return
         finally:
             self._device.close()
@@ -198,7 +198,7 @@ class _PySerialPort:
 def _close_socket(connection: socket.socket, discard: bool) -> None:
     try:
         if discard:
-            # Without lingering: waiting velocities must not arrive later.
+            # Reset without lingering: buffered velocities must not arrive later.
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         else:
             # Closing with unread data would reset the connection, and the last commands
@@ -209,14 +209,14 @@ def _close_socket(connection: socket.socket, discard: bool) -> None:
                 if not connection.recv(_LONGEST_READ):
                     break
     except OSError:
-        # The other side is gone already.
+        # The other side is already gone.
         return
     finally:
         connection.close()
 
 
 def _reason(error: BaseException) -> str:
-    """Return the system's own words, which pyserial wraps once or twice."""
+    """Return the system's own message, which pyserial wraps once or twice."""
     cause: BaseException | None = error
     while cause is not None:
         told = cause.args

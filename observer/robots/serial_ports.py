@@ -1,4 +1,4 @@
-"""Serial ports, by which robots are driven."""
+"""Serial ports for driving robots."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from observer.machine import Machine
 from observer.sources.cameras.device_files import permission_advice
 
-# USB adapters and boards; the ports of the mainboard exist whether or not anything is behind them.
+# USB adapters and boards; mainboard ports exist whether or not anything is connected to them.
 _ON_USB = re.compile(r"tty(USB|ACM)\d+")
 
 
@@ -21,7 +21,7 @@ class SerialPort:
 
     Attributes:
         path: as in ``/dev/ttyUSB0``. by_id: its name by maker and serial number, None without one.
-        description: what it says of itself, None where it says nothing.
+        description: as reported by the device, None without one.
         trouble: why this user may not read and write it, and what to do; None: it may be used.
     """
 
@@ -37,10 +37,10 @@ class SerialPort:
 
 
 def find_serial_ports(machine: Machine) -> tuple[SerialPort, ...]:
-    """Return the ports on USB, by name. None is opened: that resets some boards."""
+    """Return the USB ports, by name. None is opened, as that resets some boards."""
     described = {path: None if says == "n/a" else says for path, says in machine.ports().items()}
     if sys.platform != "linux":
-        # Where ports are no device files with groups, such as COM3, pyserial alone knows them.
+        # Only pyserial knows ports that are not device files with groups, such as COM3.
         return tuple(SerialPort(path, None, says, None) for path, says in described.items())
     by_id = _by_id(machine.root)
     return tuple(
@@ -58,7 +58,7 @@ def port_trouble(file: Path, shown: str, machine: Machine) -> str | None:
     """Return why a port's file may not be read and written, and what to do; None if it may.
 
     Args:
-        shown: the port as people know it.
+        shown: name of the port for people.
     """
     if machine.access.may_use(file):
         return None

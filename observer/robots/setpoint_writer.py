@@ -1,4 +1,4 @@
-"""The only thread that writes to a robot in a session: urgent commands, then velocities."""
+"""The only thread that writes to a robot during a session: urgent commands, then velocities."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from observer.robots.handshake import STANDSTILL
 from observer.robots.packet_line import COMMAND_GAP_S
 from observer.robots.serial_port import Port, PortLost
 
-# Period of repeating a velocity: the firmware stops after silence, and a velocity that noise
-# has altered lasts no longer than this.
+# Interval at which a velocity is resent: the firmware stops after silence, and a velocity that was
+# corrupted on the line lasts no longer than this.
 RESEND_S = 0.1
 # On a slow line a rising velocity waits this long after the last one, so that the line is not
-# full when a zero is due: two commands take 19 ms at 9600 baud.
+# busy when a zero is due: two commands take 19 ms at 9600 baud.
 _SLOW_BAUD = 19200
 _RISING_S = 0.04
 # A process that has not written for this long was suspended; the robot's watchdog has expired
 # or is about to.
 _FROZEN_S = 1.0
 
-# mm/s and deg/s, whole numbers as they are sent.
+# Whole mm/s and deg/s, as sent.
 Setpoint = tuple[int, int]
 _ZERO: Setpoint = (0, 0)
 _E_STOP = command(Command.E_STOP)
 
 
 class SetpointWriter:
-    """Writes commands and velocities, each when it is due; nothing here waits for the port.
+    """Writes commands and velocities, each when it is due; no method waits for the port.
 
     Args:
-        port: written to by nobody else. clock: of ``Sent.time`` and of freshness.
+        port: written to by nothing else. clock: of ``Sent.time`` and of freshness.
 
     Attributes:
-        sent: the velocity that went out last.
+        sent: the velocity that was sent last.
         broken: one sentence once the port is lost; nothing is written from then on.
-        frozen: whether this process stood still for ``_FROZEN_S`` or more.
+        frozen: whether this process was suspended for ``_FROZEN_S`` or more.
     """
 
     def __init__(self, port: Port, clock: Callable[[], float]) -> None:
@@ -53,9 +53,9 @@ class SetpointWriter:
         self._rising_s = _RISING_S if (port.baud or math.inf) <= _SLOW_BAUD else 0.0
         self._changed = threading.Condition()
         self._commands: deque[bytes] = deque()
-        # Rest of the pair of commands for a velocity.
+        # Unsent commands of the current velocity.
         self._pair: deque[bytes] = deque()
-        # Whether that is a standstill, which must be sent completely.
+        # Whether that velocity is a standstill, which must be sent completely.
         self._whole = False
         self._asked, self._asked_at = _ZERO, -math.inf
         self._told, self._told_at = _ZERO, -math.inf
@@ -73,8 +73,8 @@ class SetpointWriter:
                 self._changed.notify()
 
     def in_outage(self, outage: bool) -> None:
-        """Note whether the robot may hear nothing: as long, only standstills with STOP in front go
-        out, and one more goes in front of the first velocity behind it."""
+        """Note whether the robot may not hear us. Meanwhile only standstills that begin with STOP
+        are sent, and one more before the first velocity afterwards."""
         with self._changed:
             if outage != self._outage:
                 self._outage = outage
@@ -82,13 +82,13 @@ class SetpointWriter:
                 self._changed.notify()
 
     def send(self, *commands: bytes) -> None:
-        """Send these commands, after those that wait."""
+        """Send these commands after the queued ones."""
         with self._changed:
             self._commands += commands
             self._changed.notify()
 
     def halt(self, *commands: bytes) -> None:
-        """Send these before anything else, and zero velocity; drop what waited, except E_STOP."""
+        """Send these first, then zero velocity; drop everything queued except E_STOP."""
         with self._changed:
             hard = _E_STOP in self._commands and _E_STOP not in commands
             self._commands = deque((_E_STOP, *commands) if hard else commands)
@@ -99,7 +99,7 @@ class SetpointWriter:
             self._changed.notify()
 
     def finish(self, timeout_s: float) -> bool:
-        """Write what waits and end; return whether it has ended within the time."""
+        """Write the queued commands and end; return whether it ended within the time."""
         with self._changed:
             self._finishing = True
             self._changed.notify()
@@ -138,9 +138,9 @@ class SetpointWriter:
                 self._changed.wait(wait)
 
     def _plan(self, now: float) -> float:
-        """Queue the velocity where it is due; return for how long nothing is."""
+        """Queue the velocity if it is due; return how long nothing will be due."""
         if self._pair and self._whole:
-            # A robot that has received half of a standstill may continue the other motion.
+            # A robot that has received only half of a standstill may continue the other motion.
             return 0.0
         if now - self._wrote_at > _FROZEN_S:
             self.frozen = True
@@ -156,11 +156,11 @@ class SetpointWriter:
         else:
             due = resend
         if due <= now:
-            # The rest of the previous pair is outdated, or the same.
+            # The rest of the previous pair is outdated or identical.
             self._tell(target, now, with_stop=self._outage)
             return 0.0
         stale = self._asked_at + SETPOINT_FRESH_S if target != _ZERO else math.inf
-        # A little later, so that the time has passed then.
+        # Slightly longer, so that the time has certainly passed.
         return max(0.0, min(due, stale) - now) + 1e-4
 
     def _tell(self, setpoint: Setpoint, now: float, *, with_stop: bool) -> None:
@@ -170,5 +170,5 @@ class SetpointWriter:
             self._pair = deque(STANDSTILL)
             return
         speed, turn = command(Command.VEL, setpoint[0]), command(Command.RVEL, setpoint[1])
-        # Slowing down goes first; the new turn rate is set before the speed rises.
+        # Slow down before turning; set the new turn rate before the speed rises.
         self._pair = deque((turn, speed) if faster else (speed, turn))

@@ -12,7 +12,7 @@ from observer.robots.models import RobotSpec
 
 STOPPED, MOVING = 0x32, 0x33
 _FIXED = struct.Struct("<xHHhhhBHhHBB")
-# Each byte of the word holds a stall bit and seven segments: one byte for each end.
+# The word has one byte for each end: a stall bit and seven segments.
 BUMPERS = 7
 # Maximum range; the firmware reports it where there was no echo.
 SONAR_REACH_MM = 5000
@@ -28,18 +28,18 @@ _NO_TEMPERATURE = -127
 
 @dataclass(frozen=True)
 class RobotStatus:
-    """One status packet; None for what it does not tell.
+    """One status packet; None for values that it does not contain.
 
     Attributes:
-        raw_x, raw_y: 0 to 0x7FFF in units of the model, and raw_heading, 16 bits with sign: as
+        raw_x, raw_y: 0 to 0x7FFF in units of the model, and raw_heading, signed 16 bits: as
             ``WheelOdometry`` takes them.
         speed_mps, turn_rate_radps: of the wheels.
         battery_v: volts.
         stalled: left and right wheel. front_bumpers, rear_bumpers: as many as are fitted.
         motors_enabled, stop_pressed, e_stalled, joystick: of the flags; None for what this model
             has no flag for.
-        ranges_m: by sonar, of those that are new in this packet; None where nothing echoed.
-        sonar_overrun: the count of readings exceeds the packet, none of them was taken.
+        ranges_m: by sonar, only those that are new in this packet; None without an echo.
+        sonar_overrun: the count of readings exceeds the packet, so none of them was used.
         charging: in words. temperature_c: of the electronics.
     """
 
@@ -73,10 +73,10 @@ def decode_status(
     """Decode the payload of a status packet, type byte first.
 
     Args:
-        front_bumpers, rear_bumpers: how many segments are fitted; the bits of others say nothing.
+        front_bumpers, rear_bumpers: how many segments are fitted; other bits have no meaning.
 
     Raises:
-        ValueError: it is no status packet, or cut off before its sonar readings.
+        ValueError: it is not a status packet, or cut off before its sonar readings.
     """
     if not is_status(payload) or len(payload) < _FIXED.size:
         raise ValueError(
@@ -88,7 +88,7 @@ def decode_status(
     )
     end = _FIXED.size + 3 * count
     overrun = end > len(payload)
-    # After a wrong count nothing can be decoded: a false range could pass for free space.
+    # After a wrong count nothing can be decoded: a false range could be taken for free space.
     tail = partial(_number, b"" if overrun else payload[end:])
     battery = tail(5, 2) or decivolts
     turn_rate = tail(8, 2, signed=True)
@@ -117,7 +117,7 @@ def decode_status(
 
 
 def _number(tail: bytes, at: int, size: int, *, signed: bool = False) -> int | None:
-    """Read a number behind the sonar readings; older firmware leaves off any part of the end."""
+    """Read a number after the sonar readings; older firmware may omit any part of the end."""
     if len(tail) < at + size:
         return None
     return int.from_bytes(tail[at : at + size], "little", signed=signed)

@@ -1,4 +1,4 @@
-"""Benchmark of driving to a goal among people: which runs there are, and how they are made."""
+"""Benchmark of driving to a goal among people: selection and execution of the runs."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Result = RunResult | WalkResult | Answer
 
 @dataclass(frozen=True)
 class Choice:
-    """What is to be measured.
+    """Selection of runs to measure.
 
     Attributes:
-        runs: of every setting, with the seeds ``seed`` and following. kinds: True for people who
+        runs: number of runs per setting, with seeds from ``seed`` on. kinds: True for people who
             avoid the robot. risks: declared per metre.
-        image_runs: of the planner at every density and risk, through images, among people who do
-            not avoid the robot.
+        image_runs: number of runs of the planner at every density and risk that use images, among
+            people who do not avoid the robot.
         parameters: of guard and planner.
     """
 
@@ -40,7 +40,7 @@ class Choice:
     parameters: AllParameters = field(default_factory=AllParameters)
 
     def cases(self) -> tuple[Case, ...]:
-        """Return all runs; the guard alone runs once, as it knows no risk."""
+        """Return all runs; the guard alone runs at one risk only, as it does not use it."""
         modelled = tuple(
             Case(driver, density, kind, risk, seed)
             for kind in self.kinds
@@ -57,11 +57,11 @@ class Choice:
         )
 
     def walks(self) -> tuple[Walk, ...]:
-        """Return the walks over which predictions are judged."""
+        """Return the walks on which predictions are evaluated."""
         return tuple(Walk(*each) for each in self._crowds(self.runs))
 
     def questions(self) -> tuple[Question, ...]:
-        """Return the crowds whose oracle is asked: of those who avoid the robot there is none."""
+        """Return the crowds for the oracle, which does not exist for people who avoid the robot."""
         runs = max(self.runs if False in self.kinds else 0, self.image_runs)
         return tuple(Question(*each) for each in self._crowds(runs))
 
@@ -76,11 +76,11 @@ def measure(
     """Make all runs; the results do not depend on the number of processes.
 
     Args:
-        jobs: number of processes. progress: called with runs done and all.
+        jobs: number of processes. progress: called with the number of runs done and their total.
 
     Raises:
         InputError: JuPedSim is not installed.
-        WorkerLost: a process was ended, by the system for want of memory for example.
+        WorkerLost: a process was killed, e.g. by the system for lack of memory.
     """
     missing = crowd_missing()
     if missing is not None:

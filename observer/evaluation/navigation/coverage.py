@@ -1,4 +1,4 @@
-"""Coverage of the predictions on walks that nothing was tuned to."""
+"""Coverage of the predictions on walks to which nothing was tuned."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from observer.navigation.futures import Futures, futures
 from observer.navigation.habits import Habits
 from observer.navigation.parameters import NavigationParameters
 
-# Predicted so far ahead.
+# Prediction horizons.
 AHEAD_S: Final = (1.0, 2.0)
 _WALK_S: Final = 20.0
 _EVERY: Final = 2
@@ -26,7 +26,7 @@ _EVERY: Final = 2
 
 @dataclass(frozen=True)
 class Walk:
-    """People whom a robot watches, standing.
+    """People watched by a standing robot.
 
     Attributes:
         density_per_m2: of the crowd.
@@ -38,7 +38,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class WalkResult:
-    """Ranks of true places within the predictions of a walk, as of ``ranks``.
+    """Ranks of true places within the predictions of a walk, as from ``ranks``.
 
     Attributes:
         ranked: by ``AHEAD_S``.
@@ -49,13 +49,13 @@ class WalkResult:
 
 
 def follow(walk: Walk, planner: NavigationParameters) -> WalkResult:
-    """Watch people for 20 s, predict everybody in view, and look where they come to."""
+    """Watch people for 20 s, predict everybody in view, and compare with where they end up."""
     crowd = Crowd(ROOM, walk.density_per_m2, walk.seed, kind=False, keep_clear=(*START, 1.0))
     eye, habits, rng = Eye(walk.seed), Habits(), np.random.default_rng([walk.seed, 2])
     pose = np.array([*START, 0.0])
     times = np.array(AHEAD_S)
     ranked: list[list[float]] = [[] for _ in AHEAD_S]
-    # Predictions that wait: for which step, and the number of the instant that it is.
+    # Pending predictions: step that they are for, index of the horizon, and the prediction.
     predicted: list[tuple[int, int, Futures]] = []
     for step in range(math.ceil(_WALK_S / FRAME_S)):
         time = step * FRAME_S

@@ -1,22 +1,22 @@
-"""People who walk about on a floor, moved by a crowd model that is not ours: JuPedSim.
+"""People who walk about on a floor, moved by an independent crowd model: JuPedSim.
 
-They walk between random targets as a mechanism of its own decides; nothing here is tuned to a
+They walk between random targets, chosen by a mechanism of its own; nothing here is tuned to a
 robot's way of planning. The extra ``crowd`` installs JuPedSim (https://www.jupedsim.org).
 
 The operational model is WarpDriver (Wolinski, Lin and Pettré, WarpDriver: context-aware
 probabilistic motion prediction for crowd simulation, ACM Transactions on Graphics 35(6), 2016):
-everybody expects everybody else to walk on as they do, and turns away from where a collision is
-probable within 2 s; JuPedSim, which has it since 1.4, adds a repulsion at short range. It was
-chosen by trying with 0.1 to 0.5 people per m2: it kept people walking everywhere, at a step of
-50 ms. With its own default values the anticipation velocity model came to a standstill at 0.5 per
-m2, and the third collision-free speed model even at 0.1; the second slowed everybody down to
-0.4 m/s at 0.5 per m2, where here they walk at 0.7; the social force model threw people out of the
-room at a step of 50 ms, and at the 10 ms that suit it takes too long.
+all people expect the others to walk on as they do, and turn away from where a collision is
+probable within 2 s; JuPedSim, which includes it since 1.4, adds a short-range repulsion. It was
+chosen by trials with 0.1 to 0.5 people per m2: it kept people walking everywhere, at a step of
+50 ms. With default parameters, the anticipation velocity model came to a standstill at 0.5 per m2,
+and the third collision-free speed model even at 0.1; the second slowed everybody down to 0.4 m/s
+at 0.5 per m2, where people here walk at 0.7; the social force model threw people out of the room
+at a step of 50 ms, and at the 10 ms that it needs it is too slow.
 
-A robot that people avoid is one more agent in their simulation, never moved by it: JuPedSim can
-move no agent, so before every step of its own the robot's is removed and added again with the
-robot's place, direction, speed and radius. Removal comes before any interaction, and this model
-takes in a new agent anywhere in the room, also one that touches a person.
+A robot that people avoid is an extra agent in their simulation, never moved by it. JuPedSim cannot
+reposition agents, so before each of its steps the robot's agent is removed and added again with
+the robot's place, direction, speed and radius. Removal comes before any interaction, and this model
+accepts a new agent anywhere in the room, even in contact with a person.
 """
 
 from __future__ import annotations
@@ -33,23 +33,24 @@ from numpy.typing import NDArray
 from observer.errors import InputError
 from observer.geometry import Float64Array
 
-# Of the simulation; half and twice of it gave alike figures.
+# Step of the simulation; half and twice as much gave similar figures.
 _STEP_S = 0.05
 # Free walking speed, somewhat below the 1.34 +- 0.26 m/s of Weidmann, Transporttechnik der
 # Fussgänger, ETH Zürich, 1993.
 _SPEED_MPS, _SPEED_SIGMA_MPS = 1.2, 0.25
 _SLOWEST_MPS, _FASTEST_MPS = 0.5, 1.8
 _RADIUS_M = (0.2, 0.25)
-# How fast a person starts and stops; the model alone would do it within one step.
+# How fast a person starts and stops; by the model alone it would take one step.
 _ACCELERATION_MPS2 = 2.5
 _STAND_CHANCE = 0.2
 _STAND_S = (1.0, 4.0)
 _REACHED_M = 0.75
-# Targets lie no nearer to a wall, where the room is wide enough: people keep off walls.
+# Least distance of targets from walls if the room is wide enough, as people keep off walls.
 _FROM_WALL_M = 0.75
-# Who needs so much longer than the straight way takes walks elsewhere: someone stands there.
+# Factor on the time of the straight way, and seconds more, after which a person gives up a target,
+# because somebody may be standing there.
 _PATIENCE, _PATIENCE_S = 2.0, 5.0
-# Between bodies, and from body to wall, at the beginning.
+# Initial gap between bodies, and from bodies to walls.
 _GAP_M = 0.1
 _ATTEMPTS = 2000
 # In narrower rooms the model presses people into the walls.
@@ -78,7 +79,7 @@ class People:
     """N people at one instant, in the room's frame.
 
     Attributes:
-        number: (N,), stays with a person. position: (N, 2), metres. velocity: (N, 2), m/s, over
+        number: (N,), constant per person. position: (N, 2), metres. velocity: (N, 2), m/s, over
             the last 50 ms. radius_m: (N,), of a body.
     """
 
@@ -89,7 +90,7 @@ class People:
 
 
 class Crowd:
-    """People in a room; equal arguments and equal robots give equal people, to the last digit."""
+    """People in a room; equal arguments and robot motions give equal people, to the last digit."""
 
     def __init__(
         self,
@@ -102,10 +103,10 @@ class Crowd:
     ) -> None:
         """
         Args:
-            kind: True for people who avoid the robot as they avoid a person, False for such as do
-                not know of it. Both begin alike.
-            keep_clear: x, y and radius of a circle, metres, in which nobody's body is at the
-                beginning: where the robot begins.
+            kind: True for people who avoid the robot as they avoid a person, False for people who
+                ignore it. Both start the same.
+            keep_clear: x, y and radius of a circle, metres, that is free of people at the
+                beginning: where the robot starts.
 
         Raises:
             InputError: JuPedSim is not installed, the room is narrower than 2 m, or the people do
@@ -132,14 +133,14 @@ class Crowd:
         self._velocity = way * (self._speed / distance)[:, None]
         # The speed at which a person would walk now if nobody were in the way.
         self._pace = self._speed.copy()
-        # Until when a person stands; 0 for one who walks.
+        # Until when each person stands; 0 for those who walk.
         self._stands_until = np.zeros(count)
         self._gives_up = _PATIENCE * distance / self._speed + _PATIENCE_S
         self._steps = 0
         self._start_simulation()
 
     def _start_simulation(self) -> None:
-        # Untyped, and not installed with the rest.
+        # Untyped, and installed only with an extra.
         jupedsim: Any = importlib.import_module("jupedsim")
 
         length, width = self._room.length_m, self._room.width_m
@@ -177,7 +178,7 @@ class Crowd:
 
     @property
     def people(self) -> People:
-        """Everybody as they are now."""
+        """Current state of all people."""
         return People(
             np.arange(len(self._ids)),
             self._position.copy(),
@@ -186,12 +187,12 @@ class Crowd:
         )
 
     def step(self, dt: float, robot: tuple[float, float, float, float, float]) -> None:
-        """Let everybody walk on for ``dt`` seconds, a multiple of 50 ms.
+        """Move everybody on by ``dt`` seconds, a multiple of 50 ms.
 
         Args:
             robot: x, y, vx, vy and radius of the robot now, metres and m/s in the room's frame;
-                it is taken to keep its velocity during the step. Outside of the room people see
-                it at the wall.
+                it is assumed to keep its velocity during the step. If it is outside the room,
+                people see it at the wall.
         """
         count = round(dt / _STEP_S)
         if count < 1 or abs(count * _STEP_S - dt) > 1e-6:
@@ -207,14 +208,14 @@ class Crowd:
             self._take_positions()
 
     def _decide(self) -> None:
-        """Have who has arrived, or has stood long enough, stand or walk elsewhere."""
+        """Let people who have arrived stand, and those who have stood long enough walk on."""
         now = self._steps * _STEP_S
         way = self._target - self._position
         arrived = (np.hypot(way[:, 0], way[:, 1]) < _REACHED_M) | (now >= self._gives_up)
         stood = self._stands_until > 0
         for i in np.flatnonzero(np.where(stood, now >= self._stands_until, arrived)).tolist():
             if not stood[i]:
-                # Nobody turns round at a walk: they come to a stand first.
+                # Nobody turns round while walking: they come to a stop first.
                 stays = self._rng.uniform(*_STAND_S) if self._rng.random() < _STAND_CHANCE else 0.0
                 self._stands_until[i] = now + self._pace[i] / _ACCELERATION_MPS2 + stays
             else:
@@ -255,7 +256,7 @@ class Crowd:
 
 
 def crowd_missing() -> str | None:
-    """Return one sentence on how to install what a crowd lacks, or None."""
+    """Return one sentence on how to install a missing package for crowds, or None."""
     if importlib.util.find_spec("jupedsim") is not None:
         return None
     return (
@@ -270,7 +271,7 @@ def _scattered(
     keep_clear: tuple[float, float, float],
     rng: np.random.Generator,
 ) -> Float64Array:
-    """Positions (N, 2) at random for bodies of these radii (N,), apart from each other."""
+    """Random positions (N, 2) for bodies of these radii (N,), apart from each other."""
     placed = np.empty((len(radius), 2))
     clear_x, clear_y, clear_radius = keep_clear
     for i, own in enumerate(radius):

@@ -1,4 +1,4 @@
-"""Check of what an eye tells against where everybody is."""
+"""Check of an eye's output against the true places of all people."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from observer.geometry import Float64Array
 from observer.guard.sight import Sight
 from observer.types import Status
 
-# A person is to be found who has been in view for so long, walks at least so fast, and is no
-# farther away.
+# A sighting is due for a person who has been in view for this long, walks at least this fast, and
+# is nearer than this.
 _IN_VIEW_S, _WALKS_MPS, _FARTHEST_M = 0.5, 0.4, 5.5
-# A track is of the nearest person within so much, and so much more for each metre of distance.
+# A track belongs to the nearest person within this distance plus this share of its range.
 _GATE_M, _GATE_SHARE = 0.6, 0.1
 _SIGMAS_95: Final = 1.96
 _COUNTED: Final = ("frames", "usable", "due", "found", "false", "surplus", "covered")
@@ -30,11 +30,11 @@ class EyeCheck:
     """Counts of one run.
 
     Attributes:
-        frames: all; usable: those by which the guard lets the robot drive.
-        due: sightings that were to be made in usable frames. found: those that were.
-        false: tracks at nobody's place. surplus: further tracks of one person.
-        velocity_errors: m/s, of every track, ahead and to the left in turn; covered: those within
-            their 95 % interval.
+        frames: all; usable: those on which the guard lets the robot drive.
+        due: sightings expected in usable frames. found: those made.
+        false: tracks where nobody is. surplus: further tracks of one person.
+        velocity_errors: m/s, of every track, alternately ahead and to the left; covered: those
+            within their 95 % interval.
     """
 
     frames: int
@@ -49,7 +49,7 @@ class EyeCheck:
 
 @dataclass(frozen=True)
 class EyeFigures:
-    """Figures of some runs; None where there was nothing to judge.
+    """Figures of some runs; None without data.
 
     Attributes:
         recall: share of the due sightings that were made. false, surplus: per 100 frames.
@@ -78,7 +78,7 @@ class EyeChecker:
     def look(
         self, sight: Sight, people: People, pose: Float64Array, visible: NDArray[np.bool_]
     ) -> None:
-        """Take in a sight from a pose (3,), where everybody is then, and (N,) who is in view."""
+        """Take in a sight from a pose (3,), the people at that time, and who is in view (N,)."""
         heading = float(pose[2])
         place, velocity = (
             np.array([turned(each, -heading) for each in vectors]).reshape(-1, 2)
@@ -99,7 +99,7 @@ class EyeChecker:
                 self._counts["found"] += k in found
 
     def _matched(self, sight: Sight, place: Float64Array, velocity: Float64Array) -> set[int]:
-        """Return which persons are tracked; tracks count as false or surplus, or by their error."""
+        """Return which people are tracked; count each track as false or surplus, or its errors."""
         found: set[int] = set()
         for one in sight.obstacles:
             if one.coasting or one.id < 0:

@@ -1,4 +1,4 @@
-"""Figure of the contacts measured against the risk declared."""
+"""Figure of measured contacts against declared risk."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _APART = 1.06
 def navigation_figure(result: NavigationBenchmark) -> Figure:
     """Plot contacts per metre over the declared risk per metre, with 95 % intervals.
 
-    All densities together, without runs through images, which are few. No contact at all is drawn
-    as its upper limit alone.
+    All densities are combined; the few runs that use images are left out. Without any contact only
+    the upper limit is drawn.
     """
     figure = Figure(figsize=(7.5, 5.6), layout="constrained", facecolor="white")
     axes = figure.add_subplot()
@@ -32,7 +32,7 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
         if way <= 0:
             continue
         most_likely, low, high = rate(count, way)
-        # Side by side.
+        # Draw both kinds side by side.
         x = risk * (_APART if kind else 1 / _APART)
         colour = COLOURS[int(kind)]
         if count:

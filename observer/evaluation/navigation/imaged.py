@@ -1,10 +1,10 @@
-"""Eye of a robot in a crowd that looks at images: rendered, and observed as those of a camera.
+"""Eye of a robot in a crowd that uses rendered images, observed like those of a camera.
 
-The crowd's people walk through the simulated lab in clothes and with arms and legs that swing, seen
+The crowd's people walk through the simulated lab in clothes and with swinging arms and legs, seen
 by two cameras on the robot; the observer and the search for free floor are the real ones. It is so
-much slower than the modelled eye (``perceived``) that it serves for samples.
+much slower than the modelled eye (``perceived``) that it is only used for samples.
 
-People must not know of the robot: their figures are made of the whole way that they will walk.
+People must ignore the robot, because their whole walk must be known in advance to animate them.
 """
 
 from __future__ import annotations
@@ -35,14 +35,15 @@ from observer.simulation.specs.people import PersonSpec
 from observer.simulation.world import World
 from observer.types import StereoFrame
 
-# A body turns towards the way it walks in about this time, and not while it all but stands.
+# Time constant of a body's turn towards its direction of motion, and speed below which it does not
+# turn.
 _TURNING_S: Final = 0.3
 _STANDS_MPS: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Walked:
-    """Way of one person as a crowd model has it; fulfils ``PlanarMotion``.
+    """Path of one person from a crowd model; fulfils ``PlanarMotion``.
 
     Attributes:
         states: (T, 5) x, y, heading, vx, vy at multiples of ``FRAME_S``.
@@ -51,7 +52,7 @@ class Walked:
     states: Float64Array
 
     def state(self, time: float) -> PlanarState:
-        """Interpolate; before and after, the person stands as at the first and last instant."""
+        """Interpolate the state; before and after, the person stands at the first or last place."""
         at = time / FRAME_S
         if not 0 <= at <= len(self.states) - 1:
             x, y, heading, *_ = self.states[0 if at < 0 else -1].tolist()
@@ -62,16 +63,16 @@ class Walked:
         return PlanarState(x, y, heading, vx, vy)
 
     def commanded_speed(self, time: float) -> float:
-        """Return the speed; nobody commands it."""
+        """Return the actual speed, as none is commanded."""
         state = self.state(time)
         return math.hypot(state.vx, state.vy)
 
 
 def walks_of(steps: Sequence[People], origin: tuple[float, float]) -> list[Walked]:
-    """Return everybody's way.
+    """Return everybody's path.
 
     Args:
-        steps: everybody at multiples of ``FRAME_S``. origin: of the motions' frame, metres.
+        steps: everybody at multiples of ``FRAME_S``. origin: of the paths' frame, metres.
     """
     place = np.array([each.position for each in steps]) - origin
     velocity = np.array([each.velocity for each in steps])
@@ -83,7 +84,7 @@ def walks_of(steps: Sequence[People], origin: tuple[float, float]) -> list[Walke
 
 
 def _headings(velocity: Float64Array) -> Float64Array:
-    """(T,) directions, continuous, in which a body faces that moves with a velocity (T, 2)."""
+    """(T,) continuous headings of a body that moves with velocities (T, 2)."""
     moving = np.hypot(*velocity.T) > _STANDS_MPS
     ways = np.arctan2(velocity[:, 1], velocity[:, 0])
     heading = float(ways[np.argmax(moving)])
@@ -97,7 +98,7 @@ def _headings(velocity: Float64Array) -> Float64Array:
 
 
 class ImagedEye:
-    """Eye of one robot through images of a crowd whose whole way is known."""
+    """Eye of one robot that sees images of a crowd whose whole motion is known."""
 
     def __init__(
         self, steps: Sequence[People], start: tuple[float, float], seed: int, p: GuardParameters
@@ -105,14 +106,14 @@ class ImagedEye:
         """
         Args:
             steps: everybody at multiples of ``FRAME_S``, in the room's frame. start: where the
-                robot begins, looking along x. p: of the search for free floor.
+                robot starts, facing along x. p: of the search for free floor.
         """
         self._start = np.array([*start, 0.0])
         walks = walks_of(steps, start)
         first = [walk.state(0.0) for walk in walks]
         people = tuple(PersonSpec(x=one.x, y=one.y) for one in first)
         scenario = scenario_from_text("based_on: _crowd", "crowd")
-        # Seed 0 would dress everybody as written.
+        # Not seed 0, which would dress everybody exactly as specified.
         world = World(scenario.model_copy(update={"people": people}), seed + 1, walks=walks)
         self._driven = Driven(Parked(0.0, 0.0, 0.0), threading.RLock())
         world.move({world.observer.id: self._driven})
@@ -127,9 +128,9 @@ class ImagedEye:
         self._last = PlanarState(0.0, 0.0, 0.0)
 
     def look(self, people: People, pose: Float64Array, room: Room, time: float) -> Sight:
-        """Return the sight from a pose (3,), of a frame received at the next instant.
+        """Return the sight from a pose (3,), of a frame received at ``time``.
 
-        People are where the known way has them.
+        People are at their places on the known paths.
         """
         del people, room
         self._drive_to(pose - self._start, time)

@@ -1,9 +1,10 @@
-"""Oracle: the fastest way to the goal for somebody who knows where everybody is going to be.
+"""Oracle: the fastest way to the goal for a driver who knows where everybody is going to be.
 
-It knows the future of people who do not know of the robot, so they walk as they do in a run. What
-the robot can reach grows from instant to instant at its highest speed, and whoever is there takes
-it away again; the goal's time is the first at which it is reached. It turns and brakes at once, and
-only the largest circle within its outline must keep clear, so that no driver can be faster.
+It knows the future of people who ignore the robot, who therefore walk as in a run. The set of
+places that the robot can reach grows from instant to instant at its highest speed, less the places
+taken by people; the result is the first time at which that set reaches the goal. The robot turns
+and brakes instantly, and only the largest circle within its outline must stay clear, so that no
+driver can be faster.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ from observer.guard.parameters import GuardParameters
 from observer.navigation.errand import REACHED_M
 
 _RADIUS_M: Final = min(SPEC.length_m, SPEC.width_m) / 2
-# A cross and a square in turn grow an octagon: in no direction slower than the robot, and at most
-# 8 % faster.
+# Dilating by a cross and a square in turn grows an octagon: in no direction slower than the robot,
+# and at most 8 % faster.
 _CROSS: Final = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _SQUARE: Final = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True)
 class Question:
-    """Crowd whose oracle is asked."""
+    """Crowd about which the oracle is asked."""
 
     density_per_m2: float
     seed: int
@@ -50,7 +51,7 @@ class Answer:
     """Answer of an oracle.
 
     Attributes:
-        time_s: to the goal; None where it is not reached within ``IN_TIME`` times the free time.
+        time_s: to the goal; None if it is not reached within ``IN_TIME`` times the free time.
     """
 
     question: Question
@@ -58,7 +59,7 @@ class Answer:
 
 
 def ask(question: Question, limits: GuardParameters) -> Answer:
-    """Return the shortest time in which the goal of a run can be reached among hard people.
+    """Return the shortest time to the goal of a run among people who ignore the robot.
 
     Args:
         limits: of the robot.
@@ -74,7 +75,7 @@ def ask(question: Question, limits: GuardParameters) -> Answer:
     at_goal = np.hypot(*np.moveaxis(centres - GOAL, -1, 0)) < REACHED_M
     reached = np.zeros(tuple(count), np.uint8)
     reached[tuple((np.array(START) / cell).astype(int))] = 1
-    # Speeding up at the start takes as long as in the free time.
+    # Accelerating at the start costs as much time as in the free time.
     begins = limits.speed_max_mps / (2 * limits.acceleration_mps2)
     for step in range(1, math.floor(IN_TIME * free_time_s(limits) / FRAME_S) + 1):
         crowd.step(FRAME_S, (*START, 0.0, 0.0, SPEC.radius_m))
@@ -88,7 +89,7 @@ def ask(question: Question, limits: GuardParameters) -> Answer:
 
 
 def _taken(people: People, centres: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
-    """(X, Y) which cells the robot cannot stand on without touching somebody."""
+    """(X, Y) cells on which the robot would touch somebody."""
     taken = np.zeros(centres.shape[:2], np.bool_)
     for place, radius in zip(people.position, people.radius_m + _RADIUS_M, strict=True):
         low = np.maximum(np.floor((place - radius) / cell).astype(int), 0)

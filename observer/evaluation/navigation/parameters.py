@@ -1,4 +1,4 @@
-"""Parameters that act on a drive through a crowd."""
+"""Parameters that affect a drive through a crowd."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from observer.parameters import Parameters
 
 
 def crowd_parameters(changes: Mapping[str, Any]) -> AllParameters:
-    """Return the default parameters with changes of guard and planner.
+    """Return the default parameters with changes to guard and planner.
 
     Raises:
-        ParameterError: naming every refused parameter, or else every one of observing.
+        ParameterError: naming every invalid parameter, or else every parameter of observing.
     """
     parameters = AllParameters().changed(changes)
     if seeing := Parameters.own(changes):

@@ -1,7 +1,7 @@
 """Perception of a robot in a crowd: tracks with the observer's errors, free floor, echoes.
 
-Images would take minutes for each metre, so the observer is replaced by its errors as measured
-over the people of the simulated lab (see the documentation, Accuracy).
+Rendering images would take minutes per metre, so the observer is replaced by a model of its errors
+as measured on the people of the simulated lab (see the documentation, Accuracy).
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from observer.types import Status
 
 WORLD: Final = "crowd"
 # The simulated camera's view, from the robot's base. Nearer than this only legs are in view, which
-# are no obstacle to the tracker.
+# the tracker does not report as an obstacle.
 _HALF_VIEW_RAD: Final = math.radians(30)
 _NEAREST_M, _FARTHEST_M = 0.9, 6.0
 _FLOOR_FROM_M, _FLOOR_TO_M = 1.0, 5.0
-# The observer's figures: recall, first report, coasting, and one standard deviation of its errors
-# in each direction, which last for about so long.
+# The observer's figures: recall, delay of the first report, coasting time; one standard deviation
+# of its errors in each direction, and their correlation time.
 _RECALL, _DELAY_S, _COAST_S = 0.96, 0.4, 0.6
 _POSITION_M, _VELOCITY_MPS, _LASTING_S = 0.06, 0.1, 0.4
-# Radius that the tracker gives at least to a person: it includes swinging arms and legs.
+# Least radius that the tracker reports for a person: it includes swinging arms and legs.
 _LEAST_RADIUS_M: Final = 0.3
-# Time between two frames, and from the exposure of one until a plan made of it is driven.
+# Time between two frames, and from a frame's exposure until the plan made from it is driven.
 FRAME_S: Final = 0.1
 LATENCY_S: Final = 0.1
 _BEARINGS: Final = np.radians(np.arange(-30.0, 30.1, 3.0))
 _SONAR_HALF_RAD, _SONAR_REACH_M = math.radians(15), 3.0
-# Between two sonars of an array of so many.
+# Seconds between two sonars of an array, and number of sonars in an array.
 _SONAR_EVERY_S, _ARRAY = 0.04, 8
 
 
@@ -50,7 +50,7 @@ class _Track:
 
 
 class Eye:
-    """Eye of one robot; a person is a track once it was in view for long enough."""
+    """Eye of one robot; a person becomes a track after being in view for long enough."""
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng([seed, 1])
@@ -58,7 +58,7 @@ class Eye:
         self._frame = 0
 
     def look(self, people: People, pose: Float64Array, room: Room, time: float) -> Sight:
-        """Return the sight of people from a pose (3,), of a frame received at a time."""
+        """Return the sight of people from a pose (3,), of a frame received at ``time``."""
         seen = list(self._seen(people, in_view(people, pose), pose, time))
         self._frame += 1
         return Sight(
@@ -109,7 +109,7 @@ class Eye:
             )
 
     def _error(self, track: _Track, time: float) -> Float64Array:
-        """(4,) of position and velocity: a Gauss-Markov process, as a filter's errors are."""
+        """(4,) errors of position and velocity: a Gauss-Markov process, like a filter's errors."""
         kept = 0.0 if time == track.since else math.exp(-(time - track.seen) / _LASTING_S)
         sigma = np.repeat([_POSITION_M, _VELOCITY_MPS], 2)
         noise = self._rng.normal(size=4) * sigma
@@ -118,7 +118,7 @@ class Eye:
 
 
 def in_view(people: People, pose: Float64Array) -> NDArray[np.bool_]:
-    """(N,) who is in the camera's view and not hidden behind somebody."""
+    """(N,) whether each person is in the camera's view and not hidden behind somebody."""
     away = people.position - pose[:2]
     distance = np.hypot(away[:, 0], away[:, 1])
     bearing = np.arctan2(away[:, 1], away[:, 0]) - pose[2]
@@ -164,18 +164,18 @@ def _scan(people: People, pose: Float64Array, room: Room) -> FreeScan:
 
 
 class SonarRing:
-    """Sonars of one robot: those of an array fire one after the other, as on the Pioneers."""
+    """Sonars of one robot: those of an array fire in turn, as on the Pioneers."""
 
     def __init__(self, ring: tuple[SonarPose, ...]) -> None:
         self._ring = ring
-        # They have run for a while at the first packet.
+        # At the first packet the sonars have already been running for a full cycle.
         self._fired = 1 - _ARRAY
         self._newest: dict[int, SonarReading] = {}
 
     def listen(
         self, people: People, room: Room, pose: Float64Array, time: float
     ) -> tuple[SonarReading, ...]:
-        """Return the newest readings, of a packet that came at a time, of what is there then."""
+        """Return the newest readings of each sonar in a packet received at ``time``."""
         until = math.floor(time / _SONAR_EVERY_S + 1e-9)
         for turn in range(max(self._fired, until - _ARRAY + 1), until + 1):
             for index in range(turn % _ARRAY, len(self._ring), _ARRAY):
@@ -195,6 +195,6 @@ class SonarRing:
 
 
 def turned(vector: Float64Array, angle: float) -> Float64Array:
-    """(2,) a vector turned by radians to the left."""
+    """(2,) a vector rotated to the left by an angle in radians."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])

@@ -1,4 +1,4 @@
-"""Results of the navigation benchmark: runs summed up by setting."""
+"""Results of the navigation benchmark: runs summarised by setting."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from observer.parameters import ParameterValue
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings that a group of runs shares.
+    """Settings shared by a group of runs.
 
     Attributes:
-        risk_per_metre: declared; None for the driver ``guard``, who declares none.
+        risk_per_metre: declared; None for the driver ``guard``, which declares none.
     """
 
     driver: Driver
@@ -41,16 +41,16 @@ class Summary:
     Attributes:
         reached: how many reached the goal within three times the free time.
         time_ratio: median of the time to the goal as a multiple of the free time, where a run that
-            did not reach it counts as longer than any other; None where the median is of such.
+            did not reach it counts as infinitely long; None if the median is infinite.
         oracle_ratio: the same as a multiple of the oracle's time; None also for people who avoid
             the robot, whose future depends on it.
         way_m: driven by all.
-        contacts: persons touched while the robot moved. ahead: those of them to whom the robot
-            drove up. avoidable: those who could have been seen a second before.
-        run_ins: persons who ran into the standing robot.
-        stops: times that the guard stopped the robot, by reason. stopped_s, waited_s: time for
-            which the guard had it stand, and the driver.
-        eye: what was perceived, against where everybody was.
+        contacts: people touched while the robot moved. ahead: those of them whom the robot drove
+            into. avoidable: those who could have been seen a second before.
+        run_ins: people who walked into the standing robot.
+        stops: number of stops by the guard, by reason. stopped_s, waited_s: time for which the
+            guard, and the driver, kept the robot standing.
+        eye: check of the perception against the true places of people.
     """
 
     setting: Setting
@@ -71,12 +71,12 @@ class Summary:
 
     @property
     def contacts_per_m(self) -> float | None:
-        """Return contacts on each metre driven; None where none was driven."""
+        """Return contacts per metre driven; None if nothing was driven."""
         return self.contacts / self.way_m if self.way_m > 0 else None
 
     @property
     def ahead_per_m(self) -> tuple[float, float, float] | None:
-        """Return contacts to which the robot drove up, per metre, and the 95 % interval."""
+        """Return people driven into per metre, with 95 % interval; None if nothing was driven."""
         return rate(self.ahead, self.way_m) if self.way_m > 0 else None
 
 
@@ -85,7 +85,7 @@ class Coverage:
     """Coverage of predictions.
 
     Attributes:
-        share: of true places within the predicted 95 % region; None for no predictions.
+        share: of true places within the predicted 95 % region; None without predictions.
     """
 
     ahead_s: float
@@ -95,10 +95,10 @@ class Coverage:
 
 @dataclass(frozen=True)
 class NavigationBenchmark:
-    """All results, and the coverage of the predictions over other walks of the same crowds.
+    """All results, and the coverage of the predictions on other walks of the same crowds.
 
     Attributes:
-        changed: parameters of guard and planner that were not the default ones.
+        changed: parameters of guard and planner that differ from their defaults.
     """
 
     first_seed: int
@@ -112,10 +112,10 @@ class NavigationBenchmark:
 
 
 def summarize(runs: Sequence[RunResult], answers: Sequence[Answer]) -> tuple[Summary, ...]:
-    """Return a summary of each setting, in the order in which they first come.
+    """Return a summary of each setting, in the order of first occurrence.
 
     Args:
-        answers: of the oracle, at least for every crowd of hard people.
+        answers: of the oracle, at least for every crowd that ignores the robot.
     """
     best = {each.question: each.time_s for each in answers}
     groups: dict[Setting, list[RunResult]] = {}
@@ -157,7 +157,7 @@ def _question(run: RunResult) -> Question:
 
 
 def _ratio(runs: Sequence[RunResult], least_s: Sequence[float | None]) -> float | None:
-    """Return the median of the times as multiples, without those of which even the best is none."""
+    """Return the median ratio of the times to the least ones, without runs that have no least."""
     ratios = [
         run.time_s / least if run.reached else math.inf
         for run, least in zip(runs, least_s, strict=True)
@@ -165,13 +165,13 @@ def _ratio(runs: Sequence[RunResult], least_s: Sequence[float | None]) -> float 
     ]
     if not ratios:
         return None
-    # With an even number of runs the greater of the two in the middle: half of the runs reach it.
+    # With an even number of runs the greater of the two middle ones: half of the runs achieve it.
     ratio = statistics.median_high(ratios)
     return None if math.isinf(ratio) else ratio
 
 
 def coverages(walks: Sequence[WalkResult]) -> tuple[Coverage, ...]:
-    """Return the coverage over all walks, by how far ahead was predicted."""
+    """Return the coverage over all walks, by prediction horizon."""
     ranked = [[rank for walk in walks for rank in walk.ranked[k]] for k in range(len(AHEAD_S))]
     return tuple(
         Coverage(ahead, len(each), coverage(each))

@@ -1,4 +1,4 @@
-"""Robot of the navigation benchmark: two wheels, limited accelerations, no slip."""
+"""Robot of the navigation benchmark: differential drive, limited accelerations, no slip."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SPEC: Final[RobotSpec] = robot_spec("p3dx-sh")
 
 
 class Robot:
-    """Robot that follows what it is told as fast as its limits allow.
+    """Robot that follows its commanded velocity as fast as its limits allow.
 
     Attributes:
         pose: (3,) x, y metres and yaw. speed_mps, turn_rate_radps: now.
@@ -30,7 +30,7 @@ class Robot:
         self._limits = limits
 
     def drive(self, speed_mps: float, turn_rate_radps: float, dt: float) -> None:
-        """Drive towards a speed and turn rate for a time."""
+        """Drive for ``dt`` seconds, changing speed and turn rate towards these."""
         p = self._limits
         faster, slower = p.acceleration_mps2 * dt, p.deceleration_mps2 * dt
         self.speed_mps += float(np.clip(speed_mps - self.speed_mps, -slower, faster))
@@ -58,7 +58,7 @@ class Robot:
         )
 
     def touched(self, people: People) -> frozenset[int]:
-        """Return the numbers of those whose body reaches into the robot's outline."""
+        """Return the numbers of the people whose body reaches into the robot's outline."""
         c, s = math.cos(self.pose[2]), math.sin(self.pose[2])
         away: Float64Array = people.position - self.pose[:2]
         ahead = c * away[:, 0] + s * away[:, 1]
@@ -70,7 +70,7 @@ class Robot:
         return frozenset(people.number[gap < people.radius_m].tolist())
 
     def drives_up_to(self, people: People) -> frozenset[int]:
-        """Return the numbers of those who are before the robot in the direction of its motion."""
+        """Return the numbers of the people ahead of the robot in its direction of motion."""
         away = people.position - self.pose[:2]
         ahead = math.cos(self.pose[2]) * away[:, 0] + math.sin(self.pose[2]) * away[:, 1]
         before = math.copysign(1.0, self.speed_mps) * ahead > SPEC.length_m / 2

@@ -1,4 +1,4 @@
-"""One run of a robot through a crowd to a goal, by the real guard."""
+"""One run of a robot through a crowd to a goal, with the real guard."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ from observer.navigation.plan import Plan
 
 Driver = Literal["planner", "guard"]
 DRIVERS: Final[tuple[Driver, ...]] = ("planner", "guard")
-# What the robot perceives by: a model of the observer's errors, or rendered images.
+# The robot's perception: a model of the observer's errors, or rendered images.
 Sees = Literal["model", "images"]
 ROOM: Final = Room(14.0, 10.0)
 START, GOAL = (2.0, 5.0), (12.0, 5.0)
 CLEAR_M: Final = 1.5
-# A goal counts as reached within so many times the free time; later nothing is looked at.
+# A goal counts as reached within this many times the free time, when the run ends.
 IN_TIME: Final = 3.0
 # Slower than this it stands.
 _STANDS_MPS: Final = 0.02
@@ -49,12 +49,12 @@ _SEEN_BEFORE_S: Final = 1.0
 
 @dataclass(frozen=True)
 class Case:
-    """One run that is to be made; equal ones have equal results.
+    """One run to be made; equal cases have equal results.
 
     Attributes:
-        driver: ``planner``, or ``guard`` for one who drives straight and leaves all to the guard.
+        driver: ``planner``, or ``guard`` to drive straight and leave everything to the guard.
         kind: True for people who avoid the robot.
-        risk_per_metre: declared; of no effect on the driver ``guard``.
+        risk_per_metre: declared; without effect on the driver ``guard``.
         sees: ``images`` only among people who do not avoid the robot.
     """
 
@@ -71,15 +71,15 @@ class RunResult:
     """Result of one run.
 
     Attributes:
-        reached: the goal within ``IN_TIME`` times the free time. time_s: until then, or until it
-            was given up. free_s: that of the same way without people.
+        reached: whether the goal was reached within ``IN_TIME`` times the free time. time_s: until
+            then, or until it was given up. free_s: time to the goal without people.
         way_m: driven.
-        contacts: persons touched while the robot moved. ahead: those of them towards whom it
-            drove. avoidable: those who could have been seen a second before. run_ins: persons who
-            ran into the robot while it stood.
-        stops: times that the guard stopped the robot, by the reason.
-        stopped_s: time for which the guard had it stand. waited_s: for which the driver had.
-        eye: what the robot perceived, against where everybody was.
+        contacts: people touched while the robot moved. ahead: those of them whom it drove into.
+            avoidable: those who could have been seen a second before. run_ins: people who walked
+            into the robot while it stood.
+        stops: number of stops by the guard, by reason.
+        stopped_s, waited_s: time for which the guard, and the driver, kept the robot standing.
+        eye: check of the perception against the true places of people.
     """
 
     case: Case
@@ -99,7 +99,7 @@ class RunResult:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One step of a run, for whoever watches."""
+    """One step of a run, for ``Watch``."""
 
     time: float
     pose: Float64Array
@@ -114,7 +114,7 @@ Watch = Callable[[Moment], None]
 
 @dataclass
 class _Tally:
-    """What is counted during a run; see ``RunResult``."""
+    """Counts during a run; see ``RunResult``."""
 
     way_m: float = 0.0
     contacts: int = 0
@@ -128,7 +128,7 @@ class _Tally:
     touching: frozenset[int] = frozenset()
 
     def verdict(self, verdict: Verdict, wanted: tuple[float, float]) -> None:
-        """Count what the guard said to a wanted velocity."""
+        """Count the guard's verdict on a wanted velocity."""
         stopped = verdict.level == "stop"
         if stopped and not self.stopped:
             self.stops[general(verdict.reason or "")] += 1
@@ -254,7 +254,7 @@ def _result(
 
 
 def straight(errand: Errand, limits: GuardParameters) -> tuple[float, float]:
-    """Return the velocity straight to the goal, as somebody drives who leaves all to the guard."""
+    """Return the velocity straight to the goal, leaving everything else to the guard."""
     bearing = math.atan2(errand.goal.y - errand.y, errand.goal.x - errand.x)
     error = math.remainder(bearing - errand.yaw, 2 * math.pi)
     turn = float(np.clip(2 * error, -limits.turn_rate_max_radps, limits.turn_rate_max_radps))
@@ -268,9 +268,9 @@ def free_time_s(limits: GuardParameters) -> float:
 
 
 def general(reason: str) -> str:
-    """Return a reason without the numbers of obstacles and sonars, and without figures of vision.
+    """Return a reason without numbers of obstacles and sonars, and without figures of vision.
 
-    So that equal causes are counted together.
+    This way equal causes are counted together.
     """
     if reason.startswith("vision is"):
         return re.sub(r"\d+(\.\d+)?", "…", reason)

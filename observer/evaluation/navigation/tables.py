@@ -100,7 +100,7 @@ def _ratio(ratio: float | None) -> str:
 
 
 def _stops(summaries: Sequence[Summary]) -> str:
-    """Table of reasons by driver, people and eye, all densities and risks together."""
+    """Table of reasons by driver, people and eye, combining all densities and risks."""
     columns = list(dict.fromkeys(_column(each) for each in summaries))
     counts: dict[str, Counter[str]] = {}
     for one in summaries:
@@ -117,7 +117,7 @@ def _column(one: Summary) -> str:
 
 
 def people_word(kind: bool) -> str:
-    """Return how people are called who avoid the robot, or do not."""
+    """Return the word for people who avoid the robot, or ignore it."""
     return "kind" if kind else "hard"
 
 

@@ -1,1 +1,1 @@
-"""Sweep of combinations of parameters over sources, on the processes of a cluster."""
+"""Sweep of parameter combinations over sources, on the processes of a cluster."""

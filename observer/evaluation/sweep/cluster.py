@@ -1,6 +1,6 @@
 """Processes that work on a sweep: dask.distributed, which the extra ``cluster`` installs.
 
-It is imported at the first use only.
+dask is imported only at its first use.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from distributed import Client
 
 _JOINING_S = 30.0
-# Tasks submitted ahead, for each worker, so that none waits for the next one.
+# Tasks submitted ahead per worker, so that no worker waits for its next one.
 _AHEAD = 3
 
 
 class ClusterLost(DynamicObserverError):
-    """Cluster that went away in the middle of a sweep."""
+    """The cluster was lost during a sweep."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class ClusterChoice:
     """Choice of a cluster.
 
     Attributes:
-        scheduler: address of a lab's own, as in ``tcp://lab-server:8786``; None to start one here
-            and end it after the work.
-        workers: of the one started here, one thread each.
-        processes: False to have them in threads of this process.
+        scheduler: address of an existing one, e.g. ``tcp://lab-server:8786``; None to start one
+            here and stop it after the work.
+        workers: number of those started here, with one thread each.
+        processes: False to run them as threads of this process.
     """
 
     scheduler: str | None = None
@@ -47,7 +47,7 @@ class ClusterChoice:
 
 
 def cluster_missing() -> str | None:
-    """Return one sentence on how to install what a sweep lacks, or None."""
+    """Return one sentence on how to install missing packages for sweeps, or None."""
     missing = [n for n in ("distributed", "pyarrow") if importlib.util.find_spec(n) is None]
     if not missing:
         return None
@@ -59,7 +59,7 @@ def cluster_missing() -> str | None:
 
 @contextmanager
 def opened_cluster(choice: ClusterChoice) -> Iterator[Client]:
-    """Provide a client of the cluster; what was started here ends with the block.
+    """Provide a client of the cluster; a cluster started here ends with the block.
 
     Raises:
         InputError: distributed is not installed, or no scheduler answers at the address.
@@ -85,7 +85,7 @@ def evaluate_tasks(
         done: called with each as soon as it is finished, in this thread.
 
     Raises:
-        ClusterLost: the scheduler went away, or cancelled the tasks.
+        ClusterLost: the scheduler was lost, or cancelled the tasks.
     """
     from distributed import as_completed
 
@@ -94,7 +94,7 @@ def evaluate_tasks(
     finished: Any = as_completed(loop=client.loop)  # type: ignore[no-untyped-call]
 
     def hand_out() -> None:
-        # A lab's cluster may have grown meanwhile.
+        # An existing cluster may have grown meanwhile.
         workers: Any = client.nthreads()  # type: ignore[no-untyped-call]
         while len(waiting) < _AHEAD * max(1, len(workers)):
             task = next(left, None)
@@ -110,7 +110,7 @@ def evaluate_tasks(
         hand_out()
         for future in finished:
             done(waiting.pop(future.key), _outcome(future))
-            # The scheduler may forget it.
+            # Let the scheduler forget it.
             future.release()
             hand_out()
     except (OSError, TimeoutError) as error:
@@ -189,9 +189,9 @@ def _remote(address: str) -> Iterator[Client]:
 
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
-    """Let processes that are started within ignore Ctrl-C, which reaches all of a terminal's.
+    """Let processes started within ignore Ctrl-C, which reaches all processes of the terminal.
 
-    This process ends them, once finished results are kept.
+    This process stops them after finished results are kept.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

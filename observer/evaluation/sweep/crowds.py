@@ -15,7 +15,7 @@ from observer.guard.parameters import GuardParameters
 from observer.navigation.parameters import AllParameters
 
 _SPEC: Final = re.compile(CROWD + r"(kind|hard):(\d*\.?\d+)", re.ASCII)
-# The seeds of ``navigate-benchmark`` begin far above: it judges what a sweep found by other runs.
+# Seeds of ``navigate-benchmark`` start far above, so that it judges a sweep's result by other runs.
 _FIRST_SEED: Final = 1
 _MOST_RUNS: Final = 900
 _DENSEST: Final = 1.0
@@ -26,8 +26,8 @@ class SweepCrowd:
     """Crowds of one kind.
 
     Attributes:
-        name: as it was given. density_per_m2: of the people. kind: True for people who avoid the
-            robot. runs: through crowds of different seeds.
+        name: as given. density_per_m2: of the people. kind: True for people who avoid the robot.
+            runs: number of runs, through crowds of different seeds.
     """
 
     name: str
@@ -37,7 +37,7 @@ class SweepCrowd:
 
     @property
     def digest(self) -> str:
-        """Return a name that equal crowds share."""
+        """Return a name shared by equal crowds."""
         return f"crowd {self.kind} {self.density_per_m2!r}"
 
     @property
@@ -47,10 +47,10 @@ class SweepCrowd:
 
 
 def sweep_crowd(spec: str, runs: int = DEFAULT_RUNS) -> SweepCrowd:
-    """Read ``crowd:hard:0.1`` or ``crowd:kind:0.1``, people per square metre.
+    """Parse ``crowd:hard:0.1`` or ``crowd:kind:0.1``, people per square metre.
 
     Raises:
-        InputError: it is none, or the package that moves crowds is not installed.
+        InputError: it is not a crowd, or the package that moves crowds is not installed.
     """
     found = _SPEC.fullmatch(spec)
     if found is None or float(found[2]) > _DENSEST:
@@ -67,13 +67,13 @@ def sweep_crowd(spec: str, runs: int = DEFAULT_RUNS) -> SweepCrowd:
 
 
 def driving_figures(crowd: SweepCrowd, parameters: AllParameters) -> dict[str, float | None]:
-    """Drive through a crowd with the planner, once for each seed; return a ``DrivingFigure`` each.
+    """Drive through a crowd with the planner, once for each seed; return each ``DrivingFigure``.
 
     Returns:
         ``time_ratio``: median of the time to the goal as a multiple of the free time at the default
-        speed; a goal that is not reached counts with the time after which it is given up.
-        ``contacts_per_m``: persons touched while the robot moved, ``ahead_per_m``: those of them to
-        whom it drove up, on each metre; None where none was driven. ``reached``: share of goals.
+        speed; a goal that is not reached counts with the time limit. ``contacts_per_m``: people
+        touched while the robot moved, ``ahead_per_m``: those of them whom it drove into, per metre;
+        None if nothing was driven. ``reached``: share of goals.
     """
     risk = parameters.navigation.risk_per_metre
     seeds = range(_FIRST_SEED, _FIRST_SEED + crowd.runs)

@@ -1,4 +1,4 @@
-"""Figure of what a sweep's combinations achieve against their cost."""
+"""Figure of a sweep's combinations: accuracy or driving against cost."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.evaluation.choices import RankedBy
 from observer.evaluation.figure import COLOURS, GREY, TARGET, plain_axes
 from observer.evaluation.sweep.results import Ranked, Sweep, cost_title
 
-# Number of the best that are labelled; more labels would overlap.
+# Number of points of the front that are labelled; more labels would overlap.
 _NAMED = 12
 
 

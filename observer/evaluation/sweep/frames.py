@@ -1,4 +1,4 @@
-"""Cache of frames in a worker, so that no source is read again for every combination."""
+"""Cache of frames in a worker, so that a source is not read again for every combination."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ class FrameCache:
     """Cache of the frames of the most recently used sources, for several threads.
 
     Args:
-        most_bytes: of all images together. A source larger than that is read each time.
+        most_bytes: limit for all images together. A source larger than that is read each time.
     """
 
     def __init__(self, most_bytes: int) -> None:
         self._most = most_bytes
         self._kept: OrderedDict[tuple[str, int], _Entry] = OrderedDict()
         self._too_large: set[tuple[str, int]] = set()
-        # Another thread that wants the same source waits rather than reading it twice.
+        # Another thread that needs the same source waits rather than reading it again.
         self._lock = threading.Lock()
 
     def opened(self, source: SweepSource) -> OpenedSource:
@@ -104,7 +104,7 @@ class FrameCache:
 
 
 def _finite(source: Source) -> Kept | None:
-    """Return the next frame; a finite source may still have none at this moment."""
+    """Return the next frame, waiting for it: a finite source may have none at the moment."""
     while isinstance(frame := source.read(), NoFrame):
         time.sleep(0.01)
     return frame

@@ -1,13 +1,13 @@
-"""Grid of parameters as YAML text, read strictly by the parameters' own declaration.
+"""Grid of parameters as YAML text, checked strictly against the parameters' declarations.
 
-preset: [default, paper]          # default alone where it is left out
+preset: [default, paper]          # if left out: default alone
 set:                              # the same in every combination
   tracking.gate: 3.0
 evidence.radius_px: [20, 26, 32]  # every value with every other
 evidence.memory_s: [0.3, 0.5]
 
-For crowds it is the parameters of guard and planner that are varied, as in
-``navigation.berth_m: [0.1, 0.2, 0.3]``; no preset sets any.
+For crowds the parameters of guard and planner are varied, e.g.
+``navigation.berth_m: [0.1, 0.2, 0.3]``; presets do not set them.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class Combination:
     """Point of the grid.
 
     Attributes:
-        number: in the grid, from 1. preset: what it starts from.
+        number: in the grid, from 1. preset: that it starts from.
         values: of the parameters that the grid varies, by name.
-        parameters: all of them, the fixed ones included; for driving those of guard and planner
-            too.
+        parameters: all of them, including the fixed ones; for driving also those of guard and
+            planner.
     """
 
     number: int
@@ -65,7 +65,7 @@ class Grid:
     Attributes:
         presets: to start from. fixed: values of every combination.
         lists: the values of each parameter that is varied, by name, in the order of the text.
-        driving: it varies parameters of guard and planner, for crowds.
+        driving: whether it varies parameters of guard and planner, for crowds.
     """
 
     presets: tuple[str, ...]
@@ -79,10 +79,10 @@ class Grid:
         return len(self.presets) * math.prod(len(values) for values in self.lists.values())
 
     def combination(self, number: int) -> Combination:
-        """Return the combination of a number from 1; the text's last parameter changes fastest.
+        """Return a combination by number, from 1; the text's last parameter varies fastest.
 
         Raises:
-            ParameterError: its values are refused together.
+            ParameterError: its values are invalid together.
         """
         rest = number - 1
         values: dict[str, ParameterValue] = {}
@@ -94,10 +94,10 @@ class Grid:
         return Combination(number, base, values, self.parameters(base, values))
 
     def parameters(self, base: str, values: Mapping[str, ParameterValue]) -> Parameters:
-        """Return a preset's parameters with the fixed values and others.
+        """Return a preset's parameters with the fixed and these values.
 
         Raises:
-            ParameterError: they are refused.
+            ParameterError: they are invalid.
         """
         changes = {**self.fixed, **values}
         return crowd_parameters(changes) if self.driving else preset(base).changed(changes)
@@ -111,7 +111,7 @@ class Grid:
             seed: of the random choice.
 
         Raises:
-            InputError: both a limit and a random choice are asked for.
+            InputError: both a limit and a random choice are given.
         """
         if limit is not None and drawn is not None:
             raise InputError("use either the first combinations or a random sample, not both")
@@ -123,10 +123,10 @@ class Grid:
 
 
 def read_grid(path: Path, *, driving: bool = False) -> Grid:
-    """Read the grid of a YAML file.
+    """Read a grid from a YAML file.
 
     Args:
-        driving: it is for crowds.
+        driving: whether it is for crowds.
 
     Raises:
         InputError: one sentence that names the file, the key and what would be right.
@@ -135,10 +135,10 @@ def read_grid(path: Path, *, driving: bool = False) -> Grid:
 
 
 def grid_from_text(text: str, name: str, *, driving: bool = False) -> Grid:
-    """Read the grid of a YAML text; ``name`` is its name in messages.
+    """Read a grid from YAML text; ``name`` is its name in messages.
 
     Args:
-        driving: it is for crowds.
+        driving: whether it is for crowds.
 
     Raises:
         InputError: one sentence that names the key and what would be right.
@@ -193,7 +193,7 @@ _Text: TypeAlias = Annotated[str, word("must be a plain number or word")]
 
 
 class _GridFile(FileModel):
-    """Grid as it is written; every key but these two is a parameter that is varied."""
+    """Grid as written; every key except these two is a parameter to vary."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Annotated[list[_Text], BeforeValidator(_listed)]]
@@ -203,7 +203,7 @@ class _GridFile(FileModel):
 
 
 def _value(key: str, value: str) -> ParameterValue:
-    """Convert a value to its parameter's type; what does not fit stays text, and is refused."""
+    """Convert a value to its parameter's type; one that does not fit stays text and is refused."""
     declared = next((e for e in AllParameters.declared() if e["name"] == key), None)
     kind = "choice" if declared is None else declared["type"]
     if kind == "integer" and _WHOLE.fullmatch(value):
@@ -222,7 +222,7 @@ def _check_differ(key: str, values: tuple[ParameterValue, ...], name: str) -> No
 
 
 def _check_values(grid: Grid, name: str) -> None:
-    """Try every value once, rather than every combination: a grid may have millions."""
+    """Check every value once rather than every combination, as a grid may have millions."""
     each: list[dict[str, ParameterValue]] = [{}]
     each += [{key: value} for key, values in grid.lists.items() for value in values]
     for base in grid.presets:

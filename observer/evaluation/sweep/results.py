@@ -16,7 +16,7 @@ from observer.evaluation.sweep.grid import Combination, Grid
 from observer.evaluation.sweep.sources import SweepSource
 from observer.evaluation.sweep.task import Outcome
 
-# Figures that may rank combinations: title, and True if more of it is better.
+# Figures that may rank combinations: title, and whether more is better.
 OBSERVING: Mapping[RankedBy, tuple[str, bool]] = {
     name: (FIGURE_TITLES[name], name in ("mota", "recall")) for name in get_args(ObservingFigure)
 }
@@ -26,7 +26,7 @@ DRIVING: Mapping[RankedBy, tuple[str, bool]] = {
     "ahead_per_m": ("driven into / m", False),
     "reached": ("goals reached", True),
 }
-# What a robot pays for one of these with the other.
+# The driving figure that serves as the cost of each.
 _PAID_WITH: Mapping[RankedBy, RankedBy] = {
     "time_ratio": "contacts_per_m",
     "contacts_per_m": "time_ratio",
@@ -37,7 +37,7 @@ _PAID_WITH: Mapping[RankedBy, RankedBy] = {
 
 @dataclass(frozen=True)
 class Row:
-    """A combination over a source; ``outcome`` is None where the sweep did not get to it."""
+    """A combination over a source; ``outcome`` is None if the sweep did not get to it."""
 
     combination: Combination
     source: SweepSource | SweepCrowd
@@ -45,11 +45,11 @@ class Row:
 
     @property
     def figures(self) -> Mapping[str, float | int | None]:
-        """Figures that are known."""
+        """Known figures."""
         return {} if self.outcome is None else self.outcome.figures or {}
 
     def cost(self, figure: RankedBy) -> float | None:
-        """Return what this figure is paid with: processing time, or another figure of driving."""
+        """Return the cost for this figure: processing time, or another figure of driving."""
         if figure in _PAID_WITH:
             return self.figures.get(_PAID_WITH[figure])
         return None if self.outcome is None else self.outcome.cost_ratio
@@ -61,8 +61,8 @@ class Sweep:
 
     Attributes:
         rows: of every combination over every source, source by source.
-        gate_m: greatest distance of an instance from its body.
-        kept: tasks that an earlier sweep had finished.
+        gate_m: highest distance of an instance from its body.
+        kept: number of tasks that an earlier sweep had finished.
     """
 
     grid: Grid
@@ -75,7 +75,7 @@ class Sweep:
 
     @property
     def ranked_by(self) -> Mapping[RankedBy, tuple[str, bool]]:
-        """Figures that may rank its combinations: title, and True if more of it is better."""
+        """Figures that may rank its combinations: title, and whether more is better."""
         return DRIVING if self.grid.driving else OBSERVING
 
     @property
@@ -94,13 +94,13 @@ class Ranked:
     """A combination over all sources.
 
     Attributes:
-        rank: from 1, by the mean of the figure; None where the figure is missing on a source
-            that others have it on: means over different sources cannot be compared.
-        means: over the sources, of every figure of ``Sweep.ranked_by``; None where none is known.
+        rank: from 1, by the mean of the figure; None if the figure is missing on a source on which
+            others have it, as means over different sources cannot be compared.
+        means: over the sources, of every figure of ``Sweep.ranked_by``; None if none is known.
         cost: mean over the sources: of processing relative to the preset ``default``, for driving
             as ``Row.cost``.
-        judged: sources that it was evaluated on.
-        best: no other is both better and cheaper (it lies on the Pareto front).
+        judged: number of sources on which it was evaluated.
+        best: whether it is on the Pareto front: no other is both better and cheaper.
     """
 
     combination: Combination
@@ -140,7 +140,7 @@ def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
     ranked.sort(key=lambda each: each[:2])
     result, cheapest = [], float("inf")
     for rank, (_, dear, each) in enumerate(ranked, 1):
-        # In this order a combination that is cheaper than all before is on the Pareto front.
+        # In this order a combination cheaper than all before it is on the Pareto front.
         best = dear < cheapest
         cheapest = min(cheapest, dear)
         result.append(replace(each, rank=rank, best=best))
@@ -148,13 +148,13 @@ def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
 
 
 def rankable(wanted: RankedBy | None, *, driving: bool) -> RankedBy:
-    """Return the figure to rank by; the usual one where none is wanted.
+    """Return the figure to rank by; the default one if none is given.
 
     Args:
-        driving: the sweep is over crowds.
+        driving: whether the sweep is over crowds.
 
     Raises:
-        InputError: such a sweep has no such figure.
+        InputError: such a sweep does not have this figure.
     """
     figures = DRIVING if driving else OBSERVING
     if wanted is None:
@@ -166,7 +166,7 @@ def rankable(wanted: RankedBy | None, *, driving: bool) -> RankedBy:
 
 
 def cost_title(figure: RankedBy) -> str:
-    """Return what a figure is paid with, in words."""
+    """Return the title of a figure's cost."""
     paid = _PAID_WITH.get(figure)
     return "cost of observe relative to the preset default" if paid is None else DRIVING[paid][0]
 

@@ -1,4 +1,4 @@
-"""Sources of a sweep: finite, with truth, and named by their content."""
+"""Sources of a sweep: finite, with ground truth, and identified by their content."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class SweepSource:
     """Source of a sweep.
 
     Attributes:
-        name: as it was given, for people. benchmark: its spec has whole paths, so that it is
+        name: as given, for people. benchmark: its spec has absolute paths, so that it can be
             found from any working directory.
-        frames: greatest number that is observed.
-        digest: of its content: of a file its bytes, of a folder the names, sizes and times of
-            change of its files, of a scenario its name and seed.
+        frames: highest number that is observed.
+        digest: of its content: the bytes of a file; the names, sizes and modification times of a
+            folder's files; the name and seed of a scenario.
     """
 
     name: str
@@ -42,10 +42,11 @@ def sweep_source(spec: str, frames: int | None) -> SweepSource:
     """Check and describe a source before it is run.
 
     Args:
-        frames: most frames of it; None for all it has.
+        frames: most frames to observe; None for all.
 
     Raises:
-        InputError: there is no such source, it is live, has no end, no calibration or no truth.
+        InputError: there is no such source, or it is live, endless, or without calibration or
+            ground truth.
     """
     shown = shown_spec(spec)
     if live_devices(spec) or exclusive_world(spec) is not None:

@@ -1,4 +1,4 @@
-"""Store of finished tasks, one file each, so that a sweep resumes where it was ended."""
+"""Store of finished tasks, one file each, so that a sweep can be resumed where it was stopped."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from observer.evaluation.sweep.task import Outcome, Task
 
 
 class TaskStore:
-    """Store of the outcomes of finished tasks; failed ones are not kept, but tried again.
+    """Store of the outcomes of finished tasks; failed ones are not kept but retried.
 
     Args:
-        folder: is made where it does not exist.
+        folder: created if it does not exist.
 
     Raises:
-        InputError: the folder cannot be made.
+        InputError: the folder cannot be created.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -39,7 +39,7 @@ class TaskStore:
             return None
 
     def keep(self, task: Task, outcome: Outcome) -> None:
-        """Write an outcome at once, whole or not at all.
+        """Write an outcome immediately, completely or not at all.
 
         Raises:
             InputError: the file cannot be written.

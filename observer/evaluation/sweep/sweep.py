@@ -24,8 +24,8 @@ class Plan:
     """Plan of a sweep.
 
     Attributes:
-        sources: of one kind; for a grid of driving they are crowds.
-        gate_m: greatest distance of an instance from its body.
+        sources: all of one kind; for a driving grid they are crowds.
+        gate_m: highest distance of an instance from its body.
     """
 
     grid: Grid
@@ -44,9 +44,9 @@ class CoreUse:
     """Use of the time of the processes that were started for a sweep.
 
     Attributes:
-        tasks: that they finished. elapsed_s: from before their start until after their end.
-        at_work: share of their time that was spent on tasks; the rest is starting and waiting.
-        computing: share of it in which they had a core, which other processes may take.
+        tasks: number finished. elapsed_s: from before their start until after their end.
+        at_work: share of their time spent on tasks; the rest is starting and waiting.
+        computing: share of their time in which they had a core, which other processes may take.
     """
 
     tasks: int
@@ -56,17 +56,17 @@ class CoreUse:
 
     @classmethod
     def of(cls, outcomes: Collection[Outcome], elapsed_s: float, workers: int) -> CoreUse:
-        """Compute it from what the tasks themselves measured."""
+        """Compute it from the tasks' own measurements."""
         whole = elapsed_s * workers
         at_work, computing = sum(o.wall_s for o in outcomes), sum(o.cpu_s for o in outcomes)
         return cls(len(outcomes), elapsed_s, at_work / whole, computing / whole)
 
 
 class SweepRun:
-    """Run of a sweep; what is finished is in the store and in ``result`` at any time.
+    """Run of a sweep; finished tasks are in the store and in ``result`` at any time.
 
     Attributes:
-        use: of the processes started for it; None before, and where others' were used.
+        use: of the processes started for it; None before, and if others' processes were used.
 
     Raises:
         InputError: there is nothing to do, or a source is given twice.
@@ -81,7 +81,7 @@ class SweepRun:
                 raise InputError(f"{source.name} is given twice; give each source once")
         self._plan, self._store = plan, store
         self._version = method_version()
-        # Source by source, so that a worker keeps few of them at a time.
+        # Source by source, so that a worker caches few of them at a time.
         self._tasks = [
             (combination, Task(source, combination.parameters, plan.gate_m, self._version))
             for source in plan.sources
@@ -102,15 +102,15 @@ class SweepRun:
         cache_bytes: int = DEFAULT_CACHE_BYTES,
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
-        """Evaluate what no earlier sweep did; each is kept as soon as it is finished.
+        """Evaluate the tasks that no earlier sweep finished; each result is kept immediately.
 
         Args:
-            cache_bytes: of frames that each worker keeps.
-            progress: called with the tasks done and all of them.
+            cache_bytes: of frames that each worker caches.
+            progress: called with the number of tasks done and their total.
 
         Raises:
             InputError: the cluster cannot be opened, or a result cannot be written.
-            ClusterLost: the cluster went away.
+            ClusterLost: the cluster was lost.
         """
         # Combinations may have the same parameters, which are evaluated once.
         elsewhere = cluster.scheduler is not None

@@ -19,18 +19,18 @@ from observer.evaluation.sweep.sources import SweepSource
 from observer.navigation.parameters import AllParameters
 from observer.parameters import ParameterValue
 
-# More are in the CSV file.
+# Most rows in Markdown; the CSV file has all.
 _MARKDOWN_ROWS = 100
 _FAILED_TOLD = 20
 
 
 def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -> str:
-    """Return the combinations ranked by a figure of ``Sweep.ranked_by``, and what failed."""
+    """Return the combinations ranked by a figure of ``Sweep.ranked_by``, and the failed tasks."""
     title, more = sweep.ranked_by[figure]
     names = list(sweep.grid.lists)
     header = ["rank", "combination", "preset", *names]
     header += [title for title, _ in sweep.ranked_by.values()]
-    # What driving costs is among these figures.
+    # The cost of driving is already among these figures.
     header += [*(["cost / default"] if not sweep.grid.driving else []), "sources"]
     rows = [
         [
@@ -115,7 +115,8 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
     Columns: ``combination, preset, source, frames_planned, status`` (``finished``, ``failed`` or
     ``left``), ``error``, the varied parameters by their dotted names, every figure of
     ``Evaluation``, ``frames_observed, frames_skipped, median_ms, cost_ratio, cpu_s, wall_s,
-    version``. For driving it is ``runs_planned``, and the figures are those of ``DRIVING``.
+    version``. For driving ``runs_planned`` replaces ``frames_planned``, and the figures are those
+    of ``DRIVING``.
 
     Raises:
         InputError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""Task of a worker, a combination over a source or through a crowd, and its outcome."""
+"""Task of a worker (a combination over a source or through a crowd) and its outcome."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from observer.navigation.parameters import AllParameters
 from observer.parameters import Parameters, preset
 from observer.version import library_version
 
-# Cost is relative to this preset, which sees so many frames from the middle of the source in turn
-# with the combination: both share the machine's load.
+# Cost is relative to this preset, which observes this many frames from the middle of the source in
+# turn with the combination, so that both share the machine's load.
 REFERENCE = "default"
 _REFERENCE_FRAMES = 40
 _COMBINATION = "combination"
@@ -36,10 +36,10 @@ class Task:
     """A combination over a source.
 
     Attributes:
-        parameters: those of guard and planner too, where the source is a crowd.
-        gate_m: greatest distance of an instance from its body.
-        version: of the method, as of ``method_version``.
-        elsewhere: another machine may work on it, whose version may differ.
+        parameters: including those of guard and planner if the source is a crowd.
+        gate_m: highest distance of an instance from its body.
+        version: of the method, as from ``method_version``.
+        elsewhere: whether another machine, with another version, may work on it.
     """
 
     source: SweepSource | SweepCrowd
@@ -50,7 +50,7 @@ class Task:
 
     @functools.cached_property
     def key(self) -> str:
-        """Name of the result, by all that it depends on."""
+        """Name of the result, derived from everything that it depends on."""
         named = {
             "source": self.source.digest,
             "extent": self.source.extent,
@@ -67,14 +67,14 @@ class Outcome:
     """Outcome of a task.
 
     Attributes:
-        error: one sentence where it failed; the rest is unknown then.
+        error: one sentence if it failed; the rest is then unknown.
         frames: observed. skipped: frames that the source could not read.
-        figures: as ``Evaluation.as_dict`` gives them, through a crowd as ``driving_figures``.
-        median_ms: of the whole of ``observe``, on a machine that others use too.
-        cost_ratio: median over the frames of this cost over that of the preset ``default`` on
-            the same frame; None where there were too few frames.
-        cpu_s, wall_s: what the task took, of its process and by the clock, seconds; with several
-            threads in a process ``cpu_s`` is theirs together.
+        figures: as from ``Evaluation.as_dict``, for a crowd as from ``driving_figures``.
+        median_ms: of the whole of ``observe``, on a shared machine.
+        cost_ratio: median over the frames of this cost relative to that of the preset ``default``
+            on the same frame; None if there were too few frames.
+        cpu_s, wall_s: CPU time of the process and wall-clock time that the task took, seconds;
+            with several threads in a process ``cpu_s`` is their sum.
     """
 
     error: str | None = None
@@ -93,9 +93,9 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
     Errors are reported in the outcome, so that they end neither the worker nor the sweep.
 
     Args:
-        cache_bytes: of frames that this worker keeps, taken from its first task.
-        own_process: the process works for sweeps alone. OpenCV then has one thread, so that the
-            workers do not compete.
+        cache_bytes: of frames that this worker caches.
+        own_process: whether the process works only for sweeps. OpenCV then uses one thread, so that
+            the workers do not compete.
     """
     if own_process:
         cv2.setNumThreads(1)
@@ -119,7 +119,7 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
 
 @functools.cache
 def method_version() -> str:
-    """Return the installed version, with a digest of the library's code: a clone may differ."""
+    """Return the installed version with a digest of the code, as a clone may differ from it."""
     digest = hashlib.blake2b(digest_size=4)
     folder = Path(__file__).parents[2]
     for path in sorted(folder.rglob("*.py")):

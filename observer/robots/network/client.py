@@ -1,6 +1,6 @@
 """The robot's side of ``observer.robots.network.robot``, on the standard library alone.
 
-Copy this file onto your robot, or write the same in another language:
+Copy this file to your robot, or write the same in another language:
 
     client = ExternalClient("192.168.1.10", 7700, name="Robbie", key="...", limits={...},
                             outline={...})
@@ -11,9 +11,9 @@ Copy this file onto your robot, or write the same in another language:
         client.report(x, y, yaw, speed_mps, turn_rate_radps, enabled=not permit.stop)
         time.sleep(0.05)
 
-``permitted()`` is zero and ``stop`` from the moment that nothing newer than 250 ms is known, or
-the connection ends, and stays so until a stop was heard: a link that recovers moves nothing. Call
-it often, and do what it says. ``python -m
+``permitted()`` returns zero and ``stop`` as soon as the newest permit is older than 250 ms or the
+connection ends, and goes on until a stop was received, so that a recovering link does not set the
+robot in motion. Call it often and obey it. ``python -m
 observer.robots.network.client --demo HOST PORT`` is a simulated robot that does.
 """
 
@@ -42,12 +42,12 @@ OUTLINE = {"radius_m": 0.3, "width_m": 0.4, "length_m": 0.5}
 _ANSWER_WITHIN_S = 3.0
 # Until the first permit says otherwise.
 _EXPIRES_S = 0.25
-# Window for the quickest permit: the last one or two of these.
+# Window for the lowest permit delay: the last one or two of these.
 _BUCKET_S = 10.0
 
 
 class ExternalClientError(Exception):
-    """The server does not answer or refuses; the text is a sentence."""
+    """The server does not answer or refuses; the message is a sentence."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Permitted:
     """Velocity that the robot may drive at this moment.
 
     Attributes:
-        stop: stop as hard as it can, motors off. reason: in words, mostly None.
+        stop: stop as hard as possible, motors off. reason: in words, usually None.
         sequence: of the permit, 0 before the first.
     """
 
@@ -71,8 +71,8 @@ class ExternalClient:
 
     Args:
         limits: speed_mps, turn_rate_radps, acceleration_mps2, turn_acceleration_radps2.
-        outline: radius_m (within which it turns), width_m, length_m.
-        guarded: the robot drives by itself and is only limited; it then tells ``wanted``.
+        outline: radius_m (of the turning circle), width_m, length_m.
+        guarded: the robot drives by itself and is only limited; it then reports ``wanted``.
         clock: monotonic seconds.
     """
 
@@ -105,15 +105,15 @@ class ExternalClient:
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._sequence = 0
-        # Reason why the connection is over; None while it stands.
+        # Why the connection has ended; None while it is up.
         self._over: str | None = None
         self._forget("not connected")
 
     def connect(self) -> None:
-        """Connect and say hello; a connection from before is ended.
+        """Connect and send the hello, after closing any earlier connection.
 
         Raises:
-            ExternalClientError: nobody listens there, or the robot is refused, with the reason.
+            ExternalClientError: nothing listens there, or the robot is refused, with the reason.
         """
         self.close()
         try:
@@ -134,7 +134,7 @@ class ExternalClient:
             connection.close()
             sentence = (answer or {}).get("sentence", "the connection was closed")
             raise ExternalClientError(f"the robot was refused: {sentence}")
-        # Limit on sending: a robot must not wait in it with old permits.
+        # Limits sending: a robot must not block in it while its permits get old.
         connection.settimeout(_EXPIRES_S)
         self._socket = connection
         self._sequence = 0
@@ -146,7 +146,7 @@ class ExternalClient:
 
     @property
     def connected(self) -> bool:
-        """Return whether the connection stands, as far as is known."""
+        """Return whether the connection is up, as far as is known."""
         return self._socket is not None and self._over is None
 
     def permitted(self) -> Permitted:
@@ -172,14 +172,14 @@ class ExternalClient:
         battery_v: float | None = None,
         fault: str | None = None,
     ) -> None:
-        """Tell how the robot is; ten times a second or more.
+        """Report the robot's state; call it ten times a second or more.
 
         Args:
-            x, y, yaw: metres and radians by its wheels. enabled: its motors are on.
+            x, y, yaw: wheel odometry, metres and radians. enabled: its motors are on.
             wanted: speed and turn rate that a guarded robot would drive.
 
         Raises:
-            ExternalClientError: the connection is lost; ``connect`` makes a new one.
+            ExternalClientError: the connection is lost; ``connect`` opens a new one.
         """
         connection = self._socket
         if connection is None or self._over is not None:
@@ -205,12 +205,12 @@ class ExternalClient:
             try:
                 connection.sendall(_line(message))
             except OSError as error:
-                # Part of a line may be sent: nothing after it could be read.
+                # Part of a line may have been sent, so nothing after it could be parsed.
                 self._end(f"the connection was lost ({error})")
                 raise ExternalClientError(f"the connection was lost ({error})") from None
 
     def close(self) -> None:
-        """End the connection; nothing is permitted any more."""
+        """Close the connection; nothing is permitted any more."""
         self._end("the connection was closed")
         connection, self._socket = self._socket, None
         thread, self._thread = self._thread, None
@@ -220,15 +220,15 @@ class ExternalClient:
             thread.join(1.0)
 
     def _forget(self, over: str | None, reason: str | None = None) -> None:
-        """Begin anew: why nothing comes, and what is said until something does."""
+        """Reset the state: why the connection is over, and the reason until a permit comes."""
         with self._lock:
             self._over = over
             self._newest = Permitted(0.0, 0.0, True, reason or over, 0)
             self._until = math.inf
-            # A permit ran out: until a stop is heard, nothing that moves is taken.
+            # Whether a permit expired: until a stop is received, no motion is accepted.
             self._lapsed = False
             self._expires_s = _EXPIRES_S
-            # Smallest (arrival - time of saying): in this bucket, and in the one before.
+            # Lowest (arrival - send time), in this bucket and in the one before.
             self._least = self._least_before = math.inf
             self._bucket = -math.inf
 
@@ -240,7 +240,7 @@ class ExternalClient:
             try:
                 connection.shutdown(socket.SHUT_RDWR)
             except OSError:
-                # It was ended by the other side.
+                # The other side has closed it.
                 return
 
     def _listen(self, connection: socket.socket, lines: _Lines) -> None:
@@ -253,7 +253,7 @@ class ExternalClient:
                     reason = str(message.get("sentence"))
         except (OSError, ValueError, KeyError, TypeError) as error:
             reason = f"the connection was lost ({error})"
-        # A newer connection has a reason of its own.
+        # A newer connection keeps its own reason.
         if self._socket is connection:
             self._end(reason)
 
@@ -270,7 +270,7 @@ class ExternalClient:
             if now - self._bucket > _BUCKET_S:
                 self._least_before, self._least, self._bucket = self._least, math.inf, now
             self._least = min(self._least, now - said)
-            # When it was said, on our clock, as the quickest permits tell it.
+            # Send time on our clock, estimated from the permits with the lowest delay.
             said_here = said + min(self._least, self._least_before)
             reason = message.get("reason")
             stop = message["stop"] is not False
@@ -291,14 +291,14 @@ class ExternalClient:
 
 
 class _Lines:
-    """Reader of JSON objects, one a line."""
+    """Reader of JSON objects, one per line."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self._rest = b""
 
     def next(self, *, patient: bool) -> dict[str, Any] | None:
-        """Return the next one; wait without limit if ``patient``. None at the connection's end."""
+        """Return the next one, waiting forever if ``patient``; None at the connection's end."""
         while b"\n" not in self._rest:
             if len(self._rest) > LONGEST_LINE:
                 raise ValueError("a line exceeds the maximum message length")
@@ -324,17 +324,17 @@ def _line(message: Mapping[str, Any]) -> bytes:
 
 
 class DemoRobot:
-    """A simulated robot: reaches what is permitted within its acceleration, stops harder.
+    """A simulated robot: follows the permitted velocity within its acceleration, brakes harder.
 
     Attributes:
-        x, y, yaw, speed, turn_rate: metres, radians, seconds.
+        x, y, yaw, speed, turn_rate: in metres, radians and seconds.
     """
 
     def __init__(self) -> None:
         self.x = self.y = self.yaw = self.speed = self.turn_rate = 0.0
 
     def step(self, permit: Permitted, dt: float) -> None:
-        """Drive for ``dt`` seconds by what is permitted."""
+        """Drive for ``dt`` seconds as permitted."""
         slower = abs(permit.speed_mps) < abs(self.speed)
         # m/s^2: it brakes harder than it accelerates.
         most = dt * (2.0 if slower or permit.stop else LIMITS["acceleration_mps2"])
@@ -346,7 +346,7 @@ class DemoRobot:
 
 
 def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.05) -> None:
-    """Act as a simulated robot, and connect again whenever the connection is lost."""
+    """Act as a simulated robot, and reconnect whenever the connection is lost."""
     robot = DemoRobot()
     told: str | None = None
     end = time.monotonic() + seconds

@@ -1,4 +1,4 @@
-"""Listening side of a network robot: one thread, any number of callers, one robot."""
+"""Listening side of a network robot: one thread, any number of connections, one robot."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ PERMIT_INTERVAL_S = 0.05
 EXPIRES_S = 0.25
 _HELLO_WITHIN_S = 2.0
 _RETRY_S = 1.0
-# Connections without a hello yet; more wait in the system's own queue.
+# Most connections that have not sent their hello yet.
 _MOST_STRANGERS = 4
-# Far beyond any robot's rate; a flood would delay the permits.
+# Far above any robot's rate; a flood of messages would delay the permits.
 _MOST_LINES_PER_S = 1000
 _CHUNK = 16 * 1024
-# A permit that the robot does not read is of no use to it later.
+# Small, because a permit that the robot reads late is of no use to it.
 _SEND_BUFFER = 4096
 
 
 @dataclass(frozen=True)
 class ExternalPort:
-    """Address to listen at, and the key that a robot must give; None if it needs none."""
+    """Address to listen at, and the key that a robot must send; None if no key is needed."""
 
     host: str
     port: int
@@ -58,11 +58,11 @@ class _Connection:
 
 
 class ExternalLink:
-    """Listens, and sends permits every 50 ms and at once on a change.
+    """Listens, and sends permits every 50 ms and immediately on a change.
 
     Args:
         port: where to listen.
-        watch, lock: what is known and permitted, and what guards it.
+        watch, lock: the state of the robot and its permits, and the lock that guards it.
         clock: the host's monotonic clock.
     """
 
@@ -90,13 +90,13 @@ class ExternalLink:
         self._thread.start()
 
     def wake(self) -> None:
-        """Have a changed permit sent at once. Never waits."""
-        # A full pipe wakes just as well; a closed one has nobody to wake.
+        """Have a changed permit sent immediately. Never blocks."""
+        # A full pipe wakes the thread as well; with a closed one there is no thread to wake.
         with contextlib.suppress(OSError):
             self._waker.send(b"!")
 
     def close(self, within_s: float) -> None:
-        """Say a last permit, end all connections, stop listening."""
+        """Send a last permit, close all connections, stop listening."""
         self._closing.set()
         self.wake()
         self._thread.join(within_s)
@@ -114,7 +114,7 @@ class ExternalLink:
                     self._serve(listener)
         finally:
             if not self._closing.is_set():
-                # After an unexpected error it must not pass for waiting.
+                # After an unexpected error it must not appear to be waiting.
                 with self._lock:
                     self._watch.failed()
             self._selector.close()
@@ -156,7 +156,7 @@ class ExternalLink:
             self._selector.unregister(listener)
             if self._robot is not None:
                 self._say_permit()
-            # The permit may have found it gone.
+            # Sending the permit may have shown that the robot is gone.
             if self._robot is not None:
                 self._drop(self._robot, None, "its port is closed")
             for each in tuple(self._strangers):
@@ -171,7 +171,7 @@ class ExternalLink:
         try:
             accepted, _ = listener.accept()
         except OSError:
-            # The peer left again, or too many files are open.
+            # The peer has disconnected again, or too many files are open.
             return
         accepted.setblocking(False)
         accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -257,7 +257,7 @@ class ExternalLink:
                 return
             self._sequence += 1
             sequence = self._sequence
-        # An unsent permit is replaced, except for a line already begun.
+        # An unsent permit is dropped for a newer one, unless part of its line is already out.
         if not self._send(robot, permit_line(permit, sequence, now, EXPIRES_S)):
             self._permit_due = now + PERMIT_INTERVAL_S
             return
@@ -267,7 +267,7 @@ class ExternalLink:
                 self._watch.told(permit, sequence, now)
 
     def _send(self, connection: _Connection, line: bytes) -> bool:
-        """Send a line; return whether it went out, at least its beginning. Never waits."""
+        """Send a line; return whether at least its beginning went out. Never blocks."""
         try:
             if connection.unsent:
                 sent = connection.socket.send(connection.unsent)
@@ -284,10 +284,10 @@ class ExternalLink:
         return True
 
     def _drop(self, connection: _Connection, told: str | None, sentence: str = "") -> None:
-        """End a connection.
+        """Close a connection.
 
         Args:
-            told: what it is told. sentence: of the robot's loss.
+            told: reason sent to the peer, None for none. sentence: why the robot was lost.
         """
         if connection not in self._strangers and connection is not self._robot:
             return

@@ -1,7 +1,7 @@
 """Messages between a network robot and the server, as lines of text; pure.
 
 Every message is one JSON object on one line of UTF-8 that ends in a newline, at most
-``LONGEST_LINE`` bytes. What each holds stands in ``EXTERNAL.md``.
+``LONGEST_LINE`` bytes. ``EXTERNAL.md`` documents their contents.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from observer.robots.contract import RobotLimits
 PROTOCOL = 1
 LONGEST_LINE = 4096
 Mode = Literal["driven", "guarded"]
-# Beyond these a number is in other units or damaged.
+# Larger numbers are damaged or in other units.
 _FAR_M, _FAST_MPS, _FAST_RADPS, _LARGE_M = 1e6, 100.0, 1000.0, 100.0
 _LONGEST_TEXT = 200
 
 
 class BadMessage(DynamicObserverError):
-    """A line does not follow the protocol; the text says what it should be."""
+    """A line violates the protocol; the message says what it should be."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Hello:
     """First message of a robot.
 
     Attributes:
-        key: None where it gives none. radius_m: within which it turns.
+        key: None where it sends none. radius_m: of its turning circle.
     """
 
     name: str
@@ -50,12 +50,12 @@ class OdometryMessage:
     """State of the robot.
 
     Attributes:
-        sequence: rises with each. time: seconds on the robot's own clock, which never goes back.
-        x, y, yaw: metres and radians, by its wheels, from wherever it counts.
+        sequence: increases with each. time: seconds on the robot's own monotonic clock.
+        x, y, yaw: wheel odometry, metres and radians, from any origin.
         enabled: whether its motors are on. permit: sequence of the newest permit it has, 0 before
             the first.
-        wanted: speed and turn rate that it would drive by itself; only of a guarded robot.
-        fault: one sentence of why it cannot go on.
+        wanted: speed and turn rate that it would drive by itself; only from a guarded robot.
+        fault: one sentence on why it cannot go on.
     """
 
     sequence: int
@@ -77,7 +77,7 @@ class Permit:
     """Velocity that the robot may drive from now on.
 
     Attributes:
-        stop: stop as hard as it can, motors off. reason: why it is not what was asked for.
+        stop: stop as hard as possible, motors off. reason: why it differs from the request.
     """
 
     speed_mps: float
@@ -87,13 +87,13 @@ class Permit:
 
 
 class Lines:
-    """Splitter of received bytes into lines; never keeps more than one of them."""
+    """Splits received bytes into lines; never buffers more than one of them."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """Yield the lines that are complete now, without their ends.
+        """Yield the lines that are complete now, without their newlines.
 
         Raises:
             BadMessage: a line is longer than any message.
@@ -141,7 +141,7 @@ def parse_hello(line: bytes) -> Hello:
     """Parse the first line of a robot.
 
     Raises:
-        BadMessage: it is no hello of this protocol.
+        BadMessage: it is not a hello of this protocol.
     """
     data = _object(line, "hello")
     if data.get("protocol") != PROTOCOL or isinstance(data.get("protocol"), bool):
@@ -174,7 +174,7 @@ def parse_odometry(line: bytes) -> OdometryMessage:
     """Parse any later line of a robot.
 
     Raises:
-        BadMessage: it is no odometry of this protocol.
+        BadMessage: it is not odometry of this protocol.
     """
     data = _object(line, "odometry")
     number = partial(_number, data, what="odometry")

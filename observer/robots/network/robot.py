@@ -1,8 +1,8 @@
 """Network robot: odometry in; permitted speed, stop and reason out, over TCP.
 
-We listen at ``external:HOST:PORT``, one robot connects. What both sides say, and what silence
-means to each, stands in ``EXTERNAL.md`` beside this file; ``observer.robots.network.client`` is
-all of it from the robot's side, on the standard library.
+We listen at ``external:HOST:PORT``, and one robot connects. ``EXTERNAL.md`` documents the messages
+of both sides and what silence means to each; ``observer.robots.network.client`` implements the
+robot's side with the standard library alone.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def parse_external(text: str) -> ExternalPort:
     """Parse ``external:HOST:PORT`` or ``external:HOST:PORT?key=KEY``.
 
     Raises:
-        InputError: it is not of this form, or a key is missing where others could connect.
+        InputError: it does not have this form, or lacks a key although others could connect.
     """
     shown = shown_port(text)[:80]
     where, _, query = text.removeprefix(EXTERNAL).partition("?")
@@ -54,14 +54,14 @@ def parse_external(text: str) -> ExternalPort:
 
 
 class ExternalRobot:
-    """Implements ``observer.robots.contract.Robot``; listens from its construction on.
+    """Implements ``observer.robots.contract.Robot``; listens once constructed.
 
     Args:
         port: ``external:HOST:PORT``, to which the robot will connect.
-        model: of ``observer.robots.models``, whose limits then hold besides the robot's own.
+        model: of ``observer.robots.models``, whose limits then apply besides the robot's own.
 
     Raises:
-        InputError: the text is not of this form, or there is no such model.
+        InputError: the text does not have this form, or there is no such model.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class ExternalRobot:
         self._link = ExternalLink(where, self._watch, self._lock, clock)
 
     def report(self) -> RobotReport:
-        """Return the robot's present state; callable from any thread."""
+        """Return the robot's current state; callable from any thread."""
         with self._lock:
             return self._watch.report(self._clock(), EXPIRES_S)
 
@@ -91,7 +91,7 @@ class ExternalRobot:
         self._link.wake()
 
     def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
-        """Permit a velocity, as ``Robot.drive`` says."""
+        """Permit a velocity, as ``Robot.drive`` specifies."""
         now = self._clock()
         with self._lock:
             speed, turn_rate = self._watch.drive(speed_mps, turn_rate_radps, now)
@@ -99,26 +99,26 @@ class ExternalRobot:
         return Sent(speed, turn_rate, now)
 
     def explain(self, reason: str | None) -> None:
-        """Tell the robot why it may not drive as asked; None: nothing keeps it back."""
+        """Tell the robot why it may not drive as asked; None: nothing limits it."""
         with self._lock:
             changed = self._watch.explain(reason)
         if changed:
             self._link.wake()
 
     def stop(self) -> None:
-        """Stop as hard as it can, motors off."""
+        """Stop as hard as possible, motors off."""
         with self._lock:
             self._watch.stop()
         self._link.wake()
 
     def clear(self) -> None:
-        """Forget the fault, if what caused it is over; motors stay off."""
+        """Clear the fault if its cause is gone; motors stay off."""
         with self._lock:
             self._watch.clear(self._clock())
         self._link.wake()
 
     def close(self) -> None:
-        """Stop, end the connection, listen no more; waits for at most 2 s. Safe to call twice."""
+        """Stop, disconnect, stop listening; waits for at most 2 s. Safe to call twice."""
         self.stop()
         self._link.close(_CLOSE_WITHIN_S)
         with self._lock:

@@ -10,28 +10,28 @@ from observer.robots.models import RobotSpec
 from observer.robots.network.messages import Hello, OdometryMessage, Permit
 from observer.types import Odometry
 
-# Time without odometry that is a fault.
+# Time without odometry after which there is a fault.
 SILENCE_S = 0.5
-# Maximum age of the newest confirmed permit: beyond, the robot does not hear us. Longer by
+# Highest age of the newest confirmed permit; beyond it, the robot does not hear us. It allows for
 # the time that a permit and its confirmation normally take.
 UNHEARD_S = 0.7
-# Time for a robot to switch its motors on, without a fault.
+# Time that a robot has to switch its motors on before there is a fault.
 _ENABLE_WITHIN_S = 1.0
-# More permits than are sent until they count as not confirmed.
+# More permits than are sent within ``UNHEARD_S``.
 _MOST_UNCONFIRMED = 100
 _ZERO = (0.0, 0.0)
-# Fields of a report that are those of the robot's hello, and of its newest odometry.
+# Fields of a report taken from the robot's hello, and from its newest odometry.
 _OF_HELLO = ("name", "radius_m", "width_m", "length_m")
 _OF_ODOMETRY = ("speed_mps", "turn_rate_radps", "battery_v")
 
 
 class ExternalWatch:
-    """Latches faults, keeps the setpoint, and says what is permitted at an instant.
+    """Latches faults, keeps the setpoint, and decides what is permitted at an instant.
 
-    Not safe for threads; its owner locks.
+    Not thread-safe; its owner locks.
 
     Args:
-        spec: of the model it is driven as, whose limits hold besides its own; None of none.
+        spec: of the model it is driven as, whose limits apply besides its own; None without one.
     """
 
     def __init__(self, spec: RobotSpec | None) -> None:
@@ -44,7 +44,7 @@ class ExternalWatch:
         self._fault: str | None = None
         self._heard = self._confirmed = -math.inf
         self._enabled_at: float | None = None
-        # Sequence of the permit by which it heard that its motors may be on.
+        # Sequence of the permit that first allowed its motors to be on.
         self._enabled_by: int | None = None
         self._seen_enabled = False
         self._halted = False
@@ -58,10 +58,10 @@ class ExternalWatch:
             ("packets", "bad_packets", "unknown_packets", "reconnects"), 0
         )
 
-    # --- what the connection tells -----------------------------------------------------------
+    # --- events of the connection ------------------------------------------------------------
 
     def connected(self, hello: Hello, now: float) -> None:
-        """Take the robot's hello; motors off, at zero velocity."""
+        """Handle the robot's hello; motors off, at zero velocity."""
         if self._hello is not None:
             self._counters["reconnects"] += 1
         self.phase, self.trouble = RobotPhase.CONNECTED, None
@@ -73,7 +73,7 @@ class ExternalWatch:
         self.disable()
 
     def said(self, message: OdometryMessage, now: float) -> None:
-        """Take odometry; old or repeated messages count as bad and change nothing."""
+        """Handle odometry; old or repeated messages count as bad and change nothing."""
         if self._said is not None and (
             message.sequence <= self._said.sequence or message.time < self._said.time
         ):
@@ -82,7 +82,7 @@ class ExternalWatch:
         self._counters["packets"] += 1
         self._said = message
         self._place.move(message)
-        # A delayed message is received now, but describes an earlier moment.
+        # A delayed message arrives now but describes an earlier moment.
         self._heard = max(self._heard, now - self._delay.of(message.time, now))
         told = self._permit_times.get(message.permit)
         if told is not None:
@@ -91,33 +91,33 @@ class ExternalWatch:
                 del self._permit_times[old]
         if message.fault is not None:
             self._fail(message.fault)
-        # Only by messages sent after it knew that it may.
+        # Only messages sent after it knew that its motors may be on count.
         if self._enabled_by is not None and message.permit >= self._enabled_by:
             self._seen_enabled = self._seen_enabled or message.enabled
 
     def bad(self) -> None:
-        """Count something that is no message."""
+        """Count an invalid message."""
         self._counters["bad_packets"] += 1
 
     def lost(self, sentence: str) -> None:
-        """Take the end of the connection; another one is waited for."""
+        """Handle the end of the connection; wait for another one."""
         if self.phase is RobotPhase.CONNECTED:
             self._fail(sentence)
         self.phase, self.trouble = RobotPhase.WAITING, sentence
         self._said = self.sent = None
 
     def failed(self) -> None:
-        """Take the failure of the listening thread."""
+        """Handle the failure of the listening thread."""
         self.lost("its driver failed")
         self.phase = RobotPhase.REFUSED
 
     def refused(self, sentence: str) -> None:
-        """Take the refusal of a connection."""
+        """Handle the refusal of a connection."""
         if self.phase is not RobotPhase.CONNECTED:
             self.trouble = f"a robot was rejected: {sentence}"
 
     def closed(self) -> None:
-        """Take the end of listening."""
+        """Handle the end of listening."""
         self.disable()
         self.phase, self.trouble = RobotPhase.CLOSED, None
 
@@ -125,7 +125,7 @@ class ExternalWatch:
         """Return whether its odometry is overdue, so that another connection may take its place."""
         return now - self._heard > SILENCE_S
 
-    # --- what the drive loop asks for --------------------------------------------------------
+    # --- requests of the drive loop ----------------------------------------------------------
 
     def enable(self, now: float) -> None:
         """Switch the motors on, unless it is not connected or has a fault."""
@@ -147,7 +147,7 @@ class ExternalWatch:
         self._halted = True
 
     def drive(self, speed_mps: float, turn_rate_radps: float, now: float) -> tuple[float, float]:
-        """Take a velocity; return what of it is permitted."""
+        """Take a velocity; return the permitted one."""
         limits = self.limits
         if not (math.isfinite(speed_mps) and math.isfinite(turn_rate_radps)) or limits is None:
             self._setpoint = _ZERO
@@ -167,14 +167,14 @@ class ExternalWatch:
         return changed
 
     def clear(self, now: float) -> None:
-        """Forget the fault, unless what caused it lasts."""
+        """Clear the fault unless its cause persists."""
         if self._said is not None and self._said.fault is None and not self.silent(now):
             self._fault = None
 
-    # --- what follows -------------------------------------------------------------------------
+    # --- consequences -------------------------------------------------------------------------
 
     def permit(self, now: float) -> Permit:
-        """Return what the robot may do at this instant."""
+        """Return the permit at this instant."""
         if self.phase is RobotPhase.CONNECTED:
             self._look(now)
         if self._fault is not None:
@@ -211,7 +211,7 @@ class ExternalWatch:
         )
 
     def report(self, now: float, watchdog_s: float) -> RobotReport:
-        """Return the robot's present state."""
+        """Return the robot's current state."""
         if self.phase is RobotPhase.CONNECTED:
             self._look(now)
         hello, said = self._hello, self._said
@@ -234,7 +234,7 @@ class ExternalWatch:
 
     @property
     def _wanted(self) -> tuple[float, float] | None:
-        """Speed and turn rate that a guarded robot would drive; None of a driven one."""
+        """Speed and turn rate that a guarded robot would drive; None for a driven one."""
         if self._hello is None or self._hello.mode != "guarded" or self._said is None:
             return None
         return self._said.wanted or _ZERO
@@ -252,13 +252,13 @@ class ExternalWatch:
             self._fail("its motors did not switch on")
 
     def _fail(self, sentence: str) -> None:
-        # The first reason counts; what follows is mostly its consequence.
+        # Keep the first reason; later ones are mostly its consequences.
         self._fault = self._fault or sentence
         self.disable()
 
 
 class _Place:
-    """The robot's odometry, accumulated over its connections from wherever each begins."""
+    """The robot's odometry, accumulated over its connections whatever origin each has."""
 
     def __init__(self) -> None:
         self.odometry: Odometry | None = None
@@ -285,9 +285,9 @@ class _Place:
 
 
 class _Delay:
-    """Delay of a message on its way, beyond that of the quickest recent one."""
+    """Transit delay of a message in excess of the lowest recent one."""
 
-    # Long enough to hold a quick message, short enough that clock drift does not matter.
+    # Long enough to contain a fast message, short enough that clock drift does not matter.
     _BUCKET_S = 10.0
 
     def __init__(self) -> None:
