@@ -588,13 +588,13 @@ export interface components {
      *         direction: from the robot's heading to the path's end, radians, positive to the left.
      *         speed_mps: highest speed on it.
      *         path: x, y of some places along it, metres.
-     *         cause: ``risk`` where it would exceed the declared risk before the robot could stand again,
-     *             ``later`` where somebody would probably be met after that, ``guard`` where the guard
-     *             would not permit to begin it, ``surface`` where it runs into what stands.
-     *         risk: probability of a contact, on each metre for ``risk`` and altogether for ``later``;
-     *             None for the others.
-     *         track: number of the obstacle that would be met, below zero while that is tentative.
-     *         meets_s: seconds until that one, or the surface, is met.
+     *         cause: ``risk`` where it would exceed the declared risk before the robot could have
+     *             stopped, ``later`` where contact is likely after that, ``guard`` where the guard would
+     *             not let it begin, ``surface`` where it runs into a static surface.
+     *         risk: probability of a contact, per metre for ``risk`` and in total for ``later``; None for
+     *             the others.
+     *         track: number of the obstacle that would be met, negative while that is tentative.
+     *         meets_s: seconds until that obstacle, or the surface, is met.
      *         guard: the guard's sentence.
      */
     RefusedPath: {
@@ -637,7 +637,7 @@ export interface components {
         [key: string]: components["schemas"]["StopMeasured"];
       };
     };
-    /** @description Largest values the robot takes: m/s, rad/s, m/s^2, rad/s^2; all positive. */
+    /** @description Highest values the robot accepts: m/s, rad/s, m/s^2, rad/s^2; all positive. */
     RobotLimits: {
       speed_mps: number;
       turn_rate_radps: number;
@@ -673,28 +673,28 @@ export interface components {
       model: string | null;
     };
     /**
-     * @description Present state of a robot. What it does not tell is None.
+     * @description Current state of a robot. None where the robot does not report a value.
      *
      *     Attributes:
-     *         phase: of the connection. trouble: one sentence of what is wrong with it, None while
+     *         phase: of the connection. trouble: one sentence on what is wrong with it, None while
      *             nothing is.
-     *         fault: one sentence of what happened that forbids to move (a stall, a bumper, silence, a
-     *             lost port, motors that went off by themselves); it stays until ``clear``.
-     *         warnings: sentences that forbid nothing (an old packet, a weak battery).
-     *         received: the newest status packet, host's monotonic clock.
-     *         name, model, subtype: as the robot tells, and the model it is driven as.
-     *         odometry: summed up since it was connected, in host floats.
+     *         fault: one sentence on an event that forbids motion (a stall, a bumper, silence, a lost
+     *             port, motors that switched off by themselves); it stays until ``clear``.
+     *         warnings: sentences that do not forbid motion (an old packet, a weak battery).
+     *         received: when the newest status packet came, host's monotonic clock.
+     *         name, model, subtype: name and subtype as the robot reports them; the model it is driven as.
+     *         odometry: accumulated since it was connected, in host floats.
      *         speed_mps, turn_rate_radps: by its encoders.
-     *         motors_enabled: as it says itself.
+     *         motors_enabled: as the robot reports.
      *         stalled: left and right wheel. front_bumpers, rear_bumpers: pressed or not; empty where
      *             none are fitted. stop_pressed: its own hardware button.
-     *         battery_v: averaged. battery: how that is to be taken. charging: in words.
+     *         battery_v: averaged. battery: its rating. charging: in words.
      *         sonars: those it has, in order; a reading keeps its time.
-     *         watchdog_s: after how long without a command its firmware stops it, as it says.
-     *         limits: in force: the least of what is known and allowed.
-     *         sent: the newest velocity that really went out.
-     *         wanted: speed (m/s) and turn rate (rad/s) that a robot which drives by itself would drive,
-     *             and asks to be permitted; None of one that is only driven.
+     *         watchdog_s: time without a command after which its firmware stops it, as it reports.
+     *         limits: in force: the lowest of all known limits.
+     *         sent: the newest velocity that was actually sent.
+     *         wanted: speed (m/s) and turn rate (rad/s) for which a robot that drives by itself asks
+     *             permission; None for one that is only driven.
      *         radius_m, width_m, length_m: its outline.
      *         counters: by name: ``packets``, ``bad_packets``, ``unknown_packets``, ``reconnects``.
      */
@@ -764,7 +764,7 @@ export interface components {
       duration_s: number | null;
     };
     /**
-     * @description A velocity that really went out.
+     * @description A velocity that was actually sent.
      *
      *     Attributes:
      *         speed_mps: forward. turn_rate_radps: positive to the left.
@@ -798,8 +798,8 @@ export interface components {
      *
      *     Attributes:
      *         index: its number. x, y, heading: of the sonar in the base frame, metres and radians.
-     *         range_m: from the sonar to the nearest surface in its cone; None where nothing echoed
-     *             within its reach.
+     *         range_m: from the sonar to the nearest surface in its cone; None without an echo within
+     *             its range.
      *         received: the host's monotonic clock.
      */
     SonarReading: {
