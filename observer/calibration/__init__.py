@@ -1,4 +1,4 @@
-"""Calibrations: boards and how they are seen, the fit, how good it is, and how it ages.
+"""Calibrations: boards and their detection, the fit, how good it is, and how it ages.
 
-``formats`` has one reader and, where others read it too, one writer for each file format.
+``formats`` has one reader for each file format and, where other programs read it too, one writer.
 """

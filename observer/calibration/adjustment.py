@@ -1,9 +1,9 @@
-"""Bundle adjustment of one camera or a pair by many poses of one flat board.
+"""Bundle adjustment of one camera or a pair from many poses of one flat board.
 
-All parameters are sought at once: the lenses, the right camera's place and every pose of the
-board, so that the squares of the distances between corners as seen and as they should be seen
-are least (Triggs et al.: Bundle Adjustment, a Modern Synthesis, 2000). The poses of the board are
-eliminated first (Schur complement), which makes a step cheap and its inverse the covariance.
+All parameters are estimated jointly: the lenses, the right camera's pose and every pose of the
+board, by least squares of the reprojection errors of the corners (Triggs et al.: Bundle
+Adjustment, a Modern Synthesis, 2000). The poses of the board are eliminated first (Schur
+complement): steps become cheap, and the inverse of the reduced matrix is the covariance.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, cross_matrix, orthonormal, rotation_matrix
 
 _POSE = 6
-# Levenberg and Marquardt's damping: at first, and by how much it changes.
+# Levenberg-Marquardt damping: the initial value, and the factors by which it changes.
 _FIRST_DAMPING, _LESS, _MORE = 1e-3, 0.2, 8.0
 _MOST_DAMPING = 1e8
 # A step that gains no more than this share of the sum of squares is the last one.
 _CONVERGED = 1e-7
-# Of a normal matrix scaled to ones on its diagonal: less than this is rounding.
+# Of a normal matrix scaled to a unit diagonal: smaller eigenvalues are rounding errors.
 _LEAST_EIGENVALUE = 1e-13
 
 
@@ -54,8 +54,8 @@ class Rig:
     Attributes:
         size: width and height of the images, pixels.
         lenses: of the left camera, or of the left and the right one.
-        free: (4 + N,) which values of a lens are sought; the others stay.
-        R: (3, 3) R_right_left, T: (3,) metres; of no meaning for one camera.
+        free: (4 + N,) which values of a lens are estimated; the others are fixed.
+        R: (3, 3) R_right_left, T: (3,) metres; meaningless for one camera.
         board_R: (V, 3, 3), board_t: (V, 3) metres: T_left_board of each view.
     """
 
@@ -69,12 +69,12 @@ class Rig:
 
     @property
     def free_count(self) -> int:
-        """Number of values of each lens that are sought."""
+        """Number of values of each lens that are estimated."""
         return int(np.count_nonzero(self.free))
 
     @property
     def global_count(self) -> int:
-        """Number of parameters that are estimated beside the poses of the board."""
+        """Number of parameters that are estimated besides the poses of the board."""
         return self.free_count * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
 
     @property
@@ -82,7 +82,7 @@ class Rig:
         """The pair as a calibration.
 
         Raises:
-            CalibrationError: it is impossible.
+            CalibrationError: it is not a possible calibration.
         """
         left, right = self.lenses
         return StereoCalibration(
@@ -104,8 +104,8 @@ class Rig:
         return replace(self, lenses=tuple(lenses), R=R, T=self.T + shift)
 
 
-# Derivatives (N, 2, F) of one camera's pixels by parameters that an adjustment does not seek. Its
-# arguments: the rig, the camera's number, its corners and their derivatives by pose (N, 2, 6).
+# Derivatives (N, 2, F) of one camera's pixels by parameters that an adjustment does not estimate.
+# Arguments: the rig, the camera's number, its corners and their derivatives by pose (N, 2, 6).
 FurtherDerivatives: TypeAlias = Callable[[Rig, int, Corners, Float64Array], Float64Array]
 
 
@@ -116,8 +116,8 @@ class Adjusted:
     Attributes:
         residuals: of each camera (N, 2) px, seen minus expected, in the order of its corners.
         covariance: (G, G) of the free values of each lens in turn, then of the rotation by which
-            R is to be multiplied from the left (rad) and of T (m); scaled by the residuals. None
-            where the views leave a parameter undetermined.
+            R is multiplied from the left (rad) and of T (m); scaled by the residuals. None where
+            the views leave a parameter undetermined.
         scatter_px: standard deviation of a residual's component, by the degrees of freedom.
     """
 
@@ -135,14 +135,14 @@ def adjust(
     iterations: int = 60,
     hold: bool = False,
 ) -> Adjusted:
-    """The rig near ``rig`` that explains the corners best.
+    """Return the rig near ``rig`` that fits the corners best.
 
     Args:
         corners: of each camera of the rig.
         soft_px: residuals longer than this count in proportion to their length, not to its
-            square (Huber), which keeps single wrong corners from deciding.
-        iterations: most steps.
-        hold: seek the poses of the board only, with lenses and cameras as they are.
+            square (Huber), which keeps single wrong corners from dominating.
+        iterations: maximum number of steps.
+        hold: estimate only the poses of the board, with lenses and cameras fixed.
     """
     linear = _linear(rig, corners, soft_px, hold)
     damping = _FIRST_DAMPING
@@ -174,7 +174,7 @@ def adjust(
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """The normal equations about one rig, one block for each pose of the board."""
+    """The normal equations linearized at one rig, one block for each pose of the board."""
 
     cost: float
     squares: float
@@ -204,10 +204,10 @@ class _Linear:
         return lens, pose
 
     def reduced(self) -> tuple[Float64Array, Float64Array]:
-        """Normal matrices (V, G, G) and right sides (V, G) of each view, its pose eliminated.
+        """Normal matrices (V, G, G) and right-hand sides (V, G) of each view, its pose eliminated.
 
         Raises:
-            numpy.linalg.LinAlgError: a view does not tell its pose.
+            numpy.linalg.LinAlgError: a view does not determine its pose.
         """
         gain = self.B @ np.linalg.inv(self.A + 1e-12 * np.eye(_POSE))
         S = self.H - np.einsum("vgi,vhi->vgh", gain, self.B)
@@ -235,14 +235,15 @@ def reduced_by_view(
     soft_px: float,
     further: FurtherDerivatives | None = None,
 ) -> tuple[Float64Array, Float64Array]:
-    """Normal equations of the global parameters by each view that has corners, without its pose.
+    """Normal equations of the global parameters for each view with corners, its pose eliminated.
 
     Args:
-        further: of parameters that the fit does not seek, which follow those that it does.
+        further: for parameters that the fit does not estimate; they follow those that it does.
 
     Returns:
-        (V, G, G) matrices and (V, G) right sides, px^2 over the parameters' units; both sums
-        over the views belong to the whole fit. At its solution the right sides cancel.
+        (V, G, G) matrices and (V, G) right-hand sides, px^2 over the parameters' units; summed
+        over the views they are those of the whole fit. At its solution the right-hand sides
+        cancel.
     """
     linear = _linear(rig, corners, soft_px, False, further)
     assert linear is not None, "a rig that was fitted sees its corners"
@@ -254,19 +255,20 @@ def reduced_by_view(
 def derivatives(
     rig: Rig, camera: int, corners: Corners
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Residuals (N, 2) px, seen minus expected, and by what the expected pixels change.
+    """Residuals (N, 2) px, seen minus expected, and the derivatives of the expected pixels.
 
     Returns:
-        The residuals, NaN for what is not in front of the lens; the derivatives (N, 2, 6) by a
-        turn (rad) and a shift (m) of the corner's own view of the board, in the left camera's
-        frame; and those (N, 2, G) by the global parameters, in the order of ``Adjusted``.
+        The residuals, NaN for corners not in front of the lens; the derivatives (N, 2, 6) by a
+        rotation (rad) and a translation (m) of the board in the corner's own view, in the left
+        camera's frame; and those (N, 2, G) by the global parameters, in the order of
+        ``Adjusted``.
     """
     turned = np.einsum("nij,nj->ni", rig.board_R[corners.view], corners.on_board)
     place = turned + rig.board_t[corners.view]
     swung = place @ rig.R.T
     at = place if camera == 0 else swung + rig.T
     px, by_point, by_lens = rig.lenses[camera].project(at)
-    # In the left camera's frame a turn by w moves a point of the board by w x p = -[p]x w.
+    # In the left camera's frame a rotation by w moves a point of the board by w x p = -[p]x w.
     to_left = by_point if camera == 0 else by_point @ rig.R
     by_pose = np.concatenate([-to_left @ cross_matrix(turned), to_left], axis=2)
     each = rig.free_count
@@ -321,7 +323,7 @@ def _linear(
 
 
 def _weighed(residual: Float64Array, soft_px: float) -> tuple[Float64Array, float]:
-    """Huber's weights (N,) and cost of residuals (N, 2)."""
+    """Huber weights (N,) and cost of residuals (N, 2)."""
     length = np.linalg.norm(residual, axis=1)
     weight = np.minimum(1.0, soft_px / np.maximum(length, 1e-12))
     far = length > soft_px

@@ -15,9 +15,9 @@ from observer.geometry import Float64Array
 BoardKind = Literal["chessboard", "charuco"]
 # The markers of every ChArUco board here: 250 different ones serve boards of up to 500 squares.
 CHARUCO_DICTIONARY = "DICT_4X4_250"
-# Of a square's side; the white margin around a marker is what its detection rests on.
+# Share of a square's side; detection depends on the white margin around a marker.
 MARKER_SHARE = 0.75
-# Fewer corners do not tell a board's pose and a lens apart.
+# With fewer corners, a board's pose cannot be told from the lens.
 FEWEST_CORNERS = 8
 
 _CORNERS = (3, 30)
@@ -26,19 +26,19 @@ _SQUARE_M = (0.002, 0.5)
 
 @dataclass(frozen=True)
 class Board:
-    """A flat board of squares, named by its inner corners as OpenCV names it.
+    """A flat board of squares, named by its inner corners as in OpenCV.
 
     Corner ``i`` is column ``i % columns`` of row ``i // columns``. The board's own frame lies on
     it: x along a row, y along a column, z into the board, the origin at corner 0.
 
     Attributes:
-        kind: ``chessboard``, or ``charuco``, whose squares carry markers, so that a part of it
-            in view is enough.
+        kind: ``chessboard``, or ``charuco``, whose squares carry markers, so that seeing a part of
+            it is enough.
         columns, rows: inner corners; there is one square more each way.
         square_m: side of a square, metres.
 
     Raises:
-        CalibrationError: one sentence of what is wrong and what would be right.
+        CalibrationError: one sentence on what is wrong and what would be right.
     """
 
     kind: BoardKind = "chessboard"
@@ -107,11 +107,11 @@ class BoardSighting:
     """The corners of a board that one image shows.
 
     Attributes:
-        ids: (N,) int32, numbers of the corners (see ``Board``), rising.
+        ids: (N,) int32, numbers of the corners (see ``Board``), ascending.
         px: (N, 2) float64, pixels of the image as taken; the upper left pixel's centre is (0, 0).
 
     Raises:
-        ValueError: the two differ in length, or the numbers do not rise.
+        ValueError: the two differ in length, or the numbers do not ascend.
     """
 
     ids: NDArray[np.int32]

@@ -21,21 +21,21 @@ from observer.types import Image
 
 # More than any calibration needs, and a sign that the pattern is wrong.
 MAX_PAIRS = 500
-# So few pairs in which a board was found, of all, are of another board that looks like it.
+# Share of all pairs: a board found in fewer is another board that looks like it.
 _CHANCE = 0.1
-# So many pairs are looked at, over all of them, for whether they show a board of another size.
+# So many pairs, spread over all, are checked for a board of another size.
 _LOOKED_AT = 6
-# An image as it came: the content of a file, or decoded already.
+# An image as it came: the content of a file, or already decoded.
 RawImage = bytes | Image
 
 
 @dataclass(frozen=True)
 class BoardPair:
-    """Two images that were taken at one time.
+    """Two images that were taken at the same time.
 
     Attributes:
-        name: what people find it by. left_name, right_name: of the two files.
-        left, right: give the image; called once or twice, on any thread.
+        name: for display. left_name, right_name: of the two files.
+        left, right: return the image; called once or twice, on any thread.
     """
 
     name: str
@@ -74,13 +74,13 @@ def read_board_pairs(
 ) -> tuple[tuple[BoardPair, ...], tuple[RefusedImage, ...]]:
     """Pair left and right files by equal names, else by the last number in their names.
 
-    Where names tell nothing and there are as many left as right, they are paired in order.
+    If the names do not match and there are as many left as right, they are paired in order.
 
     Returns:
         The pairs in natural order, and the files that have no partner.
 
     Raises:
-        InputError: a pattern fits no image, or nothing can be paired.
+        InputError: a pattern matches no image, or nothing can be paired.
     """
     left, right = _files(left_glob), _files(right_glob)
     if set(left) & set(right):
@@ -133,7 +133,7 @@ def find_boards(
 
     Raises:
         CalibrationError: no image can be read, left and right differ in size, or no image shows
-            the board; the sentence says what they show instead where that can be told.
+            the board; the sentence says what they show instead where that can be determined.
     """
     report = progress or (lambda _words, _share: None)
     _refuse_another_size(pairs, board)
@@ -195,10 +195,10 @@ def _gray(name: str, raw: RawImage) -> Image:
 
 
 def _refuse_another_size(pairs: Sequence[BoardPair], board: Board) -> None:
-    """Refuse a board that some images show in another size, before all are searched in vain.
+    """Refuse the board if images show one of another size, before all are searched in vain.
 
     Raises:
-        CalibrationError: no image that was looked at shows the board, and two agree on another.
+        CalibrationError: none of the images checked shows the board, and two show the same other.
     """
     if board.kind != "chessboard":
         return
@@ -251,7 +251,7 @@ def _files(pattern: str) -> list[Path]:
 def _keys(
     left: Sequence[Path], right: Sequence[Path]
 ) -> tuple[dict[str, Path], dict[str, Path]] | None:
-    """Both lists by what pairs them; None where nothing does."""
+    """Both lists by the key that pairs them; None if no key does."""
     ways: tuple[Callable[[Path], str], ...] = (attrgetter("name"), attrgetter("stem"), _last_number)
     for key in ways:
         a, b = {key(path): path for path in left}, {key(path): path for path in right}

@@ -33,16 +33,16 @@ def draw_board(
     kept: Iterable[BoardSighting],
     ghost: Float64Array | None,
 ) -> Image:
-    """The image as people watch it while they move the board.
+    """Return the image to watch while moving the board.
 
     Args:
-        seen: the board in this image. kept: as captured before, drawn faintly.
+        seen: the board in this image. kept: captured before, drawn faintly.
         ghost: (4, 2) pixels, the outline of where it should go next; None draws none.
     """
     canvas = color_copy(image)
-    # Lines as wide as a hair would vanish when a large image is shown small.
+    # Hairlines would vanish when a large image is shown small.
     width = max(1, round(canvas.shape[1] / 400))
-    # Where the board has been is one faint area, so that what is missing stands out.
+    # Where the board has been is one faint area, so that missing areas stand out.
     hulls = [_hull(sighting) for sighting in kept]
     if hulls:
         shade = canvas.copy()
@@ -60,12 +60,12 @@ def draw_board(
 
 
 def small_picture(image: Image, seen: BoardSighting | None) -> bytes:
-    """A small JPEG of the image with the board's corners, by which a view is recognised."""
+    """Return a thumbnail JPEG of the image with the board's outline, to recognise a view by."""
     factor = _PICTURE_WIDTH / image.shape[1]
     size = (_PICTURE_WIDTH, max(1, round(image.shape[0] * factor)))
     small = color_copy(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8))
     if seen is not None:
-        # Pixel centres lie on whole numbers, so it is the pixels' edges that scale.
+        # Pixel centres are at whole numbers, so scaling applies to the pixels' edges.
         px = (seen.px + 0.5) * factor - 0.5
         cv2.polylines(
             small, [_hull(BoardSighting(seen.ids, px))], True, _SEEN, 1, cv2.LINE_AA, _SHIFT
@@ -91,7 +91,7 @@ def _hull(seen: BoardSighting) -> NDArray[np.int32]:
 
 
 def _fixed(px: Float64Array) -> NDArray[np.int32]:
-    """Pixels (N, 2) as OpenCV's drawing takes them, bounded for what lies far outside."""
+    """Pixels (N, 2) in OpenCV's fixed-point drawing coordinates, clipped far outside the image."""
     return np.round(np.asarray(px) * (1 << _SHIFT)).clip(-(2**22), 2**22).astype(np.int32)
 
 

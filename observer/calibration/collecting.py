@@ -1,6 +1,6 @@
-"""Collecting views of a board before two live cameras, with a word at every moment of what to do.
+"""Collecting views of a board in front of two live cameras, with constant advice on what to do.
 
-No thread and no clock in here: whoever looks says when, so that a test can be any person.
+It has no thread and no clock: the caller passes the time, so that tests can simulate any person.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from observer.calibration.guidance import Guide, SeenPose, Shift, WantedPose
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
-# A hand calms down for about as long before it moves on.
+# Seconds: a hand rests for about this long before it moves on.
 _STILL_S = 0.3
-# Detection may miss the board for a moment without its having moved.
+# Detection may miss the board for so many seconds without the board having moved.
 _GAP_S = 0.25
-# At an image width of 640: more in 0.3 s and the image is smeared.
+# Pixels at an image width of 640: more motion in 0.3 s blurs the image.
 _STILL_PX = 2.0
-# At an image width of 640: how far the board may move between both cameras' exposures, which a
-# calibration would take for a turned camera.
+# Pixels at an image width of 640: how far the board may move between both cameras' exposures; a
+# calibration would take this motion for a rotated camera.
 _SKEW_PX = 0.1
-# Of cameras that run free at 30 Hz: the mean time between both exposures is half of half a frame.
+# Seconds between both exposures, assumed for free-running cameras at 30 Hz: half a frame, the most.
 _USUAL_SKEW_S = 1 / 60
-# What is captured by hand must have been seen so lately.
+# Seconds: a view captured by hand must have been seen this recently.
 _FRESH_S = 0.5
-# A wanted pose that is not taken by then cannot be reached, or not understood; another is asked.
+# Seconds: a wanted pose not taken by then is unreachable or not understood; ask for another.
 _PATIENCE_S = 12.0
 
 
@@ -41,7 +41,7 @@ class Look:
 
     Attributes:
         view: the view captured now, None if none was.
-        words: one sentence of what to do or what happened.
+        words: one sentence on what to do or what happened.
         coverage: of all views, a captured one included.
         next_words: how to move the board to the next wanted pose; empty when none is wanted.
         ghost: (4, 2) pixels of the left image: where the squares' outer edge should be, or None.
@@ -77,10 +77,10 @@ class ViewCollector:
 
     Args:
         image_size: width and height of each camera's image, pixels.
-        views: taken before, as after a crash.
+        views: taken before, for example before a crash.
 
     Attributes:
-        automatic: whether a new pose held still is captured by itself.
+        automatic: whether a new pose held still is captured automatically.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class ViewCollector:
         self._shifts: deque[Shift] = deque(maxlen=50)
         self._kept = [self._keep(view) for view in views]
         self._recent: deque[_Moment] = deque()
-        # The pose whose view was taken back: not to be taken again at once.
+        # The pose whose view was removed, so that it is not captured again at once.
         self._taken_back: ViewMeasures | None = None
         self._skipped: set[int] = set()
         self._wanted: WantedPose | None = None
@@ -118,7 +118,7 @@ class ViewCollector:
         *,
         skew_s: float | None = None,
     ) -> Look:
-        """Judge what both cameras see, and capture it if it is worth it.
+        """Judge what both cameras see, and capture it if it is worthwhile.
 
         Args:
             time: seconds on any clock that never goes back.
@@ -165,7 +165,7 @@ class ViewCollector:
         return Look(view, words, covered, next_words, ghost, still, seen)
 
     def capture(self, time: float) -> BoardView:
-        """Keep what was seen last, new or not, still or not.
+        """Capture what was seen last, new or not, still or not.
 
         Raises:
             CalibrationError: the board is not in both views at this time.
@@ -183,11 +183,11 @@ class ViewCollector:
         return self._capture(last)
 
     def undo(self) -> BoardView | None:
-        """Take back the newest view; None if there is none."""
+        """Remove and return the newest view; None if there is none."""
         return self._take_back(len(self._kept) - 1) if self._kept else None
 
     def remove(self, name: str) -> BoardView:
-        """Take back the view of this name.
+        """Remove and return the view of this name.
 
         Raises:
             CalibrationError: there is no view of this name.
@@ -237,14 +237,14 @@ class ViewCollector:
             self._shifts.append((pose.depth, du, dv))
 
     def _rest(self, now: _Moment | None, time: float, skew_s: float) -> bool | None:
-        """Return whether both images of the board stood still for long enough."""
+        """Return whether the board rests in both images; None if unseen or not for long enough."""
         recent = self._recent
         if recent and time - recent[-1].time > _GAP_S:
             recent.clear()
         if now is None:
             return None
         recent.append(now)
-        # One moment before the span stays, so that the span is covered whole.
+        # Keep one moment from before the span, so that the span is covered completely.
         while len(recent) > 2 and time - recent[1].time >= _STILL_S:
             recent.popleft()
         since = time - recent[0].time
@@ -258,9 +258,9 @@ class ViewCollector:
         return True if since >= _STILL_S else None
 
     def _follow(self, time: float, seen: bool) -> None:
-        """Keep the wanted pose until a view came or it is given up."""
+        """Keep the wanted pose until a view is captured or the pose is given up."""
         if self._wanted_since is None:
-            # Nobody tries before the board was seen.
+            # The time starts when the board is first seen.
             self._wanted_since = time if seen else None
         elif time - self._wanted_since > _PATIENCE_S and self._wanted is not None:
             self._skipped.add(self._wanted.number)

@@ -1,4 +1,4 @@
-"""Corners of a board to a fraction of a pixel, each checked against all others of its board."""
+"""Sub-pixel corners of a board, each checked against all others of its board."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from observer.calibration.board import Board
 from observer.geometry import Float64Array
 from observer.types import Image
 
-# Of the distance to the nearest neighbour: what the refinement looks at around a corner. On a
-# chessboard more would reach the next corner and less has more noise; on a ChArUco board the
-# markers begin at an eighth of a square.
+# Share of the distance to the nearest neighbour: the refinement's window around a corner. On a
+# chessboard a larger one would reach the next corner and a smaller one has more noise; on a ChArUco
+# board the markers begin at an eighth of a square.
 _WINDOW_SHARE = {"chessboard": 0.4, "charuco": 0.12}
 _WINDOW_PX = (2, 11)
-# Of the window: noise is smoothed away before, by a Gaussian that leaves the saddle in its place.
-# It takes a third off a corner's error. A ChArUco board's markers would be drawn into its corners.
+# Share of the window: noise is smoothed first, by a Gaussian that does not move the saddle. It
+# reduces a corner's error by a third. On a ChArUco board it would blur markers into the corners.
 _SMOOTHING_SHARE = {"chessboard": 0.12, "charuco": 0.0}
 _MOST_SMOOTHING_PX = 1.4
 _PRECISION = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
-# A corner is misplaced if it is further from where the others have it than many times what is
-# usual on its board, within these bounds: pixels, and a share of the distance to its neighbours.
-# Lenses and perspective bend a board less than that.
+# A corner is misplaced if its distance from where the others predict it is more than this many
+# times the median on its board, within these bounds: at least so many pixels, at most a share of
+# the distance to its neighbours. Lenses and perspective bend a board less than that.
 _TOLERANCE_USUAL = 16.0
 _TOLERANCE_PX = 1.5
 _TOLERANCE_SHARE = 0.2
-# Of all corners: more that are misplaced, and the others say little too.
+# Share of all corners: if more are misplaced, the others are unreliable too.
 _MISPLACED_SHARE = 0.1
-# A surface of this degree follows a tilted board through a wide lens.
+# A polynomial surface of this degree fits a tilted board through a wide-angle lens.
 _DEGREE = 3
 
 
 def refined_corners(
     gray: Image, board: Board, ids: NDArray[np.int32], px: Float64Array
 ) -> NDArray[np.bool_]:
-    """Move corners to the saddle points nearest to them; say which are in their place.
+    """Move corners to the saddle points nearest to them; return which are in their place.
 
-    A corner that landed on something else (a highlight, a marker, a finger) is sought again where
-    the others have it. For a chessboard half hidden by a highlight that is the difference between
-    corners that are wrong by a square and none.
+    A corner that landed on something else (a highlight, a marker, a finger) is searched for again
+    where the others predict it. On a chessboard half hidden by a highlight, corners would otherwise
+    be wrong by a square.
 
     Args:
         gray: (H, W) uint8.
         ids: (N,) numbers of the corners.
-        px: (N, 2) pixels, to about a pixel; moved in place.
+        px: (N, 2) pixels, accurate to about a pixel; moved in place.
 
     Returns:
         (N,) True where the corner is in its place; all False if too many are not.
@@ -70,7 +70,7 @@ def _saddle_points(
     """Saddle points nearest to ``px`` (N, 2), within ``reach`` (N,) pixels each.
 
     Args:
-        smoothing: standard deviation of a Gaussian before, as a share of the window.
+        smoothing: standard deviation of the Gaussian applied first, as a share of the window.
     """
     windows = np.clip(reach, *_WINDOW_PX).astype(int)
     moved = px.copy()
@@ -90,14 +90,14 @@ def _saddle_points(
 def goes_on(gray: Image, board: Board, px: Float64Array) -> bool:
     """Return whether a chessboard has more corners than those found: ``px`` (columns * rows, 2).
 
-    OpenCV finds 8x6 corners in a board of 9x6, other ones in each image. Beyond the last corner of
-    a row, white and black still change on two sides; only within a board do they on all four.
+    OpenCV finds 8x6 corners in a board of 9x6, different ones in each image. Beyond the last corner
+    of a row, white and black still alternate on two sides; only within a board do they on all four.
     """
     grid = px.reshape(board.rows, board.columns, 2)
     across, down = (np.asarray(np.gradient(grid, axis=axis)) for axis in (1, 0))
     contrast = np.median(_saddle_contrast(gray, grid, across, down))
     for way in (grid, grid[::-1], grid.swapaxes(0, 1), grid.swapaxes(0, 1)[::-1]):
-        # Perspective makes steps grow; the second difference carries that on.
+        # Perspective makes the steps grow; quadratic extrapolation continues that.
         beyond = 3 * way[0] - 3 * way[1] + way[2]
         seen = _saddle_contrast(gray, beyond, np.gradient(beyond, axis=0), beyond - way[0])
         seen = seen[np.isfinite(seen)]
@@ -109,7 +109,7 @@ def goes_on(gray: Image, board: Board, px: Float64Array) -> bool:
 def _saddle_contrast(
     gray: Image, px: Float64Array, along: Float64Array, across: Float64Array
 ) -> Float64Array:
-    """Return the contrast of opposite squares to the two others at a corner; NaN outside."""
+    """Return the contrast between both pairs of opposite squares at a corner; NaN outside."""
     value = np.zeros(px.shape[:-1])
     for a, b in product((1, -1), repeat=2):
         place = np.rint(px + 0.35 * (a * along + b * across))
@@ -137,7 +137,7 @@ def _misplaced(
 ) -> tuple[NDArray[np.bool_], Float64Array, Float64Array]:
     """Return the outliers of a smooth surface through the others, expected places and tolerances.
 
-    The worst is left out one after the other; how far each is from the surface through all but
+    The worst ones are left out one by one. The distance of each from the surface through all but
     itself follows from its residual and leverage, e / (1 - h).
     """
     terms = _terms(board, ids)
@@ -152,7 +152,7 @@ def _misplaced(
         tolerance = np.clip(
             usual, _TOLERANCE_PX, np.maximum(_TOLERANCE_PX, _TOLERANCE_SHARE * spacing)
         )
-        # What the surface follows wherever it goes cannot be checked.
+        # A corner that the surface follows wherever it is (leverage near 1) cannot be checked.
         excess = np.where(unseen > 0.05, distance / np.maximum(unseen, 0.05), 0) / tolerance[kept]
         if excess.max() <= 1:
             break
@@ -161,7 +161,7 @@ def _misplaced(
 
 
 def _terms(board: Board, ids: NDArray[np.int32]) -> Float64Array:
-    """(N, terms): powers of column and row, as high as the corners in view can tell."""
+    """(N, terms): powers of column and row, as high as the corners in view can determine."""
     row, column = ids // board.columns, ids % board.columns
     degrees = [min(_DEGREE, max(1, len(np.unique(axis)) - 2)) for axis in (column, row)]
     u, v = 2 * column / (board.columns - 1) - 1, 2 * row / (board.rows - 1) - 1

@@ -1,15 +1,15 @@
 """Coverage of what a calibration needs by views of a board, as in ROS's camera_calibration.
 
-Each view is measured by four numbers from 0 to 1 (``ViewMeasures``). Views are worth keeping that
-differ from all others by more than 0.2 in the sum of absolute differences. Each measure's bar is
-the range that the views cover, from the least to the most of X and Y and from 0 for size and
+Each view is measured by four numbers from 0 to 1 (``ViewMeasures``). A view is worth keeping if it
+differs from all others by more than 0.2 in the sum of absolute differences. Each measure's bar is
+the range that the views cover, from minimum to maximum for X and Y and from 0 for size and
 skew, over the wanted range 0.7, 0.7, 0.4 and 0.5. All bars full, or 40 views, are enough
 (image_pipeline, ``calibrator.py``: ``get_parameters``, ``is_good_sample``,
 ``compute_goodenough``).
 
-Added here: both cameras of a pair are measured, and of each bar the emptier counts; five views
-that happen to fill the bars are not enough yet; and how far corners came out to each of the four
-corners of the image, where lens distortion is largest.
+Added here: both cameras of a pair are measured, and the emptier bar of the two counts; five views
+that happen to fill the bars are not enough yet; and the reach of the board's corners towards each
+of the four corners of the image, where lens distortion is largest.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from observer.geometry import Float64Array
 BARS = ("X", "Y", "Size", "Skew")
 WANTED_RANGES = (0.7, 0.7, 0.4, 0.5)
 IMAGE_CORNERS = ("upper left", "upper right", "lower left", "lower right")
-# Sum of absolute differences of the four measures between views that are worth keeping both.
+# Sum of absolute differences of the four measures above which two views are both worth keeping.
 NEW_DISTANCE = 0.2
 # So many views are enough even if a bar is not full.
 MANY_VIEWS = 40
-# Fewer views average too little of the corners' noise, whatever they cover.
+# Fewer views do not average out the corners' noise, whatever they cover.
 FEWEST_VIEWS = 12
-# Of the way from the image's centre to its corner, both in x and in y: a board seen whole by two
-# cameras side by side comes no further than about 0.8.
+# Share of the way from the image's centre to its corner, in both x and y: a board seen whole by two
+# cameras side by side reaches no further than about 0.8.
 WANTED_REACH = 0.55
 
 _MISSING = (
@@ -54,8 +54,8 @@ class ViewMeasures:
 
     Attributes:
         values: (..., 4) x, y, size and skew; of both cameras (2, 4).
-        reach: (..., 4) how far corners came out to the image's upper left, upper right, lower
-            left and lower right corner: 0 at the centre, 1 in the corner.
+        reach: (..., 4) how far the board's corners reach towards the image's upper left, upper
+            right, lower left and lower right corner: 0 at the centre, 1 in the corner.
     """
 
     values: Float64Array
@@ -77,8 +77,8 @@ class Coverage:
 
     Attributes:
         bars: X, Y, Size and Skew by name, each 0..1, the emptier of both cameras.
-        reached: by image corner, 0..1: how far out corners came, over what is wanted; the lesser
-            of both cameras.
+        reached: by image corner, 0..1: reach of the board's corners over the wanted one; the
+            lesser of both cameras.
         views: number of views.
     """
 
@@ -94,7 +94,7 @@ class Coverage:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of what is still to be shown, the most needed first."""
+        """What is still to be shown, in words, the most needed first."""
         bars = [words for words, bar in zip(_MISSING, self.bars.values(), strict=True) if bar < 1]
         corners = [f"the {name} corner of the image" for name, r in self.reached.items() if r < 1]
         more = FEWEST_VIEWS - self.views
@@ -128,7 +128,7 @@ def measure_outline(
     first, second = quadrangles[:, 2] - quadrangles[:, 0], quadrangles[:, 3] - quadrangles[:, 1]
     area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
     border = np.minimum(np.sqrt(area), 0.99 * size.min())[:, None]
-    # Shrunk by about half a board all around, else large boards could not cover the range.
+    # Shrink the image by about half a board all around, else large boards cannot cover the range.
     place = (px.mean(axis=1) - border / 2) / (size - border)
     a, b = quadrangles[:, 0] - quadrangles[:, 1], quadrangles[:, 2] - quadrangles[:, 1]
     cosine = (a * b).sum(1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) + 1e-12)
@@ -143,7 +143,7 @@ def measure_outline(
 
 
 def coverage(views: Sequence[ViewMeasures], wanted: tuple[float, ...] = WANTED_RANGES) -> Coverage:
-    """Return what these views cover together of the wanted ranges of X, Y, size and skew."""
+    """Return how much of the wanted ranges of X, Y, size and skew these views cover together."""
     if not views:
         return Coverage(dict.fromkeys(BARS, 0.0), dict.fromkeys(IMAGE_CORNERS, 0.0), 0)
     values, reach = stacked(views)

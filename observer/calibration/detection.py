@@ -1,8 +1,8 @@
-"""Detection of a board's corners to a fraction of a pixel, always numbered alike.
+"""Sub-pixel detection of a board's corners, always numbered the same way.
 
-OpenCV's ``findChessboardCorners`` says where a chessboard is and ``cornerSubPix`` where its
-corners are. ``findChessboardCornersSB`` finds some boards the former misses, but places corners
-about twice as badly in noisy images, so what it finds is refined like all others.
+OpenCV's ``findChessboardCorners`` finds the chessboard and ``cornerSubPix`` refines its corners.
+``findChessboardCornersSB`` finds some boards that the former misses, but places corners about half
+as accurately in noisy images, so its corners are refined like all others.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ _SECTORS = cv2.CALIB_CB_EXHAUSTIVE + cv2.CALIB_CB_NORMALIZE_IMAGE
 def detect_board(image: Image, board: Board, *, quick: bool = False) -> BoardSighting | None:
     """Return the corners of the board in an image, or None where it is not visible.
 
-    A chessboard must be seen whole, of a ChArUco board ``FEWEST_CORNERS`` are enough. Corner 0
+    A chessboard must be seen whole; of a ChArUco board ``FEWEST_CORNERS`` are enough. Corner 0
     is the one at a black square in the board's own upper left, so that a chessboard with an odd
     and an even count of inner corners is numbered the same however it is held; for others see
     ``turns_alike``.
 
     Args:
         image: (H, W) grey or (H, W, 3) BGR uint8.
-        quick: for a live view: about 4 ms where there is a board and 20 ms at most, rather
-            than all that can be tried (0.1 to 1 s where there is no board).
+        quick: for a live view: about 4 ms where there is a board and 20 ms at most, instead of
+            trying everything (0.1 to 1 s where there is no board).
     """
     gray = as_gray(image)
     if board.kind == "charuco":
@@ -56,7 +56,7 @@ def detect_board(image: Image, board: Board, *, quick: bool = False) -> BoardSig
     for found in _searches(gray, board, quick):
         if found is None or not refined_corners(gray, board, ids, found).all():
             continue
-        # Of a board with more corners than asked for, which of them were found is chance.
+        # If the board has more corners than asked for, it is chance which of them were found.
         return None if goes_on(gray, board, found) else _numbered(gray, board, found)
     return None
 
@@ -64,7 +64,7 @@ def detect_board(image: Image, board: Board, *, quick: bool = False) -> BoardSig
 def size_shown(image: Image) -> tuple[int, int] | None:
     """Columns and rows of the inner corners of a chessboard in an image, or None.
 
-    For whoever gave another size than the board has: it tries sizes up to 12x9 and takes a second.
+    For reporting a wrongly entered board size: it tries sizes up to 12x9 and takes a second.
     """
     gray = as_gray(image)
     for columns in range(12, 3, -1):
@@ -77,8 +77,8 @@ def size_shown(image: Image) -> tuple[int, int] | None:
 def turns_alike(board: Board) -> bool:
     """Return whether a board looks the same after half a turn, and so has two numberings.
 
-    True of a chessboard whose inner corners are both odd or both even in count. Such a board
-    must be held upright, and both cameras must see it the same way up; see ``same_numbering``.
+    True for a chessboard with columns and rows both odd or both even in count. Such a board must be
+    held upright, and both cameras must see it the same way up; see ``same_numbering``.
     """
     return board.kind == "chessboard" and (board.columns + board.rows) % 2 == 0
 
@@ -86,9 +86,9 @@ def turns_alike(board: Board) -> bool:
 def same_numbering(left: BoardSighting, right: BoardSighting, board: Board) -> BoardSighting:
     """Return the right camera's corners, numbered as the left camera's.
 
-    Of a board that ``turns_alike``, rows and columns are made to run the same way in both
-    images. Any other board is numbered by its own colours or markers and is left as it is, even
-    if one camera hangs upside down.
+    If the board ``turns_alike``, rows and columns are made to run the same way in both images.
+    Any other board is numbered by its own colours or markers and is left as it is, even if one
+    camera hangs upside down.
     """
     if not turns_alike(board) or len(left) != board.corner_count or len(right) != len(left):
         return right
@@ -99,11 +99,11 @@ def same_numbering(left: BoardSighting, right: BoardSighting, board: Board) -> B
 
 
 def _searches(gray: Image, board: Board, quick: bool) -> Iterator[Float64Array | None]:
-    """Corners in no certain order and to a pixel, (columns * rows, 2), by one way after another."""
+    """Yield corners in any order and to a pixel, (columns * rows, 2), one search after another."""
     width = gray.shape[1]
     if quick:
-        # Thresholds adapted to the neighbourhood find little more and take 5 times as long
-        # where there is no board, or a part of one.
+        # Adaptive thresholds find little more and take 5 times as long where there is no
+        # board, or only a part of one.
         for shown in (_QUICK_WIDTH, 2 * _QUICK_WIDTH):
             yield _chessboard(gray, board, min(1.0, shown / width), 0)
         return
@@ -133,12 +133,12 @@ def _scaled(gray: Image, scale: float) -> Image:
 
 
 def _at_full_size(px: NDArray[Any], scale: float) -> Float64Array:
-    # Images are scaled about their outer edge, half a pixel before the first pixel's centre.
+    # Scaling keeps the image's outer edge, half a pixel before the first pixel's centre.
     return (px.reshape(-1, 2).astype(np.float64) + 0.5) / scale - 0.5
 
 
 def _numbered(gray: Image, board: Board, px: Float64Array) -> BoardSighting:
-    """Corners by number: the board seen from its front, a black square at its upper left."""
+    """Return the corners by number: the board seen from its front, a black square at upper left."""
     grid = px.reshape(board.rows, board.columns, 2)
     if np.linalg.det(_directions(px, board)) < 0:
         grid = grid[:, ::-1]
@@ -146,7 +146,7 @@ def _numbered(gray: Image, board: Board, px: Float64Array) -> BoardSighting:
     choices = [px[order] for order in _turns(board)]
     contrast = [_black_first(gray, board, choice) for choice in choices]
     right = [px for px, value in zip(choices, contrast, strict=True) if value >= 0] or choices
-    # Of those that colours do not tell apart, the one that reads from left to right.
+    # Of numberings that colours do not distinguish, take the one that reads from left to right.
     best = max(right, key=lambda choice: float(_directions(choice, board)[0, 0]))
     return BoardSighting(np.arange(board.corner_count, dtype=np.int32), np.ascontiguousarray(best))
 
@@ -166,7 +166,7 @@ def _directions(px: Float64Array, board: Board) -> Float64Array:
 
 
 def _black_first(gray: Image, board: Board, px: Float64Array) -> float:
-    """Return how much darker the squares are that must be black, grey values."""
+    """Return how much darker the squares that must be black are than the others, grey levels."""
     grid = px.reshape(board.rows, board.columns, 2)
     centres = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4
     u, v = (np.rint(centres[..., k]).astype(np.intp) for k in (0, 1))
@@ -176,7 +176,7 @@ def _black_first(gray: Image, board: Board, px: Float64Array) -> float:
 
 
 def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
-    """OpenCV's own board, for detecting and for printing."""
+    """Return OpenCV's board object, for detecting and for printing."""
     markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, CHARUCO_DICTIONARY))
     return cv2.aruco.CharucoBoard(
         (board.columns + 1, board.rows + 1), board.square_m, MARKER_SHARE * board.square_m, markers
@@ -185,7 +185,7 @@ def charuco_board(board: Board) -> cv2.aruco.CharucoBoard:
 
 @lru_cache(maxsize=4)
 def _charuco_detector(board: Board) -> cv2.aruco.CharucoDetector:
-    """Return OpenCV's detector for one board; it draws the board to know its markers."""
+    """Return OpenCV's detector for one board; cached, as it draws the board to know its markers."""
     return cv2.aruco.CharucoDetector(charuco_board(board))
 
 

@@ -40,11 +40,11 @@ from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
-# Two lenses and the place of one camera are two dozen numbers; fewer views leave no check on them.
+# Two lenses and the right camera's pose are two dozen numbers; fewer views leave no check on them.
 FEWEST_PAIRS = 5
-# How many distortion terms are sought at first; the others must show their worth.
+# How many distortion terms are estimated at first; the others must prove their worth.
 _FIRST_TERMS: dict[DistortionModel, int] = {"radtan": 4, "equidistant": 2}
-# Cells of an image, across and down, for how much of it was covered.
+# Cells of an image, across and down, by which its coverage is measured.
 _CELLS = (5, 4)
 _ROUNDS = 40
 
@@ -60,13 +60,13 @@ def fit_stereo(
     distortion_model: DistortionModel = "radtan",
     progress: Progress | None = None,
 ) -> StereoFit:
-    """Calibrate a pair of cameras by views of a board.
+    """Calibrate a pair of cameras from views of a board.
 
-    Each camera is fitted alone first, then both together over all lenses, the right camera's place
-    and all poses of the board (``adjustment``). Views that one camera alone saw serve that camera.
+    Each camera is fitted alone first, then both together over all lenses, the right camera's pose
+    and all poses of the board (``adjustment``). Views that only one camera saw serve that camera.
     A view that fits far worse than the others is refused with the reason, and the fit repeated.
-    fx and fy are free of each other. Of the distortion, k1 k2 p1 p2 (k1 k2 of a fisheye lens) are
-    always sought, k3 (k3 k4) only where it makes views that were left out clearly better.
+    fx and fy are independent. Of the distortion, k1 k2 p1 p2 (k1 k2 of a fisheye lens) are always
+    estimated, k3 (k3 k4) only if it makes held-out views clearly better.
 
     Args:
         width, height: of the images, pixels.
@@ -89,8 +89,8 @@ def fit_stereo(
     assert found.covariance is not None
     report("computing the uncertainty", 0.93)
     covariance = error_covariance(found, corners, board, soft_px)
-    # A derivative by differences of so much: small against the curve, large against the rounding
-    # of inverted distortion.
+    # Step of the finite differences: small against the curvature, large against the rounding of
+    # inverted distortion.
     near = 0.5 * np.sqrt(np.diag(found.covariance))
     depth = depth_covariance(found.rig, covariance, near)
     errors = view_errors(found.residuals, corners, len(views))
@@ -117,7 +117,7 @@ def fit_stereo(
 class _Work:
     """State of one fit.
 
-    ``refused`` grows by the views that turn out bad, and ``views`` lose corners that do.
+    ``refused`` collects the views that turn out bad, and ``views`` lose bad corners.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class _Work:
         return found.rig
 
     def pair(self, left: Rig, right: Rig) -> tuple[Rig, float]:
-        """Fit both cameras; also return from where on residuals are outliers rather than noise."""
+        """Fit both cameras; also return the length, px, from which residuals are outliers."""
         self._report("fitting both cameras", 0.45)
         views, usable = len(self.views), self.usable()
         corners = corners_of(self.views, self._board, usable)
@@ -196,8 +196,8 @@ class _Work:
                 kept &= ~bad
                 continue
             usual, limit = limit_px(errors)
-            # What did not agree with the first guess, or was drawn away by worse views, may fit
-            # after all; each view gets one such chance.
+            # A view that did not agree with the first guess, or that worse views made look bad, may
+            # fit after all; each view gets one such chance.
             waiting = usable & ~kept & again
             again &= ~waiting
             if not waiting.any():
@@ -220,7 +220,7 @@ class _Work:
     def with_supported_terms(
         self, rig: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_], soft_px: float
     ) -> tuple[Rig, Folds | None]:
-        """The rig with as many distortion terms as views that were left out confirm."""
+        """Return the rig with as many distortion terms as held-out views confirm."""
         words = "validating on held-out views"
 
         def report(begin: float) -> Callable[[float], None]:

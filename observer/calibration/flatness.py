@@ -10,10 +10,10 @@ from observer.calibration.adjustment import Corners, Rig, derivatives
 from observer.calibration.board import Board
 from observer.geometry import Float64Array
 
-# How a board bends: about its upright axis, about its level one, and twisted.
+# How a board bends: about its vertical axis, about its horizontal axis, and twisted.
 BEND_SHAPES = 3
 _POSE = 6
-# More tell no more, and would take much memory.
+# More views add no information and take much memory.
 _MOST_VIEWS = 40
 
 
@@ -34,10 +34,10 @@ class Bend:
 def board_bend(
     rig: Rig, corners: tuple[Corners, Corners], board: Board, scatter_px: float
 ) -> Bend | None:
-    """Return the bend that best explains the fit's residuals, all else being free as well.
+    """Return the bend that best explains the fit's residuals, with all other parameters free.
 
-    One step of least squares from a fit that took the board for flat; None where the views do not
-    tell it.
+    One step of least squares from a fit that assumed a flat board; None where the views do not
+    determine it.
 
     Args:
         scatter_px: of the fit, see ``Adjusted``.

@@ -1,7 +1,7 @@
 """Guidance on where to hold the board next: the most useful pose, as outline and in words.
 
-Lenses are not known yet, so a pinhole of a usual webcam stands in for them. What is drawn with it
-has about the right perspective; what counts in the end is measured in the images.
+The lenses are not known yet, so a typical webcam's pinhole model stands in for them. Outlines drawn
+with it have about the right perspective; what counts in the end is measured in the images.
 """
 
 from __future__ import annotations
@@ -28,26 +28,27 @@ from observer.geometry import Float64Array
 _FOCAL_WIDTHS = 0.8
 # sqrt(area of the board / area of the image) of wanted poses.
 _SIZES = (0.16, 0.22, 0.3, 0.38, 0.46, 0.56)
-# Of the largest size that both cameras could see whole: a hand misses the outline.
+# Share of the largest size that both cameras could see whole, as a hand misses the outline.
 _SIZE_SHARE = 0.9
 # Steep enough that skew's bar fills even if the board is held 5 degrees less steep.
 _TILT_RAD = np.deg2rad(45.0)
 # White margin that detection needs, and a hand's inaccuracy, in squares.
 _MARGIN_SQUARES = 0.8
-# What a tilt not shown before, and a way to go, weigh against filling a bar from 0 to 1.
+# Weights against filling a bar from 0 to 1: a tilt not shown before (more than this angle from all
+# others); reaching an image corner, and completing a bar or corner.
 _NEW_TILT_WEIGHT, _NEW_TILT_RAD = 0.15, np.deg2rad(20.0)
 _REACH_WEIGHT, _FILLED_WEIGHT = 0.5, 0.3
-# Far from all views, but not too far to go from the last one.
+# Weights of the distance from all views, and against the distance from the last one.
 _FAR_WEIGHT, _WAY_WEIGHT = 0.2, 0.03
-# More than the least distance of new views, for a hand misses the outline.
+# More than the least distance of new views, as a hand misses the outline.
 _CLEARLY_NEW = NEW_DISTANCE + 0.08
-# What to begin with: the middle of the image, of medium size, facing the cameras.
+# The first pose: in the middle of the image, of medium size, facing the cameras.
 _FIRST = (0.5, 0.5, 0.42, 0.0)
-# Where the right camera is thought to see the board before both did: pixels of shift per image
-# width, constant and over depth in board widths, and how sure that is.
+# Where the right camera is assumed to see the board until both did: shift as a share of the image
+# width, constant and over depth in board widths, and its standard deviations.
 _SHIFT = np.array([0.0, -0.15])
 _SHIFT_STD = np.array([0.05, 0.2])
-# Differences that are said in words: of places, over the image's size; of sizes; of tilts.
+# Larger differences are put in words: of places, over the image's size; of sizes; of tilts.
 _PLACE_TOLERANCE, _SIZE_TOLERANCE, _TILT_TOLERANCE_RAD = 0.07, 1.15, np.deg2rad(15.0)
 # Depth in board widths, and mean shift (du, dv) of the corners from the left image to the right
 # one, pixels.
@@ -56,7 +57,7 @@ Shift = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class SeenPose:
-    """Pose of a board, by the camera that stands in for the real one.
+    """Pose of a board, by the camera model that stands in for the real one.
 
     Attributes:
         centre_px: (2,) the board's centre in the image.
@@ -74,7 +75,7 @@ class WantedPose:
     """A pose of the board that would add to the views.
 
     Attributes:
-        number: which of the guide's poses it is.
+        number: its number among the guide's poses.
         outline: (4, 2) pixels of the left image: the squares' outer edge, by the board's upper
             left, upper right, lower right and lower left.
         pose: the same in numbers.
@@ -106,7 +107,7 @@ class Guide:
         self._latest: tuple[tuple[Shift, ...], list[WantedPose]] | None = None
 
     def seen(self, sighting: BoardSighting) -> SeenPose | None:
-        """The pose of a board by its corners, or None where they do not tell."""
+        """Return the pose of a board by its corners, or None where they do not determine it."""
         points = self._board.object_points[sighting.ids] / self._unit
         camera = np.array(
             [[self._focal, 0, self._middle[0]], [0, self._focal, self._middle[1]], [0, 0, 1]]
@@ -127,7 +128,7 @@ class Guide:
         return SeenPose(place, float(centre[2]), np.asarray(rotation[:, 2], dtype=np.float64))
 
     def wanted_ranges(self, shifts: Sequence[Shift] = ()) -> tuple[float, ...]:
-        """Ranges of the measures that fill the bars: the usual ones, but no size out of reach.
+        """Return the measures' ranges that fill the bars: the usual ones, but no unreachable size.
 
         Two cameras far apart do not both see a whole board from close by.
         """
@@ -142,7 +143,7 @@ class Guide:
         shifts: Sequence[Shift] = (),
         skipped: Collection[int] = (),
     ) -> WantedPose | None:
-        """The pose that adds most to the kept views; None if they cover all there is.
+        """Return the pose that adds most to the kept views; None if they cover everything.
 
         Args:
             kept: measures of the views.
@@ -185,7 +186,7 @@ class Guide:
         return candidates[best] if best >= 0 and np.isfinite(worth[best]) else None
 
     def words(self, wanted: WantedPose, now: SeenPose | None) -> str:
-        """Return how to get there from where the board is; left and right as in the picture."""
+        """Return how to move the board there from where it is; left and right as in the image."""
         target = wanted.pose
         place = _place((target.centre_px - self._middle) / self._size)
         tilt = _tilt(target.normal)
@@ -254,7 +255,7 @@ class Guide:
     def _shift(self, shifts: Sequence[Shift]) -> tuple[float, float, float]:
         """Shift from left to right image: constant and over depth along x, constant along y.
 
-        Of what was seen so far and of what is usual, weighted by how sure each is.
+        Combines what was seen so far with the usual values, weighted by their certainty.
         """
         width = self._size[0]
         usual, std = _SHIFT * width, _SHIFT_STD * width
@@ -302,6 +303,6 @@ def _tilt(normal: Float64Array) -> str:
     """Return which side of the board to tilt away, or nothing where it faces the camera."""
     if np.arccos(np.clip(normal[2], -1, 1)) < _TILT_TOLERANCE_RAD:
         return ""
-    # The side towards which the board's back leans.
+    # The side opposite to the direction in which the board's back points.
     side = _place(-normal[:2])
     return f"tilt its {side} {'corner' if ' ' in side else 'side'} away from the cameras"

@@ -1,9 +1,9 @@
 """Cross-validation of a calibration on views that it was not fitted to.
 
-The views of a pair are dealt out into parts. For each part the rig is fitted without it, beginning
-with the whole solution, and measured on it. A rectified pair must show one point in one row:
-that vertical error needs no pose of the board and no truth. The calibration that is handed out
-uses all views, so it is a little better than what is told here.
+The views of a pair are split into folds. For each fold the rig is fitted without it, starting from
+the full solution, and tested on it. A rectified pair must show a point in the same row of both
+images: this vertical error needs no pose of the board and no ground truth. The final calibration
+uses all views, so it is a little better than reported here.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
 FOLDS = 6
-# Without a part there must be enough views left for a fit of its own.
+# Without one fold, enough views must be left for a fit.
 FEWEST_HELD_OUT = 6
 _STEPS = 4
 _POSE_STEPS = 8
@@ -33,11 +33,11 @@ class HeldOut:
     """Vertical error after rectification, on views that the fit did not see.
 
     Attributes:
-        median_px, p95_px: of its length, pixels of the left image as taken.
+        median_px, p95_px: of its absolute value, pixels of the left image as taken.
         lasting_px: the part of it that all corners of a view have in common (root mean square
-            over the views, what noise alone would make of it left out): an error of the
-            calibration that lasts while a thing stays where it is.
-        count: corners. folds: into how many parts the views were dealt.
+            over the views, less the contribution of noise): an error of the calibration that
+            persists while an object stays where it is.
+        count: corners. folds: number of folds.
     """
 
     median_px: float
@@ -47,7 +47,7 @@ class HeldOut:
     folds: int
 
 
-# Rigs that were fitted without a part of the views each, and which views (V,) that was.
+# Rigs, each fitted without one fold, and the views (V,) of that fold.
 Folds: TypeAlias = list[tuple[Rig, NDArray[np.bool_]]]
 
 
@@ -58,7 +58,7 @@ def fit_folds(
     soft_px: float,
     report: Callable[[float], None] = lambda _: None,
 ) -> Folds | None:
-    """Fit without one part of the views in ``both`` (V,) each; None where they are too few.
+    """Fit once without each fold of the views in ``both`` (V,); None if there are too few.
 
     Args:
         report: called with the share done, from 0 to 1.
@@ -78,7 +78,7 @@ def fit_folds(
 
 
 def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float) -> Float64Array:
-    """(V,) mean square of the distances, px^2, of views that were left out; NaN for others.
+    """(V,) mean square reprojection error, px^2, of held-out views; NaN for others.
 
     Only the pose of the board is fitted to them.
     """
@@ -88,7 +88,7 @@ def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float)
         found = adjust(rig, left_out, soft_px=soft_px, iterations=_POSE_STEPS, hold=True)
         view = np.concatenate([each.view for each in left_out])
         square = np.sum(np.concatenate(found.residuals) ** 2, axis=1)
-        # A single wrong corner decides nothing.
+        # Limit the influence of a single wrong corner.
         square = np.minimum(square, (3 * soft_px) ** 2)
         for index in np.flatnonzero(part):
             out[index] = float(square[view == index].mean())
@@ -98,8 +98,8 @@ def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float)
 def richer_is_better(simple: Float64Array, rich: Float64Array) -> bool:
     """Return whether further distortion terms make held-out views (V,) clearly better.
 
-    By more than one standard error of the gain, for a term that the data do not support bends the
-    image where no board was seen.
+    Clearly: by more than one standard error of the gain, as a term without support in the data
+    bends the image where no board was seen.
     """
     gain = (simple - rich)[np.isfinite(simple) & np.isfinite(rich)]
     if len(gain) < 2:
@@ -108,7 +108,7 @@ def richer_is_better(simple: Float64Array, rich: Float64Array) -> bool:
 
 
 def held_out(folds: Folds, corners: tuple[Corners, Corners]) -> HeldOut | None:
-    """The vertical errors of all views that were left out once; None where none can be told."""
+    """Return the vertical errors of all held-out views; None where there are none."""
     errors: list[Float64Array] = []
     for rig, part in folds:
         try:
@@ -140,7 +140,7 @@ def vertical_errors(
 ) -> Float64Array:
     """(N,) px, right minus left row after rectification, of pixels (N, 2) as taken.
 
-    In pixels of the left image's own focal length; rectification by alpha 0 zooms, which would
+    In pixels at the left image's own focal length: rectification with alpha 0 zooms, which would
     make cameras with strong distortion seem worse.
     """
     left, right, _ = rectified_directions(calibration, left_px, right_px)
@@ -149,9 +149,9 @@ def vertical_errors(
 
 
 def common_px(left: Corners, right: Corners, view: int) -> tuple[Float64Array, Float64Array]:
-    """(N, 2) pixels each of the corners of a view that both cameras saw."""
+    """(N, 2) pixels in each image of the corners of a view that both cameras saw."""
     a, b = left.view == view, right.view == view
-    # Corners of one board are told apart by where they are on it.
+    # Corners are identified by their positions on the board.
     same = (left.on_board[a][:, None] == right.on_board[b]).all(axis=2)
     in_left, in_right = np.nonzero(same)
     return left.px[a][in_left], right.px[b][in_right]

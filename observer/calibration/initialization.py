@@ -14,16 +14,17 @@ from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
-# Focal lengths that are tried, of the image's width: 90 to 14 degrees, and 180 to 44.
+# Focal lengths to try, as shares of the image's width: fields of view of 90 to 14 degrees, and of
+# 180 to 44.
 _FOCAL_SHARES: dict[DistortionModel, tuple[float, ...]] = {
     "radtan": (0.5, 0.8, 1.2, 2.0, 4.0),
     "equidistant": (0.25, 0.35, 0.5, 0.8, 1.3),
 }
-# While nothing is sure residuals beyond this count in proportion to their length only, pixels.
+# Pixels: in first guesses, longer residuals count only in proportion to their length.
 FIRST_SOFT_PX = 5.0
 _TRIAL_STEPS = 8
-# A pair of poses that explains another view to this many pixels agrees with it; to so many where
-# all views are as bad.
+# Pixels: a pose of the right camera agrees with another view if it explains it to within the first;
+# up to the second, if all views are as bad.
 _AGREES_PX, _AGREES_AT_MOST_PX = 10.0, 25.0
 
 
@@ -34,21 +35,21 @@ def begin_camera(
     size: tuple[int, int],
     free: NDArray[np.bool_],
 ) -> Adjusted:
-    """The lens of one camera and the poses of the board before it, roughly.
+    """Return rough estimates of one camera's lens and of the poses of the board.
 
-    Several focal lengths are tried, for a board seen under a small angle tells little of it at
-    first, and a start from far off ends in a valley of its own.
+    Several focal lengths are tried, because a board that subtends a small angle says little about
+    it at first, and a start from far off ends in a local minimum.
 
     Args:
-        views: number of views; those without corners keep a pose without meaning.
+        views: number of views; those without corners keep a meaningless pose.
         size: width and height of the images, pixels.
-        free: (4 + N,) which values of the lens are sought.
+        free: (4 + N,) which values of the lens are estimated.
 
     Raises:
         CalibrationError: no focal length explains the views at all.
     """
     focal_only = np.zeros_like(free)
-    # fx, fy and the first radial term: without it strong distortion is taken for focal length.
+    # fx, fy and the first radial term: without it, strong distortion passes for focal length.
     focal_only[[0, 1, 4]] = True
     best: Adjusted | None = None
     least = np.inf
@@ -69,16 +70,16 @@ def begin_camera(
         )
     rig = replace(best.rig, free=free)
     found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX)
-    # With the lens known, a pose that began in the mirrored solution finds the right one.
+    # With the lens known, a pose that started in the mirrored solution finds the right one.
     again = with_poses(found.rig, 0, corners)
     return adjust(again, [corners], soft_px=FIRST_SOFT_PX)
 
 
 def with_poses(rig: Rig, camera: int, corners: Corners) -> Rig:
-    """The rig with T_left_board of each view by what this camera alone sees of it.
+    """Return the rig with T_left_board of each view as estimated from this camera alone.
 
-    Of the two poses that explain a flat board nearly alike (Collins and Bartoli: Infinitesimal
-    Plane-based Pose Estimation, 2014) the better one; where there is none, the old pose stays.
+    Two poses explain a flat board almost equally well (Collins and Bartoli: Infinitesimal
+    Plane-based Pose Estimation, 2014); the better one is used. If there is none, the old one stays.
     """
     board_R, board_t = rig.board_R.copy(), rig.board_t.copy()
     looks = rig.lenses[camera].directions(corners.px)
@@ -97,11 +98,11 @@ def with_poses(rig: Rig, camera: int, corners: Corners) -> Rig:
 def begin_pair(
     left: Rig, right: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_]
 ) -> tuple[Rig, NDArray[np.bool_]]:
-    """The pair from two cameras by themselves, and which views (V,) agree on it.
+    """Return the pair from two separately fitted cameras, and which views (V,) agree on it.
 
-    Each view in ``both`` (V,) says where the right camera is; the one that most others agree with
-    is believed, so that views in which something moved, or was numbered the other way round,
-    decide nothing.
+    Each view in ``both`` (V,) gives a pose of the right camera. The one that most others agree with
+    is used, so that views in which something moved, or corners were numbered the other way round,
+    have no influence.
     """
     shown = np.flatnonzero(both)
     R = np.einsum("vij,vkj->vik", right.board_R, left.board_R)
@@ -119,7 +120,7 @@ def begin_pair(
         if score < least:
             best, least, errors = view, score, rms
     limit = float(np.clip(3 * np.median(errors[shown]), _AGREES_PX, _AGREES_AT_MOST_PX))
-    # Views that only the right camera has hang on its own poses.
+    # Views that only the right camera has take their poses from it.
     board_R, board_t = left.board_R.copy(), left.board_t.copy()
     only_right = np.isin(np.arange(len(both)), corners[1].view)
     only_right &= ~np.isin(np.arange(len(both)), corners[0].view)
@@ -140,7 +141,7 @@ def _pose(on_board: Float64Array, look: Float64Array) -> tuple[Float64Array, Flo
         )  # fmt: skip
     except cv2.error:
         return None  # corners on one line, for example
-    # Where it finds no pose, OpenCV may tell an error all the same.
+    # OpenCV may return an error value even if it finds no pose.
     for k in np.argsort(np.asarray(errors).ravel()[: len(rvecs)]):
         R = np.asarray(cv2.Rodrigues(rvecs[k])[0], dtype=np.float64)
         t = np.asarray(tvecs[k], dtype=np.float64).reshape(3)

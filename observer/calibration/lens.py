@@ -10,18 +10,18 @@ import numpy as np
 from observer.camera import DistortionModel
 from observer.geometry import Float64Array
 
-# How many numbers stand for the distortion: k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye lens.
+# Number of distortion coefficients: k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye lens.
 DISTORTION_SIZE: dict[DistortionModel, int] = {"radtan": 5, "equidistant": 4}
 
-# Inverting a distortion is an iteration; OpenCV's own limits leave tenths of a pixel in corners.
+# Distortion is inverted iteratively; OpenCV's default limits leave tenths of a pixel in corners.
 _CRITERIA = (cv2.TERM_CRITERIA_MAX_ITER + cv2.TERM_CRITERIA_EPS, 60, 1e-10)
-# What is nearer to the plane of the lens than this share of a metre has no picture.
+# Metres: points nearer to the plane of the lens than this have no image.
 _LEAST_DEPTH_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera's inner parameters as one vector, as an adjustment wants them.
+    """A camera's intrinsic parameters as one vector, as an adjustment needs them.
 
     Attributes:
         model: of the distortion.
@@ -50,10 +50,10 @@ class Lens:
         return self.values[4:]
 
     def project(self, points: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Pixels of points (N, 3), the lens's own frame, metres.
+        """Project points (N, 3), the lens's own frame, metres.
 
         Returns:
-            (N, 2) pixels, NaN for what is not in front of the lens; (N, 2, 3) their derivatives
+            (N, 2) pixels, NaN for points not in front of the lens; (N, 2, 3) their derivatives
             by the point, px/m; and (N, 2, 4 + N) those by ``values``.
         """
         if len(points) == 0:
@@ -61,8 +61,8 @@ class Lens:
         at_rest = np.zeros(3)
         front = points[:, 2] > _LEAST_DEPTH_M
         seen = np.where(front[:, None], points, [0.0, 0.0, 1.0]).reshape(-1, 1, 3)
-        # With the camera at rest in the points' own frame the derivative by its translation is
-        # that by the point.
+        # With an identity pose, the derivative by the camera's translation equals that by the
+        # point.
         if self.model == "equidistant":
             px, J = cv2.fisheye.projectPoints(seen, at_rest, at_rest, self.K, self.D)
             by_lens, by_point = J[:, :8], J[:, 11:14]
@@ -79,7 +79,7 @@ class Lens:
         )
 
     def directions(self, px: Float64Array) -> Float64Array:
-        """(N, 3) directions with z = 1 in which pixels (N, 2) look; NaN where there is none."""
+        """(N, 3) viewing directions with z = 1 of pixels (N, 2); NaN where there is none."""
         return directions(self.model, self.K, self.D, px)
 
 
@@ -98,7 +98,7 @@ def directions(
     if model == "equidistant":
         flat = cv2.fisheye.undistortPoints(given, K, D, criteria=_CRITERIA)
     else:
-        # Its own criteria count iterations only; of these five do not do.
+        # undistortPoints itself stops after five iterations, which are not enough.
         flat = cv2.undistortPointsIter(given, K, D, np.eye(3), np.eye(3), _CRITERIA)
     out = np.ones((len(px), 3))
     out[:, :2] = np.asarray(flat, dtype=np.float64).reshape(-1, 2)

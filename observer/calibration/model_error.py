@@ -1,7 +1,7 @@
 """Change of a fit if the board is bent, or the lenses have a further distortion term.
 
-A model that is a little wrong pulls all views the same way, which their scatter does not show. It
-is told by the richer model: how far one Gauss-Newton step towards it moves the parameters.
+A slightly wrong model biases all views the same way, which their scatter does not show. A richer
+model reveals it: by how far one Gauss-Newton step towards that model moves the parameters.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from observer.calibration.board import Board
 from observer.calibration.flatness import BEND_SHAPES, bend_shapes
 from observer.geometry import Float64Array
 
-# What is to be expected, one standard deviation: of a bend, as a share of the board's longer side,
-# and of a distortion coefficient of the sixth power or higher.
+# Priors, one standard deviation: of a bend, as a share of the board's longer side, and of a
+# distortion coefficient of the sixth power or higher.
 _BEND_SHARE = 0.0015
 _COEFFICIENT = 0.1
 
@@ -53,12 +53,12 @@ def model_shift(
 
 
 def _distortion_count(rig: Rig) -> int:
-    """Number of terms of each lens that the fit did not seek, and one more."""
+    """Number of terms of each lens that the fit did not estimate, plus one."""
     return len(rig.free) - rig.free_count + 1
 
 
 def _by_distortion(rig: Rig, camera: int, seen: Corners) -> Float64Array:
-    """(N, 2, E) derivatives by the terms that the fit did not seek, and the next radial one."""
+    """(N, 2, E) derivatives by the terms that the fit did not estimate and the next radial one."""
     place = np.einsum("nij,nj->ni", rig.board_R[seen.view], seen.on_board) + rig.board_t[seen.view]
     if camera == 1:
         place = place @ rig.R.T + rig.T
@@ -66,7 +66,7 @@ def _by_distortion(rig: Rig, camera: int, seen: Corners) -> Float64Array:
     _, _, by_lens = lens.project(place)
     x = place[:, :2] / place[:, 2:]
     r = np.linalg.norm(x, axis=1)
-    # The powers go on: r r^8 after k3 of the one model, theta theta^10 after k4 of the other.
+    # The next powers: r r^8 after k3 of the one model, theta theta^10 after k4 of the other.
     radius = np.arctan(r) ** 11 if lens.model == "equidistant" else r**9
     focal = lens.values[:2]
     beyond = focal * x * (radius / np.maximum(r, 1e-12))[:, None]

@@ -1,4 +1,4 @@
-"""Outlier views: which do not fit with the others, by how much, and why in words."""
+"""Outlier views: which do not fit the others, by how much, and why, in words."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from observer.calibration.board import FEWEST_CORNERS, Board
 from observer.calibration.initialization import with_poses
 from observer.geometry import Float64Array
 
-# A view is an outlier when its corners are off by this many times what is usual, and by so much
-# more, pixels: blur and distance alone make views differ by a factor of two.
+# A view is an outlier if its error exceeds the median by this factor, and by this many pixels: blur
+# and distance alone make views differ by a factor of two.
 _TIMES = 3.0
 _BEYOND_PX = 0.3
-# Of standard deviations: what is further off counts in proportion to its length only.
+# Standard deviations: residuals beyond this count only in proportion to their length.
 _SOFT_SIGMAS = 4.0
 _LEAST_SOFT_PX = 0.2
-# The median length of a pair of normal numbers of deviation 1.
+# The median length of a 2-D normal vector with standard deviation 1.
 _MEDIAN_LENGTH = 1.1774
 _STEPS = 20
-# A corner further off than this, in units of the soft threshold, is wrong; a view may have this
-# share of them, otherwise all of it is.
+# A corner further off than this, in units of the soft threshold, is wrong; a view with more than
+# this share of them is wrong as a whole.
 _STRAY = 1.5
 _LEAST_STRAY_PX = 0.6
 _STRAY_SHARE = 0.15
@@ -35,10 +35,10 @@ class ViewError:
     """Reprojection error of one view.
 
     Attributes:
-        name: of the view. used: whether the fit rests on it. reason: why not, a clause.
-        left_px, right_px: root mean square of its corners' distances; None where not seen or
-            unknown. Of a view that is not used it is that of the best pose of the board.
-        strays: single corners that were left out, for they were wrongly detected.
+        name: of the view. used: whether the fit uses it. reason: why not, a clause.
+        left_px, right_px: root mean square error of its corners; None where not seen or unknown.
+            For a view that is not used, with the board's best pose.
+        strays: number of single corners left out as wrongly detected.
     """
 
     name: str
@@ -55,7 +55,7 @@ def rms(residuals: Float64Array) -> float:
 
 
 def soft_threshold(residuals: Sequence[Float64Array]) -> float:
-    """Return where residuals begin to be outliers rather than noise, pixels, by their median."""
+    """Return the residual length from which on they are outliers, pixels, by their median."""
     length = np.linalg.norm(np.concatenate(residuals), axis=1)
     return max(_LEAST_SOFT_PX, _SOFT_SIGMAS / _MEDIAN_LENGTH * float(np.median(length)))
 
@@ -77,15 +77,15 @@ def whole_errors(
 
 
 def limit_px(errors: Float64Array) -> tuple[float, float]:
-    """Return the median of errors (V,), NaN left out, and the limit of an outlier."""
+    """Return the median of errors (V,), ignoring NaN, and the limit above which are outliers."""
     usual = float(np.nanmedian(errors))
     return usual, max(_TIMES * usual, usual + _BEYOND_PX)
 
 
 def outliers(errors: Float64Array) -> NDArray[np.bool_]:
-    """(V,) the worst view and those nearly as bad, where they are outliers; often none.
+    """(V,) the worst view and those nearly as bad, if they are outliers; often none.
 
-    Not all at once: a bad view draws others with it, and these are good again without it.
+    Not all outliers at once: a bad view makes others look bad, which are good again without it.
     """
     if np.isnan(errors).all():
         return np.zeros(len(errors), np.bool_)
@@ -95,9 +95,9 @@ def outliers(errors: Float64Array) -> NDArray[np.bool_]:
 
 
 def stray_corners(residuals: Float64Array, corners: Corners, soft_px: float) -> NDArray[np.bool_]:
-    """(N,) single corners of a camera's views that are wrong where the rest of the view is right.
+    """(N,) single corners of a camera's views that are wrong in an otherwise good view.
 
-    Beside a glare or the image's edge a corner is found a few pixels away.
+    Beside glare or the image's edge, a corner may be detected a few pixels away.
     """
     far = np.linalg.norm(residuals, axis=1) > max(_LEAST_STRAY_PX, _STRAY * soft_px)
     views = int(corners.view.max(initial=-1)) + 1
@@ -110,9 +110,9 @@ def stray_corners(residuals: Float64Array, corners: Corners, soft_px: float) -> 
 def posed(
     rig: Rig, corners: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> tuple[Adjusted, tuple[Corners, Corners]]:
-    """The chosen views (V,) with the board where they fit this rig best, and their corners.
+    """Return the chosen views (V,) with the board's best poses for this rig, and their corners.
 
-    Where left and right contradict each other, what most corners say wins.
+    Where left and right contradict each other, the majority of the corners wins.
     """
     one, two = corners[0].of_views(chosen), corners[1].of_views(chosen)
     rig = with_poses(rig, 1, two)
@@ -158,7 +158,7 @@ def explained(
 def _alone(
     rig: Rig, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> float:
-    """Return the error of the worse of the two images by itself, pixels."""
+    """Return the error of the two images fitted separately, the worse one, pixels."""
     nothing = own[0].of_views(np.zeros_like(chosen))
     worse = 0.0
     for camera, single in enumerate(((own[0], nothing), (nothing, own[1]))):
@@ -169,7 +169,7 @@ def _alone(
 
 
 def _numbered_back(corners: Corners, board: Board) -> Corners:
-    """The same corners, numbered from the other end of the board."""
+    """Return the same corners, numbered from the other end of the board."""
     far = board.object_points[-1]
     return Corners(corners.view, far - corners.on_board, corners.px)
 

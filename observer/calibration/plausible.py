@@ -1,4 +1,4 @@
-"""Checks that views determine a calibration, and that it can be real."""
+"""Checks that views determine a calibration, and that it is physically plausible."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from observer.calibration.adjustment import Adjusted, Rig
 from observer.errors import CalibrationError
 
-# One standard deviation of the focal length, as a share of it, beyond which it is unknown: of one
-# camera alone, and of the pair.
+# Standard deviation of the focal length, as a share of it, above which it counts as undetermined:
+# for one camera alone, and for the pair.
 _UNSURE_ALONE, _UNSURE = 0.1, 0.02
-# Of the board's pose between views: less than this is always the same, degrees and a share of the
-# distance.
+# Smaller differences between two poses of the board count as the same pose: degrees, and a share of
+# the distance.
 _SAME_DEG, _SAME_SHARE = 4.0, 0.05
 _FEWEST_POSES = 3
-# Less than this the board faces the camera, degrees.
+# Degrees of tilt below which the board faces the camera.
 _FACING_DEG = 10.0
-# Focal lengths as shares of the image's width: 157 to 3 degrees.
+# Focal lengths as shares of the image's width: fields of view of 157 to 3 degrees.
 _FOCAL_SHARES = (0.1, 20.0)
 _LARGE_RMS_PX = 3.0
 
@@ -28,10 +28,10 @@ def check_camera(found: Adjusted, seen: NDArray[np.intp], name: str) -> None:
     """Check that the views determine this camera's lens.
 
     Args:
-        seen: numbers of the views that it rests on. name: of the camera, as in ``the left camera``.
+        seen: numbers of the views used. name: of the camera, as in ``the left camera``.
 
-    Raises:
-        CalibrationError: they do not, or the lens is none.
+        Raises:
+            CalibrationError: they do not, or the lens is impossible.
     """
     _check_lens(found.rig, 0, seen, name)
     _check_variety(found.rig, seen)
@@ -68,7 +68,7 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
 
 
 def _check_lens(rig: Rig, camera: int, seen: NDArray[np.intp], name: str) -> None:
-    """Check that the lens can be one of an image of this size.
+    """Check that the lens is possible for an image of this size.
 
     Raises:
         CalibrationError: it cannot.
@@ -94,7 +94,7 @@ def _check_focal(
     """Check that the focal lengths are known to a share of ``most``.
 
     Args:
-        names: of the cameras. whole: of what is not determined at all.
+        names: of the cameras. whole: name to use if nothing at all is determined.
 
     Raises:
         CalibrationError: they are not.
@@ -110,7 +110,7 @@ def _check_focal(
 
 
 def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
-    """Check that the board was held in enough poses; without noise one would seem to do.
+    """Check that the board was held in enough poses; without noise, one would seem enough.
 
     Raises:
         CalibrationError: it was not.
@@ -144,7 +144,7 @@ def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | No
 
 
 def _advice(rig: Rig, seen: NDArray[np.intp], camera: int) -> str:
-    """Return what to do differently, by how the board was held."""
+    """Return what to do differently, judging by how the board was held."""
     R = rig.board_R[seen]
     if camera == 1:
         R = rig.R @ R

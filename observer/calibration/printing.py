@@ -1,4 +1,4 @@
-"""Sheets to print boards from, in true scale: millimetres in SVG, exact vectors in PDF."""
+"""Printable sheets of boards, true to scale: millimetres in SVG, exact vectors in PDF."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from observer.calibration.detection import charuco_board
 from observer.errors import CalibrationError
 
 Paper = Literal["A4", "A3", "Letter"]
-# Upright, millimetres.
+# Portrait, millimetres.
 PAPERS_MM: dict[Paper, tuple[float, float]] = {
     "A4": (210.0, 297.0),
     "A3": (297.0, 420.0),
     "Letter": (215.9, 279.4),
 }
-# Length of the bar that tells whether a sheet was printed in true scale.
+# Length of the bar that shows whether a sheet was printed true to scale.
 BAR_MM = 100.0
 
-# White that detection needs around the squares, in squares.
+# White margin that detection needs around the squares, in squares.
 _MARGIN_SQUARES = 1
-# What most printers leave white at the edge of a sheet.
+# Unprintable edge of most printers.
 _EDGE_MM = 6.0
 # Below the board and its margin: the bar and three lines of text.
 _FOOT_MM = 15.0
 _BAR_HEIGHT_MM = 2.5
 _LINE_MM, _TEXT_MM = 3.8, 2.9
 _POINTS_PER_MM = 72 / 25.4
-# Beyond that no printer scales by itself; somebody measured something else.
+# No printer scales by more than this; something else was measured.
 _MEASURED_MM = (50.0, 200.0)
 
 
 @dataclass(frozen=True)
 class _Rectangle:
-    """Millimetres from the sheet's upper left; painted over what came before it."""
+    """Rectangle in millimetres from the sheet's upper left; painted over earlier ones."""
 
     x: float
     y: float
@@ -52,7 +52,7 @@ class _Sheet:
     width: float
     height: float
     rectangles: tuple[_Rectangle, ...]
-    # Left end of the base line, and words.
+    # Left end of the text's baseline, and words.
     lines: tuple[tuple[float, float, str], ...]
 
 
@@ -96,7 +96,7 @@ def board_pdf(board: Board, paper: Paper) -> bytes:
         f"{0 if r.black else 1} g {r.x:.6f} {r.y:.6f} {r.width:.6f} {r.height:.6f} re f"
         for r in sheet.rectangles
     ]
-    # Letters stand upright in the page's own axes, y upwards.
+    # Text is upright in the page's own axes, y upwards.
     content += ["Q", "BT 0 g", f"/F1 {_TEXT_MM * scale:.4f} Tf"]
     for x, y, words in sheet.lines:
         text = words.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
@@ -119,10 +119,10 @@ def board_pdf(board: Board, paper: Paper) -> bytes:
 
 
 def scaled(board: Board, measured_bar_mm: float) -> Board:
-    """The board as it was really printed, by the measured length of the 100 mm bar.
+    """Return the board as it was actually printed, by the measured length of the 100 mm bar.
 
     Raises:
-        CalibrationError: no printer scales by so much, or the squares leave what boards may have.
+        CalibrationError: no printer scales by so much, or the squares exceed a board's limits.
     """
     if not _MEASURED_MM[0] <= measured_bar_mm <= _MEASURED_MM[1]:
         raise CalibrationError(
@@ -133,7 +133,7 @@ def scaled(board: Board, measured_bar_mm: float) -> Board:
 
 
 def _pages(paper: Paper) -> list[tuple[float, float]]:
-    """Width and height of a sheet lying and standing, mm."""
+    """Width and height of a sheet in landscape and in portrait, mm."""
     if paper not in get_args(Paper):
         raise CalibrationError(
             f"a board can be printed on {', '.join(PAPERS_MM)}, not on {paper!r}"
@@ -207,7 +207,7 @@ def _markers(board: Board, left: float, top: float) -> list[_Rectangle]:
         y = top + row * square + (square - side) / 2
         out.append(_Rectangle(x, y, side, side))
         white = np.asarray(dictionary.generateImageMarker(marker, modules)) > 127
-        # Runs along rows and again along columns, so that no seam between two shows as a line.
+        # Runs along rows and again along columns, so that no seam between two runs shows as a line.
         for v, first, length in _runs(white):
             out.append(_Rectangle(x + first * step, y + v * step, length * step, step, False))
         for u, first, length in _runs(white.T):
@@ -217,7 +217,7 @@ def _markers(board: Board, left: float, top: float) -> list[_Rectangle]:
 
 
 def _runs(cells: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> list[tuple[int, int, int]]:
-    """Row, first column and length of each stretch of set cells in a row."""
+    """Row, first column and length of each run of set cells in a row."""
     out = []
     for row, line in enumerate(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8)):
         edges = np.diff(line)

@@ -14,7 +14,7 @@ from observer.calibration.verdict import Verdict
 
 
 def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]:
-    """Return what people are told of a fit; finite numbers or None, lists and text only."""
+    """Return a fit's report for people; only finite numbers or None, lists and text."""
     c = fit.calibration
     report = {
         "image_width": c.width,

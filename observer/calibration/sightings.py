@@ -13,16 +13,16 @@ from observer.calibration.board import FEWEST_CORNERS, Board, BoardSighting, Boa
 from observer.calibration.outlier_views import ViewError
 from observer.geometry import Float64Array
 
-# What lies so far outside the image, of its size, was never found in it.
+# Share of the image's size: a corner this far outside was never found in the image.
 _OUTSIDE = 0.02
-# The narrower spread of the corners, of the wider one: below this they are one line.
+# Ratio of the corners' smaller to their larger spread, below which they are collinear.
 _LEAST_SPREAD = 0.01
 
 
 def refused_sightings(
     views: Sequence[BoardView], board: Board, width: int, height: int
 ) -> dict[int, ViewError]:
-    """Return the views, by index, that cannot be used."""
+    """Return the unusable views, by index."""
     refused = {}
     for index, view in enumerate(views):
         left = _problem(view.left, "left", board, width, height)
@@ -49,7 +49,7 @@ def corners_of(
 def without(
     views: Sequence[BoardView], camera: int, corners: Corners, strays: NDArray[np.bool_]
 ) -> list[BoardView]:
-    """The views without the corners (N,) of one camera that are strays."""
+    """Return the views without the stray corners (N,) of one camera."""
     name = ("left", "right")[camera]
     out = list(views)
     for index in np.unique(corners.view[strays]).tolist():

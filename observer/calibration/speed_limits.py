@@ -1,23 +1,23 @@
 """Detectable speeds of a rig and their delay, by the method's own statistics.
 
-A thing that stood still begins to move. What each frame then tells of it goes, without noise but
-with the variances that noise has, into the very filters that the rigid method uses
-(``observer.methods.rigid``), and the moment is taken at which all of its conditions are met:
+A thing at rest begins to move. Each frame's measurements of it, without noise but with the
+variances of the noise, go into the same filters that the rigid method uses
+(``observer.methods.rigid``), and the result is the time at which all of its conditions are met:
 
-1. The evidence of m neighbours is pooled: the variance of one point's velocity, made larger for
-   the bend between rest and motion, times (1 + s (m - 1)) / m with the shared error s, plus what
-   the camera's own motion adds. v^2 / variance + 3 (what noise adds on average) must exceed the
-   quantile of chi-squared at the declared rate of false alarms.
-2. All n points together begin a track. Its velocity must stay significant, faster than what
-   counts as stopped, and seen by enough points for some frames
+1. The evidence of m neighbours is pooled: the variance of one point's velocity, enlarged for the
+   bend between rest and motion, times (1 + s (m - 1)) / m with the shared error s, plus that of the
+   camera's own motion. v^2 / variance + 3 (what noise adds on average) must exceed the quantile of
+   chi-squared at the declared rate of false alarms.
+2. All n points together begin a track. Its velocity must stay significant and above the speed that
+   counts as stopped, and enough points must see it for some frames
    (``observer.methods.rigid.bodies.lifecycle``).
 
-A point is known to Z sigma / f across. Along the line of sight its disparity tells it to
-Z^2 sigma_d / (f B); but what comes nearer also grows, and a point at the distance r from the axis
-tells by that to Z^2 sigma / (f r). Both count, averaged over the thing: the information along the
-line of sight is (f / Z^2)^2 (B^2 / sigma_d^2 + r^2 / sigma^2).
+Across, a point is known to Z sigma / f. Along the line of sight its disparity gives it to
+Z^2 sigma_d / (f B); but an approaching thing also grows, and the growth gives it to
+Z^2 sigma / (f r) for a point at the distance r from the axis. Both count, averaged over the thing:
+the information along the line of sight is (f / Z^2)^2 (B^2 / sigma_d^2 + r^2 / sigma^2).
 
-``Thing`` says what is assumed of the thing and of the background; the camera stands still.
+``Thing`` holds the assumptions on the thing and on the image; the camera stands still.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from observer.parameters import Parameters
 from observer.types import TrackState
 from observer.vision.camera_rate import CameraRate
 
-# Seconds of rest before it moves: several memories.
+# Seconds of rest before it moves: several times the filters' memory.
 _REST_S = 2.0
-# As the method: a regression over a random walk knows its slope so much worse
-# (``methods.rigid.motion_test``); and a body that was just found may turn so fast, rad/s.
+# As in the method: the factor by which a regression over a random walk knows its slope worse
+# (``methods.rigid.motion_test``); and the yaw rate sigma of a body that was just found, rad/s.
 _RANDOM_WALK = 1.2
 _YAW_RATE_SIGMA = 0.6
 _LEAST_VELOCITY_VARIANCE = 1e-6
-# m/s: the speeds that are tried.
+# m/s: the speeds to try.
 _SPEEDS = (0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)
 
 
@@ -58,11 +58,11 @@ class Thing:
     """Assumptions on a thing that moves, and on the image.
 
     Attributes:
-        width_m, height_m: of a person, as far as it is in view.
-        followed_share: of the squares (``klt_tracking.spacing_px``) that it covers, those with a
-            point that can be followed. most_points: of these; near a camera clothes are plain.
-        sigma_px, disparity_px: noise of one followed point and of its disparity, pixels, as the
-            method finds it where there is texture.
+        width_m, height_m: of a person, as far as in view.
+        followed_share: share of the squares (``klt_tracking.spacing_px``) it covers that have a
+            trackable point. most_points: limit on these; near a camera clothes lack texture.
+        sigma_px, disparity_px: noise of one tracked point and of its disparity, pixels, as the
+            method measures it where there is texture.
     """
 
     width_m: float = 0.5
@@ -73,7 +73,7 @@ class Thing:
     disparity_px: float = 0.15
 
     def spread_m(self, camera: StereoCamera, depth: float) -> float:
-        """Root mean square distance of its points from the axis, metres, in the middle."""
+        """Root mean square distance of its points from the axis, metres, if it is in the middle."""
         across = min(self.width_m, camera.width * depth / camera.fx)
         down = min(self.height_m, camera.height * depth / camera.fy)
         return math.sqrt((across**2 + down**2) / 12)
@@ -87,7 +87,7 @@ class Thing:
 
 @dataclass(frozen=True)
 class Detectable:
-    """A speed, and how long after it began it is reported, seconds."""
+    """A speed, and the delay from its onset until it is reported, seconds."""
 
     speed_mps: float
     delay_s: float
@@ -102,7 +102,7 @@ def slowest_reported(
     thing: Thing,
     parameters: Parameters,
 ) -> Detectable | None:
-    """The slowest of a row of speeds that is reported within this time; None if none is.
+    """Return the slowest of several speeds that is reported within this time; None if none is.
 
     Args:
         depth: metres. direction: unit vector, camera axes: (1, 0, 0) across, (0, 0, -1) towards.
@@ -131,14 +131,14 @@ def report_delay(
     """Seconds from its first motion until a thing is reported; None if not ``within_s``.
 
     Args:
-        depth: metres. velocity: (3,) m/s, camera axes. count: points that are followed on it.
-        thing: whose noise and extent count; its number of points does not.
+        depth: metres. velocity: (3,) m/s, camera axes. count: points that are tracked on it.
+        thing: only its noise and extent count, not its number of points.
     """
     p, dt = parameters, 1 / frame_rate
     if count < max(p.evidence.min_points, p.obstacles.min_points):
         return None
     deviations = _point_deviations(camera, depth, thing)
-    # What all points share: the camera's own motion, by a background that fills the image.
+    # Error that all points share: the camera's own motion, by a background that fills the image.
     step_cov = np.diag(deviations**2) * p.ego_motion.noise_correlation
     information = np.diag(1 / deviations**2)
     start = np.array([0.0, 0.0, depth])
@@ -181,7 +181,7 @@ def depth_noise_m(camera: StereoCamera, depth: float, disparity_px: float) -> fl
 
 
 def _point_deviations(camera: StereoCamera, depth: float, thing: Thing) -> Float64Array:
-    """(3,) metres, x y z: what one sighting tells of where a point of the thing is."""
+    """(3,) metres, x y z: standard deviations of a point's position from one sighting."""
     across, down = depth * thing.sigma_px / camera.fx, depth * thing.sigma_px / camera.fy
     by_disparity = 1 / depth_noise_m(camera, depth, thing.disparity_px)
     by_growth = thing.spread_m(camera, depth) / (depth * across)
@@ -189,12 +189,12 @@ def _point_deviations(camera: StereoCamera, depth: float, thing: Thing) -> Float
 
 
 def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Array]:
-    """(3,) m/s and (3, 3): of one point, as it seems, for part of what is remembered is rest."""
+    """(3,) m/s and (3, 3): apparent velocity of one point, as part of the memory is rest."""
     information, vector = sums.velocity_information()
     cov = np.linalg.inv(information[0])
     velocity = cov @ vector[0]
     # By how much a straight course misses the bend, beyond the noise
-    # (PositionVelocityFilter.excess, which expects sightings that have noise).
+    # (as PositionVelocityFilter.excess, which expects noisy sightings).
     position, _ = sums.moving_position(velocity[None])
     explained = (position - sums.origin)[0] @ sums.b0[0] + velocity @ sums.b1[0]
     freedom = max(3 * float(sums.count[0]) - 6, 1.0)
@@ -215,7 +215,7 @@ def _threshold(camera: StereoCamera, neighbours: float, p: Parameters) -> float:
 
 
 def _begun(place: Float64Array, velocity: Float64Array, cov: Float64Array, count: int) -> BodyTrack:
-    """A track as the method begins it."""
+    """Return a track as the method begins it."""
     motion = BodyFilter.begin(
         place,
         velocity,
@@ -231,7 +231,7 @@ def _begun(place: Float64Array, velocity: Float64Array, cov: Float64Array, count
 def _measured_noise(
     deviations: Float64Array, count: int, thing: Thing, p: Parameters
 ) -> Float64Array:
-    """(4, 4) of position and yaw of a body by ``count`` points spread over its width."""
+    """(4, 4) covariance of a body's position and yaw by ``count`` points across its width."""
     variance = np.diag(deviations**2)
     turn = deviations[2] ** 2 / (thing.width_m**2 / 12)
     shared = (1 + p.obstacles.noise_correlation * count) / count

@@ -18,17 +18,17 @@ from observer.camera import StereoCalibration
 
 @dataclass(frozen=True)
 class DepthBias:
-    """Effect of the calibration's uncertainty on depth: a share of it and lasting pixels.
+    """Effect of the calibration's uncertainty on depth: a relative error and a disparity offset.
 
     Attributes:
-        covariances: estimates, mostly one, of the covariance (2, 2) of relative error and offset
-            of the disparity in pixels, row by row.
+        covariances: estimates, usually one, of the covariance (2, 2) of the relative error and
+            the disparity offset in pixels, row by row.
     """
 
     covariances: tuple[tuple[float, ...], ...]
 
     def relative_sigma(self, per_disparity: float) -> float:
-        """One standard deviation of depth's relative error, by the larger of the estimates.
+        """One standard deviation of depth's relative error, by the largest of the estimates.
 
         Args:
             per_disparity: Z / (f B) of the depth Z, the inverse of its disparity, 1/px.
@@ -44,16 +44,16 @@ class StereoFit:
     """A calibration, and how good it is.
 
     Attributes:
-        calibration: by all used views.
-        board: that was shown.
-        rms_left, rms_right, rms_stereo: root mean square distance of corners, pixels.
+        calibration: from all used views.
+        board: the one shown.
+        rms_left, rms_right, rms_stereo: root mean square reprojection error, pixels.
         views: of all that were given, in their order.
         pairs: how many used views both cameras saw.
         interval_95: half of the 95 % intervals of the parameters.
-        depth_bias: what it does to depth.
-        held_out: None where there were too few views to leave some out.
+        depth_bias: effect of the uncertainty on depth.
+        held_out: None where there were too few views to hold some out.
         coverage: share of the left and of the right image's cells that corners fell into.
-        bend: how far the board seems to be from flat; None where the views do not tell.
+        bend: estimated bend of the board; None where the views do not determine it.
     """
 
     calibration: StereoCalibration

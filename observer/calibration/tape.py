@@ -11,11 +11,11 @@ from observer.camera import StereoCalibration
 from observer.errors import InputError
 from observer.intervals import half_95
 
-# One standard deviation of a person with a tape, who does not know where inside the lens depth
+# One standard deviation of a tape measurement, as people do not know where inside the lens depth
 # begins: metres, and a share of the length.
 _TAPE_M, _TAPE_SHARE = 0.01, 0.002
-# Of a disparity that is the median over a spot, pixels: semi-global matching is drawn towards whole
-# pixels, by up to 0.2 px on a plane that faces the cameras.
+# One standard deviation of the median disparity over a spot, pixels: semi-global matching is biased
+# towards whole pixels, by up to 0.2 px on a plane that faces the cameras.
 _SPOT_PX = 0.12
 _RANGE_M = (0.05, 200.0)
 
@@ -25,12 +25,12 @@ class TapeCheck:
     """Result of one measurement.
 
     Attributes:
-        rig_m, tape_m: depth as the rig and as the tape has it.
+        rig_m, tape_m: depth by the rig and by the tape.
         difference_m, share: rig minus tape, and that as a share of the tape's.
         expected_m: half of the 95 % interval of the difference. agrees: whether it lies within.
-        square_m: side of the squares on the board that would explain it all, metres; None where
-            the board is unknown. baseline_m: the baseline, in the same way.
-        vergence_deg: turn of the right camera that would explain it instead; positive inwards.
+        square_m: side of the board's squares that would explain all of it, metres; None where
+            the board is unknown. baseline_m: the baseline that would.
+        vergence_deg: rotation of the right camera that would explain it instead; positive inwards.
         sentence: the same in words.
     """
 
@@ -57,7 +57,7 @@ def tape_check(
 ) -> TapeCheck:
     """Compare the depth that the rig measured with a tape's.
 
-    Depth is proportional to the baseline, and that to the side of the squares as it was typed in:
+    Depth is proportional to the baseline, and the baseline to the side of the squares as typed in:
     a print whose squares are 97 % of that makes all depths 1 / 0.97 times too large.
 
     Args:
@@ -65,7 +65,7 @@ def tape_check(
         square_m: side of the board's squares as typed in. bias, lasting_px: of the fit.
 
     Raises:
-        InputError: a distance is no distance.
+        InputError: a distance is out of range.
     """
     low, high = _RANGE_M
     for name, value in (("rig", rig_m), ("tape", tape_m)):
@@ -84,7 +84,7 @@ def tape_check(
     difference = rig_m - tape_m
     share, expected = difference / tape_m, half_95(sigma)
     scale = tape_m / rig_m
-    # d = f B / Z; the disparity that was measured belongs to rig_m.
+    # d = f B / Z; rig_m corresponds to the measured disparity.
     offset_px = focal * calibration.baseline * (1 / tape_m - 1 / rig_m)
     check = TapeCheck(
         rig_m=rig_m,

@@ -17,10 +17,10 @@ from observer.camera import StereoCalibration
 from observer.geometry import Float64Array
 from observer.intervals import SIGMAS_95
 
-# Where in the image depth is judged: shares of the width and height from the principal point.
+# Image positions where depth is judged: shares of width and height from the principal point.
 _PLACES = ((0.0, 0.0), (-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))
-# A richer model's change as one standard deviation of the error: so much of it makes intervals
-# hold what they say.
+# Share of a richer model's change that counts as one standard deviation of the error: with it, the
+# intervals cover the truth as often as they should.
 _SHIFT_SHARE = 0.75
 
 
@@ -28,13 +28,12 @@ _SHIFT_SHARE = 0.75
 class Interval95:
     """Half of the 95 % interval of each parameter that people ask for: the ± beside it.
 
-    By ``error_covariance``, for corners of one view err together and models are not quite right.
+    By ``error_covariance``, as errors in one view are correlated and models are not quite right.
 
     Attributes:
         focal_left_px, focal_right_px: of fx. centre_left_px, centre_right_px: of cx and cy.
         baseline_m: metres. rotation_deg: of R about the right camera's x, y and z.
-        pitch_deg, vergence_deg, roll_deg: of ``view_angles_deg``, which is what depth and rows
-            follow from.
+        pitch_deg, vergence_deg, roll_deg: of ``view_angles_deg``, which determine depth and rows.
     """
 
     focal_left_px: float
@@ -49,12 +48,12 @@ class Interval95:
 
 
 def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
-    """(3,) pitch, vergence and roll: how what the two images show is turned against each other.
+    """(3,) pitch, vergence and roll: the rotation between the views that the two images show.
 
-    Angles between the lines of sight of the two images' middles, down and to the right, and the
-    turn about them. R alone is not that: a principal point that is wrong by a few tenths of a
-    pixel and a lens that is turned by hundredths of a degree show the same image, so the fit
-    knows either badly and both together ten times as well.
+    Angles between the lines of sight of the two images' centres, down and to the right, and the
+    rotation about them. R alone does not give these: a principal point that is off by a few tenths
+    of a pixel and a lens that is rotated by hundredths of a degree show the same image, so the fit
+    determines each badly and their combination ten times as well.
     """
     c = calibration
     middle = np.array([[(c.width - 1) / 2, (c.height - 1) / 2]])
@@ -71,12 +70,12 @@ def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
 def error_covariance(
     found: Adjusted, corners: Sequence[Corners], board: Board, soft_px: float
 ) -> Float64Array:
-    """Return the covariance (G, G) of the global parameters' errors, such as they are in practice.
+    """Return the covariance (G, G) of the global parameters' errors, as they are in practice.
 
-    Of the scatter between views and of a richer model's change, which is a bias that all views
-    share. ``SIGMAS_95`` standard deviations of it are half of a 95 % interval. Over boards that
-    are tilted or not, flat or bent, and noise that corners share, such intervals hold the truth
-    in 90 to 100 % of all fits; those of ``found.covariance``, by the curvature, in 3 to 72 %.
+    It combines the scatter between views with a richer model's change, a bias that all views share.
+    ``SIGMAS_95`` standard deviations of it are half of a 95 % interval. Over boards that are tilted
+    or not, flat or bent, and noise that corners share, such intervals cover the truth in 90 to
+    100 % of all fits; those of ``found.covariance``, by the curvature, in 3 to 72 %.
 
     Args:
         found: the fit. corners, soft_px: as it was fitted to, see ``adjust``.
@@ -90,7 +89,7 @@ def interval_95(rig: Rig, covariance: Float64Array, near: Float64Array) -> Inter
     """Return the intervals of a pair by the covariance (G, G) of its global parameters.
 
     Args:
-        near: (G,) changes of the parameters that are small against any curve.
+        near: (G,) changes of the parameters that are small against any curvature.
     """
     half = SIGMAS_95 * np.sqrt(np.diag(covariance))
     each = rig.free_count
@@ -143,14 +142,14 @@ def depth_covariance(rig: Rig, covariance: Float64Array, near: Float64Array) -> 
 def depth_change(truth: StereoCalibration, wrong: StereoCalibration) -> Float64Array:
     """Return the depth error that results when ``wrong`` is used where ``truth`` holds.
 
-    Points of known depth are projected by the one and measured by the other, at two depths; a
-    share of the depth and a lasting error of the disparity explain the two.
+    Points of known depth are projected by the one and measured by the other, at two depths; the two
+    errors give a relative error of the depth and a constant error of the disparity.
 
     Returns:
         (P, 2): relative error, and pixels of disparity (as of a focal length of K1), at P places.
     """
     f, B = float(truth.K1[0, 0]), truth.baseline
-    # Far apart in disparity, and both far from any singular point.
+    # Far apart in disparity, and both far from any singularity.
     depths = np.array([15.0, 60.0]) * B
     errors = np.stack([_relative_error(truth, wrong, depth) for depth in depths])
     # error = scale - offset Z / (f B): a disparity that is too large makes depth too small.
@@ -163,7 +162,7 @@ def depth_change(truth: StereoCalibration, wrong: StereoCalibration) -> Float64A
 def _relative_error(
     truth: StereoCalibration, wrong: StereoCalibration, depth: float
 ) -> Float64Array:
-    """(P,) of points at this depth, metres."""
+    """(P,) relative depth errors of points at this depth, metres."""
     K = truth.K1
     places = np.array(_PLACES) * [truth.width, truth.height]
     u = np.column_stack([places[:, 0] / K[0, 0], places[:, 1] / K[1, 1], np.ones(len(places))])
@@ -177,10 +176,10 @@ def _relative_error(
 def intersected(
     calibration: StereoCalibration, left_px: Float64Array, right_px: Float64Array
 ) -> Float64Array:
-    """(N,) metres along the left camera's axis where pairs of pixels (N, 2) as taken meet.
+    """(N,) metres along the left camera's axis where the rays of pixel pairs (N, 2) as taken meet.
 
     NaN where they do not meet in front of the cameras. In the rectified pair depth is f B / d
-    with the disparity d; here it is carried back to the left camera's own axis.
+    with the disparity d; here it is converted back to the left camera's own axis.
     """
     c = calibration
     left, right, R1 = rectified_directions(c, left_px, right_px)
@@ -195,7 +194,7 @@ def rectified_directions(
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Directions (N, 3) with z = 1 in the rectified cameras, and R_rectified_left (3, 3)."""
     c = calibration
-    # The turns follow from R and T alone (Bouguet); the lens only sets the zoom, not asked for.
+    # The rotations follow from R and T alone (Bouguet); the lens only sets the zoom, unused here.
     R1, R2, *_ = cv2.stereoRectify(
         c.K1, np.zeros(5), c.K2, np.zeros(5), (c.width, c.height), c.R, c.T.reshape(3, 1)
     )

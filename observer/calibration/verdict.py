@@ -1,4 +1,4 @@
-"""Verdict on a calibrated rig, in metres: its depth errors, and what motion it reports when."""
+"""Verdict on a calibrated rig: its depth errors in metres, and which motion it reports when."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from observer.parameters import Parameters
 from observer.vision.rectification import Rectification
 
 DISTANCES_M = (1.0, 3.0, 5.0)
-# A thing is of use if it is reported within this time, seconds.
+# A report is useful if it comes within this time, seconds.
 WITHIN_S = 1.0
 _SENTENCE_M = 3.0
 ACROSS, TOWARDS = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 
-# Where warnings begin.
+# Thresholds of warnings.
 _POOR_DEPTH = 0.1
 _POOR_RMS = 0.8 / 640  # of the image's width
 _POOR_ROWS_PX = 1.0
@@ -28,7 +28,7 @@ _FEW_PAIRS = 10
 # Half of the 95 % interval of the focal length, as a share of it.
 _POOR_FOCAL = 0.02
 _LENSES_DIFFER = 0.1
-# Of a board's longer side, and standard deviations.
+# Bend of the board: share of its longer side, and standard deviations.
 _BENT, _BENT_SIGMAS = 0.004, 4.0
 
 
@@ -39,10 +39,10 @@ class VerdictRow:
     Attributes:
         distance_m: depth.
         noise_m: one standard deviation of the depth of one point in one frame, which averages out.
-        bias_m: one standard deviation of what does not: the calibration's own uncertainty, and the
-            part of the rows' disagreement that lasts.
+        bias_m: one standard deviation of the error that does not: the calibration's own
+            uncertainty, and the persistent part of the rows' disagreement.
         depth_m: of both together. depth_share: the same, as a share of the distance.
-        points: that are assumed to be followed on a person-sized thing there.
+        points: number assumed to be tracked on a person-sized thing there.
         across, towards: the slowest motion that is reported within ``WITHIN_S``; None if none is.
     """
 
@@ -63,8 +63,8 @@ class Verdict:
     Attributes:
         rows: at ``DISTANCES_M``. sentence: the middle one in words.
         nearest_m: depth of the largest disparity that is searched; nearer things are not seen.
-        warnings: one sentence each where the rig is poor, and what to do.
-        frame_rate: 1/s, that the delays hold for.
+        warnings: one sentence for each weakness of the rig, and what to do.
+        frame_rate: 1/s, for which the delays hold.
     """
 
     rows: tuple[VerdictRow, ...]
@@ -75,7 +75,7 @@ class Verdict:
 
 
 def judge(fit: StereoFit, frame_rate: float) -> Verdict:
-    """Return what a pair that was just calibrated can do, for a person and default parameters.
+    """Return what a freshly calibrated pair can do, for a person and default parameters.
 
     Args:
         frame_rate: of the cameras, 1/s.
@@ -131,11 +131,11 @@ def depth_bias_share(
     bias: DepthBias | None,
     lasting_px: float = 0.0,
 ) -> float:
-    """One standard deviation of depth's lasting error at a distance, as a share of it.
+    """One standard deviation of depth's persistent error at a distance, as a share of it.
 
     Args:
-        bias: of the fit. lasting_px: of ``HeldOut``: rows that disagree for good tell that columns
-            do so as much, by distortion that the lens model does not hold.
+        bias: of the fit. lasting_px: of ``HeldOut``: a persistent row error implies an equal
+            column error, by distortion that the lens model does not cover.
     """
     per_disparity = distance_m / (float(calibration.K1[0, 0]) * calibration.baseline)
     known = 0.0 if bias is None else bias.relative_sigma(per_disparity)
@@ -143,7 +143,7 @@ def depth_bias_share(
 
 
 def _camera(calibration: StereoCalibration) -> tuple[StereoCamera, list[str]]:
-    """The rectified pair, or a likely one and why it is none."""
+    """Return the rectified pair, or an approximate one and why rectification failed."""
     try:
         return Rectification(calibration).camera, []
     except CalibrationError as error:

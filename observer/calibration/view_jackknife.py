@@ -1,10 +1,10 @@
 """Covariance of a fit by leaving out one view after the other.
 
-Corners of one view err together: blur, a board that is not flat and a lens that bends otherwise
-than its model shift many of them alike. The curvature of the sum of squares takes each corner for
-an observation of its own and then promises two to three times too much, most of all where few
-views tilt the board and only these fix the focal length. What is independent are the views, so
-that they are what is left out (the delete-one jackknife of clustered data; Cameron and Miller: A
+Errors of the corners in one view are correlated: blur, a board that is not flat and a lens that
+differs from its model shift many of them alike. The curvature of the sum of squares treats each
+corner as an independent observation and so claims two to three times too much accuracy, most of all
+where few views tilt the board and only these determine the focal length. The views are independent,
+so they are what is left out (the delete-one jackknife of clustered data; Cameron and Miller: A
 Practitioner's Guide to Cluster-Robust Inference, 2015). One Gauss-Newton step from the solution
 stands for each fit without a view, which makes all of them together cheaper than one fit.
 """
@@ -20,8 +20,8 @@ from observer.calibration.adjustment import Corners, Rig, reduced_by_view
 from observer.geometry import Float64Array
 from observer.intervals import SIGMAS_95
 
-# Added to normal matrices that are scaled to ones on their diagonal: where the other views leave a
-# parameter open, a finite step that is far too long to be overlooked.
+# Added to normal matrices scaled to a unit diagonal: where the other views leave a parameter
+# undetermined, it makes the step finite but far too long to be overlooked.
 _RIDGE = 1e-12
 
 
@@ -41,7 +41,7 @@ def view_covariance(rig: Rig, corners: Sequence[Corners], soft_px: float) -> Flo
     scale = 1 / np.sqrt(np.maximum(np.diag(S.sum(axis=0)), 1e-300))
     S, s = S * np.outer(scale, scale), s * scale
     without = S.sum(axis=0) - S + _RIDGE * np.eye(len(scale))
-    # At the solution the gradients of all views cancel; without one of them its own is missing.
+    # At the solution the gradients of all views cancel; without one view, its own is missing.
     moved = -scale * np.linalg.solve(without, s[:, :, None])[:, :, 0]
     apart = moved - moved.mean(axis=0)
     views = len(moved)

@@ -1,4 +1,4 @@
-"""JPEGs of images that people look at."""
+"""JPEG encoding of images for people to look at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Listing of image files: pairs of a sequence by equal names, times by line."""
+"""Listing of image files: pairs matched by name, times matched by line."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class MissingPair:
 
 
 def image_names(folder: Path) -> list[str]:
-    """Names of the image files in a folder, numbers in names in numerical order.
+    """Names of the image files in a folder, sorted with numbers in numerical order.
 
     Raises:
         SourceError: the folder is missing, unreadable or without images.
@@ -42,7 +42,7 @@ def image_names(folder: Path) -> list[str]:
         raise SourceError(f"the folder {folder} is missing") from None
     except OSError as error:
         raise SourceError(f"the folder {folder} cannot be read: {error.strerror}") from None
-    # Files that macOS leaves on foreign disks look like images and are none.
+    # macOS leaves files on foreign disks that look like images but are not.
     names = [name for name in names if not name.startswith(".")]
     if not names:
         raise SourceError(
@@ -61,11 +61,11 @@ def read_times(path: Path) -> list[float]:
     """Read times in seconds, one a line; empty lines and lines that begin with # do not count.
 
     Raises:
-        SourceError: the file is missing or a line is no finite number.
+        SourceError: the file is missing or a line is not a finite number.
     """
     times = []
     for number, line in read_lines(path):
-        # Python also reads 1_000 and the digits of other scripts, which nobody means here.
+        # Python also accepts 1_000 and the digits of other scripts, which are never meant here.
         value = float(line) if NUMBER.fullmatch(line) else math.nan
         if not math.isfinite(value):
             raise SourceError(
@@ -104,10 +104,10 @@ def pairs_by_name(
 ) -> list[FilePair | MissingPair]:
     """One entry for each frame of two folders with equal file names.
 
-    Line n of the times belongs to the n-th name. Where there are more or fewer times than names,
-    names that are numbers count the lines from 0, so that a lost image moves no time; with other
-    names there is no telling, and the sequence is refused. ``right_times`` are the right images'
-    own, for the same lines; where they end, nothing is known of them.
+    Line n of the times belongs to the n-th name. If there are more or fewer times than names,
+    names that are numbers are taken as line numbers from 0, so that a lost image shifts no times;
+    with other names the match is unknown, and the sequence is refused. ``right_times`` are the
+    right images' own times, for the same lines; beyond their end the times are unknown.
 
     Raises:
         SourceError: a folder cannot be used, no name is in both, or the counts do not match.
@@ -148,7 +148,7 @@ def pairs_by_name(
 
 
 def _by_number(names: Sequence[str]) -> dict[int, str]:
-    """Names that consist of a number, by that number; fewer than ``names`` if others do not."""
+    """Names that consist of a number, by that number; fewer than ``names`` if some do not."""
     found = {}
     for name in names:
         stem = Path(name).stem

@@ -1,7 +1,8 @@
-"""One image out of one file, or one sentence that says why not.
+"""Reading of one image from one file, or one sentence that says why it cannot be read.
 
-``cv2.imread`` hands out what it could decode of a cut-off JPEG, grey from some row on, and such
-an image gives plausible wrong motion. So the container is checked to its end before decoding.
+``cv2.imread`` returns whatever it could decode of a truncated JPEG, grey from some row on, and
+such an image gives plausible but wrong motion. So the container is checked to its end before
+decoding.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ IMAGE_SUFFIXES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp"}
 )
 
-# Depths of cameras' images, which files of 16 bits hold in their lower bits.
+# Bit depths of cameras; 16-bit files hold them in their lower bits.
 _BITS = (8, 10, 12, 14, 16)
 
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -33,16 +34,16 @@ _JPEG_START_OF_SCAN = 0xDA
 
 
 class BitDepth:
-    """How many of 16 bits the images of one source use: cameras of 10, 12 and 14 bits fill 16.
+    """Number of bits in use in a source's 16-bit images: 10-, 12- and 14-bit cameras store 16.
 
-    The most that were seen count, so that a dark image in between is no brighter than the others.
+    The highest number seen so far counts, so that a dark image does not come out brighter.
     """
 
     def __init__(self) -> None:
         self._bits = 0
 
     def reduced(self, image: NDArray[np.uint16]) -> Image:
-        """The upper 8 bits of those in use, of an image of any shape."""
+        """Return the upper 8 of the bits in use; the image may have any shape."""
         highest = int(image.max(initial=0))
         self._bits = max(self._bits, next(bits for bits in _BITS if highest < 1 << bits))
         return (image >> (self._bits - 8)).astype(np.uint8)
@@ -52,7 +53,7 @@ def read_image(path: Path, depth: BitDepth | None = None) -> Image:
     """The image as stored: (H, W) grey or (H, W, 3) BGR uint8; of 16 bits the upper 8 in use.
 
     Args:
-        depth: of the source that it belongs to; None: it is judged alone.
+        depth: of the image's source; None judges the image alone.
 
     Raises:
         SourceError: the file is missing, cut off, damaged or no image; names the file.
@@ -140,7 +141,7 @@ def _jpeg_damage(content: bytes) -> str | None:
             position += 1 if marker == 0xFF else 2
             continue
         if marker == _JPEG_START_OF_SCAN:
-            # Inside compressed data every FF is escaped, so an end mark is one.
+            # Inside compressed data every FF is escaped, so this can only be the end marker.
             return None if content.find(b"\xff\xd9", position) >= 0 else cut_off
         position += 2 + int.from_bytes(content[position + 2 : position + 4], "big")
     return cut_off
@@ -164,5 +165,5 @@ def _cut_off(declared: int, actual: int) -> str | None:
 
 
 def _named(path: Path) -> str:
-    # The folder tells left from right; the whole path would drown the sentence.
+    # The folder tells left from right; the full path would be too long for the sentence.
     return "/".join(path.parts[-2:])

@@ -1,4 +1,4 @@
-"""Choice of the mount that a source is observed with: the rig's or its own."""
+"""Choice of the camera mount to use for a source: the rig's or the source's own."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ _RECORDED = ("recording",)
 def mount_for(
     info: SourceInfo, rig: Rig | None, calibration: str | None = None
 ) -> CameraMount | None:
-    """Return the mount of a source's camera: by the rig where it is this source's, else its own.
+    """Return the mount of a source's camera: the rig's if it applies to the source, else its own.
 
-    - Live cameras and recordings of runs are the rig's: its values win one by one, and the
-      source's own, where it tells any, stand in for those that the rig does not know.
+    - Live cameras and recordings of runs use the rig's: each value that it knows wins, and the
+      source's own values, if any, fill in the rest.
     - Simulated sources know their mount exactly and keep it, unless the rig says
-      ``for_simulated``; then they are as live cameras.
-    - Files (folders, data sets, videos) may come from any robot: they keep their own, unless they
-      are observed with the very calibration that the rig was measured with.
+      ``for_simulated``; then they are treated like live cameras.
+    - Files (folders, data sets, videos) may come from any robot: they keep their own, unless the
+      calibration in use is the one that the rig was measured with.
 
     Args:
         calibration: id of the calibration in use, as ``Rig.calibration``; None where unknown.
 
     Returns:
-        None where height or tilt is known to neither.
+        None if the height or the tilt is known from neither.
     """
     if rig is None or not _belongs(info, rig, calibration):
         return info.mount

@@ -1,14 +1,14 @@
-"""Extrinsics of the camera on its robot from a short drive, by wheels and stereo.
+"""Extrinsics of the camera on its robot from a short drive, by wheel odometry and stereo.
 
 Hand-eye calibration, A X = X B, of a robot that drives on a plane. With the robot's motion over
-a stretch (turn psi about z, way p) and the camera's (rotation B, translation b):
+a stretch (turn psi about z, translation p) and the camera's (rotation B, translation t_B):
 
     R t_B  =  (Rz(psi) - I) t + s p,        R rotvec(B)  =  (0, 0, psi)
 
-R and t are rotation and place of ``T_base_camera``, s the visual metres of a wheel's metre. A turn
-tells the lever t_xy and, by its axis, tilt and roll; driving straight tells pan and s; height is
-told by neither (Censi, Franchi, Marchionni, Oriolo: Simultaneous calibration of odometry and
-sensor parameters for mobile robots, T-RO 2013).
+R and t are rotation and translation of ``T_base_camera``, s is visual metres per wheel metre.
+Turning gives the lever arm t_xy and, by its axis, tilt and roll; driving straight gives pan and s;
+neither gives the height (Censi, Franchi, Marchionni, Oriolo: Simultaneous calibration of odometry
+and sensor parameters for mobile robots, T-RO 2013).
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ from observer.rig.drive_stretches import DriveSample, Stretch, WheelPaths, drive
 from observer.rig.estimates import Estimated, Refused
 from observer.robust import MAD_TO_SIGMA
 
-# Noise of a stretch to begin with, metres and radians; then the residuals tell the real one,
-# within these factors.
+# Initial noise of a stretch, metres and radians; the residuals then give the real noise, within
+# these factors of the initial one.
 _WAY_SIGMA_M, _TURN_SIGMA = 0.003, 0.002
 _NOISE_FACTOR = (0.3, 30.0)
-# What is known before anything is seen, one standard deviation: a camera is put up roughly
-# straight, somewhere on its robot. Pan, tilt, roll (rad), forward, left (m), scale.
+# Prior, one standard deviation: a camera is mounted roughly upright, somewhere on its robot.
+# Pan, tilt, roll (rad), forward, left (m), scale.
 _PRIOR_SIGMA = (2.0, 0.8, math.radians(3), 1.0, 1.0, 0.3)
-# By what the camera's own path errs as a whole, so that no residual shows it: about a tenth of a
-# pixel of disparity. As simulated drives have it, same order; and of the turn's scale.
+# Systematic error of the camera's own path, which no residual shows: about a tenth of a pixel of
+# disparity. As found in simulated drives, same order; and that of the turn scale.
 _BIAS = (*(math.radians(0.1),) * 3, 0.003, 0.003, 0.01)
 _TURN_BIAS = 0.002
-# Drives with known noise err by so much more than the curvature says: the noise is taken from the
-# very residuals that the fit has made small.
+# Factor by which errors in drives with known noise exceed what the curvature predicts: the noise
+# is estimated from the same residuals that the fit has minimised.
 _EXCESS = 1.25
-# What is too uncertain is not told at all, in the same order.
+# Largest standard deviations at which a value is still reported, in the same order.
 _USEFUL = (*(math.radians(1.5),) * 3, 0.02, 0.02, 0.03)
 _LEAST_TURN, _LEAST_WAY_M = math.radians(40), 0.4
 _FEWEST_STRETCHES = 3
 # A stretch that turns less than this counts as straight.
 _STRAIGHT = math.radians(3)
-# Of what wheels report; beyond, its unit or sign is another one.
+# Plausible ratios to what the wheels report; outside, the wheels' unit or sign is wrong.
 _POSSIBLE_SCALE, _POSSIBLE_TURN = (0.5, 2.0), (0.7, 1.4)
 
 TURN_ON_THE_SPOT = "turn on the spot by 60 degrees, to both sides if there is room"
@@ -56,16 +56,16 @@ DRIVE_STRAIGHT = "drive 1 m straight"
 
 @dataclass(frozen=True)
 class DriveEstimate:
-    """Estimates from a drive so far; None where it has not told them yet.
+    """Estimates from a drive so far; None for those that it does not determine yet.
 
     Attributes:
         forward_m, left_m: of the camera from the middle of the axle. pan_rad, tilt_rad, roll_rad:
             as in ``CameraMount``.
         wheel_scale: metres that the camera saw for each metre that the wheels report.
         turn_scale: radians that the camera saw for each radian that the wheels report.
-        way_m, turned_rad: how far the camera was seen to go, and to turn, in sum.
-        still_needed: what to drive so that the rest can be told; empty when all is told.
-        sentence: the result for people.
+        way_m, turned_rad: how far the camera moved, and turned, in total.
+        still_needed: what to drive to determine the rest; empty when nothing is missing.
+        sentence: the result in words.
     """
 
     forward_m: Estimated | None
@@ -86,13 +86,13 @@ def estimate_drive(
     standing: CameraMount | None = None,
     standing_sigma_rad: float = math.radians(1),
 ) -> DriveEstimate | Refused:
-    """Estimate the camera's place on the robot from how both of them moved.
+    """Estimate the camera's pose on the robot from how both of them moved.
 
     Args:
         samples: in order of time, a few a second or more while the robot drives.
-        standing: tilt and roll as known otherwise, mostly from the floor
+        standing: tilt and roll known from elsewhere, usually from the floor
             (``GroundEstimate.mount``); its height and offset do not matter.
-        standing_sigma_rad: of its tilt and roll, one standard deviation.
+        standing_sigma_rad: one standard deviation of its tilt and roll.
     """
     stretches = drive_stretches(samples)
     if isinstance(stretches, Refused):
@@ -117,7 +117,7 @@ def estimate_drive(
             "positive to the left"
         )
     went_straight = sum(stretch.driven_m for stretch in straight) >= _LEAST_WAY_M
-    # Where ahead is, and with it the offset's direction, only a straight way shows.
+    # Only straight driving shows where ahead is, and with it the offset's direction.
     offset_shown = turned_enough and went_straight
     shown = (
         went_straight, turned_enough, turned_enough, offset_shown, offset_shown, went_straight
@@ -150,7 +150,7 @@ class _Model:
         self._way = np.array([stretch.way for stretch in stretches])
 
     def turned(self, values: Float64Array) -> Float64Array:
-        """(N, 3) rotation vectors in the base's axes: about z alone, were all exact."""
+        """(N, 3) rotation vectors in the base's axes; about z alone if there were no errors."""
         return np.asarray(self._turn @ _rotation(values[:3]).T)
 
     def tipped(self, values: Float64Array) -> Float64Array:
@@ -158,7 +158,7 @@ class _Model:
         return self.turned(values)[:, :2]
 
     def strayed(self, values: Float64Array) -> Float64Array:
-        """(N, 3) metres."""
+        """(N, 3) metres by which the camera's motion differs from the predicted one."""
         turn = self.turned(values)[:, 2]
         c, s = np.cos(turn) - 1, np.sin(turn)
         forward, left, scale = values[3:]
@@ -181,14 +181,14 @@ def _fitted(
 
     def residuals(values: Float64Array) -> Float64Array:
         off = (values - middle) / prior_sigma
-        # Of an unknown pan, one that looks back is as good as one that looks ahead.
+        # Periodic in the pan, so that a camera that looks back costs hardly more than one ahead.
         off[0] = math.sin(values[0] / 2) / prior_sigma[0]
         strayed, tipped = model.strayed(values) / noise[0], model.tipped(values) / noise[1]
         return np.concatenate([strayed.ravel(), tipped.ravel(), off])
 
     start = middle.copy()
     start[0] = _first_pan(stretches)
-    # Where a robot slips or the camera loses its way, a stretch does not count in full.
+    # Robust loss: stretches in which the robot slips or the camera loses track count less.
     best = least_squares(residuals, start, loss="soft_l1", f_scale=2.0, max_nfev=30)
     for _ in range(2):
         noise[0] = _WAY_SIGMA_M * _factor(model.strayed(best.x) / _WAY_SIGMA_M)
@@ -225,7 +225,7 @@ def _rotation(angles: Float64Array) -> Float64Array:
 
 
 def _turn_scale(stretches: Sequence[Stretch], values: Float64Array) -> Estimated | None:
-    """Return the turn that the camera saw over what the wheels report, by least squares."""
+    """Return the ratio of the camera's turns to the wheels' turns, by least squares."""
     seen = _Model(stretches).turned(values)[:, 2]
     told = np.array([stretch.wheel_turn for stretch in stretches])
     size = float(told @ told)

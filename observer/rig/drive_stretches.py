@@ -1,4 +1,4 @@
-"""A drive cut into stretches: how far the camera went in each, and how far the wheels did."""
+"""A drive cut into stretches, with the motion of camera and wheels in each."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from observer.geometry import Float64Array, Pose
 from observer.rig.estimates import Refused
 from observer.types import Odometry
 
-# A stretch ends once one of these is reached: long enough for its motion to stand out of the
+# A stretch ends once one of these is reached: long enough for its motion to stand out from the
 # noise, short enough that there are many of them.
 _STRETCH_TURN, _STRETCH_WAY_M = math.radians(10), 0.15
-# By one step: beyond, the wheels were set back to zero or a robot was carried.
+# Limits of one step; beyond, the wheel odometry was reset, the robot was carried, or samples
+# are missing.
 _MOST_STEP_M, _MOST_STEP_RAD, _MOST_STEP_S = 1.0, math.radians(60), 1.0
 
 
@@ -26,7 +27,7 @@ class DriveSample:
 
     Attributes:
         time: seconds on the source's clock. segment: of the world that the pose is given in.
-        T_world_camera: None where it is unknown. odometry: None where nothing tells it.
+        T_world_camera: None where it is unknown. odometry: None where it is unknown.
     """
 
     time: float
@@ -61,7 +62,7 @@ class Stretch:
 
     @property
     def driven_m(self) -> float:
-        """The robot's way by its wheels, on whatever curve."""
+        """Length of the robot's path, curved or straight, by its wheels."""
         return float(np.hypot(*self.steps.T).sum())
 
     @property
@@ -70,11 +71,11 @@ class Stretch:
 
 
 class WheelPaths:
-    """The wheels' part of stretches, ready to be bent to the turns that the camera saw."""
+    """The wheels' paths of the stretches, which can be bent to the turns that the camera saw."""
 
     def __init__(self, stretches: Sequence[Stretch]) -> None:
         count = max((len(one.steps) for one in stretches), default=0)
-        # Ways as complex numbers: ahead and to the left; beyond a stretch's steps they are 0.
+        # Steps as complex numbers, ahead + i left; padded with 0 beyond a stretch's last step.
         self._steps = np.zeros((len(stretches), count), np.complex128)
         self._heading = np.zeros((len(stretches), count))
         # Share of a stretch's steps that lie before the middle of each.
@@ -87,11 +88,12 @@ class WheelPaths:
             self._share[row, :k] = (np.arange(k) + 0.5) / k
 
     def driven(self, turn: Float64Array) -> Float64Array:
-        """(N, 3) metres from begin to end by the wheels, in the base's axes at the beginning.
+        """(N, 3) metres from start to end by the wheels, in the base's axes at the start.
 
         Args:
-            turn: (N,) radians of each whole stretch, as the camera saw it: wheels tell ways well
-                and turns badly. What the wheels' differ by is spread evenly over the steps.
+            turn: (N,) radians over each whole stretch, as the camera saw it: wheels measure
+                distances well and turns badly. The difference to the wheels' turn is spread evenly
+                over the steps.
         """
         heading = self._heading + (turn - self._turn)[:, None] * self._share
         way = (self._steps * np.exp(1j * heading)).sum(axis=1)
@@ -99,10 +101,10 @@ class WheelPaths:
 
 
 def drive_stretches(samples: Sequence[DriveSample]) -> list[Stretch] | Refused:
-    """Return the drive in stretches that do not overlap; standing still belongs to none.
+    """Return the drive as stretches that do not overlap; times of standing still are left out.
 
-    A stretch ends where a pose or the odometry is missing, the segment changes, time goes back
-    or more than a second passes, and where the wheels jump.
+    Samples without a pose or odometry are skipped. No stretch spans a change of segment, time going
+    back, more than a second between samples, or a jump of the wheels.
     """
     if not any(sample.odometry is not None for sample in samples):
         return Refused(
@@ -119,7 +121,7 @@ def drive_stretches(samples: Sequence[DriveSample]) -> list[Stretch] | Refused:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A sample of which both poses are known."""
+    """A sample with both poses known."""
 
     time: float
     segment: int

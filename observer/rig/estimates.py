@@ -15,7 +15,7 @@ class Estimated:
 
     @property
     def degrees(self) -> Estimated:
-        """An angle in radians, for people's eyes."""
+        """This angle, given in radians, converted to degrees."""
         return Estimated(math.degrees(self.value), math.degrees(self.sigma))
 
 

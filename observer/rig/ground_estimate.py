@@ -18,20 +18,22 @@ from observer.rig.estimates import Estimated, Refused
 from observer.rig.ground_planes import DisparityPoints, LevelPlane, level_planes, stand_of
 from observer.robust import MAD_TO_SIGMA
 
-# Noise of disparities, one standard deviation. Of a single one; what a calibration leaves at the
-# image's edge, the same for all points, and rising and falling over the image; and what it leaves
-# in focal length times baseline, as a share.
+# Disparity noise, one standard deviation: of a single disparity; the bias that a calibration
+# leaves at the image's edge, each for a constant offset and for slopes across the image; and the
+# error that it leaves in focal length times baseline, as a share.
 _SIGMA_PX, _BIAS_PX, _SCALE = 0.35, 0.2, 0.005
-# Of the points below a plane's horizon; mismatches and reflections in the floor come so far.
+# Share of the points judged against the floor that may lie beneath it: mismatches and reflections
+# in the floor reach this.
 _MOST_BENEATH = 0.15
-# With these shares of another plane's points, a second one competes, or is the other's floor.
+# Shares of a plane's points with which a second plane competes with it, or is the floor below it.
 _RIVAL, _FLOOR_OF_TABLE = 0.4, 0.1
 _SAME_HEIGHT, _SAME_HEIGHT_M, _SAME_ANGLE = 0.1, 0.03, math.radians(3)
 _MOST_POINTS = 20_000
 _FEWEST_POINTS = 500
-# Neighbouring pixels err alike; within a cell of this many cells each way, all of them at once.
+# Errors of neighbouring pixels are correlated: the image has this many cells each way, and all
+# points of a cell are taken to err together.
 _CELLS = 8
-# What is too uncertain to be of use; metres or share of the height, radians.
+# Standard deviations too large to be of use; metres or share of the height, radians.
 _USELESS_HEIGHT_M, _USELESS_HEIGHT, _USELESS_ANGLE = 0.03, 0.06, math.radians(1.5)
 _LEAST_SHARE_OF_VIEWS = 0.5
 
@@ -42,9 +44,9 @@ class GroundEstimate:
 
     Attributes:
         height_m: metres. tilt_rad, roll_rad: as in ``CameraMount``, radians.
-        share: of all points, those that lie on the floor; the median of the views.
-        views: how many views told it. views_left_out: how many did not.
-        sentence: the result for people.
+        share: of all points that lie on the floor; the median of the views.
+        views: how many views gave an estimate. views_left_out: how many did not.
+        sentence: the result in words.
     """
 
     height_m: Estimated
@@ -57,7 +59,7 @@ class GroundEstimate:
 
     @property
     def mount(self) -> CameraMount:
-        """The mount as far as the floor tells it."""
+        """The mount as far as the floor determines it."""
         return CameraMount(self.height_m.value, self.tilt_rad.value, roll_rad=self.roll_rad.value)
 
 
@@ -65,18 +67,18 @@ def estimate_ground(views: Sequence[ArrayLike], camera: StereoCamera) -> GroundE
     """Estimate the ground plane below a camera from stereo clouds of one or more frames.
 
     The floor is the largest level plane below the camera that has next to nothing beneath it, or
-    the level one below that: this tells it from tables and boxes. The camera is taken to be
-    mounted firmly: all views see one plane, and their median counts. Walls are excluded by tilt
+    a level plane below that one: this tells it from tables and boxes. The camera is assumed to be
+    firmly mounted: all views see one plane, and their median counts. Walls are excluded by tilt
     (within 45 degrees) and roll (within 20).
 
-    Standard deviations hold what one view leaves open (cells of the image err as a whole), how
-    far views differ, and what a calibration leaves as a bias of disparity, which no number of
-    views takes away.
+    The standard deviations include the uncertainty of one view (each image cell errs as a whole),
+    the spread of the views, and the disparity bias that a calibration leaves, which no number of
+    views removes.
 
     Args:
         views: for each frame points (N, 3), metres, camera frame, as dense stereo gives them;
             rows with NaN are left out.
-        camera: of the very grid of pixels that the clouds were made on.
+        camera: on the same pixel grid that the clouds were made on.
     """
     found: list[_GroundView] = []
     refused: list[str] = []
@@ -95,7 +97,7 @@ def estimate_ground(views: Sequence[ArrayLike], camera: StereoCamera) -> GroundE
 
 @dataclass(frozen=True, eq=False)
 class _GroundView:
-    """Attributes: plane coefficients (3,), their covariance (3, 3) by this view's noise alone."""
+    """Plane coefficients (3,) of one view, and their covariance (3, 3) by its own noise alone."""
 
     coefficients: Float64Array
     covariance: Float64Array
@@ -140,9 +142,9 @@ def _ground_of_view(
 
 
 def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
-    """The floor among planes by size, largest first; refused where two compete.
+    """Return the floor among planes sorted by size, largest first; refused if two compete.
 
-    It is the largest plane with next to nothing beneath it, but for a level one that carries it.
+    It is the largest plane with next to nothing beneath it, or a level plane that carries that one.
     """
     nothing_beneath = [plane for plane in planes if plane.beneath <= _MOST_BENEATH]
     if not nothing_beneath:
@@ -156,7 +158,7 @@ def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
         if lower.support >= _FLOOR_OF_TABLE * floor.support and lower.carries(floor):
             floor = lower
     for rival in planes:
-        # What has only the floor beneath it may be a ramp, and the robot may stand on either.
+        # A plane with only the floor beneath it may be a ramp, and the robot may stand on either.
         if (
             rival.support >= _RIVAL * floor.support
             and rival.beneath_but_for(floor) <= _MOST_BENEATH
@@ -177,10 +179,10 @@ def _same(a: LevelPlane, b: LevelPlane) -> bool:
 
 
 def _covariance(points: DisparityPoints, floor: LevelPlane) -> Float64Array:
-    """(3, 3) of the coefficients: residuals of one cell of the image count as one error.
+    """(3, 3) of the coefficients: the residuals of one image cell count as one error.
 
-    The "sandwich" for clustered errors (Liang and Zeger, 1986): dense stereo smooths, so single
-    pixels tell far less than their number.
+    The "sandwich" estimator for clustered errors (Liang and Zeger, 1986): dense stereo smooths, so
+    the pixels hold far less information than their number suggests.
     """
     residual = points.disparity - points.ray @ floor.coefficients
     low, high = points.ray[:, :2].min(axis=0), points.ray[:, :2].max(axis=0)
@@ -201,14 +203,14 @@ def _combined(
     stands = np.array([stand_of(view.coefficients, fb) for view in found])
     middle = np.median(stands, axis=0)
     spread = MAD_TO_SIGMA * np.median(np.abs(stands - middle), axis=0)
-    # Of the coefficients, by what the calibration leaves: offset and slopes.
+    # Covariance of the coefficients by the bias that the calibration leaves: slopes and offset.
     edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
     bias = np.diag((_BIAS_PX / edge) ** 2)
     variances = []
     for view in found:
         J = numeric_jacobian(lambda c: stand_of(c, fb), view.coefficients, np.full(3, 1e-3))
         variances.append(np.diagonal(J @ (view.covariance + bias) @ J.T))
-    # Views of one floor share its texture and err alike, so their number improves nothing.
+    # Views of one floor share its texture and their errors, so more of them improve nothing.
     variance = np.median(variances, axis=0) + spread**2
     variance[0] += (_SCALE * middle[0]) ** 2
     sigma = np.sqrt(variance)

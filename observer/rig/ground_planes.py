@@ -1,12 +1,12 @@
-"""Level planes below a stereo camera, found where their noise is plain: in disparity.
+"""Level planes below a stereo camera, found in disparity, where the noise is uniform.
 
 A plane at distance h along the unit vector n (camera frame) is seen with the disparity
 
     d(x, y) = fB / h (n_x x + n_y y + n_z),    x = X/Z, y = Y/Z,
 
 which is linear in the pixel, and the noise of d is the same everywhere. So least squares in
-disparity is what least squares over points is with each point's noise Z^2 sigma_d / (fB) along
-its ray, but linear (v-disparity: Labayrade, Aubert, Tarel: Real time obstacle detection in
+disparity amounts to least squares over the points, each with its noise Z^2 sigma_d / (fB) along
+its ray, but is linear (v-disparity: Labayrade, Aubert, Tarel: Real time obstacle detection in
 stereovision on non flat road geometry, IV 2002).
 """
 
@@ -25,16 +25,16 @@ from observer.robust import MAD_TO_SIGMA
 Mask = NDArray[np.bool_]
 
 _HYPOTHESES = 400
-# Points whose plane is asked for in each hypothesis; more only cost time.
+# Points that score each hypothesis; more only cost time.
 _SCORED = 4000
 # Planes looked at, largest first: floor, table, boxes.
 _MOST_CANDIDATES = 5
 _REFINEMENTS = 8
-# Of a robust standard deviation: beyond it a point does not belong to the plane.
+# Robust standard deviations: a point further off does not belong to the plane.
 _GATE = 3.0
-# A camera on a robot; beyond these a plane is a wall, a ceiling or another room's floor.
+# Limits for a camera on a robot; beyond, a plane is a wall, a ceiling or another room's floor.
 _MOST_TILT, _MOST_ROLL, _HEIGHT_M = math.radians(45), math.radians(20), (0.05, 3.0)
-# Between planes that are level both.
+# Largest angle between two planes that are both level.
 PARALLEL = math.radians(4)
 
 
@@ -65,7 +65,7 @@ class LevelPlane:
         coefficients: (3,) fB n / h. fb: focal length times baseline, pixel metres.
         members: (N,) which points of the view belong to it. sigma: their noise, pixels.
         judged: (N,) which points are seen where the plane would be, so that they can lie above or
-            beneath it. sunken: (N,) those that lie beneath it. Nothing lies beneath the floor.
+            beneath it. sunken: (N,) which of them lie beneath it. Nothing lies beneath the floor.
     """
 
     coefficients: Float64Array
@@ -81,11 +81,11 @@ class LevelPlane:
 
     @property
     def beneath(self) -> float:
-        """Share of what is seen at the plane that lies beneath it."""
+        """Share of the judged points that lie beneath the plane."""
         return float(self.sunken.sum()) / max(1.0, float(self.judged.sum()))
 
     def beneath_but_for(self, other: LevelPlane) -> float:
-        """``beneath``, were the other plane's members not there."""
+        """Return ``beneath`` without the other plane's members."""
         rest = ~other.members
         return float((self.sunken & rest).sum()) / max(1.0, float((self.judged & rest).sum()))
 
@@ -108,7 +108,7 @@ class LevelPlane:
 
 
 def stand_of(coefficients: Float64Array, fb: float) -> Float64Array:
-    """(3,) height (m), tilt and roll (rad) of a camera that sees the plane so."""
+    """(3,) height (m), tilt and roll (rad) of a camera that sees this plane."""
     length = float(np.linalg.norm(coefficients))
     return np.array([fb / length, *CameraMount.angles_of(coefficients / length)])
 
@@ -116,14 +116,14 @@ def stand_of(coefficients: Float64Array, fb: float) -> Float64Array:
 def level_planes(
     points: DisparityPoints, fb: float, noise_px: float, seed: int
 ) -> list[LevelPlane]:
-    """The level planes below the camera, largest support first; equal seeds, equal planes.
+    """The level planes below the camera, largest support first; equal seeds give equal planes.
 
     Args:
-        noise_px: of a disparity, one standard deviation. seed: mostly the frame's number.
+        noise_px: one standard deviation of a disparity. seed: usually the frame's number.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0xF100]))
     left = np.ones(len(points), np.bool_)
-    # A plane needs its share of what is seen below the horizon, or it is a box's top.
+    # A plane needs its share of the points, or it is the top of a box.
     fewest = max(100, len(points) // 50)
     planes: list[LevelPlane] = []
     for _ in range(_MOST_CANDIDATES):
@@ -134,7 +134,7 @@ def level_planes(
         if start is None:
             break
         plane = _refined(points, start, fb, noise_px)
-        # What a first plane took is gone also where the second one lies close to it.
+        # Points that an earlier plane took do not count again, even where this one is close to it.
         taken = left & _near(points, plane.coefficients, _GATE * max(plane.sigma, noise_px))
         if np.count_nonzero(taken) < fewest:
             break
@@ -150,7 +150,7 @@ def _best_hypothesis(
     """Return the plane through three points that most points lie on (RANSAC)."""
     triples = rng.integers(0, len(points), (_HYPOTHESES, 3))
     A, d = points.ray[triples], points.disparity[triples]
-    # Three points nearly in a line tell no plane.
+    # Three points nearly in a line determine no plane.
     spread = np.abs(np.linalg.det(A))
     usable = spread > 1e-3 * spread.max(initial=0.0)
     if not usable.any():
@@ -169,7 +169,7 @@ def _best_hypothesis(
 def _refined(
     points: DisparityPoints, coefficients: Float64Array, fb: float, noise_px: float
 ) -> LevelPlane:
-    """Least squares with Tukey's weights, points and noise chosen anew in each round."""
+    """Refine by least squares with Tukey weights; each round selects points and noise anew."""
     sigma = noise_px
     for _ in range(_REFINEMENTS):
         residual = points.disparity - points.ray @ coefficients
@@ -183,8 +183,8 @@ def _refined(
         robust = MAD_TO_SIGMA * np.median(np.abs(residual[near]))
         sigma = float(np.clip(robust, 0.3 * noise_px, 1.5 * noise_px))
     members = _near(points, coefficients, _GATE * sigma)
-    # Beyond its horizon a plane is not seen, and where it is nearer than stereo searches, what is
-    # matched there is wrong.
+    # A plane is not seen beyond its horizon, and where it is nearer than the stereo search range,
+    # the matches are wrong.
     expected = points.ray @ coefficients
     searched = points.disparity.max(initial=0.0) - _GATE * noise_px
     judged = (expected > _GATE * noise_px) & (expected < searched)
@@ -199,14 +199,14 @@ def _near(points: DisparityPoints, coefficients: Float64Array, gate_px: float) -
 
 
 def _stands(coefficients: Float64Array, fb: float) -> Float64Array:
-    """(N, 3) as ``stand_of``, of many planes."""
+    """(N, 3) as ``stand_of``, for many planes."""
     length = np.maximum(np.linalg.norm(coefficients, axis=1), 1e-9)
     x, y, z = (coefficients / length[:, None]).T
     return np.stack([fb / length, np.arctan2(z, np.hypot(x, y)), np.arctan2(x, y)], axis=1)
 
 
 def _possible(stands: Float64Array) -> Mask:
-    """(N,) which planes a camera that stands so (N, 3) above them may take for the ground."""
+    """(N,) which planes can be the ground, given how the camera stands above them, (N, 3)."""
     height, tilt, roll = stands.T
     low, high = _HEIGHT_M
     level = (np.abs(tilt) <= _MOST_TILT) & (np.abs(roll) <= _MOST_ROLL)

@@ -1,4 +1,4 @@
-"""Selection of the points of a dense disparity that determine the ground plane."""
+"""Selection of the points of a dense disparity map that determine the ground plane."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.types import Image
 
-# Grey levels a pixel: the rms change along the row within a block, of which camera noise is 1.
-# Where there is less, semi-global matching guesses from what lies around, mostly too far away.
+# Grey levels per pixel: the rms gradient along the row within a block; camera noise alone gives 1.
+# With less, semi-global matching guesses from the surroundings, usually too far away.
 _LEAST_TEXTURE = 1.5
 _BLOCK_PX = 7
 
@@ -19,13 +19,13 @@ _BLOCK_PX = 7
 def ground_points(
     left: Image, disparity: NDArray[np.float32], camera: StereoCamera
 ) -> Float64Array:
-    """Points of a stereo pair for ``estimate_ground``: those with texture to match by.
+    """Points of a stereo pair for ``estimate_ground``: those with enough texture to match.
 
-    On a floor with little texture their plane is about half as wrong as that of all points.
+    On a floor with little texture, their plane has about half the error of that of all points.
 
     Args:
         left: (H, W) grey, rectified. disparity: (H, W) pixels, NaN where unknown, as by
-            ``observer.vision.stereo.disparity_map``. camera: of this very grid of pixels.
+            ``observer.vision.stereo.disparity_map``. camera: on this same pixel grid.
 
     Returns:
         (N, 3) metres, camera frame.

@@ -1,4 +1,4 @@
-"""Rig: what is known of the robot that carries the cameras, and the origin of each number."""
+"""Rig: what is known about the robot that carries the cameras, and where each number is from."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ RobotModel = Literal["p3dx-sh", "p3dx", "amigo-sh", "amigo"]
 ROLES: tuple[Role, ...] = get_args(Role)
 ROBOT_MODELS: tuple[RobotModel, ...] = get_args(RobotModel)
 
-# What a camera on a robot in a room can be like; outside, a value is in other units or mistyped.
-# Lowest and highest, both allowed.
+# Lowest and highest values, inclusive, for a camera on an indoor robot; a value outside is mistyped
+# or in other units.
 LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         "height_m": (0.02, 3.0),
@@ -30,18 +30,18 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "left_m": (-2.0, 2.0),
     }
 )
-# A mocap system tells where the markers' middle is, which sits on the robot.
+# A mocap body's origin is the centre of its markers, which are on the robot.
 _LARGEST_BODY_OFFSET_M = 10.0
 # As mocap systems name bodies; no quotes, backslashes or control characters.
 _BODY_NAME = re.compile(r"[\w][\w .:/()#+-]{0,63}")
 _CALIBRATION_ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z._:-]{0,127}")
-# Paths and addresses; which of them name a port is known to ``observer.robot_opening``.
+# Paths and addresses; ``observer.robot_opening`` decides which of them name a port.
 _PORT = re.compile(r"(?=\S)[^\x00-\x1f\x7f\"\\]{1,200}(?<=\S)")
 
 
 @dataclass(frozen=True)
 class RigValue:
-    """A number and where it comes from; its unit is that of the key it stands under.
+    """A number and where it comes from; its key states the unit.
 
     Attributes:
         value: finite. sigma: one standard deviation of an estimate, same unit; None where a
@@ -75,7 +75,7 @@ class RigMount:
 
     Attributes:
         height_m: above the floor. tilt_deg: down. roll_deg: right side down. pan_deg: to the left
-            of where the robot drives. forward_m, left_m: from the middle of the axle.
+            of the driving direction. forward_m, left_m: from the middle of the axle.
 
     Raises:
         InputError: a value is outside ``LIMITS``; the sentence begins with its key.
@@ -113,17 +113,16 @@ class Rig:
     Attributes:
         mount: of the left camera; each value may be unknown.
         calibration: content hash of the calibration the mount was measured with: tilt, roll and
-            pan are those of the rectified camera, which another calibration turns a little.
+            pan are those of the rectified camera, which another calibration rotates slightly.
         T_body_base: for each body of a mocap system, by its name there, the robot's base in the
             body's axes.
         models: of the robots by role; a role without a model is unknown.
-        ports: by which real robots are reached, by role, as
-            ``observer.robot_opening.open_robot`` takes them.
-        for_simulated: whether simulated sources, which know their own mount exactly, take this
+        ports: of the real robots by role, as ``observer.robot_opening.open_robot`` takes them.
+        for_simulated: whether simulated sources, which know their own mount exactly, use this
             rig's instead; to try the rig out.
 
     Raises:
-        InputError: one sentence that begins with the key and tells what would be right.
+        InputError: one sentence that begins with the key and says what would be right.
     """
 
     mount: RigMount = RigMount()
@@ -171,7 +170,7 @@ class Rig:
 
     @property
     def camera_mount(self) -> CameraMount | None:
-        """The mount in radians, for the method; None where height or tilt is unknown."""
+        """The mount in radians, as the method uses it; None where height or tilt is unknown."""
         return camera_mount(self.mount.values())
 
 
@@ -183,7 +182,7 @@ def _check_role(key: str, role: str) -> None:
 
 
 def camera_mount(values: Mapping[str, RigValue]) -> CameraMount | None:
-    """A mount of ``RigMount``'s values; None where height or tilt is unknown."""
+    """Return the mount with ``RigMount``'s values; None where height or tilt is unknown."""
     known = {key: value.value for key, value in values.items()}
     if "height_m" not in known or "tilt_deg" not in known:
         return None

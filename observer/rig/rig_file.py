@@ -41,7 +41,7 @@ _ANGLE_OR_LENGTH = re.compile(r"(height|forward|left|tilt|roll|pan)(_\w+)?")
 
 
 def _known(data: PlainData) -> PlainData:
-    """Return a mapping without what is unknown."""
+    """Return a mapping without its unknown values."""
     if data in _UNKNOWN:
         return {}
     if not isinstance(data, dict):
@@ -137,7 +137,7 @@ class _Rig(_Keys):
     mount: _Mount = _Mount()
     calibration: Annotated[str, word("must be one word")] | None = None
     T_body_base: Annotated[dict[str, Annotated[Pose, PlainValidator(_pose)]], _KNOWN] = Field({})
-    # Roles and words are checked by Rig, whose sentences name them.
+    # Rig checks roles and words; its error messages name them.
     models: Annotated[dict[str, Annotated[str, word("must be a model's name")]], _KNOWN] = Field({})
     ports: Annotated[dict[str, Annotated[str, word("must be a path or address")]], _KNOWN] = Field(
         {}
@@ -149,7 +149,7 @@ def read_rig(text: str, name: str) -> Rig:
     """The rig of a file's text (YAML, or JSON of the same keys).
 
     Args:
-        name: what the text is called in messages, mostly ``rig.yaml``.
+        name: what the text is called in messages, usually ``rig.yaml``.
 
     Raises:
         InputError: one sentence naming the file, the key and what would be right. Unknown keys

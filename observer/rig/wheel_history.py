@@ -1,4 +1,4 @@
-"""Odometry at an instant, from what a robot's wheels told before and after it."""
+"""Odometry at an instant, from the robot's wheel reports before and after it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 from observer.types import Odometry
 
-# Behind the newest report the robot is taken to go on as it went, for so long: a frame is received
+# Seconds for which the motion is extrapolated beyond the newest report: a frame is received
 # before the report of its instant.
 _ONWARD_S = 0.15
-# Further apart than this, two reports tell nothing of what lies between them.
+# Seconds: no odometry is interpolated between two reports further apart than this.
 _LONGEST_GAP_S = 0.5
 
 
@@ -23,7 +23,7 @@ def odometry_at(history: Sequence[Sequence[float]], time: float) -> Odometry | N
         time: on the same clock, seconds.
 
     Returns:
-        None where the reports do not reach to the instant.
+        None where the reports do not cover the instant.
     """
     if len(history) < 2:
         return None
@@ -37,7 +37,7 @@ def odometry_at(history: Sequence[Sequence[float]], time: float) -> Odometry | N
         return None
     share = (time - a[0]) / gap
     x, y = (a[k] + share * (b[k] - a[k]) for k in (1, 2))
-    # Some robots tell a yaw that jumps by a whole turn.
+    # Some robots report a yaw that jumps by a full turn.
     yaw = a[3] + share * math.remainder(b[3] - a[3], 2 * math.pi)
     if not all(math.isfinite(value) for value in (x, y, yaw)):
         return None

@@ -16,7 +16,7 @@ LIVE_PATIENCE_S = 0.03
 
 @dataclass(frozen=True)
 class SourceInfo:
-    """Facts that a source states of itself.
+    """Facts that a source states about itself.
 
     Attributes:
         spec: the text it was opened by, as in ``simulated:lab``.
@@ -93,7 +93,7 @@ class CameraReport:
         device: as in ``SourceInfo.devices``.
         state: ``open``, ``waiting`` (it is being opened again) or ``failed``.
         trouble: one sentence, None while it delivers.
-        settings: what the camera really accepted, in words by name, as in
+        settings: what is in force on the camera, in words by name, as in
             ``{"size": "640x480", "pixel format": "MJPG", "exposure": "156 (locked)"}``.
         refused: one sentence for each setting that was asked for and not accepted.
     """
@@ -113,8 +113,8 @@ class LiveReport:
     Attributes:
         cameras: one or two.
         pairs: delivered so far. dropped: pairs whose images were further apart than half a frame.
-        skew_median_s, skew_p95_s: of ``right_time - time`` over the last seconds, as a size;
-            None before enough pairs, and for one device that shows both images.
+        skew_median_s, skew_p95_s: of ``|right_time - time|`` over the last seconds; None before
+            enough pairs, and for one device that shows both images.
         reopened: how often a camera was opened again.
         hints: sentences for the person who sets it up, such as on shared USB bandwidth.
     """
@@ -130,24 +130,24 @@ class LiveReport:
 
 @runtime_checkable
 class LiveSource(Protocol):
-    """Abilities of a live source beside delivering frames."""
+    """Abilities of a live source besides delivering frames."""
 
     def tend(self) -> None:
         """Have the next pair decoded ahead; never waits.
 
-        For the thread that reads, between two reads, as often as it likes: while it observes,
-        the cameras' processes decode.
+        For the thread that reads, between two reads, as often as it likes: the cameras'
+        processes decode while it observes.
         """
         ...
 
     def report(self) -> LiveReport:
-        """Return its present state, at once; callable from any thread."""
+        """Return its current state, at once; callable from any thread."""
         ...
 
 
 @runtime_checkable
 class SeekableSource(Protocol):
-    """Abilities of a source that does not only play from first to last frame: a recording."""
+    """Abilities of a source that can also jump between frames: a recording."""
 
     @property
     def position(self) -> int:
@@ -159,7 +159,7 @@ class SeekableSource(Protocol):
 
     @property
     def begins(self) -> Literal["observer", "segment"] | None:
-        """Object that was begun anew, at recording, with the frame read last; None if none was.
+        """What was started anew in the recorded run with the frame read last; None if nothing.
 
         ``segment`` stands for ``Observer.begin_segment``.
         """
@@ -176,10 +176,10 @@ class SeekableSource(Protocol):
 
 @runtime_checkable
 class SkippingSource(Protocol):
-    """Ability of a source to pass over frames faster than by reading them."""
+    """Ability of a source to skip frames faster than by reading them."""
 
     def skip(self, count: int) -> None:
-        """Pass over so many frames."""
+        """Skip the next ``count`` frames."""
         ...
 
 

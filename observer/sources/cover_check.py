@@ -13,11 +13,12 @@ from observer.types import Image
 
 Covered = Literal["left", "right", "both"]
 
-# A covered lens leaves less than this share of brightness, or of contrast where light shines
-# through the fingers; the other camera keeps more than that of both.
+# Shares of the earlier brightness or contrast. A covered lens leaves less than the first of
+# brightness, or of contrast if light shines through the fingers; the other camera keeps more than
+# the second of both.
 _DARK = 0.45
 _KEPT = 0.7
-# Consecutive looks that must agree: a passing hand is no answer.
+# Consecutive looks that must agree: a passing hand is not an answer.
 _LOOKS = 4
 _REMEMBERED = 8
 # Approximate number of samples on which an image is judged.
@@ -25,7 +26,7 @@ _SAMPLES = 4096
 
 
 class CoverCheck:
-    """Comparison of each image with what it was when the question was asked."""
+    """Comparison of each image with those from before the question was asked."""
 
     def __init__(self) -> None:
         self._before: deque[Float64Array] = deque(maxlen=_REMEMBERED)

@@ -14,7 +14,7 @@ from observer.sources.file_pairs import FilePairSource
 def open_euroc(folder: Path) -> FilePairSource:
     """Open a sequence in EuRoC's layout; ``folder`` is ``mav0`` or the folder that holds it.
 
-    Images of one stamp are a pair. Times are seconds since the first stamp.
+    Images with the same stamp are a pair. Times are seconds since the first stamp.
 
     Raises:
         SourceError: a part is missing or unusable.
@@ -82,7 +82,7 @@ def _entries(left: Path, right: Path) -> list[FilePair | MissingPair]:
             FilePair(
                 left / "data" / left_names[stamp],
                 right / "data" / right_names[stamp],
-                # Relative to the first: a float64 since 1970 would keep 0.2 microseconds only.
+                # Relative to the first: a float64 of seconds since 1970 resolves only 0.2 us.
                 (stamp - stamps[0]) * 1e-9,
             )
         )

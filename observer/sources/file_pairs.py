@@ -1,4 +1,4 @@
-"""Sequence of stereo pairs kept as image files, the base of all dataset layouts."""
+"""Sequence of stereo pairs stored as image files, the base of all dataset layouts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from observer.image_files.reading import BitDepth, read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import Image, StereoFrame
 
-# Returns the calibration for images of this width and height, None without one.
+# Returns the calibration for images of this width and height, None if there is none.
 Calibrate = Callable[[int, int], StereoCalibration | None]
 
 
@@ -29,15 +29,15 @@ class FilePairSource:
     Args:
         spec: the text it was opened by. kind: the layout's name, for people.
         entries: one for each frame, in order.
-        calibrate: asked once, with the images' size.
+        calibrate: called once, with the images' size.
 
     Attributes:
-        calibration: that lay beside the images; None where there was none.
+        calibration: the one beside the images; None where there was none.
         calibration_notes: what was decided while it was read, one sentence each.
 
     Raises:
-        SourceError: fewer than two pairs can be played, or the times make no sequence.
-        CalibrationError: the calibration that lies beside the images cannot be used with them.
+        SourceError: fewer than two pairs can be played, or the times do not increase.
+        CalibrationError: the calibration beside the images cannot be used with them.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class FilePairSource:
         )
 
     def skip(self, count: int) -> None:
-        """Pass over frames without reading their files."""
+        """Skip frames without reading their files."""
         self._next += count
 
     def rewind(self) -> None:
@@ -136,10 +136,10 @@ def _first_size(pairs: Sequence[FilePair], spec: str) -> tuple[int, int]:
 def check_size(
     calibration: StereoCalibration | None, width: int, height: int, *, name: str, images: str
 ) -> None:
-    """Refuse a calibration for images of another size, pixels; a message calls them so.
+    """Refuse a calibration for images of another size, pixels; messages use ``name``, ``images``.
 
     Raises:
-        CalibrationError: it is one.
+        CalibrationError: it is for another size.
     """
     if calibration is not None and (calibration.width, calibration.height) != (width, height):
         raise CalibrationError(
@@ -151,7 +151,7 @@ def check_size(
 def _without_time_jumps(
     entries: Sequence[FilePair | MissingPair], spec: str
 ) -> list[FilePair | MissingPair]:
-    """Return the entries with every pair that breaks the rise of time made a missing one."""
+    """Return the entries, with pairs whose time breaks the increase replaced by missing ones."""
     result = list(entries)
     pairs = [(k, e) for k, e in enumerate(entries) if isinstance(e, FilePair)]
     kept = _longest_rise([pair.time for _, pair in pairs])
@@ -172,8 +172,8 @@ def _without_time_jumps(
 def _longest_rise(values: Sequence[float]) -> set[int]:
     """Return the positions of a longest strictly rising subsequence (patience sorting, O(n log n)).
 
-    Dropping what breaks the rise, and not all that follows it, loses one frame to one wrong
-    time, however wrong it is.
+    This drops the values that break the rise, not all that follow, so that a wrong time loses
+    only its own frame, however wrong it is.
     """
     ends: list[float] = []  # smallest value that ends a rise of each length
     at: list[int] = []  # its position

@@ -1,4 +1,4 @@
-"""Recognition of the layout of a folder of stereo images; each layout has a file of its own."""
+"""Recognition of the layout of a folder of stereo images; each layout has its own module."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.sources.file_pairs import FilePairSource
 from observer.sources.kitti import open_kitti_odometry, open_kitti_raw
 from observer.sources.stereo_folder import open_stereo_folder
 
-# One of a layout's folders is enough to recognise it: what else is missing, its reader says.
+# One of a layout's folders is enough to recognise it; its reader reports what is missing.
 _LAYOUTS = (
     (open_euroc, ("mav0", "cam0/data.csv", "cam1/data.csv")),
     (open_kitti_raw, tuple(f"image_{k:02d}/data" for k in range(4))),
@@ -20,7 +20,7 @@ _LAYOUTS = (
 
 
 def open_folder(path: Path) -> FilePairSource:
-    """Open a folder of stereo images, its layout found by its content.
+    """Open a folder of stereo images; its content determines the layout.
 
     Raises:
         SourceError: there is no such folder, no layout is recognised, or its parts are unusable.

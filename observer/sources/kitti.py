@@ -1,4 +1,4 @@
-"""The layouts of KITTI's two kinds of data.
+"""The layouts of KITTI's odometry and raw data.
 
 Odometry: ``image_0 image_1`` or ``image_2 image_3``, ``times.txt``, ``calib.txt``. Raw:
 ``image_00/data``, ``image_00/timestamps.txt``, ``calib_cam_to_cam.txt``, and so on.
@@ -26,7 +26,7 @@ from observer.image_files.listing import (
 from observer.image_files.reading import read_image
 from observer.sources.file_pairs import FilePairSource
 
-# Number of pairs, evenly spread over the drive, by which the rows are aligned.
+# Number of pairs, spread evenly over the drive, from which the rows are aligned.
 _REFINED_BY = 4
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -34,7 +34,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 def open_kitti_odometry(folder: Path) -> FilePairSource:
     """Open a sequence of KITTI's odometry benchmark; its images are rectified.
 
-    The grey pair is taken where both pairs are there.
+    The grey pair is used where both pairs are there.
 
     Raises:
         SourceError: a part is missing or unusable.
@@ -64,7 +64,7 @@ def open_kitti_odometry(folder: Path) -> FilePairSource:
 def open_kitti_raw(folder: Path) -> FilePairSource:
     """Open a drive of KITTI's raw data, rectified (``_sync``) or not (``_extract``).
 
-    The grey pair is taken where both pairs are there. Times are seconds since the left camera's
+    The grey pair is used where both pairs are there. Times are seconds since the left camera's
     first stamp; each image keeps its own.
 
     One calibration served a whole day of driving and is off by some 0.02 degrees in pitch, which
@@ -94,14 +94,14 @@ def read_timestamps_ns(path: Path) -> list[int]:
     """Return nanoseconds since 1970, one for each line such as ``2011-09-26 14:06:06.052646144``.
 
     Raises:
-        SourceError: the file is missing or a line is no time.
+        SourceError: the file is missing or a line is not a time.
     """
     stamps = []
     for number, line in read_lines(path):
         whole, _, fraction = line.partition(".")
         try:
             moment = datetime.fromisoformat(whole)
-            # int() also reads signs, underscores and the digits of other scripts.
+            # int() also accepts signs, underscores and the digits of other scripts.
             if not re.fullmatch(r"[0-9]*", fraction):
                 raise ValueError
             nanoseconds = int(fraction[:9].ljust(9, "0"))
@@ -129,7 +129,7 @@ def _entries(left: Path, right: Path) -> list[FilePair | MissingPair]:
 def _refined(
     calibration: StereoCalibration, entries: Sequence[FilePair | MissingPair]
 ) -> StereoCalibration:
-    """Return the calibration with its rows aligned by the drive's images, as far as they allow."""
+    """Return the calibration with its rows aligned by the drive's images, where they allow it."""
     pairs = [entry for entry in entries if isinstance(entry, FilePair)]
     chosen = pairs[:: max(1, len(pairs) // _REFINED_BY)][:_REFINED_BY]
     images = []
@@ -143,10 +143,10 @@ def _refined(
 
 
 def _left_camera(folder: Path, name: str, layout: str) -> int:
-    """Return the number of the left camera of the grey pair, without one of the colour pair.
+    """Return the number of the left camera of the grey pair, or of the colour pair without one.
 
     Args:
-        name: of a camera's folder, with a place for its number.
+        name: of a camera's folder, with a placeholder for its number.
 
     Raises:
         SourceError: neither pair is there.

@@ -1,4 +1,4 @@
-"""A stereo folder: ``left/ right/ times.txt`` and, mostly, ``calibration.yaml``."""
+"""A stereo folder: ``left/ right/ times.txt`` and, usually, ``calibration.yaml``."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def open_video(spec: str) -> VideoSource:
     """Open ``LEFT,RIGHT`` or ``SIDE_BY_SIDE`` (left image in the left half).
 
     Raises:
-        SourceError: a file is missing, is no video, or the two do not belong together.
+        SourceError: a file is missing, is not a video, or the two do not belong together.
         CalibrationError: ``calibration.yaml`` lies beside the (left) file and is unusable.
     """
     if not spec.strip():
@@ -44,7 +44,7 @@ def open_video(spec: str) -> VideoSource:
 class VideoSource:
     """Plays one or two video files; implements ``Source``.
 
-    Times are the container's own where they rise evenly with its frame rate, otherwise the
+    Times are the container's own where they rise in step with its frame rate, otherwise the
     frame's number over the rate. Frames that only one file has are skipped, and a file that ends
     before its announced number of frames is reported once, at its end.
 
@@ -53,7 +53,7 @@ class VideoSource:
         spec: the text it was opened by.
 
     Attributes:
-        calibration: in a ``calibration.yaml`` beside the (left) file; None without one.
+        calibration: from a ``calibration.yaml`` beside the (left) file; None without one.
         calibration_notes: what was decided while it was read, one sentence each.
 
     Raises:
@@ -119,7 +119,7 @@ class VideoSource:
         return StereoFrame(index=index, time=now, left=left, right=right, received=time.monotonic())
 
     def rewind(self) -> None:
-        """Go back to the first frame, by opening the files anew: seeking is inexact."""
+        """Go back to the first frame by reopening the files, as seeking is inexact."""
         self.close()
         self._captures = [_open(path) for path in self._paths]
         self._index = 0
@@ -153,7 +153,7 @@ class VideoSource:
 
 @dataclass(frozen=True)
 class _Probe:
-    """Facts that a video file states; ``count`` is 0 where it states none."""
+    """Facts that a video file states; ``count`` is 0 if it states none."""
 
     width: int
     height: int
@@ -216,7 +216,7 @@ def _check_belongs(left_path: Path, left: _Probe, right_path: Path, right: _Prob
 def _open(path: Path) -> cv2.VideoCapture:
     if not path.is_file():
         raise SourceError(f"there is no video file {path}")
-    # FFmpeg by name: other backends take a file's name for an image pattern or a device.
+    # FFmpeg explicitly: other backends take a file's name for an image pattern or a device.
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         capture.release()

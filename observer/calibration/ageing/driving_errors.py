@@ -1,6 +1,6 @@
 """Vergence and exposure skew as the method estimates them while driving, without wheels.
 
-A disparity bias ``b`` at the image's centre is the vergence ``v = b / f``, for a camera that
+A disparity bias ``b`` at the image's centre is the vergence ``v = b / f``, because a pair that
 converges by v more than calibrated shows all disparities ``f g v`` too small (``vergence_fit``).
 """
 
@@ -20,7 +20,7 @@ _CONTRADICTION_SIGMAS = 3.0
 
 @dataclass(frozen=True)
 class SkewCheck:
-    """A skew of the exposures that the source does not tell.
+    """A skew of the exposures that the source does not report.
 
     Attributes:
         exposure_skew_s: seconds by which the right camera exposes later; sigma_s: one standard
@@ -45,7 +45,7 @@ class PointsVergence:
         """Return the newest check, None while the bias is not known.
 
         Args:
-            bias: after this frame; None where the method did not look for it.
+            bias: after this frame; None where the method did not estimate it.
         """
         if bias is None or bias is self._bias:
             return self._found
@@ -53,19 +53,19 @@ class PointsVergence:
         if bias.known:
             self._found = vergence_by_points(bias, self._camera)
         elif not bias.pairs:
-            # The estimate began anew, and nothing is allowed for any more.
+            # The estimate was restarted, and nothing is compensated any more.
             self._found = None
         return self._found
 
 
 class SkewWatch:
-    """Skew by the image's turns, from the estimate that the method keeps in its trace."""
+    """Skew from the image's rotations, by the estimate that the method keeps in its trace."""
 
     def __init__(self) -> None:
         self._found: SkewCheck | None = None
 
     def look(self, skew: ExposureSkew | None) -> SkewCheck | None:
-        """Return the newest check, None while no skew is sure; the same one while it reads so."""
+        """Return the newest check, the same object while its text stays; None until one is sure."""
         if skew is not None and skew.sure:
             found = skew_check(skew)
             if self._found is None or found.sentence != self._found.sentence:
@@ -95,10 +95,10 @@ def vergence_by_points(bias: DisparityBias, camera: StereoCamera) -> VergenceChe
 
 
 def joined_vergence(wheels: VergenceCheck, points: VergenceCheck | None) -> VergenceCheck:
-    """Return the check that knows the vergence better, with what contradicts it.
+    """Return the more precise check of the vergence, with any contradiction by the other one.
 
     Args:
-        wheels: by the wheels' way. points: by near against far points; None unknown.
+        wheels: by the wheels' distances. points: by near against far points; None if unknown.
     """
     if points is None or points.vergence_rad is None or points.std_rad is None:
         return wheels
@@ -126,7 +126,7 @@ def joined_vergence(wheels: VergenceCheck, points: VergenceCheck | None) -> Verg
 
 
 def skew_check(skew: ExposureSkew) -> SkewCheck:
-    """Return what is told of a skew that is sure."""
+    """Return the check for a skew that is sure."""
     course = "after" if skew.skew_s > 0 else "before"
     sentence = (
         f"the right camera exposes {1e3 * abs(skew.skew_s):.1f} ± "

@@ -1,7 +1,7 @@
 """Watch of the vertical offset between left and right over minutes and hours.
 
-``observer.vision.image_health`` tells at once when rows are too far apart to be used; this tells
-long before, and by how much it grows, while the frames are still as good as ever.
+``observer.vision.image_health`` reports at once when rows are too far apart to be used; this
+reports the offset and its growth long before, while the frames are still as good as ever.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from observer.geometry import Float64Array
 from observer.robust import MAD_TO_SIGMA
 from observer.vision.image_checks import VerticalError, vertical_error
 
-# Rows further apart than this are warned of; the warning ends below the second.
+# The warning starts when rows are further apart than the first and ends below the second.
 WARN_PX = 0.5
 _END_PX = 0.4
 # Seconds between two looks: one takes 0.3 ms, and rows drift slowly.
 _LOOK_S = 0.8
-# What is said of now is the median of so many looks, 10 s, of which a blurred one spoils two;
-# before so many, over so many seconds, nothing is said, and older ones do not count.
+# The current value is the median of this many looks, 10 s, of which a blurred one spoils two. It
+# needs the following number of looks over as many seconds; looks older than the last do not count.
 _RECENT = 12
 _ENOUGH, _ENOUGH_S = 6, 4.5
 _RECENT_S = 60.0
 _SURE_SIGMAS = 2.0
-# What the scene itself does to the rows by occlusion and interpolation, pixels.
+# Row error caused by the scene itself through occlusion and interpolation, pixels.
 _SCENE_PX = 0.02
-# The history: medians of half a minute, paired into longer ones when there are too many.
+# The history: medians over half a minute, merged in pairs when there are too many.
 _BLOCK_S = 30.0
 _MOST_BLOCKS = 120
-# The trend rests on the newest blocks; less than this in all, or than so many standard
-# deviations, is none.
+# The trend is fitted to the newest blocks; a total change below this, or a trend below so many
+# standard deviations, is none.
 _TREND_BLOCKS, _LEAST_TREND_BLOCKS = 20, 4
 _LEAST_CHANGE_PX = 0.1
 _TREND_SIGMAS = 3.0
@@ -47,16 +47,16 @@ class RowDrift:
     """Vertical offset between the rows of left and right, now and over time.
 
     The error is that of pitch and roll: its root mean square over the image, pixels. All times are
-    seconds for which frames were watched; a source that starts anew does not set them back.
+    seconds for which frames were watched; restarting the source does not reset them.
 
     Attributes:
         now_px: over the last 10 s; None while it is not known, as are the next two.
         median_px: v_left - v_right in the middle of the image, signed: what pitch does.
         roll_rad: by how much the right image is turned against the left one, clockwise positive.
         since_s: when the rows were found too far apart; None without a warning.
-        trend_px_per_min: by how much ``now_px`` grows; None where nothing significant is seen.
+        trend_px_per_min: by how much ``now_px`` grows; None where nothing is significant.
         warning: one sentence; None while the rows are near enough.
-        history: (time_s, px) of the middle of each stretch of time and its error, oldest first.
+        history: (time_s, px), the middle of each stretch of time and its error, oldest first.
     """
 
     now_px: float | None = None
@@ -70,7 +70,7 @@ class RowDrift:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Vertical error by pitch, pixels; by roll, its root mean square over the image, signed.
+    """Vertical error by pitch, pixels, and by roll: its signed root mean square over the image.
 
     Attributes:
         time_s: when. std_px: one standard deviation of both together.
@@ -89,13 +89,13 @@ class _Rows:
 class RowDriftWatch:
     """Watch of one calibration's rows, fed with every frame; costs 0.02 ms a frame on average.
 
-    The stretch of the rows along v is left out: no turn of a camera makes it, while time between
-    the exposures does whenever the robot drives ahead.
+    The stretch of the rows along v is left out: no rotation of a camera causes it, but exposure
+    skew does whenever the robot drives ahead.
     """
 
     def __init__(self, camera: StereoCamera) -> None:
         self._camera = camera
-        # From an angle of roll to the root mean square of its rows over the image.
+        # Factor from a roll angle to the root mean square of its row offsets over the image.
         self._px_per_roll = camera.width / 2 / math.sqrt(3)
         self._clock_s = 0.0
         self._time_s: float | None = None
@@ -175,7 +175,7 @@ class RowDriftWatch:
             ago = _duration(self._clock_s - blocks[0].time_s)
             rate = _rate(abs(trend))
             told += f", {blocks[0].typical_px:.1f} px {ago} ago and {course} by {rate}"
-        # A camera whose image lies lower or turns is named by the angle that does it.
+        # Name the angle, pitch or roll, that causes the offset.
         pitch = f"pitch ({math.degrees(now.pitch_px / self._camera.fy):+.2f} deg)"
         roll = f"roll ({math.degrees(now.roll_px / self._px_per_roll):+.2f} deg)"
         pitch_share = (now.pitch_px / now.typical_px) ** 2
@@ -194,8 +194,8 @@ class RowDriftWatch:
 def _median(rows: list[_Rows]) -> _Rows:
     """Return the median of several looks, and how well it is known.
 
-    A camera that stands sees the same points again and again with the same errors, so that looks
-    add nothing to the certainty of one; where they scatter more, that counts.
+    A standing camera sees the same points with the same errors in every look, so more looks do
+    not reduce the standard deviation of one; where they scatter more, the scatter counts.
     """
     values = np.array([(r.time_s, r.pitch_px, r.roll_px, r.std_px) for r in rows])
     time_s, pitch, roll, std = np.median(values, axis=0).tolist()
@@ -214,7 +214,7 @@ def _trend_px_per_s(blocks: list[_Rows], now: _Rows) -> float | None:
     spread = float(time @ time)
     slope = time @ values / spread
     rest = values - values.mean(axis=0) - time[:, None] * slope
-    # The larger of what the blocks scatter by and what the scene may do to each.
+    # The larger of the scatter of the blocks and the error that the scene may cause in each.
     sigma = max(float(np.sqrt(np.mean(rest**2) * len(blocks) / (len(blocks) - 2))), _SCENE_PX)
     direction = np.array([now.pitch_px, now.roll_px]) / now.typical_px
     trend = float(slope @ direction)

@@ -1,9 +1,9 @@
 """Refinement of pitch, roll and vergence between the two cameras from what they see.
 
 A stereo head that was bumped, warmed or driven for months is off by hundredths of a degree, half
-a pixel at a focal length of 1000. Rows tell pitch and roll apart from the scene, columns do not:
-vergence looks like depth. It is corrected only by what a drive told (``VergenceCheck``); baseline
-and lenses stay as calibrated.
+a pixel at a focal length of 1000. Row offsets show pitch and roll whatever the scene; column
+offsets do not show vergence, which looks like depth. It is corrected only as measured in a drive
+(``VergenceCheck``); baseline and lenses stay as calibrated.
 """
 
 from __future__ import annotations
@@ -24,41 +24,42 @@ from observer.intervals import half_95
 from observer.types import Image
 from observer.vision.rectification import Rectification
 
-# Fewer matches do not tell two angles from the mismatches among them.
+# With fewer matches, two angles cannot be told from the mismatches among them.
 _MIN_MATCHES = 200
-# A larger error is no drift but another calibration, or left and right from different instants.
+# A larger error is not drift but another calibration, or left and right from different instants.
 _MAX_TURN_RAD = np.deg2rad(0.4)
 # Where an error begins to count as a mismatch, pixels.
 _SOFT_PX = 0.3
 _MAX_VERTICAL_PX = 8.0
-# Roll tilts the rows along u: the middle 90 % of the matches must reach over so much of the width.
+# Roll tilts the rows along u: the middle 90 % of the matches must span this share of the width.
 _MIN_SPREAD = 0.4
-# Neither angle may be known worse than this, pixels: pitch everywhere, roll at the image's edge.
+# Largest standard deviation of either angle, as pixels: pitch everywhere, roll at the image's edge.
 _MAX_STD_PX = 0.3
-# The image is divided into so many columns and rows, to count how much of it shows matches, and
-# because matches of one part share the errors that the lens's model leaves there.
+# The image is divided into so many columns and rows, to measure how much of it has matches, and
+# because matches in one cell share the errors that the lens model leaves there.
 _CELLS = (8, 6)
 _MIN_IN_CELL = 3
-# Matching and interpolation shift whole images by up to so much (measured on rendered pairs).
+# Matching and interpolation shift whole images by up to this many pixels (measured on rendered
+# pairs).
 _SHARED_PX = 0.03
 
 
 @dataclass(frozen=True, eq=False)
 class RowRefinement:
-    """A calibration turned by a little, and what that gained.
+    """A slightly rotated calibration, and what that gained.
 
     Attributes:
         calibration: the refined one; lenses and baseline are those of the given one.
-        pitch_rad, roll_rad: the turn of the rectified right camera about x and z; 0 where the rows
-            ask for none.
+        pitch_rad, roll_rad: rotation of the rectified right camera about x and z; 0 where the rows
+            need none.
         pitch_std_rad, roll_std_rad: one standard deviation of each.
-        vergence_rad: by how much more the cameras converge than in the given one, a turn of
-            ``-vergence_rad`` about y; None where the vergence stayed.
+        vergence_rad: by how much more the cameras converge than in the given one, a rotation of
+            ``-vergence_rad`` about y; None where the vergence is unchanged.
         vergence_std_rad: one standard deviation of it.
         before_px, after_px: median vertical distance of matches after rectification, pixels.
-        before_p95_px, after_p95_px: 95 % of the matches lie within it.
-        matches: number of matches it rests on, and pairs: of pairs that show any.
-        coverage: share of the image, in cells, where there are matches.
+        before_p95_px, after_p95_px: its 95th percentile.
+        matches: number of matches used. pairs: number of pairs that have any.
+        coverage: share of the image's cells that have matches.
     """
 
     calibration: StereoCalibration
@@ -91,7 +92,7 @@ def refine_from_scene(
 ) -> RowRefinement | RefinementRefusal:
     """Estimate the pitch and roll of the right camera that align the rows of these pairs.
 
-    A vergence that drifted is corrected with them, also where the rows need no correction.
+    A vergence that drifted is corrected as well, even if the rows need no correction.
 
     The given calibration is not changed.
 
@@ -99,7 +100,7 @@ def refine_from_scene(
         calibration: nearly right: rows agree to a few pixels.
         pairs: left and right images as taken, of the calibration's size, (H, W) grey or
             (H, W, 3) BGR; best from different places, with texture all over the image.
-        vergence: as the drive told it, of this calibration; None unknown.
+        vergence: as measured in a drive with this calibration; None if unknown.
 
     Raises:
         CalibrationError: the calibration cannot be rectified or is for images of another size.
@@ -185,10 +186,10 @@ def with_turned_right_camera(
     """Return the calibration whose rectified right image is turned by a small rotation.
 
     With W the rotation of the vector ``turn`` and R1 that of the rectified left camera, the
-    rectified right one is at ``W R1 R^T`` in place of ``R1 R^T``. So ``R' = R R1^T W^T R1`` and
-    ``T' = R R1^T W^T (-B, 0, 0)``: left camera, right camera's place and lenses stay. A camera
+    rectified right one is at ``W R1 R^T`` instead of ``R1 R^T``. So ``R' = R R1^T W^T R1`` and
+    ``T' = R R1^T W^T (-B, 0, 0)``: left camera, right camera's position and lenses stay. A camera
     that converges by v more than calibrated sees ``(x, y, 1)`` at ``W_y(v) (x, y, 1)``, about
-    ``f v (1 + x^2)`` pixels too far right; the turn (0, -v, 0) takes that back.
+    ``f v (1 + x^2)`` pixels too far right; the turn (0, -v, 0) undoes that.
 
     Args:
         rectification: of the calibration.
@@ -207,12 +208,12 @@ def with_turned_right_camera(
 def matched_points(left: Image, right: Image) -> tuple[Float64Array, Float64Array]:
     """Sub-pixel positions (N, 2) of one scene point each in a rectified pair.
 
-    Corners (Shi and Tomasi) are tracked from left to right and back (Lucas-Kanade in two
-    dimensions, so that a vertical distance shows); those that do not come back are dropped.
+    Corners (Shi-Tomasi) are tracked from left to right and back (Lucas-Kanade in two dimensions,
+    so that a vertical offset shows); those that do not return to their start are dropped.
     """
     left, right = as_gray(left), as_gray(right)
     found = cv2.goodFeaturesToTrack(left, 1000, 0.005, 7)
-    # OpenCV answers None where there is no corner, which its type stubs do not know.
+    # OpenCV returns None if there is no corner, which its type stubs do not know.
     corners = np.asarray([] if found is None else found, dtype=np.float32).reshape(-1, 1, 2)
     if not len(corners):
         return np.empty((0, 2)), np.empty((0, 2))
@@ -264,7 +265,7 @@ def _deviations(
     """(2,) radians: one standard deviation of pitch and roll.
 
     The sandwich estimator with the image's cells as clusters (Liang and Zeger, Biometrika 1986):
-    what a part of the image has in common over all pairs counts once.
+    an error that a cell has in common over all pairs counts once.
     """
     step = 1e-6
     rows = _turned_rows(camera, right_px, turn, yaw)
@@ -274,9 +275,9 @@ def _deviations(
             for axis in np.eye(2)
         ]
     )
-    # The slope of soft_l1, by which the fit weighs each match.
+    # The slope of soft_l1, with which the fit weights each match.
     weight = 1 / np.sqrt(1 + (errors / _SOFT_PX) ** 2)
-    # The curvature is less than the weight where an error counts by its distance only.
+    # The curvature is smaller than the weight where an error counts only linearly.
     bread = np.linalg.inv((J * (weight**3)[:, None]).T @ J + 1e-9 * np.eye(2))
     score = J * (weight * errors)[:, None]
     cells = _cells(camera, left_px)

@@ -1,8 +1,8 @@
 """Check of the vergence against the calibration, by the distance that the wheels report.
 
-Vergence cannot be seen in one pair: it looks like depth. But depth is a scale of the camera's
-way, and the robot's wheels measure that way by themselves (``observer.vision.vergence_fit`` has the
-formula).
+Vergence cannot be seen in one pair: it looks like depth. But depth scales the distance that the
+camera travels, which the robot's wheels measure independently (``observer.vision.vergence_fit`` has
+the formula).
 """
 
 from __future__ import annotations
@@ -22,42 +22,42 @@ from observer.vision.vergence_fit import SeenTwice, WayEquation, way_equation
 from observer.vision.view import StereoRows
 from observer.vision.wheel_odometry import driven_step, driven_way
 
-# Metres between the two views of a pair, and radians: a longer way loses the points, a turn makes
-# the way depend on where the camera is mounted.
+# Metres between the two views of a pair, and radians at most: a longer way loses the points, and a
+# turn makes the way depend on where the camera is mounted.
 _WAY_M, _MOST_TURN = 0.2, 0.35
 # Seconds between two fits, which take 1 ms.
 _PAUSE_S = 1.0
-# Steps of the wheels' encoders, metres.
+# Resolution of the wheel encoders, metres.
 _STEP_M = 0.002
-# The wheels' scale is wrong by about 1 % (a worn tyre, a soft floor) wherever one drives. So f v
-# is never known better than 1 % of the disparities seen, but for how much these differ.
+# The wheels' scale is wrong by about 1 % (a worn tyre, a soft floor) throughout a drive. So f v is
+# never known better than 1 % of the disparities seen, except through their spread.
 WHEEL_SCALE_SIGMA = 0.01
-# A scale as wrong as this is none of the wheels' usual errors: they slip, or a gear is set wrong.
+# A scale error this large is not a usual one: the wheels slip, or a gear ratio is set wrong.
 _STRANGE_SCALE = 0.05
-# No vergence makes ways differ by such a factor: the wheels spin, or their count began anew.
+# No vergence makes the ways differ by such a factor: the wheels spin, or their count was reset.
 _SAME_WAY = 2.5
-# Where stereo turned otherwise than the wheels, by radians and by a share of their turn, the
-# camera tips or swings, and its way is none that wheels could tell.
+# If the turns by stereo and by the wheels differ by more than these, radians and a share of the
+# turn, the camera tips or swings, and the wheels cannot measure its way.
 _SAME_TURN, _SAME_TURN_SHARE = 0.015, 0.1
 _CHECK_WHEELS = (
     "check that they do not slip and that their scale is right, and drive on even ground"
 )
-# Points of one scene err together, beside edges and by interpolation, and do so again in every
-# pair: the variance is at least so many times that of independent errors, and a part of it is
-# the same for all, pixels. Both as simulated drives show.
+# Points of one scene have common errors, beside edges and by interpolation, which recur in every
+# pair: the variance is at least so many times that of independent errors, and a bias, pixels, is
+# the same for all. Both are from simulated drives.
 _SHARED = 10.0
 _BIAS_PX = 0.1
-# How far back the fits count, metres of way.
+# How far back the fits count: metres of way over which their weight falls to 1/e.
 _MEMORY_M = 20.0
 _LEAST_PAIRS = 3.5
 _SURE_SIGMAS = 3.0
-# Vergence counts as known once a disparity is known so well, pixels.
+# Vergence counts as known once its error in disparity is below this standard deviation, pixels.
 _KNOWN_PX = 0.3
-# Depth errors are told for things at this distance.
+# Metres: depth errors are reported for objects at this distance.
 _AT_M = 3.0
 _HOW = "drive 2 m straight ahead with wheel odometry, past near and far objects"
 _NO_WAY = f"vergence not measured yet: the robot has not driven; {_HOW}"
-# So many frames without matches are none of the first ones of a segment.
+# More frames without matches than this are not just the first ones of a segment.
 _BLIND_FRAMES = 5
 
 
@@ -70,7 +70,7 @@ class VergenceCheck:
         vergence_rad: by how much the cameras converge more than calibrated; None where nothing
             is known. std_rad: one standard deviation, the wheels' scale error included.
         sentence: the same in words; while unobserved, what would make it observable.
-        way_m: metres of way against the wheels that it rests on; 0 without wheels.
+        way_m: metres of wheel-measured way that it is based on; 0 without wheels.
     """
 
     status: Literal["unobserved", "consistent", "drifted"]
@@ -93,7 +93,7 @@ class VergenceWatch:
 
     Args:
         camera: the rectified pair.
-        mount: where the camera is on the robot; None unknown, then curves say less.
+        mount: where the camera is on the robot; None if unknown, then curves say less.
     """
 
     def __init__(self, camera: StereoCamera, mount: CameraMount | None = None) -> None:
@@ -119,10 +119,10 @@ class VergenceWatch:
 
         Args:
             time_s: the frame's, seconds on the source's clock.
-            segment: of the observation: points and poses of two segments have no relation.
+            segment: of the observation: points and poses of two segments are unrelated.
             rows: the points that stereo found; None where the method finds none.
             T_world_camera: by stereo; None while it is unknown.
-            odometry: the wheels' at this frame; None unknown.
+            odometry: the wheels' at this frame; None if unknown.
         """
         if segment != self._segment or (self._key is not None and time_s < self._key.time_s):
             self._key, self._segment, self._fitted_s = None, segment, -math.inf
@@ -184,7 +184,7 @@ class VergenceWatch:
         way = f"{self._way_m:.1f} m"
         if self._pairs < _LEAST_PAIRS:
             return _unobserved(f"vergence not measured after {way} of driving; {_HOW}")
-        # The variance by which the pairs contradict each other: two unknowns each.
+        # The variance by which the pairs contradict each other; each gives two unknowns.
         own = np.linalg.pinv(self._information, hermitian=True) @ self._vector
         excess = (self._square - float(own @ self._vector)) / (2 * self._pairs - 2)
         excess = max(_SHARED, excess)
@@ -233,11 +233,11 @@ class VergenceWatch:
         return VergenceCheck("consistent", vergence, std, sentence, self._way_m)
 
     def _strange(self, scale: float, excess: float) -> bool:
-        """Return whether near and far points together contradict the wheels, whatever the vergence.
+        """Return whether near and far points alike contradict the wheels, whatever the vergence.
 
         Args:
             scale: the wheels' scale error by the spread of disparities alone, a share.
-            excess: factor on the variance of what the pairs say.
+            excess: factor on the variance of the pairs' fits.
         """
         (a, b), (_, c) = self._information.tolist()
         left = c - b * b / a if a > 0 else 0.0
@@ -248,7 +248,7 @@ class VergenceWatch:
 
 
 def drift_words(vergence: float, std: float, baseline: float) -> tuple[str, str]:
-    """Return in words by how much the cameras converge otherwise, and what it does to depth.
+    """Return in words how far the vergence is from the calibrated one, and its effect on depth.
 
     Args:
         vergence, std: radians beyond the calibration, and one standard deviation.
@@ -266,12 +266,12 @@ def drift_words(vergence: float, std: float, baseline: float) -> tuple[str, str]
 def _depth_share(vergence: float, baseline: float) -> float:
     """Depth error at ``_AT_M``, per cent.
 
-    Depth seems d / (d - f v) times as far as it is, which is 1 + v Z / B for small v.
+    Depth appears multiplied by d / (d - f v), which is 1 + v Z / B for small v.
     """
     return 100 * vergence * _AT_M / baseline
 
 
-# Of about what size vergence and scale errors are, rad and 1: makes the two comparable.
+# Typical sizes of vergence and scale errors, rad and 1; they make the two comparable.
 _UNITS = np.array([1e-3, 1e-2])
 
 

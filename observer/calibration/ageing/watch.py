@@ -22,8 +22,8 @@ from observer.mount import CameraMount
 from observer.types import Image, Observation, StereoFrame
 from observer.vision.view import StereoRows
 
-# So many pairs, this far apart: enough to average what one scene does to the rows, and recent
-# enough to show the cameras as they stand now.
+# So many pairs, so many seconds apart: enough to average out a single scene's effect on the rows,
+# and recent enough to show the cameras in their current state.
 _PAIRS = 8
 _SPACING_S = 3.0
 
@@ -33,8 +33,8 @@ class CalibrationAge:
     """State of a calibration after a frame.
 
     Attributes:
-        vergence: by the wheels or by near against far points, whichever knows it better.
-        exposure_skew: of free-running cameras that nobody told; None while none is sure.
+        vergence: by the wheels or by near against far points, whichever is more precise.
+        exposure_skew: of free-running cameras, unreported by the source; None until one is sure.
     """
 
     rows: RowDrift
@@ -43,14 +43,14 @@ class CalibrationAge:
 
 
 class ScenePairs:
-    """Keeps copies in grey of the newest pairs; 8 of 640x480 are 5 MB."""
+    """Keeps grey copies of the newest pairs; 8 of 640x480 are 5 MB."""
 
     def __init__(self, count: int = _PAIRS, spacing_s: float = _SPACING_S) -> None:
         self._kept: deque[tuple[float, Image, Image]] = deque(maxlen=count)
         self._spacing_s = spacing_s
 
     def offer(self, time_s: float, left: Image, right: Image) -> None:
-        """One frame as taken, not rectified; it is kept if the last kept one is old enough.
+        """Take a frame as taken, not rectified; it is kept if the last kept one is old enough.
 
         Args:
             time_s: seconds on the source's clock. left, right: (H, W) grey or (H, W, 3) BGR.
@@ -69,9 +69,9 @@ class ScenePairs:
 
 
 class AgeingWatch:
-    """Rows, vergence and skew, and pairs for a refinement; less than 0.1 ms a frame on average.
+    """Watch of rows, vergence and skew, with pairs for a refinement; under 0.1 ms a frame.
 
-    It belongs to one calibration: another one, or another rig, begins with a new watch.
+    It belongs to one calibration: another calibration, or another rig, needs a new watch.
     """
 
     def __init__(self, camera: StereoCamera, mount: CameraMount | None = None) -> None:
@@ -99,13 +99,13 @@ class AgeingWatch:
         wheels = self._vergence.look(frame.time, observation.segment, rows, pose, frame.odometry)
         vergence = self._join(wheels, self._points.look(trace.get("disparity_bias")))
         skew = self._skew.look(trace.get("exposure_skew"))
-        # Pictures in which the camera knows where it is are worth keeping.
+        # Images are worth keeping if the camera's pose is known in them.
         if pose is not None:
             self._pairs.offer(frame.time, frame.left, frame.right)
         return CalibrationAge(drift, vergence, skew)
 
     def _join(self, wheels: VergenceCheck, points: VergenceCheck | None) -> VergenceCheck:
-        """Return the better check; the same object while there is no news, which is every frame."""
+        """Return the better check; the same object while neither changed, as in most frames."""
         joined = self._joined
         if joined is None or joined[0] is not wheels or joined[1] is not points:
             joined = self._joined = (wheels, points, joined_vergence(wheels, points))

@@ -1,5 +1,5 @@
 """Calibration files: one reader per format.
 
-What a reader refuses is a ``CalibrationError``, or an ``InputError`` that ``calibration_errors``
-makes one of: one sentence naming the file, the key and the reason.
+A reader refuses with a ``CalibrationError``, or with an ``InputError`` that ``calibration_errors``
+turns into one: one sentence naming the file, the key and the reason.
 """

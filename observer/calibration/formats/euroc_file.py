@@ -1,4 +1,4 @@
-"""EuRoC's ``sensor.yaml``: one file for each camera, composed to a stereo calibration."""
+"""EuRoC's ``sensor.yaml``: one file for each camera, combined into a stereo calibration."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read_euroc(left: Path, right: Path) -> StereoCalibration:
 def euroc_draft(first: NamedData, second: NamedData) -> Draft:
     """The calibration of two ``sensor.yaml`` files; ``T_BS`` tells which of them is left."""
     a, b = _read_camera(*first), _read_camera(*second)
-    # The second camera's place as the first one sees it.
+    # The second camera's position in the first one's frame.
     beside = (a.T_BS.inverse() @ b.T_BS).translation[0]
     left, right = (a, b) if beside >= 0 else (b, a)
     return _draft(left, right, f"according to T_BS, {left.name} is the left camera")

@@ -15,14 +15,14 @@ from observer.vision.rectification import Rectification
 
 ExportKind = Literal["opencv", "ros", "kalibr"]
 
-# What camera_calibration_parsers and image_proc know, by the number of coefficients.
+# Models that camera_calibration_parsers and image_proc know, by the number of coefficients.
 _ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 
 
 def export_calibration(
     calibration: StereoCalibration, kind: ExportKind, name: str
 ) -> tuple[NamedFile, ...]:
-    """The calibration as files of another tool; ``read_any`` reads them back.
+    """Return the calibration as files for another tool; ``read_any`` reads them back.
 
     Args:
         kind: ``opencv``: one FileStorage YAML. ``ros``: two camera_info files, rectified as we
@@ -30,7 +30,7 @@ def export_calibration(
         name: what the calibration is called; becomes part of the files' names.
 
     Raises:
-        CalibrationError: the other tool's format cannot say what the calibration holds.
+        CalibrationError: the other tool's format cannot express the calibration.
     """
     stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in name).strip("._") or "stereo"
     if kind == "opencv":
@@ -69,7 +69,7 @@ def _camera_info(
     if calibration.distortion_model == "equidistant":
         model = "equidistant"
     else:
-        # plumb_bob has five coefficients, where OpenCV may leave out zeros at the end.
+        # plumb_bob always has five coefficients; OpenCV may leave out trailing zeros.
         D = np.concatenate([D, np.zeros(max(0, 5 - len(D)))])
         if len(D) > 8 and not D[8:].any():
             D = D[:8]

@@ -1,6 +1,6 @@
 """Kalibr's ``camchain.yaml``: a chain of cameras, of which the first two are the pair.
 
-Format: Kalibr's wiki, "Yaml formats": ``T_cn_cnm1`` maps coordinates of the camera before into
+Format: Kalibr's wiki, "Yaml formats": ``T_cn_cnm1`` maps coordinates of the previous camera into
 this camera's, metres; intrinsics are fx, fy, cx, cy.
 """
 

@@ -38,7 +38,7 @@ def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> Stere
     Args:
         path: ``calib.txt`` with P0 to P3.
         left: 0 (grey) or 2 (colour).
-        width, height: the images' size, which the file does not tell.
+        width, height: the images' size, which is not in the file.
     """
     file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.rectified(f"P{left}", f"P{left + 1}", (width, height)).calibration()
@@ -108,7 +108,7 @@ class _KittiFile:
         return at_key(self.texts, key, image_size, self._name)
 
     def cameras(self, wanted: Cameras | None, key: str) -> tuple[int, list[str], list[Choice]]:
-        """Return the left camera of the pair to take, of those that the file knows."""
+        """Return the left camera of the pair to use, with notes and the choices the file offers."""
         there: list[Cameras] = [
             pair
             for pair, left in _LEFT_CAMERA.items()
@@ -138,7 +138,7 @@ class _KittiFile:
                 f"{self._name}: {left} and {right} must share one camera matrix with a positive "
                 "focal length, as for rectified images"
             )
-        # P[3] is f times the way from camera 0, and cameras 2 and 3 both stand beside it.
+        # P[0, 3] is f times the offset from camera 0, which cameras 2 and 3 both have.
         baseline = (P_left[0, 3] - P_right[0, 3]) / P_left[0, 0]
         return Draft(
             self._name,

@@ -1,6 +1,6 @@
-"""Calibration formats that are read, declared once: for refusals, helps, page and documentation.
+"""Calibration formats that are read, declared once: for refusals, help, page and documentation.
 
-It is imported by a help of the command line and therefore imports nothing that takes time.
+The command line's help imports this module, so it imports nothing that is slow to load.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class KnownFormat:
     """A format of calibration files.
 
     Attributes:
-        tool: whose format it is, the name that people look for.
+        tool: whose format it is, the name that people search for.
         files: which of its files are read.
         noun: one of them with its article, for messages.
     """
@@ -46,7 +46,7 @@ FORMATS: Mapping[FileKind, KnownFormat] = {
     "euroc": KnownFormat("EuRoC", "sensor.yaml of both cameras", "an EuRoC sensor.yaml"),
 }
 
-# How people tell the unit of the lengths in a file, where it is not the format's own.
+# How people enter the unit of the lengths in a file, if it is not the format's own.
 UNIT_HELP = (
     "m, cm, mm or in, or the length of one unit in the file, for example 25mm if it counts in "
     "squares of 25 mm"

@@ -1,7 +1,7 @@
 """MATLAB's MAT-files of level 5 (``save -v6`` and ``-v7``), read in a process of its own.
 
-Some damaged files end SciPy's reader, and mat-io's, with the process around them; so these run
-apart (``matlab_objects``), with limits on time and memory, and answer in JSON.
+Some damaged files crash SciPy's reader, and mat-io's, together with their process; so these run
+in a separate one (``matlab_objects``), with limits on time and memory, and answer in JSON.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from observer.calibration.formats import matlab_objects
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
-# What a session of a calibration app holds beside the calibration (corners, errors) is a few MB.
+# A calibration app's session has a few MB besides the calibration (corners, errors).
 _MAX_EXPANDED_BYTES = 16_000_000
-# Loading SciPy or mat-io takes up to a second, reading next to none.
+# Loading SciPy or mat-io takes up to a second, reading takes almost no time.
 _PATIENCE_S = 30.0
 _HEADER_BYTES = 128
 _COMPRESSED = 15
@@ -39,7 +39,7 @@ class MatlabObject:
     properties: MatlabValue
 
 
-# A 1x1 struct is a mapping; what calibrations need none of is None.
+# A 1x1 struct is a mapping; values that calibrations do not need are None.
 MatlabValue: TypeAlias = "Float64Array | str | dict[str, MatlabValue] | MatlabObject | None"
 
 
@@ -61,7 +61,7 @@ def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 timeout=_PATIENCE_S,
-                # Each of its threads would count against the memory it may claim.
+                # Each of its threads would count against its memory limit.
                 env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
                 check=False,
             )
@@ -88,7 +88,7 @@ def _value(told: Any) -> MatlabValue:
 
 
 def _check_expanded(content: bytes, name: str) -> None:
-    """Refuse what is cut off, and what would expand without bound."""
+    """Refuse files that are truncated or that would expand without bound."""
     damaged = f"{name}: the MAT-file is truncated or damaged"
     order = {b"IM": "<", b"MI": ">"}.get(content[126:_HEADER_BYTES])
     if order is None:

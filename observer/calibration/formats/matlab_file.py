@@ -1,6 +1,6 @@
 """MATLAB's ``stereoParameters`` in a MAT-file, as an object or as the struct that toStruct makes.
 
-MATLAB multiplies rows from the left, so that its older matrices stand transposed; it counts pixels
+MATLAB multiplies row vectors from the left, so its older matrices are transposed; it counts pixels
 from one; ImageSize is [height, width]; lengths are in the units of the board.
 """
 
@@ -40,19 +40,19 @@ _AS_STRUCT = (
     "in MATLAB: stereoParams = toStruct(stereoParams); "
     "save('stereoParams.mat', 'stereoParams', '-v7')"
 )
-# What files of version 7.3 hold, behind 512 bytes of MATLAB's own.
+# Signature in files of version 7.3, after 512 bytes of MATLAB's own.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def is_matlab(content: bytes) -> bool:
-    """Return whether these bytes begin as a MAT-file does."""
+    """Return whether these bytes begin like a MAT-file."""
     return content.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file", _HDF5))
 
 
 def matlab_draft(name: str, content: bytes, wanted: Wanted) -> Draft:
     """The calibration of a MAT-file that holds stereo parameters.
 
-    Where it holds an object and mat-io is not installed, the error says how to go on.
+    If it holds an object and mat-io is not installed, the error says what to do.
     """
     if content[512:].startswith(_HDF5) or not content.startswith(b"MATLAB 5.0"):
         raise CalibrationError(
@@ -88,7 +88,7 @@ def matlab_draft(name: str, content: bytes, wanted: Wanted) -> Draft:
 
 @dataclass(frozen=True, eq=False)
 class _Struct:
-    """Fields of a struct of the file ``name``, which stands ``within`` others, as in ``A.``."""
+    """Fields of a struct of the file ``name``, nested ``within`` others, as in ``A.``."""
 
     name: str
     fields: Mapping[str, MatlabValue]
@@ -172,7 +172,7 @@ class _Camera:
 
 
 def _size(cameras: list[_Camera], wanted: Wanted, notes: list[str]) -> tuple[Size, bool]:
-    """Return width and height, and whether they are those that are wanted, as the file has none."""
+    """Return width and height, and whether they are the wanted ones because the file has none."""
     sizes = []
     name = cameras[0].struct.name
     for struct in (camera.struct for camera in cameras):
@@ -200,7 +200,7 @@ def _size(cameras: list[_Camera], wanted: Wanted, notes: list[str]) -> tuple[Siz
 
 
 def _pose(parameters: _Struct, notes: list[str]) -> tuple[Float64Array, Float64Array]:
-    """R_right_left and T. PoseCamera2, since R2022b, multiplies columns and is not transposed."""
+    """R_right_left and T. PoseCamera2, since R2022b, multiplies columns: it is not transposed."""
     fields = parameters.fields.get("PoseCamera2")
     if isinstance(fields, dict) and "RotationOfCamera2" not in parameters.fields:
         pose = _Struct(parameters.name, fields, "PoseCamera2.")

@@ -1,9 +1,9 @@
-"""Print what a MAT-file holds: run by ``matlab_container`` as a program of its own.
+"""Print the contents of a MAT-file: ``matlab_container`` runs this as a separate program.
 
-Two lines of JSON come out: the variables as SciPy reads them, where objects of classes have no
-properties, then the objects as mat-io reads them, which the extra ``matlab`` installs. An array is
-``["array", shape, numbers column by column]``, an object ``["object", class, properties]``; what
-calibrations need none of is null.
+It prints up to two lines of JSON: the variables as SciPy reads them, where objects of classes have
+no properties, then the objects as read by mat-io, which the extra ``matlab`` installs. An array is
+``["array", shape, numbers column by column]``, an object ``["object", class, properties]``; values
+that calibrations do not need are null.
 """
 
 import json
@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-# mat-io claims 0.4 GB of addresses to be loaded.
+# Loading mat-io takes 0.4 GB of address space.
 _MAX_MEMORY_BYTES = 2 << 30
 _MAX_DEPTH = 12
-# Beside the calibration stand corners and errors of a whole session.
+# Larger arrays are the corners and errors of a whole session, stored with the calibration.
 _MAX_NUMBERS = 4096
 
 
@@ -29,12 +29,12 @@ def main(path: str) -> None:
         pass
     else:
         resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY_BYTES, _MAX_MEMORY_BYTES))
-    # Both warn of types they do not know, mat-io also of an option of pandas.
+    # Both warn about types they do not know, mat-io also about a pandas option.
     warnings.simplefilter("ignore")
     from scipy.io import loadmat
 
     loaded = loadmat(path)
-    # SciPy calls each object "None" and keeps name and class within.
+    # SciPy calls each object "None" and stores its name and class inside.
     told = {
         each["s0"].decode("latin-1"): ["object", each["s2"].decode("latin-1"), None]
         for each in loaded.pop("None", ())
@@ -42,7 +42,7 @@ def main(path: str) -> None:
     told |= {key: _plain(value, 0) for key, value in loaded.items() if not key.startswith("__")}
     _answer(told)
     if any(isinstance(value, list) and value[0] == "object" for value in told.values()):
-        # Imported by name, as it tells no types.
+        # Imported by name, as it has no type hints.
         loaded = import_module("matio").load_from_mat(path)
         _answer(
             {
@@ -55,7 +55,7 @@ def main(path: str) -> None:
 
 def _answer(told: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(told) + "\n")
-    # What comes next may end the process.
+    # The next step may crash the process.
     sys.stdout.flush()
 
 
@@ -70,7 +70,7 @@ def _plain(value: Any, depth: int) -> Any:
         value = {key: value[key] for key in value.dtype.names}
     if isinstance(value, dict):
         plain = {str(key): _plain(each, depth + 1) for key, each in value.items()}
-        # Classes that save themselves in a form of their own keep it under this name.
+        # Classes with their own save format keep it under this name.
         within = plain.pop("any", None)
         return plain | within if isinstance(within, dict) else plain
     if isinstance(value, str):

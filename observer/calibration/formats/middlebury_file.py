@@ -1,7 +1,7 @@
 """Middlebury's ``calib.txt`` (stereo data sets since 2014): a rectified pair, millimetres.
 
-Z = baseline f / (d + doffs): the two cameras' principal points are doffs pixels apart, which their
-matrices cam0 and cam1 say as well.
+Z = baseline f / (d + doffs): the two cameras' principal points are doffs pixels apart, as their
+matrices cam0 and cam1 also show.
 """
 
 from __future__ import annotations

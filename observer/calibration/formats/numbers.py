@@ -1,6 +1,6 @@
-"""Numbers out of plain text data, strictly; as fields of models, and by the key of a mapping.
+"""Strict reading of numbers from plain text data, as fields of models and by a mapping's key.
 
-What is refused raises ``ValueError`` with a message as ``FileModel`` tells.
+Refused values raise ``ValueError`` with a message in the form that ``FileModel`` describes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from observer.errors import InputError
 from observer.geometry import Float64Array, Pose
 from observer.text_files import NUMBER, FileModel, PlainData, sentence
 
-# How OpenCV, YAML and C write what is not finite; refused, but for the right reason.
+# How OpenCV, YAML and C write non-finite numbers; matched to give the right reason for refusal.
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
 # Far more than any key of a calibration needs.
 _MAX_NUMBERS = 64
@@ -28,8 +28,8 @@ T = TypeVar("T")
 def finite_numbers(value: PlainData) -> Float64Array:
     """Return the finite numbers of one key, float64.
 
-    Accepted are OpenCV's matrices (``rows``, ``cols``, ``data``: the result has that shape),
-    plain lists, lists of equally long lists (2-D) and text of numbers between blanks (XML).
+    It accepts OpenCV's matrices (``rows``, ``cols``, ``data``: the result has that shape), plain
+    lists, lists of equally long lists (2-D) and text of numbers separated by blanks (XML).
     """
     if not isinstance(value, dict):
         return _plain_array(value)
@@ -38,7 +38,7 @@ def finite_numbers(value: PlainData) -> Float64Array:
         raise ValueError(f"must be a matrix, but it has no {missing[0]}")
     rows, cols = (_side(value, part) for part in ("rows", "cols"))
     data = _plain_array(value["data"]).reshape(-1)
-    # A matrix of several channels (OpenCV saves vectors of points so) counts each as a column.
+    # In a matrix of several channels (OpenCV saves vectors of points so) each one is a column.
     if (rows * cols == 0 and data.size) or (rows * cols and data.size % (rows * cols)):
         raise ValueError(f"must hold {rows} x {cols} numbers, but it holds {data.size}")
     if rows * cols and not data.size:
@@ -49,7 +49,7 @@ def finite_numbers(value: PlainData) -> Float64Array:
 def shaped(value: PlainData, *shape: int) -> Float64Array:
     """Return the finite numbers of one key, float64, in this shape.
 
-    A list of as many numbers is taken row by row; a matrix of another shape is refused.
+    A flat list of the right length is read row by row; a matrix of another shape is refused.
     """
     array = finite_numbers(value)
     wanted = " x ".join(map(str, shape))
@@ -69,7 +69,7 @@ def _row_or_column(value: PlainData) -> Float64Array:
 
 
 def _transformation(value: PlainData) -> Pose:
-    """Return the rigid motion of a key that holds a 4 x 4 matrix."""
+    """Return the rigid transformation of a key that holds a 4 x 4 matrix."""
     matrix = shaped(value, 4, 4)
     try:
         if not np.array_equal(matrix[3], [0, 0, 0, 1]):
@@ -82,7 +82,7 @@ def _transformation(value: PlainData) -> Pose:
 
 
 def image_size(value: PlainData) -> tuple[int, int]:
-    """Return width and height in pixels of a key that holds these two."""
+    """Return width and height in pixels from a key that holds these two."""
     size = shaped(value, 2)
     if (size != np.floor(size)).any() or (size < 0).any() or (size > 1e6).any():
         raise ValueError("must hold two whole numbers, [width, height] in pixels")
@@ -109,7 +109,7 @@ def array(*shape: int) -> PlainValidator:
 
 
 class PinholeCamera(FileModel):
-    """A camera whose file tells ``intrinsics`` (fx, fy, cx, cy) and ``resolution``."""
+    """A camera whose file gives ``intrinsics`` (fx, fy, cx, cy) and ``resolution``."""
 
     intrinsics: Annotated[Float64Array, array(4)]
     resolution: ImageSize
@@ -127,10 +127,10 @@ def at_key(
     name: str,
     label: str = "",
 ) -> T:
-    """Return what ``read`` makes of the value of a key, for formats that no model describes.
+    """Return the value of a key as ``read`` parses it, for formats that no model describes.
 
     Args:
-        label: what the key is called in messages where it stands within other keys.
+        label: what messages call the key if it is nested within other keys.
 
     Raises:
         InputError: the key is missing or refused; with key and reason.

@@ -1,4 +1,4 @@
-"""Luxonis' ``calib.json`` of OAK cameras, as DepthAI writes a device's EEPROM; centimetres.
+"""Luxonis' ``calib.json`` of OAK cameras, as DepthAI exports a device's EEPROM; centimetres.
 
 Conventions of depthai's CalibrationHandler: a camera's extrinsics map a point of its own frame
 into that of ``toCameraSocket``; frames are OpenCV's (x right, y down, z forward); distortion is in
@@ -22,7 +22,7 @@ from observer.text_files import FileModel, PlainData, dotted, one_of, validated
 
 _CAMERAS = "cameraData"
 _STEREO = "stereoRectificationData"
-# DepthAI's CameraModel: 0 is Perspective, 1 Fisheye; its others are not OpenCV's.
+# DepthAI's CameraModel: 0 is Perspective, 1 Fisheye; OpenCV has none of the others.
 _MODELS: dict[str, DistortionModel] = {"0": "radtan", "1": "equidistant"}
 
 
@@ -86,7 +86,7 @@ class _Camera(FileModel):
 
 
 class _Linked(FileModel):
-    """A camera of which only its place is needed."""
+    """A camera of which only its extrinsics are needed."""
 
     extrinsics: _Extrinsics
 
@@ -106,7 +106,7 @@ def is_oak(data: Mapping[str, PlainData]) -> bool:
 
 
 def oak_draft(name: str, data: dict[str, PlainData]) -> Draft:
-    """The calibration of the two cameras that ``stereoRectificationData`` calls left and right.
+    """Return the calibration of the cameras that ``stereoRectificationData`` calls left and right.
 
     Their pose follows from the links from socket to socket. T is in centimetres.
 
@@ -163,14 +163,14 @@ def _key(socket: int) -> str:
 def _validated(
     model: type[_ModelT], cameras: Mapping[int, PlainData], socket: int, name: str
 ) -> _ModelT:
-    """Return what the camera of a socket tells, where messages say which camera it is."""
+    """Return the validated data of a socket's camera; messages say which camera it is."""
     return validated(
         model, cameras[socket], name, lambda location: dotted((_key(socket), *location))
     )
 
 
 def _cameras(name: str, listed: PlainData) -> dict[int, PlainData]:
-    """Return what ``cameraData`` holds by the camera's socket."""
+    """Return the entries of ``cameraData`` by the camera's socket."""
     cameras: dict[int, PlainData] = {}
     for entry in listed:
         if not isinstance(entry, list) or len(entry) != 2:
@@ -187,8 +187,8 @@ def _cameras(name: str, listed: PlainData) -> dict[int, PlainData]:
 
 def _pose(name: str, cameras: Mapping[int, PlainData], left: int, right: int) -> Pose:
     """Return ``T_right_left``, its translation in the file's unit."""
-    # Each camera tells its place in one other: the two chains meet in a camera, or the pair
-    # is not linked.
+    # Each camera's pose is given relative to one other: either the two chains meet in a camera, or
+    # the pair is not linked.
     from_left, from_right = (_chain(name, cameras, start) for start in (left, right))
     for socket, T_socket_left in from_left.items():
         if socket in from_right:

@@ -29,7 +29,7 @@ from observer.errors import CalibrationError
 from observer.geometry import Float64Array, rotation_matrix
 from observer.text_files import FileModel, PlainData, dotted, one_of, read_text, validated
 
-# The names people and programs give to one and the same thing; the first is ours.
+# The names that people and programs use for the same thing; the first is ours.
 _KEYS: Mapping[str, tuple[str, ...]] = {
     "K1": (
         "K1", "M1", "cameraMatrix1", "camera_matrix_1", "CM1", "K_LEFT", "K_left",
@@ -68,7 +68,7 @@ def _rotation(value: PlainData) -> Float64Array:
 
 
 class _Stereo(FileModel):
-    """A calibration by our own names; ``R`` may be a rotation vector."""
+    """A calibration under our own key names; ``R`` may be a rotation vector."""
 
     distortion_model: Annotated[
         DistortionModel, one_of(_DISTORTION_MODELS, "must be radtan or equidistant, not {given}")
@@ -113,19 +113,19 @@ def read_calibration(text: str, *, name: str) -> StereoCalibration:
     ``distortion_model: equidistant`` where the lenses are fisheye lenses.
 
     Args:
-        name: what the text is called in messages, mostly the file's name.
+        name: what the text is called in messages, usually the file's name.
     """
-    # In an XML of FileStorage the root is <opencv_storage>, and its children are the keys.
+    # In FileStorage XML the root is <opencv_storage>, and its children are the keys.
     return opencv_draft([(name, parse_plain_data(text, name=name))], Wanted()).calibration()
 
 
 def opencv_draft(files: Sequence[NamedData], wanted: Wanted) -> Draft:
     """The calibration of one file, or of several that together hold all keys.
 
-    OpenCV's sample stereo_calib, for one, writes ``intrinsics.yml`` and ``extrinsics.yml``.
+    OpenCV's sample stereo_calib, for example, writes ``intrinsics.yml`` and ``extrinsics.yml``.
 
     Args:
-        wanted: ``size`` is taken where no file tells the size of the images.
+        wanted: ``size`` is used if no file states the size of the images.
     """
     name, data = _merged(files)
     found = {key: next((n for n in names if n in data), "") for key, names in _KEYS.items()}
@@ -181,7 +181,7 @@ def calibration_id(text: str) -> str:
 
 
 def calibration_text(calibration: StereoCalibration) -> str:
-    """The calibration as OpenCV FileStorage YAML; reading it back gives every digit again."""
+    """The calibration as OpenCV FileStorage YAML; reading it back restores every digit."""
     lines = [
         "%YAML:1.0",
         "---",
@@ -218,7 +218,7 @@ def _missing_sentence(missing: list[str]) -> str:
 
 
 def _merged(files: Sequence[NamedData]) -> NamedData:
-    """Return what to call all files together in messages, and all their keys."""
+    """Return a name for all files together, for messages, and all their keys."""
     merged: dict[str, PlainData] = {}
     whose: dict[str, str] = {}
     read = {*(own for names in _KEYS.values() for own in names), *_SIZE_KEYS, _MODEL_KEY}
@@ -236,7 +236,7 @@ def _merged(files: Sequence[NamedData]) -> NamedData:
 
 
 def _size_keys(data: Mapping[str, PlainData], name: str, *, required: bool) -> dict[str, str]:
-    """Return what the images' size is told by: our name of each key, and the file's."""
+    """Return the keys that state the images' size: our name of each, and the file's."""
     absent = [key for key in ("image_width", "image_height") if key not in data]
     if not absent:
         return {"image_width": "image_width", "image_height": "image_height"}

@@ -1,7 +1,7 @@
 """ROS ``ost.txt``, as camera_calibration prints it and camera_calibration_parsers reads it (INI).
 
-Each camera begins with ``[image]``; its name in brackets and its matrices follow, a title each and
-rows of numbers. A pair is two such files, or both in one.
+Each camera begins with ``[image]``, followed by its name in brackets and its matrices, each a title
+and rows of numbers. A pair is two such files, or both cameras in one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from observer.calibration.formats.understanding import Draft
 from observer.errors import CalibrationError
 from observer.text_files import PlainData
 
-# What a camera's titles are in camera_info, and how many numbers they hold in a row.
+# The keys in camera_info for a camera's titles.
 _KEYS = {
     "width": "image_width",
     "height": "image_height",
@@ -28,13 +28,13 @@ _KEYS = {
 _SINGLE = ("width", "height")
 _SECTION = re.compile(r"\s*\[([^\]]*)\]\s*")
 _NUMBERS = re.compile(r"\s*([-+.\d]|nan\b|inf\b)", re.IGNORECASE)
-# The models that camera_calibration writes so, by their number of coefficients.
+# The lens models that camera_calibration writes, by their number of coefficients.
 _MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 
 
 @dataclass
 class _Camera:
-    """What one camera's part says.
+    """The contents of one camera's part.
 
     Attributes:
         source: what messages call it. title: its name in brackets. numbers: by title.
@@ -45,10 +45,10 @@ class _Camera:
     numbers: dict[str, list[PlainData]] = field(default_factory=dict)
 
     def camera_info(self) -> NamedData:
-        """What messages call it, and the mapping that camera_info's YAML would hold.
+        """Return its name for messages, and the mapping that camera_info's YAML would hold.
 
         Raises:
-            CalibrationError: a part is missing or the lens is of an unknown model.
+            CalibrationError: a part is missing or the lens model is unknown.
         """
         source = f"{self.source} [{self.title}]" if self.title else self.source
         for title in _KEYS:
@@ -73,7 +73,7 @@ class _Camera:
 
 
 def ost_draft(files: Sequence[tuple[str, str]]) -> Draft:
-    """The calibration of two cameras in one ``ost.txt``, or of one in each of two.
+    """The calibration of two cameras in one ``ost.txt``, or of one in each of two files.
 
     The baseline in the projections tells which camera is right, as in ``ros_draft``; T in metres.
 
@@ -81,7 +81,7 @@ def ost_draft(files: Sequence[tuple[str, str]]) -> Draft:
         files: name and text of one file or two.
 
     Raises:
-        CalibrationError: there are not two cameras, or one is not told whole.
+        CalibrationError: there are not two cameras, or one is incomplete.
         InputError: a number is malformed.
     """
     cameras = [camera for name, text in files for camera in _cameras(name, text)]

@@ -26,9 +26,9 @@ _FORM = "YAML, XML or JSON as OpenCV's FileStorage writes it"
 
 @contextmanager
 def calibration_errors() -> Iterator[None]:
-    """Raise what the readers of text and numbers refuse as ``CalibrationError``."""
+    """Turn refusals by the readers of text and numbers into ``CalibrationError``."""
     try:
-        # What overflows becomes infinite, which every check of a calibration refuses.
+        # Overflows become infinite, which every check of a calibration refuses.
         with np.errstate(over="ignore", invalid="ignore"):
             yield
     except CalibrationError:
@@ -42,7 +42,7 @@ def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:
 
     Args:
         text: the whole file. The notation is recognised by its first character.
-        name: what the text is called in messages, mostly a file's name.
+        name: what the text is called in messages, usually a file's name.
 
     Raises:
         InputError: as ``parse_text``; XML that is malformed or declares entities.
@@ -57,7 +57,7 @@ def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:
             "contain"
         )
     try:
-        # Without the declaration: the text is decoded already, whatever it declares.
+        # Without the declaration: the text is already decoded, whatever encoding it declares.
         bare = re.sub(r"\A\s*<\?xml[^>]*\?>", "", text).strip()
         root = ElementTree.fromstring(bare)  # nosec B314
     except ElementTree.ParseError as error:

@@ -1,8 +1,8 @@
-"""How far out a lens model is one-to-one, and rational models that a pole of their own cuts off.
+"""Radius up to which a lens model is one-to-one, and replacement of rational models with a pole.
 
-A rational model (k4 k5 k6) that was fitted with more freedom than its views held has a root of the
-numerator beside one of the denominator. Everywhere else the two cancel; between them the image
-folds over. Where that lies outside the image it does no harm.
+A rational model (k4 k5 k6) that was fitted with more freedom than its views determine has a root
+of the numerator beside one of the denominator. Everywhere else the two cancel; between them the
+image folds over. Outside the image this does no harm.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 
 from observer.geometry import Float64Array
 
-# Roots of r^2 nearer to each other than this share cancel wherever the lens was seen to bend.
+# Roots in r^2 closer together than this share cancel, except right at the pole.
 _CANCELLING = 0.02
-# Beyond the corners of the image nothing is asked of a lens but by interpolation.
+# Beyond the image's corners, a lens is only evaluated for interpolation.
 _MARGIN = 1.02
-# The part of r^2 up to the fold from which a lens without the pole is taken: nearer, the pole
-# bends what it is told by.
+# Share of r^2 up to the fold to which the lens without the pole is fitted: closer to the fold, the
+# pole distorts the data.
 _UNDISTURBED = 0.75
-# Further from the lens itself, over that part, a substitute is none, px.
+# Largest rms difference from the given lens over that part that a substitute may have, px.
 _LARGEST_RMS_PX = 0.5
 # Samples of r, which is the tangent of the angle to the axis; 3 is 72 degrees.
 _RADII = np.linspace(0.0, 3.0, 6001)
@@ -28,13 +28,13 @@ _RADII = np.linspace(0.0, 3.0, 6001)
 
 @dataclass(frozen=True, eq=False)
 class Smooth:
-    """A lens in place of one whose pole lies within the image.
+    """A substitute for a lens whose pole lies within the image.
 
     Attributes:
-        D: (N,) distortion with k1 k2 k3 anew and without k4 k5 k6.
-        fold_px: how far from the middle the given lens folds over, px.
-        largest_px: how far the two differ at most, within ``within_px`` of the middle.
-        within_px: the radius up to which the new one was taken from the given one.
+        D: (N,) distortion with new k1 k2 k3 and without k4 k5 k6.
+        fold_px: radius from the centre at which the given lens folds over, px.
+        largest_px: largest difference between the two within ``within_px`` of the centre.
+        within_px: the radius up to which the new one was fitted to the given one.
     """
 
     D: Float64Array
@@ -46,7 +46,7 @@ class Smooth:
 def fold_px(K: Float64Array, D: Float64Array, size: tuple[int, int]) -> float | None:
     """Return the radius in pixels at which a lens folds over within its image, or None.
 
-    Of the radial part alone; tilts and tangential terms move a fold by little.
+    Only the radial part counts; tilts and tangential terms hardly move a fold.
 
     Args:
         K: (3, 3) camera matrix, px. D: (N,) k1 k2 p1 p2 [k3 [k4 k5 k6 [...]]].
@@ -60,7 +60,7 @@ def fold_px(K: Float64Array, D: Float64Array, size: tuple[int, int]) -> float | 
 
 
 def without_pole(K: Float64Array, D: Float64Array, size: tuple[int, int]) -> Smooth | None:
-    """Return a lens for one whose numerator and denominator nearly cancel within the image.
+    """Return a substitute for a lens whose numerator and denominator nearly cancel in the image.
 
     Args:
         K, D, size: as for ``fold_px``.
@@ -78,9 +78,9 @@ def without_pole(K: Float64Array, D: Float64Array, size: tuple[int, int]) -> Smo
     r = np.sqrt(s)
     powers = np.stack([s, s**2, s**3], axis=1)
     bent = _factor(D, s) - 1
-    # Fewer terms where more would fold over in what they extrapolate to.
+    # Use fewer terms if more would fold over where they extrapolate.
     for terms in (3, 2, 1):
-        # An error of the factor counts by the radius that it acts on.
+        # An error of the factor is weighted by the radius that it multiplies.
         k = np.zeros(3)
         k[:terms] = np.linalg.lstsq(powers[:, :terms] * r[:, None], bent * r, rcond=None)[0]
         rest = [0.0, 0.0, 0.0, *D[8:].tolist()] if D[8:].any() else []
@@ -94,7 +94,7 @@ def without_pole(K: Float64Array, D: Float64Array, size: tuple[int, int]) -> Smo
 
 
 def _factor(D: Float64Array, s: Float64Array) -> Float64Array:
-    """By how much the radius is stretched at s = r^2, (N,)."""
+    """Factor by which the radius is stretched at s = r^2, (N,)."""
     k = np.zeros(8)
     k[: min(8, len(D))] = D[:8]
     with np.errstate(all="ignore"):
@@ -104,7 +104,7 @@ def _factor(D: Float64Array, s: Float64Array) -> Float64Array:
 
 
 def _fold(D: Float64Array) -> int | None:
-    """Return the first of the radii from which on the image's radius no longer grows."""
+    """Return the index of the first radius from which the image's radius no longer grows."""
     with np.errstate(all="ignore"):
         grows = np.diff(_RADII * _factor(D, _RADII**2)) > 0
     return None if grows.all() else int(np.argmin(grows))

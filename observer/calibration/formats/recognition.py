@@ -42,7 +42,7 @@ _Kind = FileKind | Literal["one camera"]
 # intrinsics.yml and extrinsics.yml, or one file for each camera.
 _MOST_FILES = 2
 _CHAIN = ("cam0", "cam1")
-# Texts that are no YAML, XML or JSON, by a line that each has.
+# Formats other than YAML, XML and JSON, recognised by a line that each has.
 _LINES: Mapping[FileKind, str] = {
     "zed": r"(?i)^\s*\[\s*(LEFT|RIGHT)_CAM_\w+\s*\]",
     "middlebury": r"^\s*cam0\s*=\s*\[",
@@ -54,7 +54,7 @@ _LINES: Mapping[FileKind, str] = {
 
 @dataclass(frozen=True, eq=False)
 class _Recognised:
-    """A file, what it is, and its text or the mapping it holds, as its kind needs it."""
+    """A file, its kind, and its text or mapping, whichever its kind needs."""
 
     file: NamedFile
     kind: _Kind
@@ -66,7 +66,7 @@ class _Recognised:
         return self.file.name, self.data or {}
 
 
-# The readers of what one file holds for both cameras.
+# The readers of formats with both cameras in one file.
 _OF_ONE_FILE: Mapping[FileKind, Callable[[_Recognised, Wanted], Draft]] = {
     "kalibr": lambda one, _: kalibr_draft(*one.mapping),
     "oak": lambda one, _: oak_draft(*one.mapping),
@@ -80,7 +80,7 @@ _OF_ONE_FILE: Mapping[FileKind, Callable[[_Recognised, Wanted], Draft]] = {
 
 @calibration_errors()
 def named_file(path: Path | str) -> NamedFile:
-    """A file of the disk, to be handed to ``read_any``.
+    """Read a file from disk, for ``read_any``.
 
     Raises:
         CalibrationError: the file cannot be read or is larger than a calibration.
@@ -98,18 +98,18 @@ def read_any(
     cameras: Cameras | None = None,
     expected_size: Size | None = None,
 ) -> UnderstoodCalibration:
-    """The calibration that one file, or several brought together, hold.
+    """Return the calibration in one file, or in two that belong together.
 
     Args:
         files: one file; or a pair: ROS's left.yaml and right.yaml (or two ost.txt), EuRoC's two
             sensor.yaml, OpenCV's intrinsics.yml and extrinsics.yml. Their order does not matter.
-        size: width and height, pixels: what the images have whose size a file does not tell
-            (OpenCV, KITTI odometry), or which of several sizes to take (ZED, KITTI raw).
-        unit: what lengths in the files are in, or how many metres one unit of theirs is (the
-            square of a board); None takes the format's own. Lengths are never scaled because
-            they would be more plausible so.
+        size: width and height, pixels: the images' size if a file does not state it (OpenCV,
+            KITTI odometry), or which of several sizes to use (ZED, KITTI raw).
+        unit: of the lengths in the files, or how many metres one unit of theirs is (the square of
+            a board); None takes the format's own. Lengths are never scaled just to become more
+            plausible.
         cameras: KITTI's grey or colour pair; None takes grey where it is there.
-        expected_size: what the camera's images have; taken for ``size`` where that is not given.
+        expected_size: that of the camera's images; used for ``size`` where that is not given.
 
     Raises:
         CalibrationError: one sentence naming the file, the key and the reason.
@@ -129,7 +129,7 @@ def read_any(
 
 
 def _told_apart(files: Sequence[NamedFile]) -> list[NamedFile]:
-    """The files by names that differ: EuRoC calls both of its files sensor.yaml."""
+    """Return the files under distinct names: EuRoC calls both of its files sensor.yaml."""
     if len({file.name for file in files}) == len(files):
         return list(files)
     return [

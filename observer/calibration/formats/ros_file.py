@@ -22,7 +22,7 @@ from observer.text_files import FileModel, one_of, validated
 _DISTORTION_MODELS: dict[str, DistortionModel] = {
     "plumb_bob": "radtan",
     "rational_polynomial": "radtan",
-    # Drivers of cameras that rectify by themselves leave it out.
+    # Drivers of cameras that rectify internally leave it empty.
     "": "radtan",
     "none": "radtan",
     "equidistant": "equidistant",
@@ -105,7 +105,7 @@ def ros_draft(first: NamedData, second: NamedData) -> Draft:
             f"{left.projection_matrix[0, 3]:.5g} in {left.name}: the cameras are swapped: use the "
             f"images of {left.name} as the left ones"
         )
-    # In the rectified frames the right camera stands at x = baseline:
+    # In the rectified frames the right camera is at x = baseline:
     # R_right X_right = R_left X_left - (baseline, 0, 0).
     baseline = left.offset - right.offset
     return Draft(

@@ -1,8 +1,8 @@
 """Interpretation of calibration files, and the checks that all formats share.
 
-A reader of a format turns its files into a ``Draft``: numbers as the files have them, in the
-project's order and directions. ``understood`` converts units, checks the whole and says in plain
-words what was decided.
+A reader of a format turns its files into a ``Draft``: numbers as in the files, in the project's
+order and directions. ``understood`` converts units, checks the whole and says in plain words what
+was decided.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from observer.geometry import Float64Array
 Cameras = Literal["grey", "colour"]
 Size = tuple[int, int]
 
-# A skew that moves no pixel further than this is rounding, px; rectification knows no skew.
+# A skew that moves no pixel further than this is rounding, px; rectification has no skew.
 _MAX_SKEW_PX = 0.1
-# Where the principal point of images of the right size lies, as a part of width and height.
+# Limits of the principal point for images of the right size, as a share of width and height.
 _CENTRAL = (0.25, 0.75)
-# A calibration's own key that a sentence begins with.
+# A calibration's key at the start of a sentence.
 _KEY = re.compile(r"(K1|D1|K2|D2|R|T)\b")
 
 
 @dataclass(frozen=True)
 class NamedFile:
-    """A file as somebody brought it: its name, for messages, and its whole content."""
+    """A file as it was supplied: its name, for messages, and its whole content."""
 
     name: str
     content: bytes
@@ -53,8 +53,8 @@ class Wanted:
 
     Attributes:
         size: width and height of the images, pixels.
-        unit: what lengths are in, or how many metres one unit of the file is; None takes the
-            format's own.
+        unit: of lengths, or how many metres one unit of the file is; None takes the format's
+            own.
         cameras: KITTI's grey cameras (0 and 1) or its colour ones (2 and 3).
     """
 
@@ -69,8 +69,8 @@ class Choice:
 
     Attributes:
         name: the argument of ``read_any`` that chooses: ``size`` or ``cameras``.
-        options: what it may be; sizes as ``1280x720``.
-        taken: which of them was taken.
+        options: the possible values; sizes as ``1280x720``.
+        taken: which of them was used.
     """
 
     name: Literal["size", "cameras"]
@@ -101,7 +101,7 @@ class DraftCamera:
 
     Attributes:
         size: width and height, pixels. K, D, model: as in ``StereoCalibration``.
-        K_key, D_key: how the file calls K and D; empty where it does not.
+        K_key, D_key: what the file calls K and D; empty where it has no name for them.
     """
 
     size: Size
@@ -124,7 +124,7 @@ def check_alike(
     """Check that two cameras have images of one size and lenses of one model.
 
     Args:
-        name: the file of ``second``. size, model: how its keys are called there. other: how the
+        name: the file of ``second``. size, model: what its keys are called there. other: what the
             sentence calls those of ``first``.
     """
     if first.size != second.size:
@@ -144,13 +144,13 @@ class Draft:
     """A calibration as a reader took it from its files, not yet checked as a whole.
 
     Attributes:
-        source: what messages begin with: the file's name.
+        source: the file's name, with which messages begin.
         format: what kind of file it is, in words.
         left, right: the cameras; size and model are those of the left one.
         R: as in ``StereoCalibration``. T: (3,) the same, but in ``unit``.
-        unit: what T is in unless the person says otherwise.
-        size_was_told: whether the size is not the file's own but was given by the person.
-        R_key, T_key: how the file calls R and T.
+        unit: of T unless the user says otherwise.
+        size_was_told: whether the size was given by the user, not by the file.
+        R_key, T_key: what the file calls R and T.
         derived: what R or T was computed from, where the file has no such key.
         notes: what the reader decided.
         choices: what the file left open.
@@ -171,10 +171,12 @@ class Draft:
     choices: tuple[Choice, ...] = ()
 
     def calibration(self, unit: LengthUnit | None = None) -> StereoCalibration:
-        """The calibration, T in metres; a lens with a pole in its image has ``smooth_lenses``' D.
+        """Return the calibration, T in metres; a lens with a pole in its image is replaced.
+
+        The replacement's D is that of ``smooth_lenses``.
 
         Args:
-            unit: what T is in, or how many metres one unit is; None takes the draft's own.
+            unit: of T, or how many metres one unit is; None takes the draft's own.
 
         Raises:
             CalibrationError: one sentence naming the file, the key and the reason.
@@ -195,7 +197,7 @@ class Draft:
 
     @cached_property
     def smooth_lenses(self) -> tuple[Smooth | None, Smooth | None]:
-        """Lenses in place of rational ones, left and right, whose poles lie within their images."""
+        """Substitutes, left and right, for rational lenses whose poles lie within their images."""
         return self._smooth(self.left), self._smooth(self.right)
 
     def _smooth(self, camera: DraftCamera) -> Smooth | None:
@@ -214,7 +216,7 @@ class Draft:
         ]
 
     def told(self, sentence: str) -> str:
-        """The sentence with the file's name before it and the file's own names of the keys."""
+        """Return the sentence with the file's name in front and the file's own key names."""
         found = _KEY.match(sentence)
         if found is None:
             return f"{self.source}: {sentence}"
@@ -223,7 +225,7 @@ class Draft:
         return f"{self.source}: {self.own_key(key)}{sentence[found.end() :]}{origin}"
 
     def own_key(self, key: str) -> str:
-        """Return how the file calls K1, D1, K2, D2, R or T."""
+        """Return what the file calls K1, D1, K2, D2, R or T."""
         left, right = self.left, self.right
         lenses = {"K1": left.K_key, "D1": left.D_key, "K2": right.K_key, "D2": right.D_key}
         return (lenses | {"R": self.R_key, "T": self.T_key})[key] or key
@@ -232,12 +234,12 @@ class Draft:
 def understood(
     draft: Draft, *, unit: LengthUnit | None = None, expected_size: Size | None = None
 ) -> UnderstoodCalibration:
-    """The draft, checked as a whole, with the notes of what was made of it.
+    """Return the draft, checked as a whole, with notes on how it was read.
 
     Args:
-        unit: what lengths are in, where the person knows better than the format; a number tells
-            how many metres one unit of the file is.
-        expected_size: width and height that the camera's images have.
+        unit: of lengths, if the user knows better than the format; a number is how many metres
+            one unit of the file is.
+        expected_size: width and height of the camera's images.
     """
     notes = list(draft.notes)
     calibration = draft.calibration(unit)
@@ -280,7 +282,7 @@ def _smooth_note(key: str, smooth: Smooth) -> str:
 
 
 def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:
-    """Notes on a camera matrix; refused is what is none, or needs what rectification lacks."""
+    """Return notes on a camera matrix; refuse one that is malformed or has skew to rectify."""
     name = draft.own_key(key)
     if K[2, 0] or K[2, 1] or K[1, 0]:
         transposed = not K[0, 2] and not K[1, 2]

@@ -1,7 +1,7 @@
-"""Units of the lengths in calibration files; said by people, never guessed from a size.
+"""Units of the lengths in calibration files; given by the user, never guessed from a size.
 
-Whoever takes a unit from people (the command line, REST, the panel) takes what ``parse_unit``
-takes, tells it by ``UNIT_HELP``, and names its own control where a file asks for another unit
+Every interface that takes a unit (the command line, REST, the panel) accepts what ``parse_unit``
+accepts, explains it by ``UNIT_HELP``, and names its own control where a file needs another unit
 (``UnitUnclear.asking``).
 """
 
@@ -27,17 +27,17 @@ _WORDS: Mapping[Unit, str] = {
     "in": "inches",
 }
 _SAID = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})?\s*(m|mm|cm|in)\s*", re.ASCII)
-# A square of a board is a few centimetres, and a baseline seldom longer than 50 of them.
+# A square of a board is a few centimetres wide, and a baseline is seldom longer than 50 of them.
 _MOST_SQUARES = 50.0
 
 
 class UnitUnclear(CalibrationError):
-    """A baseline that is none in the unit that it was read in; only a person knows the right one.
+    """A baseline that is implausible in the unit it was read in; only the user knows the right one.
 
     Args:
         told: what is wrong, and where.
-        baseline: as the file has it, positive. unit: what it was read in.
-        request: what the person is to do, with ``{}`` for the unit, as in ``say --unit {}``.
+        baseline: as in the file, positive. unit: in which it was read.
+        request: what the user is to do, with ``{}`` for the unit, as in ``say --unit {}``.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class UnitUnclear(CalibrationError):
 
 
 def parse_unit(text: str) -> LengthUnit:
-    """Return the unit that somebody said: ``mm``, or ``25mm`` where one of the file's is 25 mm.
+    """Return the unit that was entered: ``mm``, or ``25mm`` if one unit of the file is 25 mm.
 
     Raises:
         CalibrationError: it is neither.
@@ -79,15 +79,15 @@ def unit_words(unit: LengthUnit) -> str:
 
 
 def is_plausible(baseline_m: float) -> bool:
-    """Return whether two cameras may stand so far apart, metres."""
+    """Return whether two cameras may be this far apart, metres."""
     return MIN_BASELINE_M <= baseline_m <= MAX_BASELINE_M
 
 
 def implausible(baseline: float, unit: LengthUnit) -> str:
-    """Return the clause on a baseline that is none in this unit; it begins with T.
+    """Return the clause on a baseline that is implausible in this unit; it begins with T.
 
     Args:
-        baseline: as the file has it, positive. unit: what it was read in.
+        baseline: as in the file, positive. unit: in which it was read.
     """
     return (
         f"T gives a baseline of {baseline * metres(unit):g} m when read in {unit_words(unit)}, "
@@ -100,7 +100,7 @@ def _question(baseline: float, unit: LengthUnit, request: str) -> str:
     fitting = [
         f"in {_WORDS[each]} ({_length(baseline * factor)}), {request.format(each)}"
         for each, factor in _METRES.items()
-        # Cameras are seldom calibrated in inches: who does so knows.
+        # Cameras are seldom calibrated in inches, and whoever does so knows.
         if each not in (unit, "in") and is_plausible(baseline * factor)
     ]
     squares = f"in squares of a board of 25 mm, {request.format('25mm')}"

@@ -24,7 +24,7 @@ from observer.calibration.formats.understanding import (
 from observer.errors import CalibrationError
 from observer.geometry import rotation_matrix
 
-# Sections by what Stereolabs calls the resolution; the files do not tell the sizes.
+# Sections by Stereolabs' name of the resolution; the files do not contain the sizes.
 _SIZES: Mapping[str, Size] = {
     "hd": (1280, 720),
     "fhd": (1920, 1080),
@@ -95,14 +95,14 @@ def zed_draft(name: str, text: str, wanted: Wanted) -> Draft:
 
 @dataclass(frozen=True)
 class _Section:
-    """A section of the file ``name``; its texts by key in small letters."""
+    """A section of the file ``name``; its texts by key in lower case."""
 
     name: str
     title: str
     texts: dict[str, str] = field(default_factory=dict)
 
     def number(self, *keys: str, default: float | None = None) -> float:
-        """The number of the first of these keys that is there; later ones are of older files."""
+        """Return the number of the first of these keys that exists; older files use later ones."""
         key = next((each for each in keys if each in self.texts), keys[0])
         if default is not None and key not in self.texts:
             return default
@@ -111,7 +111,7 @@ class _Section:
 
 
 def _sections(name: str, text: str) -> dict[str, _Section]:
-    """Return the sections by title in small letters."""
+    """Return the sections by title in lower case."""
     sections: dict[str, _Section] = {}
     current = _Section(name, "")
     for line in text.splitlines():
@@ -148,7 +148,7 @@ def _resolution(name: str, there: list[str], wanted: Size | None) -> str:
 def _camera(
     name: str, sections: Mapping[str, _Section], title: str, lens: str, size: Size
 ) -> DraftCamera:
-    """One camera; newer files keep the coefficients in a section ``lens`` of their own."""
+    """Return one camera; newer files keep the coefficients in a separate section ``lens``."""
     section = _section(name, sections, title)
     key = f"[{title.upper()}]"
     fx, fy, cx, cy = map(section.number, ("fx", "fy", "cx", "cy"))

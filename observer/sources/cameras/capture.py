@@ -25,23 +25,23 @@ OPENER = "observer.sources.cameras.capture:open_capture"
 _TIMEOUT_MS = 5000
 _PROBE_S = 2.0
 # Packets are passed on as they come, none reordered or held back; RTSP over TCP, because a lost
-# packet of UDP is a torn image that nothing marks as such.
+# UDP packet gives a torn image that nothing marks as such.
 _LOW_LATENCY = (
     "rtsp_transport;tcp|fflags;nobuffer|flags;low_delay|max_delay;0|analyzeduration;2000000"
 )
 _DEFAULT_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322}
-# Where the container carries MPEG-TS's stream type instead of a name.
+# Codecs by MPEG-TS stream type, which a container may carry instead of a name.
 _STREAM_TYPES = {0x1B: "H264", 0x24: "HEVC", 0x02: "MPEG2", 0x10: "MPEG4"}
 # A stamp outside this age is not on the host's monotonic clock.
 _PLAUSIBLE_AGE_S = (-0.005, 2.0)
 
 
 class Capture(Protocol):
-    """Source of one camera's images. Every call may hang; nothing else may."""
+    """Source of one camera's images. Any of its calls may hang; no other code may."""
 
     @property
     def rate(self) -> float | None:
-        """Frames per second as the camera says; None where it does not."""
+        """Frames per second as the camera reports them; None where it does not."""
         ...
 
     def grab(self) -> bool:
@@ -53,11 +53,11 @@ class Capture(Protocol):
         ...
 
     def settle(self) -> AppliedSettings:
-        """Apply what can be set while it delivers, and read back what it has; called once."""
+        """Apply what can be set while it streams, and read back its settings; called once."""
         ...
 
     def retrieve(self) -> Image | None:
-        """Decode the grabbed frame: (H, W) or (H, W, 3) uint8 BGR; None where it is no image."""
+        """Decode the grabbed frame: (H, W) or (H, W, 3) uint8 BGR; None if it is not an image."""
         ...
 
 
@@ -68,7 +68,7 @@ def open_capture(address: str, settings: CameraSettings) -> Capture:
     """Open a device by its path or a stream by its URL.
 
     Raises:
-        SourceError: what follows the camera's name in a sentence.
+        SourceError: its text continues a sentence that begins with the camera's name.
     """
     return NetworkCapture(address) if "://" in address else DeviceCapture(address, settings)
 
@@ -80,7 +80,7 @@ class _OpenCvCapture:
 
     @property
     def rate(self) -> float | None:
-        # FFmpeg answers with its time base, as in 90000, where a stream does not say.
+        # FFmpeg returns its time base, such as 90000, if the stream states no rate.
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         return rate if 0.5 <= rate <= 240.0 else None
 
@@ -108,14 +108,14 @@ class DeviceCapture(_OpenCvCapture):
     ``time.monotonic``.
 
     Raises:
-        SourceError: it is not there, may not be opened or is in use.
+        SourceError: it is missing, may not be opened or is in use.
     """
 
     def __init__(self, path: str, settings: CameraSettings) -> None:
         check_device(path)
         self._path = path
         self._wanted = settings
-        # A by-path name is a link; what it points to changes when the camera is plugged in anew.
+        # A by-path name is a link; its target changes when the camera is plugged in again.
         self._capture = cv2.VideoCapture(os.path.realpath(path), cv2.CAP_V4L2)
         if not self._capture.isOpened():
             raise SourceError(_in_use_or_no_camera(path))
@@ -132,7 +132,7 @@ class DeviceCapture(_OpenCvCapture):
 
     def stamp(self) -> float | None:
         stamp = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-        # Once on another clock, always: stamps must not change their meaning.
+        # Once found on another clock, stamps stay unused: their meaning must not change.
         self._stamped = self._stamped and is_monotonic_stamp(stamp, time.monotonic())
         return stamp if self._stamped else None
 
@@ -147,7 +147,7 @@ class NetworkCapture(_OpenCvCapture):
     """A stream over RTSP or HTTP; implements ``Capture``. Its frames are stamped at arrival.
 
     Raises:
-        SourceError: it cannot be reached or is no video.
+        SourceError: it cannot be reached or is not a video.
     """
 
     def __init__(self, url: str) -> None:
@@ -180,7 +180,7 @@ class NetworkCapture(_OpenCvCapture):
 
 @contextlib.contextmanager
 def _ffmpeg_options(options: str) -> Iterator[None]:
-    """Set FFmpeg's options while a stream is opened: with them a video file loses frames."""
+    """Set FFmpeg's options only while a stream is opened: with them, a video file loses frames."""
     name = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
     before = os.environ.get(name)
     os.environ[name] = options
@@ -206,7 +206,7 @@ def check_device(path: str) -> None:
     """Check that a device is there and may be opened.
 
     Raises:
-        SourceError: what follows the camera's name in a sentence.
+        SourceError: its text continues a sentence that begins with the camera's name.
     """
     if sys.platform != "linux":
         raise SourceError("cannot be opened by a device path on this system; use Linux")
@@ -239,7 +239,7 @@ def _codec(capture: cv2.VideoCapture) -> str | None:
 
 
 def _why_not(url: str) -> str:
-    """Find out by a connection why a stream could not be opened: FFmpeg does not tell."""
+    """Find out by connecting why a stream could not be opened, as FFmpeg does not say."""
     parts = urlsplit(url)
     port = parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 80)
     try:

@@ -10,17 +10,17 @@ from pathlib import Path
 
 _MACHINE = Path("/")
 
-# A server starts an engine, and that a process for each camera.
+# A server starts an engine, which starts a process for each camera.
 _MOST_GENERATIONS = 6
 
 
 @dataclass(frozen=True)
 class User:
-    """The person at the keyboard, as device files see them.
+    """The current user, as the permissions of device files see them.
 
     Attributes:
         name: the account's; empty where it has none.
-        groups: numbers of the groups that this process really has.
+        groups: IDs of the groups that this process actually has.
     """
 
     name: str
@@ -86,7 +86,7 @@ def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = Non
 def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
     """Return the other processes that have the file open, as far as this user may see them.
 
-    Those that this process started do not count: what they hold is ours.
+    Processes that this one started do not count: what they hold is ours.
     """
     wanted = shown_path(path, root)
     found = []
@@ -128,7 +128,7 @@ def shown_path(path: Path, root: Path = _MACHINE) -> str:
 
 
 def text_in(file: Path) -> str | None:
-    """Return the text of a small file of the kernel's; None where it cannot be read."""
+    """Return the text of a small kernel file; None where it cannot be read."""
     try:
         return file.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -136,7 +136,7 @@ def text_in(file: Path) -> str | None:
 
 
 def _open_files(folder: Path) -> Iterator[str]:
-    # Processes end meanwhile, and most of other users' may not be read.
+    # Processes may end meanwhile, and most of other users' cannot be read.
     try:
         links = list((folder / "fd").iterdir())
     except OSError:
@@ -149,11 +149,11 @@ def _open_files(folder: Path) -> Iterator[str]:
 
 
 def _is_ours(process: int, root: Path) -> bool:
-    """Return whether it is this process, or was started by it or by one that it started."""
+    """Return whether it is this process or a descendant of it."""
     for _ in range(_MOST_GENERATIONS):
         if process == os.getpid():
             return True
-        # The name, in brackets, may hold anything; the parent is the second word behind it.
+        # The name, in parentheses, may contain anything; the parent is the second word after it.
         words = (text_in(root / "proc" / str(process) / "stat") or "").rpartition(")")[2].split()
         if len(words) < 2 or not words[1].isdecimal() or words[1] == "0":
             return False

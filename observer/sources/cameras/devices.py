@@ -1,4 +1,4 @@
-"""Video devices of this machine: their abilities and what keeps them from being used."""
+"""Video devices of this machine: what they can do, and what keeps them from being used."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAcc
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
 
 _MACHINE = Path("/")
-# What USB 2.0 (480 Mbit/s) carries of images, after protocol and reserved time: known from use.
+# MB/s of images that USB 2.0 (480 Mbit/s) carries, less protocol and reserved time: empirical.
 _USB_2_USABLE_MB = (35, 40)
 # YUYV: 4 bytes for 2 pixels.
 _YUYV_BYTES_PER_PIXEL = 2
 _EXAMPLE = (640, 480, 30)
 
 # ``images``: a camera; ``metadata``: the second node that most cameras have; ``codec``,
-# ``output``, ``other``: no cameras; ``unknown``: it could not be asked.
+# ``output``, ``other``: not a camera; ``unknown``: the node could not be queried.
 Use = Literal["images", "metadata", "codec", "output", "other", "unknown"]
 
 
@@ -40,12 +40,12 @@ class CameraDevice:
 
     Attributes:
         path: as in ``/dev/video0``.
-        by_path: its name by the port it is plugged into; stays when it is plugged in again.
+        by_path: its name by the port it is plugged into; the same after it is plugged in again.
         by_id: its name by maker and serial number; cameras of one model without serial numbers
-            share it, so that only one of them is reached by it.
+            share it, so only one of them can be reached by it.
         use: what the node delivers.
-        card, driver, bus: names, None where it could not be asked.
-        modes: what images it offers. controls: what can be set, with ranges.
+        card, driver, bus: names, None where the node could not be queried.
+        modes: which images it offers. controls: what can be set, with ranges.
         usb: where on USB it is, None elsewhere.
         used_by: other processes that have it open, as far as this user may see.
         trouble: one sentence that says why it cannot be used and what to do; None where it can.
@@ -78,7 +78,7 @@ class CameraDevice:
 def list_devices(
     root: Path = _MACHINE, access: DeviceAccess | None = None, user: User | None = None
 ) -> tuple[CameraDevice, ...]:
-    """Return all video nodes in numerical order. A bad one has its trouble noted, none raises.
+    """Return all video nodes in numerical order. A bad one has its trouble noted; none raises.
 
     Args:
         root: the machine's file system. access: its kernel; None for this one.
@@ -104,7 +104,7 @@ def _device(
 ) -> CameraDevice:
     known = replace(
         named,
-        # Its name without opening it.
+        # Its name, readable without opening it.
         card=text_in(root / "sys/class/video4linux" / file.name / "name") or None,
         usb=usb_place(file.name, root),
         used_by=holders(file, root),
@@ -117,10 +117,10 @@ def _device(
 
 
 def _asked(known: CameraDevice, device: V4l2Device, file: Path, root: Path) -> CameraDevice:
-    """Return what is known with what the opened device tells, as far as it answers.
+    """Return what is known, completed by what the opened device reports.
 
     Raises:
-        OSError: it does not even tell who it is.
+        OSError: it does not even report its identity.
     """
     identity = device.identity()
     known = replace(
@@ -182,7 +182,7 @@ def _links(root: Path, kind: str) -> dict[str, str]:
 def shared_bus_hints(cameras: Iterable[CameraDevice]) -> tuple[str, ...]:
     """Return one sentence for each USB 2 bus that several cameras share.
 
-    The nodes of one camera count once: who has two views in one device has one that fits them.
+    The nodes of one device count once: a device with two views is designed to transfer both.
     """
     buses: dict[tuple[str, int], dict[str, CameraDevice]] = {}
     for camera in cameras:

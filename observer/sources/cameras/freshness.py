@@ -12,7 +12,7 @@ from observer.types import Image
 _INTERVALS = 30
 _SHORTEST_PERIOD_S = 1 / 240
 _LONGEST_PERIOD_S = 1.0
-# Until intervals are measured, where the camera names no rate.
+# Assumed until intervals are measured, where the camera reports no rate.
 _USUAL_PERIOD_S = 1 / 30
 
 
@@ -20,7 +20,7 @@ class Period:
     """Time from frame to frame: the median of the last intervals.
 
     Args:
-        rate: frames per second as the camera says, which holds until it was measured.
+        rate: frames per second as the camera reports them, used until measured.
     """
 
     def __init__(self, rate: float | None = None) -> None:
@@ -47,7 +47,7 @@ class Period:
 
     @property
     def settled(self) -> bool:
-        """Return whether frames were seen for so long that a stream's beginning matters no more."""
+        """Return whether enough frames were seen that the stream's start no longer matters."""
         return len(self._intervals) == _INTERVALS or (self.measured and sum(self._intervals) >= 1.0)
 
     @property
@@ -63,9 +63,9 @@ class Period:
 class Backlog:
     """Separates frames that waited in a queue from those that came just now.
 
-    After a stall, and at the start, a network delivers at once what was held up: such frames come
-    faster than a camera makes them. Nothing else than their pace tells, so that the first frame
-    after a stall counts as old too.
+    After a stall, and at the start, a network delivers all queued frames at once, faster than a
+    camera makes them. Only their pace shows this, so the first frame after a stall counts as old
+    too.
     """
 
     _LONGEST_S = 1.0
@@ -96,11 +96,10 @@ class Backlog:
 
 
 class Repeats:
-    """Counts how often an image came again, bit by bit.
+    """Counts how often an image was repeated bit for bit.
 
-    A sensor's noise makes every image another one. Looks at each fourth row. An image without
-    contrast (covered lens, glaring light) may well repeat, and is not counted: that is told by
-    its darkness, not here.
+    Sensor noise makes every image different. Compares every fourth row. An image without contrast
+    (covered lens, glaring light) may well repeat and is not counted: other checks detect that.
     """
 
     _ROWS = 4

@@ -1,8 +1,8 @@
 """Process of one camera: ``python -m observer.sources.cameras.grabber``.
 
-A native read that never returns can only be ended with its process, and decoding here leaves the
-observer's interpreter alone. It grabs each frame and tells when; the source decides whether it is
-decoded. Nothing is held back: a frame for which no decision comes gives way to the next one.
+A native read that never returns can only be ended with its process, and decoding here keeps the
+load off the observer's interpreter. The process grabs each frame and reports when; the source
+decides whether it is decoded. Nothing is queued: a frame without a decision gives way to the next.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ from observer.types import Image
 _FIRST_IMAGE_S = 10.0
 # Longer than any timeout of the source.
 _LONGEST_CALL_S = 15.0
-# Part of a period that a frame waits for its decision, so that no queue builds up.
+# Share of a period that a frame waits for its decision, so that no queue builds up.
 _WAITING = 0.9
 # A camera that is gone fails at once, again and again; a timeout takes longer.
 _AT_ONCE_S = 0.005
 _ENDED_AFTER = 5
 _BETWEEN_TRIES_S = 0.004
-# Far more than the largest images need. FFmpeg keeps a part of an HTTP stream whole, up to 2 GB,
-# however long it says that it is.
+# Far more than the largest images need. FFmpeg buffers a whole part of an HTTP stream, up to 2 GB,
+# whatever length the part declares.
 _MOST_MEMORY_BYTES = 1 << 30
 
 
 class Commands:
-    """Receives in a thread of its own, so that the end of the source is seen while a grab hangs.
+    """Receives in a thread of its own, to notice the end of the source even while a grab hangs.
 
     Args:
         fd: the pipe's end; its end of file ends this process.
@@ -81,7 +81,7 @@ class Commands:
         os._exit(0)
 
     def wait(self, timeout: float | None) -> Command | None:
-        """Return the newest command; wait so many seconds, then return None."""
+        """Return the newest command; None if none comes within ``timeout`` seconds."""
         with self._arrived:
             self._arrived.wait_for(lambda: self._latest is not None, timeout)
             command, self._latest = self._latest, None
@@ -96,14 +96,14 @@ class Notices:
         os.set_blocking(fd, False)
 
     def offer(self, notice: Notice) -> None:
-        """Send the notice; drop it where nobody reads: it would be out of date later."""
+        """Send the notice; drop it if the pipe is full, as it would be out of date later."""
         try:
             os.write(self._fd, encode(notice))
         except BlockingIOError:
             return
 
     def tell(self, notice: Notice) -> None:
-        """Send the notice for certain; wait where the pipe is full."""
+        """Send the notice without fail; wait while the pipe is full."""
         data = encode(notice)
         while data:
             try:
@@ -116,7 +116,7 @@ class Grabber:
     """Serves one opened camera until it fails.
 
     Args:
-        capture: the camera. memory_fd: an empty shared memory, which gets the size of an image.
+        capture: the camera. memory_fd: an empty shared memory, resized to hold one image.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class Grabber:
             arrival = time.monotonic()
             stamp = self._capture.stamp()
             period.add(arrival)
-            # A stamp gives a frame's age; without stamps only the pace does.
+            # A stamp gives a frame's age; without stamps only the pace shows it.
             if stamp is None and backlog.holds(arrival, period.seconds):
                 continue
             seq += 1
@@ -160,13 +160,13 @@ class Grabber:
                 return
 
     def _first_image(self) -> tuple[Image, AppliedSettings] | None:
-        """Return the first image and the applied settings; None where no image comes."""
+        """Return the first image and the applied settings; None if no image comes."""
         applied = None
         deadline = time.monotonic() + _FIRST_IMAGE_S
         while time.monotonic() < deadline:
             if not self._next(None):
                 return None
-            # While it streams: many cameras forget earlier settings.
+            # Only while it streams: many cameras forget earlier settings.
             if applied is None:
                 applied = self._settle()
             image = self._capture.retrieve()
@@ -213,7 +213,7 @@ class Grabber:
         return False
 
     def _deliver(self, seq: int, shared: Image) -> bool:
-        """Decode into the shared memory; False where images have another size than before."""
+        """Decode into the shared memory; False if the image has another size than before."""
         image = self._capture.retrieve()
         if image is None:
             self._notices.tell(Undecodable())
@@ -232,10 +232,10 @@ class Grabber:
 
 
 def _be_ended_after(seconds: float) -> None:
-    """Have the kernel end this process after so long; 0 for never.
+    """Have the kernel end this process after so many seconds; 0 for never.
 
-    The last resort for a native call that hangs and keeps the interpreter, so that the end of
-    the source cannot be noticed.
+    The last resort for a native call that hangs and holds the GIL, so that the end of the source
+    cannot be noticed.
     """
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)
@@ -253,7 +253,7 @@ def _limit_memory() -> None:
 
 
 def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
-    """Open the camera when told, again and again where it cannot be opened; then deliver."""
+    """Open the camera on command, again on each command while that fails; then deliver."""
     while True:
         _be_ended_after(0.0)
         command = commands.wait(None)
@@ -271,9 +271,9 @@ def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
 
 
 def main() -> None:
-    """Run with descriptors of commands, notices and memory, and the parent to die with or 0."""
+    """Run with descriptors of commands, notices and memory, and a parent PID to die with, or 0."""
     commands_fd, notices_fd, memory_fd, parent_pid = map(int, sys.argv[1:5])
-    # Ctrl-C in a terminal reaches every process of it; the source decides when this one ends.
+    # Ctrl-C in a terminal reaches all its processes; the source decides when this one ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if parent_pid:
         die_with_parent(parent_pid)
@@ -285,7 +285,7 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 - whatever a driver raises is told by the source
         reason = f"failed in its driver ({type(error).__name__}) and is being reopened"
         notices.tell(Failed(reason, alive=False))
-    # Without the drivers' own clean-up, which may hang; the kernel releases everything.
+    # Skip the drivers' own clean-up, which may hang; the kernel releases everything.
     os._exit(1)
 
 

@@ -36,16 +36,17 @@ _REOPEN_AFTER_S = 1.0
 _REOPEN_AFTER_PERIODS = 5.0
 # Longer than the timeouts of drivers and FFmpeg at opening, which give a reason.
 _OPENING_S = 12.0
-# Later the time it takes is known: a damaged stream may never yield an image.
+# Shorter when reopening, as the opening time is then known: a damaged stream may never yield an
+# image.
 _REOPENING_S = 3.0
 _REOPENING_TIMES = 3.0
 _SHORTEST_PAUSE_S = 0.25
 _LONGEST_PAUSE_S = 2.0
-# Starting a process takes time; the fault is reported before.
+# Delay before a new process is started, which takes time: the fault is reported first.
 _TOLD_S = 0.05
-# A camera that delivered for this long is not failing immediately each time.
+# A camera that delivered for this long does not fail at every start, so its pause is not doubled.
 _LASTED_S = 1.0
-# Two equal images before this one: a noise-free picture that repeats once is no fault.
+# Two equal images before this one: a noise-free image that repeats once is not a fault.
 _FROZEN_REPEATS = 2
 
 # Stamps kept to tell a frame that never had a partner from one whose partner was missed.
@@ -59,7 +60,7 @@ _UNPLUGGED = "is not connected; plug it in again"
 
 
 class LiveCamera:
-    """One camera, opened by the constructor and again after each fault. No call waits.
+    """One camera, opened by the constructor and again after each fault. No call blocks.
 
     Args:
         side: of the image it delivers.
@@ -113,27 +114,27 @@ class LiveCamera:
 
     @property
     def image(self) -> Image:
-        """Image decoded last, of an open camera: a view that changes with the next ``decode``."""
+        """Last decoded image of an open camera: a view that changes with the next ``decode``."""
         assert self._process is not None
         return self._process.image
 
     @property
     def is_frozen(self) -> bool:
-        """Return whether what it sends is no news."""
+        """Return whether its images or its stamps no longer change."""
         return self._frozen_since is not None
 
     def attend(self, now: float) -> None:
-        """Restart the time limits after a time without ``poll``: no fault of the camera."""
+        """Restart the time limits after a time without ``poll``: that is not the camera's fault."""
         self._attended_since = now
 
     def poll(self, now: float) -> None:
-        """Take the notices of its process, and end, wait or start where that is due."""
+        """Take the notices of its process, and stop, wait or start it as due."""
         self._dying = [child for child in self._dying if child.poll() is None]
         if self._state == "pausing":
             if now >= self._since + self._pause:
                 self._start(now)
             elif self._process is None and now >= self._since + _TOLD_S:
-                # Its imports take as long as the pause; it opens nothing before the command.
+                # Early, as its imports take as long as the pause; it opens nothing until commanded.
                 with contextlib.suppress(OSError):
                     self._process = GrabberProcess()
         process = self._process
@@ -153,7 +154,7 @@ class LiveCamera:
             self.decoding, self.pending, self.is_decoded = self.pending, None, False
 
     def drop(self) -> None:
-        """Do without the pending frame."""
+        """Drop the pending frame."""
         if self._process is not None and self.pending is not None:
             self._process.send(Drop(self.pending.seq))
             self.pending = None
@@ -174,7 +175,7 @@ class LiveCamera:
         return self._told
 
     def report(self) -> CameraReport:
-        """Return its state when it was polled last; callable from any thread."""
+        """Return its state as of the last ``poll``; callable from any thread."""
         opened = self.opened
         settings = {} if opened is None else dict(opened.settings)
         if self.target.network and opened is not None and self.period.measured:
@@ -208,12 +209,12 @@ class LiveCamera:
         if silence > max(_SILENCE_S, _SILENT_PERIODS * period):
             return _SILENT if self._undecodable_since is None else _UNDECODABLE
         if self.decoding is not None and not self.is_decoded:
-            # It came a period after the last good one.
+            # This frame came a period after the last good one, so the limit is a period shorter.
             waiting = now - max(self.decoding.arrival, self._attended_since)
             if waiting > max(_SILENCE_S - period, (_SILENT_PERIODS - 1.0) * period):
                 return _SILENT
         if self._undecodable_since is not None:
-            # It was good up to a period before.
+            # The last good image was up to a period earlier.
             if now - self._undecodable_since > _SILENCE_S - period:
                 return _UNDECODABLE
         elif self._frozen_since is not None:
@@ -269,7 +270,7 @@ class LiveCamera:
                     self._fail(self._present_fault(now) or _SILENT, now)
                     return
             if now - self._since > borne_s:
-                # It is back, even where no partner is there to prove it.
+                # It is back, even if the other camera gives no partner image to prove it.
                 self._fault = None
 
     def _patience_s(self) -> float:

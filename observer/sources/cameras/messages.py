@@ -1,7 +1,7 @@
 """Messages between a camera's process and the source: one line of JSON each.
 
 Every notice fits into a pipe's atomic write (POSIX: at least 512 bytes), so that it is written as
-a whole or, where nobody reads, not at all.
+a whole or, if the pipe is full, not at all.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class Open(msgspec.Struct, frozen=True, tag=True):
     """Command to open the camera.
 
     Attributes:
-        address: path or URL, password included; it goes through the pipe because anybody on the
+        address: path or URL, password included; it goes through the pipe because anyone on the
             machine can read a command line.
         opener: ``module:function`` that makes the ``Capture``.
     """
@@ -45,7 +45,7 @@ class Opened(msgspec.Struct, frozen=True, tag=True):
 
     Attributes:
         width, height: of the image as it came, pixels. channels: 1 or 3.
-        rate: frames per second as the camera says, None where it does not.
+        rate: frames per second as the camera reports them, None where it does not.
         settings, refused: as in ``CameraReport``.
     """
 
@@ -62,7 +62,7 @@ class Grabbed(msgspec.Struct, frozen=True, tag=True):
 
     Attributes:
         seq: rises by one with each frame.
-        stamp: exposure, seconds of the host's monotonic clock; arrival where nothing tells it.
+        stamp: exposure, seconds of the host's monotonic clock; the arrival where it is unknown.
         arrival: when it was grabbed, same clock.
         until: when it gives way to the next one, same clock.
     """
@@ -74,10 +74,10 @@ class Grabbed(msgspec.Struct, frozen=True, tag=True):
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
-    """Notice: the frame lies decoded in the shared memory.
+    """Notice: the decoded frame is in the shared memory.
 
     Attributes:
-        repeats: how many images before it were the same to the last bit.
+        repeats: how many images before it were bit for bit the same.
     """
 
     seq: int
@@ -85,28 +85,28 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
 
 
 class Missed(msgspec.Struct, frozen=True, tag=True):
-    """Notice: what was to be decoded had already given way to the next frame."""
+    """Notice: the frame to be decoded had already given way to the next one."""
 
     seq: int
 
 
 class Undecodable(msgspec.Struct, frozen=True, tag=True):
-    """Notice: what came is no image."""
+    """Notice: the data received is not an image."""
 
 
 class Resized(msgspec.Struct, frozen=True, tag=True):
-    """Notice: images have another size than at opening; it ends."""
+    """Notice: images have another size than at opening; the process ends."""
 
     width: int
     height: int
 
 
 class Failed(msgspec.Struct, frozen=True, tag=True):
-    """Notice: the camera cannot be opened or delivers no more.
+    """Notice: the camera cannot be opened or no longer delivers.
 
     Attributes:
-        reason: what follows the camera's name in a sentence.
-        alive: True where the process waits for another ``Open``; else it ends.
+        reason: continues a sentence that begins with the camera's name.
+        alive: True if the process waits for another ``Open``; else it ends.
     """
 
     reason: str
@@ -116,7 +116,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 Command: TypeAlias = Open | Decode | Drop
 Notice: TypeAlias = Opened | Grabbed | Ready | Missed | Undecodable | Resized | Failed
 
-# Decode a line without its end; both sides are of one version.
+# Decode a line without its line end; both sides have the same version.
 decode_command: Callable[[bytes], Command] = msgspec.json.Decoder(Command).decode
 decode_notice: Callable[[bytes], Notice] = msgspec.json.Decoder(Notice).decode
 

@@ -12,10 +12,10 @@ _ENOUGH = 10
 
 
 def judge(left: float, right: float, period: float) -> Literal["pair", "drop left", "drop right"]:
-    """Decide what becomes of two images.
+    """Decide what to do with two images.
 
-    Further apart than half a frame, the older one has a better partner that did not come, and the
-    newer one may still get one.
+    If they are more than half a period apart, the older one's real partner did not come, and the
+    newer one may still get its own.
 
     Args:
         left, right: their stamps, seconds of one clock. period: from frame to frame, seconds.

@@ -16,10 +16,10 @@ from observer.types import Image
 
 
 class GrabberProcess:
-    """One process of ``grabber``, started by the constructor; opens nothing yet. No call waits.
+    """A ``grabber`` process, started by the constructor; opens nothing yet. No call blocks.
 
     Raises:
-        OSError: no process or descriptor is left to be had.
+        OSError: the system has no process or descriptor left.
     """
 
     def __init__(self) -> None:
@@ -52,12 +52,12 @@ class GrabberProcess:
         os.set_blocking(self._commands, False)
         os.set_blocking(self.notices, False)
         self._rest = b""
-        # Decoded last, once ``map`` was called: a view that changes with the next ``Decode``.
+        # Last decoded image, set by ``map``: a view that changes with the next ``Decode``.
         self.image: Image
         self.ended = False
 
     def send(self, command: Command) -> None:
-        """Send a command; a process that does not read any more is found by its silence."""
+        """Send a command; a process that no longer reads is detected by its silence."""
         try:
             os.write(self._commands, encode(command))
         except (BlockingIOError, BrokenPipeError):

@@ -22,8 +22,8 @@ class CameraSettings:
             camera of both images together.
         rate: frames per second.
         pixel_format: the four characters of V4L2's pixel format, as in ``MJPG`` or ``YUYV``.
-        exposure: in the camera's own unit (UVC: 100 us), which switches its automatic off;
-            ``auto`` switches it on.
+        exposure: in the camera's own unit (UVC: 100 us), which turns automatic exposure off;
+            ``auto`` turns it on.
         gain: in the camera's own unit, or ``auto``.
         white_balance: colour temperature, kelvin, or ``auto``.
         focus: in the camera's own unit, or ``auto``.
@@ -45,7 +45,7 @@ class AppliedSettings:
     """Settings as a camera took them.
 
     Attributes:
-        accepted: what it really has now, in words by name, as in ``{"exposure": "156 (locked)"}``.
+        accepted: what it now has, in words by name, as in ``{"exposure": "156 (locked)"}``.
         refused: one sentence for each setting that was asked for and not accepted.
     """
 
@@ -60,8 +60,8 @@ def parse_settings(query: str) -> CameraSettings:
     ``power_line``.
 
     Raises:
-        SourceError: a key is unknown or given twice, or its value cannot be meant; the sentence
-            names the key and what would be right.
+        SourceError: a key is unknown or given twice, or its value is invalid; the sentence names
+            the key and what would be right.
     """
     values: dict[str, object] = {}
     for key, value in parse_qsl(query, keep_blank_values=True):

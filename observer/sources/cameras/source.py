@@ -38,20 +38,20 @@ _OLD_PERIODS = 1.5
 class CameraSource:
     """Live cameras; implements ``Source`` and ``LiveSource``.
 
-    Each camera has a process of its own (``grabber``). Both frames of a pair are there before
-    either is decoded; what is further apart than half a frame is never decoded. All decisions are
-    made while ``read`` or ``tend`` is called; no thread is needed.
+    Each camera has a process of its own (``grabber``). Neither frame of a pair is decoded before
+    both are there; frames more than half a period apart are never decoded. All decisions are made
+    in calls of ``read`` or ``tend``; no thread is needed.
 
     Args:
         spec: what to open.
-        opener: as in ``messages.Open``; another one than OpenCV's cameras for tests.
+        opener: as in ``messages.Open``; tests replace OpenCV's cameras by it.
 
     Raises:
-        SourceError: a camera is missing, refuses or delivers no pair within 15 s; one sentence
-            that names the camera.
+        SourceError: a camera is missing, cannot be opened or delivers no pair within 15 s; one
+            sentence that names the camera.
     """
 
-    # Cameras bring none.
+    # Cameras come with none.
     calibration: StereoCalibration | None = None
 
     def __init__(self, spec: CamerasSpec, *, opener: str = OPENER) -> None:
@@ -101,7 +101,7 @@ class CameraSource:
             for camera in self._cameras:
                 camera.poll(now)
             if self._ahead:
-                # Once only, or cameras faster than their images are decoded would never be read.
+                # Only once, or cameras that are faster than the decoding would never be read.
                 self._ahead = False
                 self._ask(now)
                 self._leave_old(now)
@@ -122,8 +122,8 @@ class CameraSource:
         """Have the newest pair decoded while there is other work to do; never waits.
 
         For the thread that reads, every few milliseconds between two reads: ``read`` then finds
-        the pair decoded. A pair that nobody took gives way to the next one, so that what is read
-        is as new as ever. Who never calls it waits in ``read`` for the decoding.
+        the pair decoded. A pair that was not read gives way to the next one, so that ``read``
+        still returns the newest. Without calls of ``tend``, ``read`` waits for the decoding.
         """
         if self._closed:
             return
@@ -138,7 +138,7 @@ class CameraSource:
         raise SourceError("live cameras cannot be rewound; record a run to play it again")
 
     def report(self) -> LiveReport:
-        """Return the cameras' present state; callable from any thread."""
+        """Return the cameras' current state; callable from any thread."""
         median, p95 = self._skews.median_and_p95()
         return LiveReport(
             cameras=tuple(camera.report() for camera in self._cameras),
@@ -161,16 +161,16 @@ class CameraSource:
                 child.wait(max(0.0, deadline - time.monotonic()))
 
     def _decide(self, now: float) -> StereoFrame | None:
-        """Pair what is pending, and hand out what is decoded."""
+        """Pair the pending frames, and return a pair once it is decoded."""
         if any(camera.decoding is not None for camera in self._cameras):
             return self._collect()
         self._ask(now)
         return None
 
     def _ask(self, now: float) -> None:
-        """Have what is pending decoded where it is a pair; one decoded before gives way to it."""
+        """Have the pending frames decoded if they are a pair; a pair decoded before gives way."""
         if any(each.decoding is not None and not each.is_decoded for each in self._cameras):
-            # The next image goes to the same memory.
+            # The next image would go to the same memory.
             return
         pending = [camera.pending for camera in self._cameras]
         left, right = pending[0], pending[-1]
@@ -202,17 +202,17 @@ class CameraSource:
 
     def _drop(self, older: Grabbed, own: LiveCamera, other: LiveCamera, period: float) -> None:
         own.drop()
-        # A frame whose partner came and went while the observer was busy is no fault.
+        # No dropped pair if the frame's partner came and went while the observer was busy.
         if not any(judge(older.stamp, stamp, period) == "pair" for stamp in other.recent):
             self._dropped += 1
             self._index += 1
 
     def _collect(self) -> StereoFrame | None:
-        """Return the pair, where both are decoded."""
+        """Return the pair if both images are decoded."""
         cameras = self._cameras
         if any(camera.decoding is None for camera in cameras):
-            # One of them was lost on the way; the other one is of no use without it. What is
-            # still being decoded has to be waited for: it lies in the same memory as the next.
+            # One image was lost, and the other is of no use without it. An image that is still
+            # being decoded must be waited for: the next one uses the same memory.
             for camera in cameras:
                 if camera.is_decoded:
                     camera.release()
@@ -254,14 +254,14 @@ class CameraSource:
     def _repeats(self, cameras: Sequence[LiveCamera]) -> bool:
         """Return whether the pair repeats the one before: a robot must not drive by it.
 
-        One repeated pair is left out, more of them are a fault. Behind one that was left out the
-        next is news, so that two cameras that repeat in turn still deliver.
+        A single repeated pair is left out; more of them are a fault. The pair after one that was
+        left out counts as new, so that two cameras that repeat in turn still deliver.
         """
         self._left_out = not self._left_out and any(camera.repeats for camera in cameras)
         return self._left_out or any(camera.is_frozen for camera in cameras)
 
     def _images(self) -> tuple[Image, Image]:
-        """Return copies: the memory is written again with the next pair."""
+        """Return copies, as the next pair overwrites the memory."""
         if len(self._cameras) == 2:
             return self._cameras[0].image.copy(), self._cameras[1].image.copy()
         both = self._cameras[0].image
@@ -279,7 +279,7 @@ class CameraSource:
         left, right = self._cameras[0], self._cameras[-1]
         if self._last_time is not None and left.recent and left.recent[-1] <= self._last_time:
             return f"{left} sends images whose timestamps go backwards"
-        # If some belong together, the observer was just too late for them.
+        # If some frames match, the observer was merely too late for them.
         if any(judge(a, b, period) == "pair" for a in left.recent for b in right.recent):
             return None
         return (
@@ -288,7 +288,7 @@ class CameraSource:
         )
 
     def _wait(self, seconds: float) -> None:
-        """Wait until a camera has something to report, at most so long."""
+        """Wait until a camera has something to report, at most ``seconds``."""
         poll = select.poll()
         for camera in self._cameras:
             if camera.wakes is not None:
@@ -343,7 +343,7 @@ class CameraSource:
 
     @staticmethod
     def _rate(camera: LiveCamera) -> float | None:
-        """Return a device's nominal rate, a stream's measured one: FFmpeg may invent 25/s."""
+        """Return a device's nominal or a stream's measured rate: FFmpeg may invent 25/s."""
         said = None if camera.opened is None or camera.target.network else camera.opened.rate
         if said is not None:
             return said

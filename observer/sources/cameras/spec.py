@@ -1,4 +1,4 @@
-"""Cameras that a source's text names, without the passwords that may stand in it."""
+"""Cameras named by a source's text; passwords in it are never shown."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ BY_PATH = Path("/dev/v4l/by-path")
 _NETWORK_SCHEMES = ("rtsp", "rtsps", "http", "https")
 # One camera that shows both images side by side: the left one in the left half, or in the right.
 _SIDE_BY_SIDE, _SWAPPED = "sbs:", "sbs_swapped:"
-# A comma may be part of an address; one between two addresses stands before a scheme.
+# A comma may be part of an address; one that separates two addresses precedes a scheme.
 _BETWEEN_URLS = re.compile(r",\s*(?=(?:rtsps?|https?)://)", re.IGNORECASE)
-# Cheap network cameras take name and password among the parameters of their address.
+# Cheap network cameras take user name and password as parameters of their URL.
 _SECRET_KEY = re.compile(r"user|usr|login|pass|pwd|pw$|token|secret|auth|key", re.IGNORECASE)
 
 
@@ -27,8 +27,8 @@ class CameraTarget:
     Attributes:
         address: path of the device or URL, password included; handed to the camera's own process
             and shown to nobody.
-        name: by which it is found again and shown: its by-path name where there is one, for a URL
-            the URL without user and password.
+        name: for finding it again and for display: its by-path name where there is one; for a
+            URL, the URL without user and password.
         network: True for a URL.
     """
 
@@ -153,13 +153,13 @@ def _side_by_side(text: str) -> tuple[str | None, bool]:
 
 
 def without_password(url: str) -> str:
-    """Return the URL without user, password and what looks like one among its parameters."""
+    """Return the URL without user, password and parameters that look like these."""
     parts = urlsplit(url)
     query = parts.query
     pairs = parse_qsl(query, keep_blank_values=True)
     if any(_SECRET_KEY.search(key) for key, _ in pairs):
         query = urlencode([(key, value) for key, value in pairs if not _SECRET_KEY.search(key)])
-    # Where a scheme was typed twice, the user stands in what is the path then.
+    # If the scheme was typed twice, the user ends up in the path.
     path = re.sub(r"//[^/]*@", "//", parts.path)
     return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], path, query, parts.fragment))
 
@@ -179,7 +179,7 @@ def _device(text: str, by_path: Path) -> CameraTarget:
 
 
 def _lasting_name(path: str, by_path: Path) -> str:
-    """Return the by-path name of the device, which stays the same at the same socket."""
+    """Return the by-path name of the device, which stays the same at the same port."""
     if Path(path).parent == by_path:
         return path
     try:

@@ -1,4 +1,4 @@
-"""Place of cameras on USB, and hints on buses that carry too much."""
+"""Place of cameras on USB, and hints on overloaded buses."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from observer.sources.cameras.device_files import text_in
 
 _USB_2_MBIT = 480.0
-# A USB 2 bus carries 60 MB/s, of which 80 % may be reserved for cameras, and each reserves more
-# than it sends: the next larger step of those that it offers.
+# A USB 2 bus carries 60 MB/s, of which 80 % may be reserved for cameras, and each camera reserves
+# more than it sends: the next larger of the steps that it offers.
 _TOO_MUCH_BYTES_PER_S = 30e6
 _COMPRESSED = frozenset({"MJPG", "JPEG", "H264", "HEVC"})
-# Compression by MJPG of 2 bytes a pixel in textured images.
+# Compression ratio of MJPG over 2 bytes per pixel, for textured images.
 _COMPRESSION = 6.0
 
 
@@ -24,7 +24,7 @@ class UsbPlace:
 
     Attributes:
         bus: number of the bus. controller: the host controller's address, as in ``0000:00:14.0``.
-        port: the way from the controller to the device, as in ``1-2.3``.
+        port: the path from the controller to the device, as in ``1-2.3``.
         speed_mbit: what the device runs at, Mbit/s; None where it is not known.
         device: folder of the device below the file system's root; nodes of one camera share it.
     """
@@ -37,7 +37,7 @@ class UsbPlace:
 
     @property
     def usb_2_bus(self) -> tuple[str, int] | None:
-        """Controller and bus, where the device is on USB 2, or may be."""
+        """Controller and bus if the device is, or may be, on USB 2; else None."""
         return None if (self.speed_mbit or 0) > _USB_2_MBIT else (self.controller, self.bus)
 
 
@@ -71,7 +71,7 @@ def bandwidth_hints(
     pixel_format: str | None,
     root: Path = Path("/"),
 ) -> tuple[str, ...]:
-    """Return sentences for the person who sets two open cameras up; none where all is well.
+    """Return sentences for the person who sets up two open cameras; none if all is well.
 
     Args:
         devices: paths of both.

@@ -1,4 +1,4 @@
-"""Setting of a camera's controls, all read back; nothing is clamped in silence."""
+"""Setting of a camera's controls, all read back; nothing is clamped silently."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _RATE_TOLERANCE = 0.02
 
 @dataclass(frozen=True)
 class _Adjustable:
-    """Setting with a value, and mostly an automatic that governs it.
+    """Setting with a value and usually an automatic mode that controls it.
 
     Attributes:
-        name: in words. value: numbers of the controls that hold it, the best first.
-        automatic: number of the control that switches the automatic.
-        on, off: the automatic's values, the best first; the first one in its menu is taken.
+        name: in words. value: ids of the controls that hold it, the best first.
+        automatic: id of the control that switches the automatic mode.
+        on, off: values of that control, the best first; the first one in its menu is taken.
     """
 
     name: str
@@ -50,7 +50,7 @@ _EXPOSURE = _Adjustable(
     "exposure",
     (layout.EXPOSURE, layout.EXPOSURE_IN_DRIVER_UNITS),
     layout.AUTO_EXPOSURE,
-    # Webcams have a fixed iris and therefore only this kind of automatic.
+    # Webcams have a fixed iris and therefore only this kind of automatic mode.
     on=(layout.EXPOSURE_APERTURE_PRIORITY, layout.EXPOSURE_AUTOMATIC),
     off=(layout.EXPOSURE_MANUAL, layout.EXPOSURE_SHUTTER_PRIORITY),
 )
@@ -70,14 +70,14 @@ def apply_settings(
 ) -> AppliedSettings:
     """Set a camera's controls, then read everything back.
 
-    Size, rate and pixel format are set by whoever streams; here they are compared with what is
-    in force, so call this once the stream is open. Automatics are switched off before a value is
-    set. A rate that is asked for also forbids the automatic exposure to lower it. It talks to the
-    camera over USB: milliseconds, and seconds where the camera is broken.
+    Size, rate and pixel format are set when the stream is opened; here they are only compared
+    with what is in force, so call this once the stream is open. An automatic mode is switched off
+    before its value is set. If a rate is asked for, automatic exposure may not lower it. The call
+    talks to the camera over USB: it takes milliseconds, or seconds if the camera is broken.
 
     Args:
         path: as it is called on the machine, ``/dev/video0`` or a link to it.
-        settings: what is asked.
+        settings: those asked for.
         root: the machine's file system. access: its kernel; None for this one.
 
     Raises:
@@ -100,7 +100,7 @@ def _set_all(device: V4l2Device, settings: CameraSettings) -> Iterator[str | Non
         asked = settings.power_line_hz
         asking = f"power line {asked if asked == 'auto' else f'{asked} Hz' if asked else 'off'}"
         yield _tried(asking, partial(_set_power_line, device, asked, asking))
-    # Exposure before gain: what governs it often governs the gain as well.
+    # Exposure before gain: automatic exposure often controls the gain as well.
     for what, value in (
         (_EXPOSURE, settings.exposure),
         (_GAIN, settings.gain),
@@ -115,7 +115,7 @@ def _set_all(device: V4l2Device, settings: CameraSettings) -> Iterator[str | Non
 
 
 def _tried(asking: str, attempt: Callable[[], str | None]) -> str | None:
-    """Return what the attempt says; a sentence where the camera breaks off.
+    """Return the attempt's answer, or a sentence if the camera does not answer.
 
     Raises:
         OSError: the camera is gone.
@@ -129,7 +129,7 @@ def _tried(asking: str, attempt: Callable[[], str | None]) -> str | None:
 
 
 def _adjust(device: V4l2Device, what: _Adjustable, asked: int | Auto) -> str | None:
-    """Set one value or its automatic; a sentence where that was refused."""
+    """Set one value or its automatic mode; return a sentence if that was refused."""
     automatic = device.control(what.automatic)
     if asked == "auto":
         if automatic is None:
@@ -139,14 +139,14 @@ def _adjust(device: V4l2Device, what: _Adjustable, asked: int | Auto) -> str | N
     control = next(filter(None, map(device.control, what.value)), None)
     if control is None:
         return f"{asking}: this camera has no {what.name} that can be set"
-    # Before anything is changed: a refused value leaves the automatic as it was.
+    # Before anything is changed: a refused value leaves the automatic mode as it was.
     if control.read_only or not control.takes(asked):
         return _set(device, control, asked, asking)
     if automatic is not None:
         trouble = _switch(device, automatic, what.off, f"{asking}, automatic {what.name} off")
         if trouble is not None:
             return trouble
-    # Queried again, because locks follow the automatic.
+    # Queried again, because the automatic mode sets or releases locks.
     return _set(device, device.control(control.id) or control, asked, asking)
 
 
@@ -166,7 +166,7 @@ def _switch(
 
 
 def _set(device: V4l2Device, control: Control, value: int, asking: str) -> str | None:
-    """Set a control and make sure that it took the value."""
+    """Set a control and check that it took the value; return a sentence if it did not."""
     if control.read_only:
         return f"{asking}: this camera reports it but does not let it be set"
     if not control.takes(value):
@@ -225,7 +225,7 @@ def _not_in_force(device: V4l2Device, settings: CameraSettings, now: Readback) -
     if now.size is None or now.pixel_format is None:
         return
     size = f"{now.size[0]}x{now.size[1]}"
-    # Asked for only where something differs: it takes a camera hundreds of answers.
+    # Queried only if something differs: it takes hundreds of requests to the camera.
     modes = cache(partial(camera_modes, device))
     if settings.pixel_format not in (None, now.pixel_format):
         offered = ", ".join(dict.fromkeys(mode.pixel_format for mode in modes()))

@@ -1,7 +1,7 @@
-"""One opened video device: questions and answers in Python's types.
+"""One opened video device: queries and answers in Python types.
 
-The kernel is reached through ``DeviceAccess`` alone, so that tests put a device of their own in
-its place.
+The kernel is reached only through ``DeviceAccess``, so that tests can put a device of their own
+in its place.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ _KINDS = {
 
 
 class DeviceAccess(Protocol):
-    """Device files of the kernel. All methods raise OSError."""
+    """Device files of the kernel. All methods may raise OSError."""
 
     def open(self, path: Path) -> int:
-        """Return a descriptor for questions and settings."""
+        """Return a descriptor for queries and settings."""
         ...
 
     def close(self, descriptor: int) -> None: ...
 
     def ioctl(self, descriptor: int, request: int, argument: ctypes.Structure) -> None:
-        """Ask; the answer is written into ``argument``."""
+        """Send a request; the answer is written into ``argument``."""
         ...
 
     def may_use(self, path: Path) -> bool:
@@ -90,7 +90,7 @@ class LinuxAccess:
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity that a device states.
+    """Identity that a device reports.
 
     Attributes:
         driver, card, bus: names, as in ``uvcvideo``, ``HD Webcam``, ``usb-0000:00:14.0-2``.
@@ -108,11 +108,11 @@ class Control:
     """One control of a camera.
 
     Attributes:
-        id: the kernel's number. name: the driver's word for it.
+        id: the kernel's number. name: the driver's name for it.
         kind: ``integer``, ``boolean``, ``menu``, ``integer menu``, ``button``, ``bits`` ...
         minimum, maximum, step, default: in the control's own unit.
-        inactive: something automatic governs it at present.
-        grabbed: locked while images flow. read_only, write_only: as they say.
+        inactive: an automatic mode controls it at present.
+        grabbed: locked while images flow. read_only, write_only: as named.
         volatile: the camera changes it by itself.
         menu: value -> its name, for menus.
     """
@@ -176,7 +176,7 @@ class V4l2Device:
             self._access.close(descriptor)
 
     def identity(self) -> Identity:
-        """Ask who it is and what this node can do."""
+        """Query its identity and what this node can do."""
         answer = layout.Capability()
         self._ask(layout.QUERY_CAPABILITY, answer)
         # Old drivers lack the flag; their node and device have the same capabilities.
@@ -190,7 +190,7 @@ class V4l2Device:
 
     @property
     def buffer_type(self) -> int:
-        """Kind of buffers that questions about formats must name."""
+        """Buffer type that format queries must name."""
         if self._buffer_type is None:
             capabilities = self.identity().capabilities
             self._buffer_type = (
@@ -201,14 +201,14 @@ class V4l2Device:
         return self._buffer_type
 
     def size_and_format(self) -> tuple[tuple[int, int], str]:
-        """Ask for the present image: (width, height) in pixels and its format's four characters."""
+        """Query the current image: (width, height) in pixels and its format's four characters."""
         answer = layout.Format(type=self.buffer_type)
         self._ask(layout.GET_FORMAT, answer)
         image = answer.fmt.pix
         return (image.width, image.height), layout.fourcc_text(image.pixelformat)
 
     def rate(self) -> float | None:
-        """Ask for the frames per second in force; None where the driver does not know."""
+        """Query the frames per second in force; None where the driver does not know."""
         answer = layout.StreamParameters(type=self.buffer_type)
         if not self._answers(layout.GET_PARAMETERS, answer):
             return None
@@ -268,7 +268,7 @@ class V4l2Device:
         return value
 
     def set_value(self, number: int, value: int) -> None:
-        """Give a control a value. Drivers may take another one; ask ``value`` afterwards."""
+        """Set a control's value. Drivers may take another one; query ``value`` afterwards."""
         self._ask(layout.SET_CONTROL, layout.ControlValue(id=number, value=value))
 
     def _control(self, answer: layout.ControlQuery) -> Control | None:
@@ -305,7 +305,7 @@ class V4l2Device:
         return items
 
     def _answers(self, request: int, argument: ctypes.Structure) -> bool:
-        """Ask; False where the driver says that there is no such thing."""
+        """Send a request; return False if the driver says that there is no such item."""
         try:
             self._ask(request, argument)
         except OSError as error:
@@ -321,12 +321,12 @@ class V4l2Device:
 
 
 def is_gone(error: OSError) -> bool:
-    """Return whether an error says that the camera itself is not there any more."""
+    """Return whether an error says that the camera itself is gone."""
     return error.errno in (errno.ENODEV, errno.ENXIO, errno.EBADF)
 
 
 def rate_of(interval: layout.Fraction) -> float | None:
-    """Return the rate, frames per second, of an interval; None for one that is not known."""
+    """Return the rate, frames per second, of an interval; None if it is unknown."""
     if interval.numerator == 0 or interval.denominator == 0:
         return None
     rate: float = interval.denominator / interval.numerator

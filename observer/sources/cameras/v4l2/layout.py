@@ -1,4 +1,4 @@
-"""Requests, structures and numbers of Linux's video interface, as ``<linux/videodev2.h>`` has them.
+"""Requests, structures and numbers of Linux's video interface, from ``<linux/videodev2.h>``.
 
 Only what is needed to list cameras and to set their controls; images are read by OpenCV. A test
 compares every size, offset and number with those that a C compiler finds in the kernel's header.
@@ -45,7 +45,7 @@ FLAG_READ_ONLY = 0x0004
 FLAG_INACTIVE = 0x0010
 FLAG_WRITE_ONLY = 0x0040
 FLAG_VOLATILE = 0x0080
-# Added to an id: the next control after it is meant.
+# Added to an id to ask for the next control after it.
 NEXT_CONTROL = 0x80000000
 
 # Controls (V4L2_CID_*).
@@ -72,7 +72,7 @@ EXPOSURE_UNIT_S = 100e-6
 
 
 def _u32(names: str) -> list[tuple[str, type[c_uint32]]]:
-    """Declare fields of 32 bits without sign that follow each other."""
+    """Declare consecutive unsigned 32-bit fields."""
     return [(name, c_uint32) for name in names.split()]
 
 
@@ -100,7 +100,7 @@ class FormatDescription(Structure):
 
 
 class PixelFormat(Structure):
-    """``struct v4l2_pix_format``; its first three fields are those of the multiplanar one, too."""
+    """``struct v4l2_pix_format``; the multiplanar one has the same first three fields."""
 
     _fields_ = [
         *_u32("width height pixelformat field bytesperline sizeimage colorspace priv"),
@@ -248,7 +248,7 @@ ENUMERATE_INTERVALS = _request(_READ_AND_WRITE, 75, FrameInterval)
 
 
 def text_of(field: ctypes.Array[c_uint8]) -> str:
-    """Return a fixed-length field of characters as text, up to its first zero byte."""
+    """Return a fixed-length character field as text, up to its first zero byte."""
     return bytes(field).split(b"\0", 1)[0].decode("utf-8", "replace").strip()
 
 

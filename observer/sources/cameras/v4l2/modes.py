@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import V4l2Device, rate_of
 
-# Offered where a driver names a range in place of single sizes and rates.
+# Offered where a driver reports a range instead of single sizes and rates.
 _USUAL_SIZES = (
     (320, 240), (640, 360), (640, 480), (800, 600), (1280, 480), (1280, 720), (1280, 960),
     (1920, 1080), (2560, 720), (2560, 960), (3840, 1080), (3840, 2160),
@@ -23,7 +23,7 @@ class CameraMode:
     Attributes:
         pixel_format: four characters, as in ``MJPG``.
         width, height: pixels.
-        rates: frames per second, the highest first; empty where the driver does not tell.
+        rates: frames per second, the highest first; empty where the driver reports none.
     """
 
     pixel_format: str

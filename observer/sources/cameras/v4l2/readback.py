@@ -1,4 +1,4 @@
-"""Settings that a camera really has at present, in words."""
+"""Current settings of a camera, as it reports them, in words."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _SAME_RATE = 0.005
 
 @dataclass(frozen=True)
 class Readback:
-    """Present settings of a camera; None for what it lacks or does not tell.
+    """Current settings of a camera; None for what it lacks or does not report.
 
     Attributes:
         size: width and height in pixels. pixel_format: four characters. rate: 1/s.
-        values: control's number -> its value.
-        controls: control's number -> what is known of it.
+        values: control's id -> its value.
+        controls: control's id -> what is known about it.
     """
 
     size: tuple[int, int] | None
@@ -42,7 +42,7 @@ class Readback:
 
 
 def read_back(device: V4l2Device) -> Readback:
-    """Ask a camera for everything that can be set on it; what it does not answer is left out.
+    """Query everything that can be set on a camera; what it does not answer is left out.
 
     Raises:
         OSError: the camera is gone.
@@ -62,7 +62,7 @@ def read_back(device: V4l2Device) -> Readback:
 
 
 def in_words(now: Readback) -> dict[str, str]:
-    """Return ``{"size": "640x480", "exposure": "156 (15.6 ms, locked)", ...}``, what is known."""
+    """Return what is known: ``{"size": "640x480", "exposure": "156 (15.6 ms, locked)", ...}``."""
     words = {
         "size": f"{now.size[0]}x{now.size[1]}" if now.size else None,
         "pixel format": now.pixel_format,
@@ -79,7 +79,7 @@ def in_words(now: Readback) -> dict[str, str]:
 
 
 def rate_text(rate: float) -> str:
-    """Return a rate without digits that say nothing: ``30``, ``29.97``, ``7.5``."""
+    """Return a rate without insignificant digits: ``30``, ``29.97``, ``7.5``."""
     whole = round(rate)
     return f"{whole}" if abs(rate - whole) < _SAME_RATE else f"{rate:.2f}".rstrip("0").rstrip(".")
 
@@ -113,7 +113,7 @@ def _exposure_time(value: int) -> str:
 def _gain_words(now: Readback) -> str | None:
     if layout.AUTO_GAIN in now.values or layout.GAIN not in now.values:
         return _words(now, layout.AUTO_GAIN, layout.GAIN)
-    # Most webcams have no automatic gain by name: the automatic exposure turns the gain, too.
+    # Most webcams have no separate automatic gain: automatic exposure changes the gain, too.
     remark = {True: "automatic exposure may change it", False: "locked", None: ""}
     return _with_remarks(str(now.values[layout.GAIN]), [remark[now.automatic_exposure]])
 
