@@ -1,4 +1,4 @@
-"""Stereo images and point clouds whose truth is known because they are made from it."""
+"""Stereo images and point clouds generated from known ground truth."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ ROAD = StereoCamera(1242, 375, 707.0, 707.0, 601.0, 183.0, 0.54)
 
 
 class Texture:
-    """Random grey levels without anything finer than a few pixels, on an endless repeating plane.
+    """Random grey levels with no detail finer than a few pixels, on an endless periodic plane.
 
-    It is moved by turning the phases of its waves, which is exact for any part of a pixel.
+    Moving it shifts the phases of its waves, which is exact for any fraction of a pixel.
 
     Args:
         finest_px, coarsest_px: wavelengths between which it has structure.
-        contrast: grey levels, standard deviation.
+        contrast: standard deviation in grey levels.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Texture:
         self._shape = shape
 
     def moved(self, du: float = 0.0, dv: float = 0.0) -> Float64Array:
-        """(H, W) about 0: what was at (u, v) is at (u + du, v + dv)."""
+        """(H, W) about 0, shifted so that what was at (u, v) is at (u + du, v + dv)."""
         turn = np.exp(-2j * np.pi * (self._u * du + self._v * dv))
         return np.asarray(np.fft.irfft2(self._waves * turn, self._shape))
 
@@ -51,7 +51,7 @@ class Texture:
 def as_image(
     grey: Float64Array, noise: float = 0.0, seed: int = 0, gain: float = 1.0, mean: float = 110.0
 ) -> Image:
-    """(H, W) of grey levels about 0, as a camera with Gaussian noise gives them."""
+    """(H, W) of grey levels about 0, as an image from a camera with Gaussian noise."""
     sensed = gain * (grey + mean)
     if noise:
         sensed = sensed + np.random.default_rng(seed).normal(0, noise, grey.shape)
@@ -59,7 +59,7 @@ def as_image(
 
 
 def pixel_grid(width: int, height: int, step: int, margin: int) -> np.ndarray:
-    """(N, 2) float32 pixels, evenly over an image, at least ``margin`` from its edge."""
+    """(N, 2) float32 pixels, spread evenly over an image, at least ``margin`` from its edge."""
     u, v = np.meshgrid(
         np.arange(margin, width - margin, step), np.arange(margin, height - margin, step)
     )
@@ -69,7 +69,7 @@ def pixel_grid(width: int, height: int, step: int, margin: int) -> np.ndarray:
 def points_in_view(
     camera: StereoCamera, count: int, rng: np.random.Generator, near: float, far: float
 ) -> Float64Array:
-    """(N, 3) metres, camera frame: all over the image, depths such that disparities are even."""
+    """(N, 3) metres, camera frame: all over the image, with uniformly distributed disparities."""
     px = rng.uniform((8, 8), (camera.width - 9, camera.height - 9), (count, 2))
     fb = camera.fx * camera.baseline
     return camera.triangulate(px, rng.uniform(fb / far, fb / near, count))
@@ -102,13 +102,13 @@ def watched(
     memory_s: float = 0.5,
     step_std: Float64Array | None = None,
 ) -> TrackedPoints:
-    """Points (N, 3) with velocities (N, 3) m/s, seen in so many frames by a camera at rest.
+    """Points (N, 3) with velocities (N, 3) m/s, seen over several frames by a camera at rest.
 
     ``place`` is where they are in the last frame.
 
     Args:
-        step_std: (6,) rad, m: from frame to frame the camera's believed pose errs by this much
-            more, so that all that is seen is placed wrongly together.
+        step_std: (6,) rad, m: error added to the camera's estimated pose in each frame, which
+            displaces all points together.
     """
     belief = Pose.identity()
     sums = None
@@ -136,7 +136,7 @@ def watched(
 
 
 def an_obstacle(**changes: Any) -> Obstacle:
-    """A confirmed obstacle at 3 m that moves at 0.5 m/s, nothing else known; with changes."""
+    """A confirmed obstacle at 3 m that moves at 0.5 m/s, all else unknown; ``changes`` override."""
     values: dict[str, Any] = {
         "id": 1, "state": TrackState.CONFIRMED, "motion": MotionState.MOVING,
         "position_camera": np.array([0.0, 0.0, 3.0]), "velocity_camera": np.zeros(3),

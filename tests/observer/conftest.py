@@ -1,4 +1,4 @@
-"""What the tests of motion in space share: simulated sequences, and bodies made of known points."""
+"""Fixtures for tests of motion in space: simulated sequences, and bodies made of known points."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .builders import projection_jacobian
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 HERE = Pose.identity()
 DT = 1 / 15
-# Pixels, of each coordinate and of the disparity.
+# Pixels: noise of each coordinate and of the disparity.
 SIGMA_PX = 0.15
 
 
@@ -38,7 +38,7 @@ SIGMA_PX = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """The first frames of a source, what the cameras are, and what is true."""
+    """The first frames of a source, its cameras and its ground truth."""
 
     calibration: StereoCalibration
     frames: list[StereoFrame]
@@ -80,13 +80,13 @@ def rigid() -> Parameters:
 
 @dataclass(eq=False)
 class PlantedBody:
-    """A rigid set of points that moves as told.
+    """A rigid set of points on a prescribed path.
 
     Attributes:
-        local: (K, 3) metres, its own frame. normals: (K, 3) outward; a point shows itself to the
-            camera while its normal does. None: all of them always do.
-        pose: of a time in seconds, the place (3,) m of its origin, world, and its yaw in radians.
-        seen: of a time, whether the camera can see it at all.
+        local: (K, 3) metres, body frame. normals: (K, 3) outward; a point is visible while its
+            normal faces the camera. None: all points are always visible.
+        pose: maps a time in seconds to the position (3,) m of the origin, world, and yaw in rad.
+        seen: maps a time to whether the camera can see the body at all.
     """
 
     local: Float64Array
@@ -132,8 +132,8 @@ class Watched:
     Runs the stages behind the ego-motion as ``RigidMethod`` does, on arrays alone.
 
     Attributes:
-        tracker: with its tracks. points: as of the newest frame. owner: (N,) number of each
-            point's body, and which: (N,) of its points it is. time: seconds.
+        tracker: with its tracks. points: as of the newest frame. owner: (N,) index of each
+            point's body, and which: (N,) its index within that body. time: seconds.
     """
 
     def __init__(self, *bodies: PlantedBody, seed: int = 0, **obstacles: float) -> None:
@@ -155,7 +155,7 @@ class Watched:
         return self.tracker.tracks
 
     def step(self, dt: float = DT) -> list[BodyTrack]:
-        """One frame more."""
+        """Advance by one frame."""
         self.time += dt
         points, p = self._followed(dt), self.parameters
         sightings = WorldSightings(*self._seen(points))
@@ -169,7 +169,7 @@ class Watched:
         return self.tracks
 
     def run(self, seconds: float, dt: float = DT) -> list[BodyTrack]:
-        """Frames for so long."""
+        """Run frames for the given time."""
         for _ in range(round(seconds / dt)):
             self.step(dt)
         return self.tracks
@@ -205,7 +205,7 @@ class Watched:
         return CAMERA.triangulate(points.px, points.disparity), np.swapaxes(J, 1, 2) @ J
 
     def _renew(self) -> None:
-        """Begin every point that is shown and not followed."""
+        """Start tracking every visible point that is not tracked yet."""
         followed = set(zip(self.owner.tolist(), self.which.tolist(), strict=True))
         fresh = [
             (b, k)
@@ -248,7 +248,7 @@ def points_on_a_box() -> Callable[..., tuple[Float64Array, Float64Array]]:
 
 @pytest.fixture(scope="session")
 def make_track() -> Callable[..., BodyTrack]:
-    """Gives a track of a body whose box is known and whose motion is known to about 1 cm."""
+    """Gives a track of a body with a known box, whose motion is known to about 1 cm."""
 
     def make(
         position: Sequence[float] = (0.0, 0.0, 3.0),
@@ -273,7 +273,7 @@ def make_track() -> Callable[..., BodyTrack]:
 
 @pytest.fixture(scope="session")
 def sightings_of() -> Callable[..., PositionVelocityFilter]:
-    """Gives the sums of points that were seen at (T, N, 3) m, at times (T,), the last one now."""
+    """Gives the sums for points seen at (T, N, 3) m at times (T,), the last one being now."""
 
     def make(
         places: Float64Array, times: Sequence[float], sigma: float = 0.005

@@ -1,4 +1,4 @@
-"""A board that moves before a wall, rendered as a stereo pair whose motion is known."""
+"""A board that moves in front of a wall, rendered as stereo pairs with known motion."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def render(camera: tuple[float, float, float], board_x: float | None, eye: float
     """A wall at 4 m and a board at 2 m, seen by a camera at ``camera`` shifted by ``eye``, m."""
     x, y, z = camera[0] + eye, camera[1], camera[2]
     v, u = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float32)
-    # One texture pixel at the wall is one image pixel as seen from the start.
+    # From the start position, one texture pixel on the wall is one image pixel.
     scale = (WALL_M - z) / WALL_M
     wall = cv2.remap(
         _WALL,
@@ -50,7 +50,7 @@ def render(camera: tuple[float, float, float], board_x: float | None, eye: float
 
 
 def frames(count: int, **scene: Any) -> list[StereoFrame]:
-    """Rendered frames, see ``_frames``; rendered once for all tests that ask for the same."""
+    """Rendered frames, see ``_frames``; cached, so that each sequence is rendered only once."""
     return list(_frames(count, **scene))
 
 

@@ -1,4 +1,4 @@
-"""Calibrations are checked at the door; a rectified pair's geometry is exact."""
+"""Calibrations are validated on construction; a rectified pair's geometry is exact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same quantiles, to the last digit, as the distributions of scipy.stats give."""
+"""The quantiles agree with those of scipy.stats to the last digit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every detector with every way of matching and every ego-motion model, on rendered frames."""
+"""Every detector with every matching method and every ego-motion model, on rendered frames."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMBINATIONS = list(
     itertools.product(
         CHOICES["features.detector"],
         CHOICES["matching.method"],
-        # One camera knows no metres from frames alone; tests/observer/test_one_camera_method.py.
+        # From frames alone, one camera cannot know the scale; see methods/monocular/test_method.py.
         [model for model in CHOICES["ego_motion.model"] if model != "monocular"],
     )
 )
@@ -28,7 +28,7 @@ FRAMES = 3
 
 @pytest.fixture(scope="module")
 def drive() -> tuple[StereoCalibration, list[StereoFrame], Pose]:
-    """The first frames of a slow drive past a moving robot, and where it really led."""
+    """The first frames of a slow drive past a moving robot, and the true final pose."""
     opened = open_source("simulated:lateral")
     read = [opened.source.read() for _ in range(FRAMES)]
     frames = [frame for frame in read if isinstance(frame, StereoFrame)]
@@ -52,6 +52,6 @@ def test_the_camera_is_found_where_it_is(
     assert newest.status is not Status.LOST, newest.reasons
     assert newest.T_world_camera is not None, newest.reasons
     gap = true_pose.inverse() @ newest.T_world_camera
-    # Few corners lie far apart; depth noise at 5 m then allows some centimetres and tenths.
+    # Few corners, close together: depth noise at 5 m then allows some cm and tenths of a degree.
     assert np.linalg.norm(gap.translation) < 0.08
     assert np.degrees(np.linalg.norm(gap.rotvec)) < 0.6

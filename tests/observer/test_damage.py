@@ -1,4 +1,4 @@
-"""What people type: the names of sources, cameras, ports and boards, understood or refused."""
+"""Names of sources, cameras, ports and boards as people type them are understood or refused."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from observer.sources.cameras.spec import parse_devices, parse_urls, swapped_spe
 
 from ..damage import damaged_text, examples, hostile_text, read_or_refused
 
-# None of these opens anything: they have no such scenario, file, device or host.
+# None of these opens anything: no such scenario, file, device or host exists.
 SPECS = (
     "simulated:nowhere?seed=7", "video:/nowhere/l.mp4,/nowhere/r.mp4", "/nowhere/left",
     "/nowhere/recording.mcap", "coppeliasim:a b:23000",
@@ -43,7 +43,7 @@ KINDS = ("simulated:", "?seed=", "video:", "camera:", "sbs:", "rtsp://", ",", "c
 @example("video:\0,b")
 @example("coppeliasim:h:" + "9" * 5000)
 def test_a_source_is_refused_in_one_sentence(spec: str) -> None:
-    # What might be a camera, or a scenario that takes a second to be made, is another test's.
+    # Real cameras and scenarios that take a second to build are left to other tests.
     if "camera" in spec or spec.lower().startswith(("simulated:?", "simulated:lab")):
         spec = spec.replace("camera", "kamera").replace("?seed=0", "?seed=x")
     read_or_refused(lambda: _opened_and_closed(spec), DynamicObserverError)

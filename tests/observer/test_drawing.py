@@ -1,4 +1,4 @@
-"""Obstacles drawn on images of which every pixel is known."""
+"""Obstacles drawn on images whose every pixel is known."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def drawn(*silhouette: np.ndarray) -> np.ndarray:
 
 def test_the_silhouette_is_outlined_and_tinted_within_the_box() -> None:
     image = drawn(TRIANGLE)
-    # Smoothed lines are a little paler.
+    # Anti-aliased lines are a little paler.
     assert image[140, 60].tolist() == pytest.approx(list(COLOR), abs=20), "its lower edge"
     assert image[90, 10].tolist() == list(COLOR), "the box's left edge"
     within = image[110, 60].astype(int)

@@ -1,4 +1,4 @@
-"""Poses and planar maps: the rules every frame of reference rests on."""
+"""Poses and planar maps: the rules that every frame of reference relies on."""
 
 from __future__ import annotations
 

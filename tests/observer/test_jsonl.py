@@ -1,4 +1,4 @@
-"""Lines of observations: what is written is what is read."""
+"""Observation lines: what was written is read back unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motion in space on the road, by default parameters: recorded drives with known camera poses."""
+"""Motion in space on the road, default parameters: recorded drives with known camera poses."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from observer.types import MotionState, Observation, Obstacle, Status, TrackStat
 
 from .conftest import OpenClip
 
-# The oncoming car leaves the view after this frame, and lies within so much of its read place.
+# Last frame that shows the oncoming car; metres: tolerance about its hand-labelled position.
 LAST_SEEN = 13
 CAR_WITHIN_M = 4.0
-# Parked cars and walls as near as this must not be obstacles; farther ahead vehicles do move.
+# Metres: parked cars and walls nearer than this must not be obstacles; beyond, vehicles do move.
 NEAR_M = 30.0
 FRAMES = {"kitti_static": 30, "kitti_oncoming": 20}
 
@@ -25,7 +25,7 @@ Drive = tuple[list[Observation], list[Pose]]
 
 
 def drive(name: str, shared_data: Path, clip: OpenClip, rigid: Parameters) -> Drive:
-    """What is observed, and the true poses of the camera."""
+    """The observations and the true camera poses."""
     folder = shared_data / name
     if not folder.is_dir():
         pytest.skip(f"recorded data is not here: {folder} is not a folder")
@@ -48,7 +48,7 @@ def oncoming(shared_data: Path, clip: OpenClip, rigid: Parameters) -> Drive:
 
 @pytest.fixture(scope="session")
 def car_places(shared_data: Path) -> dict[int, Float64Array]:
-    """Where the oncoming car is by frame: (2,) metres, world, to the right and ahead."""
+    """Position of the oncoming car by frame: (2,) metres, world, to the right and ahead."""
     text = (shared_data / "kitti_oncoming" / "estimate_oncoming_car.txt").read_text()
     rows = [line.split() for line in text.splitlines() if line[:1].isdigit()]
     read = {int(row[0].rstrip(":")): np.array(row[-2:], float) for row in rows}
@@ -73,7 +73,7 @@ def told(observation: Observation, o: Obstacle) -> str:
     return f"frame {observation.frame}: {o.state} {o.id} at {at} m with {velocity} m/s: {o.reason}"
 
 
-# The colour pair of the second drive gives ways that are 3 % too long in every single frame.
+# The colour pair of the second drive gives a path that is 3 % too long in every single frame.
 @pytest.mark.parametrize(("fixture", "share"), [("static", 0.02), ("oncoming", 0.04)])
 def test_the_path_is_as_long_as_it_was(
     fixture: str, share: float, request: pytest.FixtureRequest
@@ -100,7 +100,7 @@ def test_the_camera_is_never_lost(fixture: str, request: pytest.FixtureRequest) 
 def test_nothing_degrades_but_what_speed_leaves_unseen(
     fixture: str, request: pytest.FixtureRequest
 ) -> None:
-    """Beyond 2.5 m/s there is no dense depth: a person between the points would be missed."""
+    """Above 2.5 m/s no dense depth is computed: a person between the points would be missed."""
     seen, _ = request.getfixturevalue(fixture)
     others = [o for o in seen if any("could not be detected" not in reason for reason in o.reasons)]
     assert len(others) <= 3
@@ -132,7 +132,7 @@ def test_the_oncoming_car_is_confirmed_before_it_leaves_the_view(
     assert len({o.id for _, o in found}) == 1
     for frame, o in found:
         assert o.motion is MotionState.MOVING
-        # -15 m/s along the road, which leads ahead.
+        # -15 m/s along the road, which runs straight ahead.
         assert abs(o.velocity[2] + 15.0) < 2.0, (frame, o.velocity)
         assert abs(o.velocity[0] - 1.35) < 2.0
         assert abs(o.velocity[1]) < 1.0

@@ -79,7 +79,7 @@ def test_a_camera_that_looks_to_the_left_sees_the_robot_drive_to_its_right() -> 
 def test_turning_on_the_spot_swings_a_camera_off_the_axle() -> None:
     mount = CameraMount(0.4, 0.0, forward_m=0.1, left_m=0.0)
     step, _, _ = driven_step(Odometry(0, 0, 0), Odometry(0, 0, np.pi / 2), mount)
-    # To the left is -x of the camera, and it came from where it now sees to its right.
+    # The camera moves 0.1 m to its old left (-x) and 0.1 m back (-z).
     np.testing.assert_allclose(step.inverse().translation, (-0.1, 0, -0.1), atol=1e-12)
     assert mount.lever_sigma_m < CameraMount(0.4, 0.0).lever_sigma_m
 
@@ -101,7 +101,7 @@ def test_a_camera_on_its_head_or_pan_beyond_a_turn_is_refused(angles: dict[str, 
     [
         (0.04, 0.0, 0.0, True),
         (0.045, 0.0, 0.01, True),
-        # The motion of somebody who walks across at 0.3 m/s, or turns with a person who passes.
+        # As if estimated from somebody crossing at 0.3 m/s, or turning along with a passer-by.
         (0.04, 0.03, 0.0, False),
         (0.04, 0.0, 0.03, False),
         (0.0, 0.0, 0.0, False),

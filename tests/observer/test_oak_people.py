@@ -1,4 +1,4 @@
-"""Two people who walk below a camera over a yard, in low, hard light: recorded frames."""
+"""Recorded frames of two people who walk below a camera above a yard, in low, hard light."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from observer.types import Obstacle, TrackState
 from .conftest import OpenClip
 
 FRAMES = 262
-# Frames in which each of them is whole in view, read by eye.
+# Frames in which each of them is fully in view, judged by eye.
 WALKS = ((58, 82), (232, 262))
-# Nobody is in view, but for feet at the border.
+# Frames in which nobody is in view, except for feet at the border.
 EMPTY = ((0, 42), (112, 205))
 
 pytestmark = pytest.mark.slow
@@ -26,7 +26,7 @@ Reported = list[tuple[Obstacle, ...]]
 
 @pytest.fixture(scope="module")
 def reported(shared_data: Path, clip: OpenClip, rigid: Parameters) -> Reported:
-    """What is seen and reported in each frame."""
+    """The obstacles reported in each frame."""
     folder = shared_data / "oak_people"
     if not folder.is_dir():
         pytest.skip(f"recorded data is not here: {folder} is not a folder")
@@ -51,6 +51,6 @@ def test_each_walker_is_one_box_that_covers_head_and_trunk(
 
 @pytest.mark.parametrize(("begin", "end"), EMPTY)
 def test_nothing_else_moves(reported: Reported, begin: int, end: int) -> None:
-    """Exposure settles, shadows of leaves move over floor and furniture."""
+    """The exposure settles, and shadows of leaves move over floor and furniture."""
     wrong = sum(len(obstacles) for obstacles in reported[begin:end])
     assert wrong <= 0.05 * (end - begin)

@@ -1,4 +1,4 @@
-"""The whole method on rendered stereo with known motion, and what it does when input is bad."""
+"""The whole method on rendered stereo with known motion, and its handling of bad input."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def moving() -> list[StereoFrame]:
 @pytest.mark.parametrize("camera", [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.0, 0.15)])
 def test_a_moving_board_is_confirmed_with_its_velocity(camera: tuple[float, float, float]) -> None:
     seen = observe_all(Observer(CALIBRATION), frames(9, camera_velocity=camera))
-    # Until it is certain, it may have begun to move.
+    # Until that is certain, it counts as possibly having started to move.
     early = [reason for each in seen[1:5] for reason in each.reasons]
     assert all(reason.startswith("something may have started to move") for reason in early)
     for k, observation in enumerate(seen[5:], 5):
@@ -59,10 +59,10 @@ def test_a_moving_board_is_confirmed_with_its_velocity(camera: tuple[float, floa
         assert o.velocity_cov is not None
         error = o.velocity - (0.4, 0, 0)
         assert error @ np.linalg.inv(o.velocity_cov) @ error < 3.0**2
-        # It speaks of the frame's time.
+        # The velocity is that at the frame's time.
         assert o.velocity_time == pytest.approx(k * DT)
         assert o.position is not None
-        # Nothing tells that the board is thin: its far side is not seen.
+        # The board's thickness is unknown: its far side is not seen.
         assert abs(o.position[0] - (-0.4 + 0.4 * k * DT)) < 0.06
         assert abs(o.position[1]) < 0.06
         assert -0.05 < o.position[2] - BOARD_M < 0.25
@@ -86,7 +86,7 @@ def test_a_plain_wall_has_no_obstacles_however_the_camera_moves(name: str) -> No
 
 
 def test_parallax_is_called_moving_by_the_paper_and_not_by_the_default() -> None:
-    """The board stands still; an affine model of the wall cannot know how near it is."""
+    """The board stands still; an affine model of the wall cannot account for its nearness."""
     sequence = frames(8, board_speed=0.0, camera_velocity=(0.35, 0.0, 0.0))
     paper = observe_all(Observer(CALIBRATION, preset("paper")), sequence)
     default = observe_all(Observer(CALIBRATION, preset("default")), sequence)
@@ -131,7 +131,7 @@ def test_lines_have_no_nan_and_carry_what_was_observed(moving: list[StereoFrame]
     assert set(again["timings_ms"]) >= {"klt_tracking", "ego_motion", "motion", "tracking", "total"}
 
 
-# What the trace receives whatever the method, as the module's table tells it.
+# What the trace receives with either method, as in the module's table.
 BOTH = {
     "time", "left", "right", "previous_left", "previous_right", "previous_time", "features_px",
     "matches", "ego_motion", "flow_px", "flow_observed_px", "flow_residual_px", "dynamic",
@@ -142,7 +142,7 @@ PLANAR_ONLY = {
 }  # fmt: skip
 
 RIGID_ONLY = {"evidence", "rows", "disparity_bias", "exposure_skew", "unseen"}
-# What one camera leaves is tested with its method.
+# The trace of the one-camera method is tested with that method.
 ONE_CAMERA_ONLY = {"rays", "ray_evidence"}
 
 
@@ -234,7 +234,7 @@ def test_a_long_loss_begins_a_new_segment() -> None:
     assert [o.segment for o in seen[:12]] == [0] * 12
     assert seen[12].segment == 1
     assert any("new segment" in reason for reason in seen[12].reasons)
-    assert seen[25].segment >= 2  # black frames cannot begin one that lasts
+    assert seen[25].segment >= 2  # black frames cannot start a segment that lasts
     assert seen[25].status is Status.OK
     before = {o.id for s in seen[:12] for o in s.reported}
     after = {o.id for s in seen[15:] for o in s.reported}
@@ -285,7 +285,7 @@ def test_images_of_another_size_are_refused_with_both_sizes() -> None:
     small = np.zeros((128, 256), np.uint8)
     with pytest.raises(CalibrationError, match=r"256x128 pixels.*512x256"):
         observer.observe(StereoFrame(2, 1.0, small, small, 0.0))
-    # and it goes on with the right ones
+    # and it continues with frames of the right size
     assert observer.observe(frames(4)[3]).status is Status.OK
 
 
@@ -316,7 +316,7 @@ def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(
         seen = observe_all(observer, moving)
         segments.append({o.segment for o in seen[:1]} | {o.segment for o in seen})
         numbers.append({o.id for observation in seen for o in observation.reported})
-        # Each pass over the clip begins where time goes back.
+        # Time jumps back at the start of each pass over the clip.
         observer.begin_segment()
     assert [sorted(s) for s in segments] == [[0], [1], [2], [3]]
     assert all(numbers)
@@ -338,7 +338,7 @@ def test_a_model_of_the_same_kind_goes_on_and_one_of_the_other_begins_anew(
         observer.use(after, 1)
         observation = observer.observe(moving[6])
         assert observation.segment == segment
-        # In a new segment nothing is known of what was tracked before.
+        # A new segment starts without the earlier tracks.
         assert bool(observation.reported) == (segment == 0)
 
 

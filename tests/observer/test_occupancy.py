@@ -1,4 +1,4 @@
-"""The map of cells: whatever is in it comes back, and nothing that is none is taken for one."""
+"""The occupancy map: its cells survive a round trip, and invalid maps are refused."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_every_cell_comes_back_also_through_json(cells: NDArray[np.uint8]) -> No
     made = OccupancyMap.of(cells, (0.3, -1.2), 0.1, (0.5, -0.5, 1.0), 7.0)
     np.testing.assert_array_equal(made.cells(), cells)
     assert msgspec.json.decode(msgspec.json.encode(made), type=OccupancyMap) == made
-    # No two runs are of one state, and no more than two are left out between them.
+    # Each change of state adds at most one run per state.
     assert len(made.runs) <= STATES * np.count_nonzero(np.diff(cells.ravel())) + STATES
 
 
@@ -47,7 +47,7 @@ def test_a_cell_is_where_the_robot_saw_it(
 ) -> None:
     made = OccupancyMap.of(np.zeros((2, 2), np.uint8), (x, y), 0.1, robot, 0.0)
     T_world_base = Pose.from_rotvec([0.0, 0.0, base[2]], [base[0], base[1], 0.2])
-    # The robot itself, seen from the corner of the grid.
+    # The robot itself, relative to the corner of the grid.
     own = [robot[0] - x, robot[1] - y, 0.0]
     np.testing.assert_allclose(made.placed(T_world_base).apply(own), [*base[:2], 0.2], atol=1e-9)
 

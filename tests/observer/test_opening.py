@@ -1,4 +1,4 @@
-"""Texts that name no source are refused in one sentence."""
+"""Texts that do not name a source are refused in one sentence."""
 
 from __future__ import annotations
 

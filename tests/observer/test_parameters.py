@@ -1,4 +1,4 @@
-"""Parameters: declared once, refused all or nothing, described in full."""
+"""Parameters: declared once, accepted or refused as a whole, fully described."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_eight_parameters_are_basic_with_each_model(model: str) -> None:
     assert ("ego_motion.ransac_threshold_px" in shown) == (model != "monocular")
     planar = model in ("affine", "homography")
     assert ("flow.residual_threshold_px" in shown) == planar
-    # A title that says nothing without its group stands alone there.
+    # Titles are shown without their group there, so each must be clear, and unique, on its own.
     titles = [SCHEMA[name]["title"] for name in shown]
     assert len(set(titles)) == len(titles)
 
@@ -139,14 +139,14 @@ def test_the_presets() -> None:
     assert preset("default") == Parameters()
     assert preset("default").ego_motion.model == "rigid"
     paper = preset("paper").flat()
-    # As published.
+    # As in the publication.
     assert paper["features.detector"] == "fast"
     assert paper["matching.method"] == "descriptor"
     assert paper["ego_motion.model"] == "affine"
     assert paper["frames.interval"] == 1
     assert paper["motion.min_significance"] == 0
     assert not paper["flow.match_brightness"]
-    # What the preset changes must act with the paper's model.
+    # Every parameter that the preset changes must have an effect with the paper's model.
     changed = Parameters().difference(preset("paper"))
     assert all("affine" in SCHEMA[name]["models"] for name in changed)
     with pytest.raises(InputError, match="available are: paper, default"):
@@ -194,7 +194,7 @@ def test_a_change_without_effect_is_refused_by_name() -> None:
         (name,) = changes
         with pytest.raises(ParameterError, match=f"{name}: has no effect .* applies to homography"):
             effective(rigid, {**changes, "evidence.radius_px": 30.0})
-    # The method that counts is the one after the change.
+    # Effects are judged by the method that is selected after the change.
     assert effective(rigid, {"ego_motion.model": "affine", "tracking.gate": 4.0}) == rigid.changed(
         {"ego_motion.model": "affine", "tracking.gate": 4.0}
     )

@@ -1,4 +1,4 @@
-"""The library's public face: what ``import observer`` gives, and how it looks in a notebook."""
+"""The library's public API: what ``import observer`` offers, and how it looks in a notebook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The median is numpy's, whatever the values."""
+"""The median equals numpy's for all values."""
 
 from __future__ import annotations
 

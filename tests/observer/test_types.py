@@ -1,4 +1,4 @@
-"""Frames are checked at the door; what is derived from a result is right."""
+"""Frames are validated on construction; values derived from a result are correct."""
 
 from __future__ import annotations
 

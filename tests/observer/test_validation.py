@@ -1,4 +1,4 @@
-"""What pydantic finds wrong, in words for people."""
+"""Pydantic's validation errors in plain words."""
 
 from __future__ import annotations
 

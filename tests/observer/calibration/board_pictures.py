@@ -1,4 +1,4 @@
-"""Pictures of a chessboard as a pair of ideal cameras would take them."""
+"""Images of a chessboard as taken by a pair of ideal cameras."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ IDEAL = StereoCalibration.rectified(640, 480, 520.0, 520.0, 319.5, 239.5, 0.1)
 
 
 def drawn(board: Board) -> Image:
-    """The board itself from above, with its margin."""
+    """The board seen from above, with its margin."""
     columns, rows = board.columns + 1 + 2 * _MARGIN, board.rows + 1 + 2 * _MARGIN
     v, u = np.mgrid[0:rows, 0:columns]
     inside = (u >= _MARGIN) & (u < columns - _MARGIN) & (v >= _MARGIN) & (v < rows - _MARGIN)
@@ -29,7 +29,7 @@ def drawn(board: Board) -> Image:
 
 
 def pictures(board: Board, seed: int, true: StereoCalibration = IDEAL) -> tuple[Image, Image]:
-    """The board in one pose before a grey wall, left and right, with noise."""
+    """Left and right images of the board in one pose in front of a grey wall, with noise."""
     rng = np.random.default_rng(seed)
     above = drawn(board)
     # From pixels of the drawing to metres on the board; corner 0 is its first inner corner.
@@ -46,7 +46,7 @@ def pictures(board: Board, seed: int, true: StereoCalibration = IDEAL) -> tuple[
             px = cv2.perspectiveTransform(ends.reshape(-1, 1, 2), H).reshape(-1, 2)
             if (px < 4).any() or (px > [635, 475]).any():
                 break
-            # Drawn twice as large and shrunk, so that edges are where they should be.
+            # Rendered twice as large and then shrunk, so that edges are placed correctly.
             large = np.array([[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1.0]])
             image = cv2.warpPerspective(
                 above, large @ H, (1280, 960), borderMode=cv2.BORDER_CONSTANT, borderValue=128

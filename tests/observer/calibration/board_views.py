@@ -1,4 +1,4 @@
-"""Views of a board by a pair of cameras that are known exactly; corners with noise, no images."""
+"""Views of a board by an exactly known pair of cameras; noisy corners, no images."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def fisheye_pair() -> StereoCalibration:
 def pose(
     true: StereoCalibration, rng: np.random.Generator, tilt_deg: float = 40
 ) -> tuple[Float64Array, Float64Array]:
-    """T_left_board: a board that fills a third to three quarters of the image's width."""
+    """T_left_board of a board that fills a third to over three quarters of the image's width."""
     tilt = rng.uniform(-tilt_deg, tilt_deg, 2)
     R = Rotation.from_euler("xyz", [*tilt, rng.uniform(-20, 20)], degrees=True).as_matrix()
     f = true.K1[0, 0]
@@ -90,7 +90,7 @@ def views_of(
 
 
 def sighting(px: Float64Array, chosen: NDArray[np.bool_] | None = None) -> BoardSighting:
-    """The corners in their order, or the chosen ones of them."""
+    """The corners in order, or only the chosen ones."""
     ids = np.arange(len(px), dtype=np.int32)
     if chosen is None:
         return BoardSighting(ids, px)

@@ -1,4 +1,4 @@
-"""Boards drawn into images with corners that are known exactly, and cameras that see them."""
+"""Boards drawn into images with exactly known corners, and cameras that see them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.calibration.detection import charuco_board
 
 SIZE = (640, 480)
 BLACK, WHITE, WALL = 40.0, 200.0, 120.0
-# Sides of the samples per pixel, and of a square in the drawing of a ChArUco board.
+# Samples per pixel along each side, and pixels per side of a square in the board's drawing.
 _SAMPLES, _SQUARE_PX = 3, 48
 
 
@@ -27,7 +27,7 @@ def board_to_image(
     centre: tuple[float, float] = (319.5, 239.5),
     size: tuple[int, int] = SIZE,
 ) -> np.ndarray:
-    """Homography from squares (corner 0 is (0, 0)) to pixels: inner corners ``width_px`` wide."""
+    """Homography from squares (corner 0 is (0, 0)) to pixels; inner corners span ``width_px``."""
     focal = 500.0
     turn = cv2.Rodrigues(np.array([tilt[0], tilt[1], 0.0]))[0]
     turn = turn @ cv2.Rodrigues(np.array([0.0, 0.0, tilt[2]]))[0]
@@ -47,7 +47,7 @@ def draw(
     seed: int = 0,
     size: tuple[int, int] = SIZE,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W) uint8 image of the board with one square of white around it, and its true corners."""
+    """(H, W) uint8 image of the board with a white border of one square, and its true corners."""
     paper = np.array([[-2, -2], [board.columns + 1, -2], [-2, board.rows + 1]], dtype=float)
     paper = np.vstack([paper, paper[1] + paper[2] - paper[0]])
     there = np.column_stack([paper, np.ones(4)]) @ homography.T
@@ -71,7 +71,7 @@ def draw(
 
 
 def _squares(board: Board) -> np.ndarray:
-    """The squares, True where they are black; whole numbers of pixels for whatever has an edge."""
+    """Drawing of the board, True where black; every edge lies on a whole number of pixels."""
     if board.kind == "charuco":
         size = (board.columns + 1) * _SQUARE_PX, (board.rows + 1) * _SQUARE_PX
         return charuco_board(board).generateImage(size) < 128

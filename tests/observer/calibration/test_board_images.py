@@ -1,4 +1,4 @@
-"""Pairing of images, refusals and their reasons, and the board in those that are left."""
+"""Pairing of images, refusals and their reasons, and the board in the remaining images."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_the_published_chessboards() -> None:
 def test_a_wrong_size_is_named_before_all_images_are_searched(shared_data: Path) -> None:
     folder = shared_data / "chessboards"
     pairs, _ = read_board_pairs(str(folder / "left*.jpg"), str(folder / "right*.jpg"))
-    # As many as somebody would bring who held the board for a minute.
+    # As many as one collects by holding up the board for a minute.
     many = [replace(pair, name=f"{number} {pair.name}") for number in range(4) for pair in pairs]
     begun = time.process_time()
     with pytest.raises(CalibrationError, match=r"show a chessboard with 9x6 .* not 8x6"):

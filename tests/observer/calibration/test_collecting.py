@@ -14,7 +14,7 @@ MIDDLE = np.array([-0.1, -0.0625, 0.6])
 
 
 class Rig:
-    """Two cameras side by side, and what they see of a board. Lenses nobody told the collector."""
+    """Two cameras side by side that see a board, with lenses unknown to the collector."""
 
     def __init__(
         self, board: Board = BOARD, focal: float = 500.0, baseline: float = 0.08, seed: int = 0
@@ -36,7 +36,7 @@ class Rig:
         )
 
     def follow(self, ghost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where a person holds the board for an outline: 4 degrees and some percent off."""
+        """Return where a person holds the board for an outline: off by 4 degrees and a few %."""
         step = self.board.square_m
         width, height = self.board.columns * step, self.board.rows * step
         edge = np.array([[-step, -step], [width, -step], [width, height], [-step, height]])
@@ -89,7 +89,7 @@ def test_a_moving_board_is_not_captured() -> None:
 
 
 def test_slow_motion_matters_where_both_images_are_not_taken_at_once() -> None:
-    # 4 pixels a second: within 5 ms nothing, within 100 ms a turn that a calibration would believe.
+    # 4 px/s: nothing within 5 ms, but within 100 ms a turn that a calibration would believe.
     for skew, taken in ((0.005, True), (0.1, False)):
         collector, rig = ViewCollector(BOARD, SIZE), Rig()
         looks = [
@@ -127,7 +127,7 @@ def test_the_first_pose_wanted_is_in_the_middle() -> None:
     look = ViewCollector(BOARD, SIZE).look(None, None, 0.0)
     assert look.ghost is not None
     assert look.next_words == "Hold the board in the middle of the image"
-    # Left of the middle: the right camera sees it further left.
+    # Not exactly in the middle: the right camera sees it further left.
     assert 200 < look.ghost[:, 0].mean() < 440
     assert look.ghost[:, 1].mean() == pytest.approx(239.5, abs=30)
 
@@ -231,7 +231,7 @@ def test_whoever_follows_the_outline_fills_all_bars(
     assert len(collector.views) <= 25
     assert set(look.coverage.reached.values()) == {1.0}
     assert look.coverage.missing == ()
-    # Distortion is told by the outermost corners: all four of both images have some.
+    # The outermost corners determine distortion: both images have some in all four corners.
     for side in ("left", "right"):
         px = np.concatenate([getattr(view, side).px for view in collector.views])
         out = (px - 319.5) / 320, (px - 239.5) / 240

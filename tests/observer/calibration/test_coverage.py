@@ -31,7 +31,7 @@ def pair(values: tuple[float, float, float, float], reach: float = 0.0) -> ViewM
 
 
 def test_a_board_facing_the_camera_is_measured_as_computed_by_hand() -> None:
-    # 8 steps of 32 and 5 of 20 pixels: an area of 256 x 100 = 160 squared.
+    # 8 steps of 32 px by 5 of 20 px: an area of 256 x 100 = 160^2 px.
     measured = measure_view(seen(grid((32, 20), (100, 200))), BOARD, SIZE)
     assert measured is not None
     x = (100 + 128 - 80) / (640 - 160)
@@ -47,7 +47,7 @@ def test_skew_is_twice_the_angle_off_a_right_one() -> None:
 
 
 def test_reach_is_how_far_out_corners_came_in_both_directions() -> None:
-    # Corners from the very left to the middle, and from the middle to 3/4 of the way down.
+    # Corners from the left edge to the middle, and from the upper edge to 3/4 of the way down.
     measured = measure_view(seen(grid((319.5 / 8, 36.0), (0.0, 239.5))), BOARD, SIZE)
     assert measured is not None
     lower = 180 / 240

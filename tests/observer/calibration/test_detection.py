@@ -17,7 +17,7 @@ from .drawn_boards import SIZE, board_to_image, draw
 
 CHESSBOARD = Board()
 CHARUCO = Board("charuco")
-# None along the pixels: there the samples of a drawn edge all miss it by the same.
+# None is aligned with the pixels: there all samples of a drawn edge would miss it equally.
 TILTS = [(0.1, -0.1, 0.12), (0.5, -0.3, 0.2), (-0.4, 0.5, -0.25)]
 RECORDED = Path(__file__).parents[4] / "shared/data/chessboards"
 
@@ -61,7 +61,7 @@ def test_corners_are_where_they_were_drawn(
 
 
 def test_the_upper_left_pixel_s_centre_is_the_origin() -> None:
-    # Half a pixel of another convention would show in the mean over all corners.
+    # A convention that differs by half a pixel would show in the mean over all corners.
     offsets = []
     for seed, centre in enumerate([(319.5, 239.5), (300.2, 200.8), (340.7, 260.1)]):
         image, truth = draw(
@@ -106,7 +106,7 @@ def test_boards_that_look_the_same_upside_down_are_known(
 @pytest.mark.parametrize(("columns", "rows"), [(8, 6), (7, 7), (6, 6)])
 def test_the_right_camera_numbers_as_the_left_one(columns: int, rows: int) -> None:
     board = Board("chessboard", columns, rows)
-    # Turned so far that each image by itself would be read either way.
+    # Turned so far that each image by itself could be numbered either way.
     sightings = []
     for turn in (85.0, 95.0):
         image, _ = draw(board, board_to_image(board, 200, (0.1, 0.2, np.deg2rad(turn))))
@@ -121,7 +121,7 @@ def test_the_right_camera_numbers_as_the_left_one(columns: int, rows: int) -> No
 
 
 def test_a_board_numbered_by_its_colours_is_left_as_it_is() -> None:
-    # The right camera hangs upside down: its image is turned, the numbers are right.
+    # The right camera is upside down: its image is rotated, the numbering is correct.
     image, _ = draw(CHESSBOARD, board_to_image(CHESSBOARD, 240))
     left = detect_board(image, CHESSBOARD)
     right = detect_board(np.ascontiguousarray(image[::-1, ::-1]), CHESSBOARD)
@@ -164,7 +164,7 @@ def test_a_part_of_a_larger_board_is_not_taken_for_the_board() -> None:
 
 def test_a_highlight_over_a_corner_misplaces_none() -> None:
     image, truth = draw(CHESSBOARD, board_to_image(CHESSBOARD, 300, (0.3, 0.2, 0.1)))
-    # OpenCV places it 5 pixels off; only all other corners tell.
+    # OpenCV places it 5 pixels off; only the other corners reveal that.
     hidden = truth[22]
     v, u = np.mgrid[0 : SIZE[1], 0 : SIZE[0]]
     glare = 220 * np.exp(-((u - hidden[0]) ** 2 + (v - hidden[1]) ** 2) / (2 * 9.0**2))

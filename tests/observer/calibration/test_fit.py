@@ -1,4 +1,4 @@
-"""The fit against pairs of cameras that are known exactly, and against what goes wrong."""
+"""The fit on exactly known camera pairs, and in the face of faults."""
 
 from __future__ import annotations
 
@@ -54,25 +54,25 @@ def test_finds_the_pair_that_took_the_views(seed: int, noise_px: float) -> None:
     pitch, vergence, roll = view_angles_deg(found) - view_angles_deg(TRUE)
     assert abs(vergence) < 0.02
     assert max(abs(pitch), abs(roll)) < 0.05
-    # R by itself trades against the principal points, at these noises by up to 0.2 degrees.
+    # R alone trades off against the principal points, at this noise by up to 0.2 degrees.
     assert rotation_error_deg(found, TRUE) < 0.25
     fresh = [projected_errors(found, seed) for seed in (101, 102)]
     assert np.percentile(np.concatenate(fresh), 95) < 0.3
     assert fit.pairs == 20
     assert all(view.used and view.reason is None for view in fit.views)
-    # The noise, of two coordinates, less what the poses and lenses took of it.
+    # The noise of two coordinates, minus what the poses and lenses absorb.
     for rms in (fit.rms_left, fit.rms_right, fit.rms_stereo):
         assert rms == pytest.approx(np.sqrt(2) * noise_px, rel=0.08)
 
 
 def projected_errors(found: StereoCalibration, seed: int) -> np.ndarray:
-    """Vertical errors, px, of corners without noise that the fit never saw."""
+    """Vertical errors, px, of noise-free corners that the fit never saw."""
     views = views_of(TRUE, 8, seed, 0.0)
     return np.abs(np.concatenate([vertical_errors(found, v.left.px, v.right.px) for v in views]))
 
 
 def test_says_how_sure_it_is_and_is_right_about_that() -> None:
-    """Over seeds, errors are as large as the fit says: neither a tenth nor ten times."""
+    """Over several seeds, errors match the stated intervals to within a factor of ten."""
     shares: dict[str, list[float]] = {"focal": [], "baseline": [], "vergence": [], "depth": []}
     per_disparity = 3 / (TRUE.K1[0, 0] * TRUE.baseline)
     for seed in range(4):

@@ -71,7 +71,7 @@ def test_the_side_that_is_said_to_be_away_is_away() -> None:
 
 
 def test_the_outline_has_the_perspective_of_its_pose() -> None:
-    # Every pose wanted in turn, as if each were taken exactly.
+    # Each requested pose in turn, as if taken exactly.
     kept: list[ViewMeasures] = []
     poses: list[SeenPose] = []
     told = 0
@@ -95,7 +95,7 @@ def test_the_outline_has_the_perspective_of_its_pose() -> None:
 
 
 def test_what_two_cameras_far_apart_cannot_see_is_not_wanted() -> None:
-    # The right camera sees the board a third of an image further left already at 3 board widths.
+    # At 3 board widths the right camera already sees the board a third of an image further left.
     near, far = GUIDE.wanted_ranges([(3.0, -40.0, 0.0)]), GUIDE.wanted_ranges([(3.0, -200.0, 0.0)])
     assert near == (0.7, 0.7, 0.4, 0.5)
     assert far[2] < 0.4

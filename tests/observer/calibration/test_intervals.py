@@ -1,7 +1,7 @@
-"""95 % intervals of a fit hold the truth: over seeds, in well and barely fixed sets of views.
+"""95 % intervals of a fit contain the truth, over seeds, for well and barely determined views.
 
-Corners err as they do in pictures: neighbours alike, each view by its own blur, on a board that is
-bent by some tenths of a millimetre, through a lens that has one term more than is fitted.
+Corner errors are as in real images: neighbours are correlated, each view has its own blur, the
+board is bent by some tenths of a millimetre, and the lens has one term more than is fitted.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ TRUE = true_pair()
 
 @dataclass(frozen=True)
 class Pictures:
-    """How a set of views is taken: tilts up to ``tilt_deg``, the board ``widths`` of the image."""
+    """How views are taken: tilts up to ``tilt_deg``, board ``widths`` as shares of the image."""
 
     count: int
     tilt_deg: float
@@ -52,7 +52,7 @@ BARELY = Pictures(12, 9, (0.5, 0.55))
 
 
 def taken(pictures: Pictures, seed: int) -> tuple[StereoCalibration, list[BoardView]]:
-    """The pair and the views of it."""
+    """The pair and its views."""
     rng = np.random.default_rng(seed)
     D1, D2 = ([*D[:4], pictures.k3] for D in (TRUE.D1, TRUE.D2))
     true = replace(TRUE, D1=np.array(D1), D2=np.array(D2))
@@ -84,7 +84,7 @@ def taken(pictures: Pictures, seed: int) -> tuple[StereoCalibration, list[BoardV
 
 
 def shared_noise() -> Float64Array:
-    """(54, 54) that makes noise of which corners share 60 % with those two or three squares off."""
+    """(54, 54) factor for noise, of which corners share 60 % over two or three squares."""
     place = BOARD.object_points / BOARD.square_m
     apart = np.linalg.norm(place[:, None] - place, axis=2)
     covariance = 0.6 * np.exp(-((apart / 2.5) ** 2) / 2) + 0.4 * np.eye(len(place))
@@ -95,7 +95,7 @@ SHARED = shared_noise()
 
 
 def solved(true: StereoCalibration, views: list[BoardView]) -> Solved:
-    """The last step of a fit: from near the solution, with k3 left out."""
+    """The last step of a fit, started near the solution, with k3 left out."""
     corners = corners_of(views, BOARD, np.ones(len(views), np.bool_))
     lenses = tuple(
         Lens("radtan", np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *D[:4], 0.0]))
@@ -110,7 +110,7 @@ def solved(true: StereoCalibration, views: list[BoardView]) -> Solved:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A fit with what it was fitted to, and the true pair."""
+    """A fit, the corners it was fitted to, and the true pair."""
 
     true: StereoCalibration
     found: Adjusted
@@ -118,7 +118,7 @@ class Solved:
     soft_px: float
 
     def holds(self, covariance: Float64Array | None) -> NDArray[np.bool_]:
-        """Which intervals hold the truth: of fx of both, cx, cy of the left one, the baseline."""
+        """Which intervals contain the truth: both fx, cx and cy of the left one, the baseline."""
         assert covariance is not None
         assert self.found.covariance is not None
         near = 0.5 * np.sqrt(np.diag(self.found.covariance))
@@ -133,7 +133,7 @@ def all_solved(pictures: Pictures) -> list[Solved]:
 
 
 def held(pictures: Pictures) -> Float64Array:
-    """Share of seeds in which each interval holds the truth."""
+    """Share of seeds in which each interval contains the truth."""
     return np.mean(
         [
             each.holds(error_covariance(each.found, each.corners, BOARD, each.soft_px))
@@ -144,7 +144,7 @@ def held(pictures: Pictures) -> Float64Array:
 
 
 def errors(found: StereoCalibration, true: StereoCalibration) -> Float64Array:
-    """Of fx of both cameras, cx and cy of the left one, the baseline."""
+    """Errors of fx of both cameras, cx and cy of the left one, and the baseline."""
     px = [found.K1 - true.K1, found.K2 - true.K2]
     return np.array(
         [px[0][0, 0], px[1][0, 0], px[0][0, 2], px[0][1, 2], found.baseline - true.baseline]
@@ -168,18 +168,18 @@ def widths(half: Interval95) -> Float64Array:
     ids=["well", "well, bent board and lens", "barely", "barely, bent board and lens"],
 )
 def test_intervals_hold_the_truth(pictures: Pictures) -> None:
-    # At 95 %, fewer than 25 of 30 seeds happen three times in a thousand.
+    # At 95 %, fewer than 25 of 30 seeds have a probability of 0.003.
     assert held(pictures).min() >= 25 / SEEDS
 
 
 def test_the_curvature_alone_would_promise_too_much() -> None:
-    """What makes the test above worth something: these sets of views are the hard ones."""
+    """Shows that the test above is meaningful: these sets of views are the hard ones."""
     share = np.mean([each.holds(each.found.covariance) for each in all_solved(BARELY)], axis=0)
     assert share[[0, 1, 4]].max() < 0.8
 
 
 def test_a_view_that_alone_fixes_something_makes_it_unsure() -> None:
-    """One tilted view among eleven that face the camera fixes the focal length by itself."""
+    """One tilted view beside eleven that face the camera determines the focal length alone."""
     _, facing = taken(replace(BARELY, count=11), 3)
     true, tilted = taken(replace(WELL, count=1), 4)
     fit = solved(true, [*facing, *tilted])

@@ -28,7 +28,7 @@ BOARDS: list[tuple[Board, Paper]] = [
 
 @dataclass
 class Printed:
-    """Content of a printed sheet: millimetres from the upper left, greys, words."""
+    """Content of a printed sheet: rectangles in millimetres from the upper left, and words."""
 
     size: tuple[float, float]
     rectangles: list[tuple[float, float, float, float, bool]]
@@ -90,7 +90,7 @@ def test_the_printed_board_is_found_in_true_scale(
     assert len(found) == board.corner_count
     expected = 1e3 * board.object_points[:, :2]
     corners = (found.px + 0.5) / PX_PER_MM
-    # Not only the steps: number 0 is at the upper left of the sheet as printed.
+    # Not only the spacing matters: corner 0 is at the upper left of the printed sheet.
     assert corners - corners[0] == pytest.approx(expected, abs=0.2)
 
 

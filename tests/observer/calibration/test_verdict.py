@@ -1,4 +1,4 @@
-"""The verdict in metres: by formula where there is one, and against the method itself."""
+"""The verdict in metres: against a formula where there is one, and against the method itself."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_depth_error_is_noise_and_lasting_error(fit: StereoFit) -> None:
         assert row.depth_m == pytest.approx(math.hypot(row.noise_m, row.bias_m))
         assert row.depth_share == pytest.approx(row.depth_m / row.distance_m)
     one, three, five = verdict.rows
-    # Z^2 sigma_d / (f B): noise grows with the square.
+    # Z^2 sigma_d / (f B): noise grows with the square of the depth.
     assert three.noise_m == pytest.approx(9 * one.noise_m)
     assert five.noise_m == pytest.approx(25 * one.noise_m)
     assert "At 3 m, depth is accurate to" in verdict.sentence
@@ -56,7 +56,7 @@ def test_depth_error_is_noise_and_lasting_error(fit: StereoFit) -> None:
 
 
 def test_depth_is_as_wrong_as_the_verdict_says() -> None:
-    """Over several calibrations by noisy views, at 3 m: the middle one within two deviations."""
+    """Over several calibrations from noisy views, at 3 m: the median is within two deviations."""
     true, shares = true_pair(), []
     for seed in range(3):
         fit = fit_stereo(views_of(true, 7, 40 + seed), BOARD, WIDTH, HEIGHT)
@@ -80,7 +80,7 @@ def test_vergence_counts_with_distance_and_scale_does_not() -> None:
         )
     assert depth_bias_share(RECTIFIED, 2.0, None, 0.1) == pytest.approx(0.1 * 2 / 50)
     assert depth_bias_share(RECTIFIED, 2.0, None) == 0
-    # Where they err together they may cancel: a share of 1 % against 0.5 px at 1 m.
+    # Correlated errors may cancel: a share of 1 % against 0.5 px at 1 m.
     both = DepthBias(((1e-4, 5e-3, 5e-3, 0.25),))
     assert both.relative_sigma(0.02) == pytest.approx(0, abs=1e-9)
 
@@ -100,7 +100,7 @@ def test_slower_farther_and_noisier_is_reported_later(
     assert delay(speed=0.08) > delay()
     assert delay(depth=6.0) >= delay()
     assert delay(sigma=1.5) > delay()
-    # Slower than what counts as stopped is never reported, however well it is seen.
+    # Anything below the stopped threshold is never reported, however well it is seen.
     assert delay(speed=0.05, depth=1.0, sigma=0.05) == math.inf
 
 
@@ -119,7 +119,7 @@ def test_a_wider_baseline_and_a_larger_thing_tell_slower_approach() -> None:
     large = replace(small, height_m=1.7)
     narrow = replace(LAB, baseline=0.03)
     assert slowest(narrow, small) > slowest(replace(LAB, baseline=0.4), small)
-    # It seems to grow as it comes, the more the larger it is.
+    # Its image grows as it approaches, and more so the larger it is.
     assert slowest(narrow, small) > slowest(narrow, large)
 
 
@@ -171,7 +171,7 @@ robots:
 def test_the_method_reports_when_the_verdict_says(
     tmp_path: Path, y: float, heading: float, speed: float
 ) -> None:
-    """A body that begins to move 3 m away, across or towards the simulated cameras."""
+    """A body starts to move 3 m away, across or towards the simulated cameras."""
     (tmp_path / "scene.yaml").write_text(SCENE % (y, heading, speed))
     source = open_source(f"simulated:{tmp_path}/scene.yaml").source
     assert source.calibration is not None
@@ -213,7 +213,7 @@ def test_report_is_plain_and_gives_back_what_a_tape_check_needs(fit: StereoFit) 
 
 
 def test_a_print_at_97_percent_shows_as_depth_that_is_too_large() -> None:
-    # Squares are 24.25 mm, 25 mm was typed in: all that the rig measures is too far.
+    # Squares are 24.25 mm but 25 mm was entered: the rig measures all distances too large.
     check = tape_check(RECTIFIED, 3.0 / 0.97, 3.0, square_m=0.025)
     assert not check.agrees
     assert check.share == pytest.approx(1 / 0.97 - 1)
@@ -225,7 +225,7 @@ def test_a_print_at_97_percent_shows_as_depth_that_is_too_large() -> None:
 
 def test_a_turned_camera_explains_a_tape_check_as_well() -> None:
     turn = math.radians(0.1)
-    # Disparity 500 * 0.1 / 3 px, less what the turn adds to it.
+    # Disparity 500 * 0.1 / 3 px, minus the part due to the turn.
     measured = 50 / (50 / 3 - 500 * turn)
     check = tape_check(RECTIFIED, measured, 3.0)
     assert check.vergence_deg == pytest.approx(0.1)

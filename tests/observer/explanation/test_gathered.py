@@ -1,4 +1,4 @@
-"""Answers by evidence that was gathered over time, on arrays; every promised change is tried."""
+"""Answers from evidence gathered over time, on arrays; every promised change is tried."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_what_stands_out_is_dynamic_with_its_figures() -> None:
 def test_the_majority_of_the_nearest_speaks() -> None:
     assert ask(evidence([1.0, 9.0, 9.0])).verdict is PixelVerdict.DYNAMIC
     assert ask(evidence([9.0, 1.0, 1.0])).verdict is PixelVerdict.STATIC
-    # Of two, the nearer one; those beyond the radius have no say.
+    # Of two, the nearer one decides; features beyond the radius do not count.
     assert ask(evidence([9.0, 1.0])).verdict is PixelVerdict.DYNAMIC
     far = evidence([1.0] + [9.0] * 4)
     far.px[1:, 1] += 20
@@ -147,11 +147,11 @@ def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
     assert at(near - 0.1).verdict is PixelVerdict.STATIC
     assert at(near + 0.1).verdict is PixelVerdict.TOO_FAR
     assert at(30.0, length=9.0).verdict is PixelVerdict.DYNAMIC
-    # It may still become better known.
+    # A young feature's velocity may still become more certain.
     young = at(30.0, age=0.4)
     assert young.verdict is PixelVerdict.UNDECIDED
     assert "evidence.memory_s" in young.would_change
-    # How far the shown cloud reaches says nothing of what is judged.
+    # The range of the displayed cloud does not limit what is judged.
     cut = PARAMETERS.changed({"stereo.max_depth_m": 2.0})
     trace = {"ego_motion": EGO, "evidence": evidence(1.0)}
     assert explain_pixel(trace, CAMERA, cut, HERE).verdict is PixelVerdict.STATIC
@@ -185,7 +185,7 @@ def test_features_that_are_not_judged_have_no_speed() -> None:
 
 
 def test_the_nearest_speaks_where_features_are_meant_to_lie_apart() -> None:
-    """One is followed in each square of ``klt_tracking.spacing_px``; the pixels between are its."""
+    """One is tracked per square of ``klt_tracking.spacing_px`` and speaks for pixels around it."""
     lonely = ask(evidence([9.0, 1.0, 1.0]), (HERE[0] - 17, HERE[1]))
     assert lonely.verdict is PixelVerdict.DYNAMIC
     assert lonely.numbers["nearest_feature_px"] == 17
@@ -237,7 +237,7 @@ def test_the_promised_rate_of_false_alarms_gives_the_other_answer(length: float)
     moves = length > THRESHOLD
     assert (now.verdict is PixelVerdict.DYNAMIC) == moves
     assert (answer(value).verdict is PixelVerdict.DYNAMIC) != moves
-    # And a tenth before it, it does not.
+    # Somewhat short of that rate, the verdict does not change.
     nearly = value * (1.15 if moves else 0.85)
     if (nearly < RATE) == moves:
         assert (answer(nearly).verdict is PixelVerdict.DYNAMIC) == moves
@@ -266,7 +266,7 @@ def test_what_lies_on_an_outline_is_its_obstacles() -> None:
 
 
 def test_where_motion_could_not_be_noticed_the_cause_is_told_first() -> None:
-    """The cell at 256, 64 is plain; features speak for their own surroundings all the same."""
+    """The cell at 256, 64 is plain; features still speak for their own surroundings."""
     rows = ("." * 32,) * 4 + ("." * 16 + "p" * 16,) + ("." * 32,) * 11
     unseen = Unseen(16 / 512, {"plain": 16 / 512}, 16, rows, hides_person=False)
 

@@ -1,4 +1,4 @@
-"""What is answered whatever the method, and how figures are rounded."""
+"""Answers that do not depend on the method, and the rounding of figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers by residual flow, on arrays whose motion is known; every promised change is tried."""
+"""Answers from residual flow, on arrays with known motion; every promised change is tried."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from observer.types import FullTrace, Status, StereoFrame
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 DT = 2 / 15
-# The image moves 5 px to the right by the camera's own motion.
+# The camera's own motion shifts the image by 5 px to the right.
 SHIFT = np.array([[1.0, 0.0, 5.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 MOVED = (200.0, 100.0)
 STOOD = (400.0, 180.0)
@@ -32,11 +32,11 @@ BLANK = (60.0, 220.0)
 
 @dataclass(frozen=True)
 class Scene:
-    """Around ``MOVED`` features move, around ``STOOD`` they stand, at ``BLANK`` there are none.
+    """Features move around ``MOVED``, rest around ``STOOD``, and are missing at ``BLANK``.
 
     Attributes:
-        residual: px by which the moving ones move. noise: px of the standing ones.
-        count: of the moving ones. depth: metres, of all; NaN = unknown.
+        residual: px by which the moving ones move. noise: px of the static ones.
+        count: number of moving ones. depth: metres, of all; NaN = unknown.
     """
 
     residual: float = 6.0
@@ -45,9 +45,9 @@ class Scene:
     depth: float = 3.0
 
     def trace(self, parameters: Parameters) -> FullTrace:
-        """What ``observe`` would keep of it with these parameters, by the stages themselves."""
+        """The trace that ``observe`` would record with these parameters, built from its stages."""
         grid = np.stack(np.meshgrid([-6, 0, 6], [-6, 0, 6]), axis=-1).reshape(-1, 2)
-        # The nearest first, so that fewer are the inner ones.
+        # Nearest first, so that a smaller count keeps the inner ones.
         grid = grid[np.argsort(np.hypot(*grid.T), kind="stable")]
         start = np.concatenate([np.add(MOVED, grid[: self.count]), np.add(STOOD, grid)])
         start = (start - [5, 0]).astype(np.float32)
@@ -55,7 +55,7 @@ class Scene:
         end = start + np.stack([by, np.zeros_like(by)], axis=1).astype(np.float32)
         dynamic = by > parameters.flow.residual_threshold_px
         flow = ResidualFlow(start, end, dynamic)
-        # The camera's drive that moves the image of a plane at this depth as SHIFT does.
+        # The camera translation that shifts the image of a plane at this depth by SHIFT.
         drive = Pose(np.eye(3), np.nan_to_num([5 * self.depth / CAMERA.fx, 0, 0]))
         ego = PlanarEgoMotion(
             "affine", Status.OK, (), np.ones(40, np.bool_), np.eye(6), SHIFT,
@@ -92,7 +92,7 @@ class Scene:
 
 
 def promised(answer: PixelAnswer) -> tuple[str, float]:
-    """The parameter, as a keyword of ``ask``, and the value at which another answer is promised."""
+    """The parameter, as a keyword of ``ask``, and the value promised to change the answer."""
     found = re.search(
         r"With (\w+)\.(\w+) at ([\d.]+)(?: \w+)? (?:or (?:below|above))", answer.would_change
     )
@@ -102,7 +102,7 @@ def promised(answer: PixelAnswer) -> tuple[str, float]:
 
 
 def here(px: tuple[float, float]) -> tuple[float, float]:
-    """Where the moving features are found in the newest image: at the residual's end."""
+    """Where a moving feature appears in the newest image: at the residual's end."""
     return px[0] + 6, px[1]
 
 
@@ -148,7 +148,7 @@ def test_what_stands_is_static_and_moves_below_the_promised_threshold(noise: flo
     name, value = promised(answer)
     assert name == "flow__residual_threshold_px"
     assert value == pytest.approx(noise, abs=0.011)
-    # Whether a motion that counts also stands out is another question, so that is let go.
+    # Significance is a separate criterion, so it is switched off here.
     changed = scene.ask(STOOD, motion__min_significance=0.0, **{name: value})
     assert changed.verdict is PixelVerdict.DYNAMIC
 
@@ -218,12 +218,12 @@ def test_where_nothing_is_there_are_too_few_features() -> None:
     answer = Scene().ask(BLANK)
     assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
     assert answer.numbers["features_near"] == 0
-    # The nearest moving one ends at u = 200.
+    # The nearest moving feature ends at u = 200.
     assert answer.numbers["nearest_feature_px"] == pytest.approx(np.hypot(140, 114), abs=0.1)
     assert "only more texture or light" in answer.would_change
 
 
-# --- on images, by the whole method --------------------------------------------------------
+# --- on images, with the whole method ------------------------------------------------------
 
 _CALIBRATION = StereoCalibration.rectified(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 _FAINT = (120.0, 128.0)
@@ -232,7 +232,7 @@ _NEAR_THE_EDGE = (60.0, 60.0)
 
 
 def _pair(index: int) -> StereoFrame:
-    """A textured plane that stands 4 m away; around ``_FAINT`` it is grey but for a faint spot."""
+    """A static textured plane 4 m away; around ``_FAINT`` it is grey except for a faint spot."""
     noise = np.random.default_rng(5).integers(0, 256, (256, 560)).astype(np.float32)
     plane = cv2.GaussianBlur(noise, (0, 0), 1.5)
     plane = (plane - plane.mean()) * 4 + 128
@@ -260,14 +260,14 @@ def _observed(**changes: Any) -> PixelAnswer:
 
 
 def test_what_is_said_to_give_a_feature_gives_one() -> None:
-    """First a feature is found, then it is followed, by doing no more than is said."""
+    """Doing only what the answer says, a feature is first found and then tracked."""
     changes: dict[str, Any] = {"ego_motion__model": "affine", "features__detector": "fast"}
     answer = _observed(**changes)
     assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
     name, value = promised(answer)
     assert name == "features__fast_threshold"
     assert 2 < value < 12
-    # The spot is fainter than the texture around it, whose corners take all the places.
+    # The spot is fainter than the texture around it, whose corners use up the whole count.
     count = re.search(r"and features.max_count at (\d+) or above", answer.would_change)
     assert count
     changes["features__max_count"] = int(count[1])
@@ -299,7 +299,7 @@ def test_the_quality_that_is_said_to_give_a_corner_gives_one(detector: str) -> N
 
 
 def test_the_features_are_where_the_newest_image_shows_them() -> None:
-    """The camera's motion moved the image by 5 px; a click is on the newest one."""
+    """The camera's motion shifted the image by 5 px; a click refers to the newest image."""
     trace = Scene().trace(Parameters())
     shown = map_pixels(SHIFT, trace["flow_observed_px"])
     answer = explain_pixel(trace, CAMERA, Parameters(), tuple(shown[12]))

@@ -1,4 +1,4 @@
-"""The kernels of a rigid body's pose against the same formulas by numpy."""
+"""The kernels for a rigid body's pose against the same formulas by numpy."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_pose_is_as_by_numpy(seed: int, count: int, off: float) -> None:
     truth = np.array([0.4, 0.1, 3.0, rng.uniform(-3, 3)])
     place = rng.uniform(-0.4, 0.4, (count, 3))
     sighting = truth[:3] + place @ yaw_matrix(truth[3]).T + rng.normal(0.0, 0.01, (count, 3))
-    # Some do not belong to it; of some the place is not known, but of one.
+    # Some do not belong to it, and some have no known place; the first one has.
     sighting += np.where(rng.random(count) < 0.2, 0.5, 0.0)[:, None]
     known = rng.random(count) < 0.8
     known[0] = True

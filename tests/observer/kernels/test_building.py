@@ -1,4 +1,4 @@
-"""Compilation beforehand, and the cache: what is fresh, what is stale, where nothing is written."""
+"""Ahead-of-time compilation and the cache: fresh and stale entries, and unwritable folders."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_all_kernels_are_found_and_made_ready() -> None:
     assert all(kernel.load() for kernel in every_kernel().values())
 
 
-# CI compiles them all from nothing when it sets up, and then holds that they are loaded.
+# CI compiles all kernels from scratch during setup, then checks that they are loaded.
 @COMPILED
 @pytest.mark.slow
 @pytest.mark.patient

@@ -13,7 +13,7 @@ FINER = 2
 
 
 def cells(seed: int, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of taken cells, some of a kind that does not count there, and marked ones."""
+    """Indices of taken cells, some of a kind that does not count there, and marked cells."""
     rng = np.random.default_rng(seed)
     marked = rng.random((rows, columns)) < rng.choice([0.0, 0.3, 1.0])
     number = rows * columns * (1 + FINER**2)
@@ -35,7 +35,7 @@ def test_points_are_wanted_where_none_is(seed: int, turns: int) -> None:
 def test_the_strongest_of_each_cell_is_what_numpy_finds(
     seed: int, spacing: int, levels: int
 ) -> None:
-    """Few levels of strength make ties."""
+    """Few levels of strength cause ties."""
     rng = np.random.default_rng(seed)
     height, width = int(rng.integers(20, 60)), int(rng.integers(20, 60))
     strength = (rng.integers(0, levels, (height, width)) / levels).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The kernel of the bias of dense disparities against numpy."""
+"""The kernel for the bias of dense disparities against numpy."""
 
 from __future__ import annotations
 

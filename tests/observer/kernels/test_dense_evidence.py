@@ -1,4 +1,4 @@
-"""The kernels that compare a frame's cells with another frame, against the formulas by numpy."""
+"""The kernels that compare a frame's cells with another frame, against numpy's formulas."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GRIDS = [
     Grid(StereoCamera(128, 80, 90.0, 91.0, 63.2, 39.8, 0.12), 2, 64, 40),
     Grid(StereoCamera(150, 120, 70.0, 70.0, 76.0, 58.0, 0.3), 3, 50, 40),
 ]
-# None, little and so much that all or part is behind the other camera or beside its image.
+# None, little, and so much that all or part lies behind the other camera or outside its image.
 MOTIONS = [
     Pose.identity(),
     Pose.from_rotvec([0.01, -0.03, 0.02], [0.05, -0.02, 0.2]),
@@ -35,7 +35,7 @@ each_case = pytest.mark.parametrize(
 
 
 def depths(grid: Grid, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Noise over patches of different disparity, px, some of them unknown."""
+    """Disparities, px: patches with noise, some cells unknown."""
     patches = rng.choice([np.nan, 2.0, 6.0, 6.3, 15.0, 40.0], (5, 8))
     rough = cv2.resize(patches, (grid.width, grid.height), interpolation=cv2.INTER_NEAREST)
     return (rough + rng.normal(0, 0.3, grid.shape)).clip(0).astype(np.float32)
@@ -46,7 +46,7 @@ def test_evidence_is_that_of_numpy(seed: int, grid: Grid, motion: Pose) -> None:
     rng = np.random.default_rng(seed)
     disparity = depths(grid, rng)
     other = DepthFrame(0.0, depths(grid, rng), Pose.identity())
-    # The unknown cells among those that are asked for stay unknown.
+    # Unknown cells among those asked for stay unknown.
     asked = np.flatnonzero(rng.random(grid.shape) < 0.8)
     wanted = free_space.against(grid, motion, disparity, other, asked)
     found, left = evidence_against(
@@ -87,7 +87,7 @@ def test_cells_are_found_in_another_frame_as_by_numpy(seed: int, grid: Grid, mot
 @pytest.mark.parametrize("gain", [0.6, 1.0, 1.7])
 @pytest.mark.parametrize("limit", [4.0, 30.5])
 def test_what_differs_differs_by_numpy(gain: float, limit: float) -> None:
-    """Every grey value against every darkest and brightest of some."""
+    """Every grey value against all ranges of darkest and brightest from a few values."""
     levels = np.arange(256, dtype=np.uint8)
     ends = np.array([0, 2, 3, 60, 61, 140, 249, 250, 255], np.uint8)
     grey, one, two = (a.ravel() for a in np.meshgrid(levels, ends, ends))

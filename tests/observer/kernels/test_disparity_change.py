@@ -15,7 +15,7 @@ CAMERA = StereoCamera(640, 480, 500.0, 501.0, 319.5, 239.5, 0.12)
 
 
 def seen(seed: int, count: int, known: float) -> tuple[Reals, Reals, Reals, Reals]:
-    """Points of two frames, between which all disparities change, those of a mover much more."""
+    """Points in two frames; all disparities change, those of a mover much more."""
     rng = np.random.default_rng(seed)
     before, disparity = rng.uniform((0, 0), (639, 479), (count, 2)), rng.uniform(1.5, 40, count)
     x = (before[:, 0] - CAMERA.cx) / CAMERA.fx

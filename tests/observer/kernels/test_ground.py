@@ -1,4 +1,4 @@
-"""The kernels of the ground against numpy."""
+"""The kernels for the ground against numpy."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ each_seed = pytest.mark.parametrize("seed", range(8))
 
 
 def ground_below(height_m: float, pitch: float, roll: float) -> Float64Array:
-    """(3,) plane of the ground's disparity below a camera, as of ``fit_ground``."""
+    """(3,) plane of the ground's disparity below a camera, see ``fit_ground``."""
     down = np.array([np.sin(roll), np.cos(roll) * np.cos(pitch), np.sin(pitch)])
     return np.asarray(FOCAL / height_m * (down / np.linalg.norm(down)) @ GRID.rays)
 
 
 def seen_ground(rng: np.random.Generator, plane: Float64Array, other: float) -> Float64Array:
-    """(h, w) px of the ground, so much of it hidden by something else, with noise and holes."""
+    """(h, w) px of the ground, a share of it hidden by something else, with noise and holes."""
     rows, columns = np.indices(GRID.shape)
     disparity = np.maximum(plane[0] * columns + plane[1] * rows + plane[2], 0.5)
     disparity = np.where(rng.random(GRID.shape) < other, rng.uniform(1, 20, GRID.shape), disparity)
@@ -66,7 +66,7 @@ def by_kernel(
 def test_the_ground_is_that_of_numpy(
     seed: int, other: float, pose: tuple[float, float, float], *, known: bool
 ) -> None:
-    """Also where too little is ground, or what looks like it is tilted or too far below."""
+    """Also if too little is ground, or a similar plane is tilted or too far below."""
     rng = np.random.default_rng(seed)
     plane = ground_below(*pose)
     disparity = seen_ground(rng, plane, other).ravel()

@@ -1,4 +1,4 @@
-"""The kernels of membership in bodies against the same formulas by numpy."""
+"""The kernels for membership in bodies against the same formulas by numpy."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def step(seed: int) -> CameraStep:
 
 
 def tracked(seed: int, now: CameraStep, count: int = 250) -> TrackedPoints:
-    """Points seen one to twelve times; some stand behind others, some have no disparity."""
+    """Points seen one to twelve times; some lie behind others, some have no disparity."""
     rng = np.random.default_rng(seed)
     place = now.T_world_camera.apply(rng.uniform([-2, -0.8, 1], [2, 0.8, 6], (count, 3)))
     velocity = np.where(rng.random(count) < 0.4, 0.5, 0.0)[:, None] * rng.normal(0, 1, 3)

@@ -17,7 +17,7 @@ HEIGHT, WIDTH = 60, 90
 
 
 def pictures(seed: int, shift: Float64Array, contrast: float) -> tuple[Image, Image]:
-    """Grey images (h, w) before and after all of it moved by (2,) cells, each with its noise."""
+    """Grey images (h, w) before and after a shift by (2,) cells, with independent noise."""
     rng = np.random.default_rng(seed)
     smooth = cv2.GaussianBlur(rng.normal(0.0, 1.0, (HEIGHT, WIDTH)), (0, 0), 1.5)
     before = 128 + contrast * smooth / smooth.std()
@@ -36,7 +36,7 @@ def compare(
     scale: float,
     reach: int,
 ) -> bool:
-    """Check that both find the same; returns whether they find anything."""
+    """Check that kernel and oracle agree; return whether they find anything."""
     wanted = view.found_in(after, expected, standing, scale, reach)
     found, place, cov = find_shifted(view.image, view.at, after, expected, standing, scale, reach)
     assert found == (wanted is not None)
@@ -52,7 +52,7 @@ def test_it_finds_what_numpy_finds(seed: int, contrast: float) -> None:
     rng = np.random.default_rng(seed)
     shift = rng.uniform(-3, 3, 2)
     before, after = pictures(seed, shift, contrast)
-    # Some of them reach to the border, where gradients are those of a mirrored image.
+    # Some reach the border, where gradients are those of a mirrored image.
     left, top = rng.integers(0, WIDTH - 16), rng.integers(0, HEIGHT - 14)
     rows, columns = np.mgrid[top : top + 14, left : left + 16]
     some = rng.random(rows.shape) < 0.8

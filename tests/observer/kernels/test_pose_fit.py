@@ -1,4 +1,4 @@
-"""The kernel of the camera's pose against the same formulas by numpy."""
+"""The kernel for the camera's pose against the same formulas by numpy."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ EXPECTED = Pose.from_rotvec([0.01, -0.03, 0.005], [0.02, 0.01, -0.1])
 
 
 def seen_points(seed: int, *, moving: float, deep: float, count: int = 150) -> oracle.SeenPoints:
-    """Points before a camera that turned and went on, some on a mover, some without disparity."""
+    """Points in front of a moving camera, some on a mover, some without disparity."""
     rng = np.random.default_rng(seed)
     place = rng.uniform([-3, -1, 1], [3, 1, 8], (count, 3))
-    # One stands behind the camera, where nothing can be seen.
+    # One is behind the camera, where nothing can be seen.
     place[0, 2] = -1.0
     truth = Pose.from_rotvec(rng.normal(0, 0.02, 3), rng.normal(0, 0.05, 3)) @ EXPECTED
     moved = place + np.where(rng.random(count) < moving, 0.3, 0.0)[:, None]

@@ -14,7 +14,7 @@ UNIQUENESS, LEAST_GAP = np.float32(0.1), np.float32(40.5)
 
 
 def pair(seed: int, count: int, levels: int, period: int) -> tuple[np.ndarray, np.ndarray]:
-    """Two images, the second shifted; few levels and repetitions make ties."""
+    """Two images, the second shifted; few grey levels and repetitions cause ties."""
     rng = np.random.default_rng(seed)
     wide = rng.integers(0, levels, (HEIGHT + SIDE - 1, period)) * (62 // (levels - 1))
     wide = np.tile(wide, (1, 400 // period + 1)).astype(np.uint8)
@@ -35,7 +35,7 @@ def test_it_finds_what_numpy_finds(seed: int, count: int, levels: int, period: i
     first, second = pair(seed, count, levels, period)
     rng = np.random.default_rng(seed)
     px = rng.uniform((0, 0), (2 * WIDTH - 1, 2 * HEIGHT - 1), (60, 2)).astype(np.float32)
-    # Half pixels of the smaller image are rounded to even ones; the last are beyond it.
+    # Half pixels of the smaller image round to even; the last ones lie at and beyond its edge.
     px[:20] = np.rint(px[:20])
     px[-3:] = [[0, 0], [2 * WIDTH - 1, 2 * HEIGHT - 1], [2 * WIDTH + 5, 2 * HEIGHT + 5]]
     arguments = first, second, px, REDUCTION, SIDE, count, UNIQUENESS, LEAST_GAP

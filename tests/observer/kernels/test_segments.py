@@ -18,13 +18,13 @@ TRUNK_SHARE = 0.6
 def patches(
     rng: np.random.Generator, values: list[float], rows: int, columns: int
 ) -> NDArray[np.float64]:
-    """(h, w) a coarse picture of some values."""
+    """(h, w) a blocky image of some values."""
     coarse = rng.choice(values, (rows, columns))
     return np.asarray(cv2.resize(coarse, SHAPE[::-1], interpolation=cv2.INTER_NEAREST), np.float64)
 
 
 def a_scene(seed: int) -> oracle.Scene:
-    """Depths in patches, with noise, holes and evidence in patches of their own."""
+    """Depths in patches with noise; holes and evidence in other patches."""
     rng = np.random.default_rng(seed)
     disparity = patches(rng, [9.0, 20.0, 20.5, 33.0], 5, 7) + rng.normal(0, 0.2, SHAPE)
     disparity[rng.random(SHAPE) < 0.04] = np.nan
@@ -83,7 +83,7 @@ def test_bars_at_the_border_and_thin_ones_are_opened_as_by_opencv(
 
 
 def masks(seed: int) -> list[oracle.Mask]:
-    """Blobs of known depth: inside, at the border, in parts, of one cell, and all of it."""
+    """Masks with known depth: inside, at the border, in parts, a single cell, and everything."""
     rng, scene = np.random.default_rng(seed), a_scene(seed)
     known = np.isfinite(scene.disparity)
     blobs = [np.zeros(SHAPE, np.bool_) for _ in range(4)]

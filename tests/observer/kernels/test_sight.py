@@ -1,4 +1,4 @@
-"""The kernels of single places in a camera's view against the same by numpy."""
+"""The kernels for single places in a camera's view against the same by numpy."""
 
 from __future__ import annotations
 

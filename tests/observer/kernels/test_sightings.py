@@ -1,4 +1,4 @@
-"""The kernels of what tracking tells of points against the same formulas by numpy."""
+"""The kernels for sightings of tracked points against the same formulas by numpy."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def pixels(rng: np.random.Generator) -> np.ndarray:
 
 
 def some(rng: np.random.Generator, values: np.ndarray, known: float = 0.8) -> np.ndarray:
-    """The values, NaN for some of the points."""
+    """The values, with NaN for some of the points."""
     out = values.copy()
     out[rng.random(COUNT) > known] = np.nan
     return out
@@ -38,7 +38,7 @@ def test_points_seen_again_are_measured_as_by_numpy(
     rng = np.random.default_rng(seed)
     before, found = pixels(rng), rng.random(COUNT) < (seed / 5)
     px = before + rng.normal(0, 3, (COUNT, 2)).astype(np.float32)
-    # Some far ones are behind infinity, by a little or by more than noise makes.
+    # Some far ones have negative disparity, by a little or by more than noise explains.
     disparity = rng.uniform(-4, 30, COUNT)
     right = px - np.stack([disparity, rng.normal(0, 0.2, COUNT)], axis=1).astype(np.float32)
     points = (
@@ -65,7 +65,7 @@ def test_points_are_placed_in_the_world_as_by_numpy(seed: int) -> None:
     px = pixels(rng)
     disparity = rng.uniform(0.25, 40, COUNT)
     place = POSE.apply(CAMERA.triangulate(px, disparity * rng.normal(1, 0.05, COUNT)))
-    # Some are thought to be behind the camera, some at the horizon, of some nothing is known.
+    # Some are placed behind the camera, some at infinity, and some have no valid disparity.
     place[::7] = POSE.apply([[0.1, 0.2, -1.0]])
     place[::11] *= 1e200
     disparity[::13], disparity[1::13] = 0.0, -1.0

@@ -1,4 +1,4 @@
-"""The kernels that check followed points against the same checks by numpy."""
+"""The kernels that check tracked points against the same checks by numpy."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ single = np.float32
 
 
 def pixels(rng: np.random.Generator) -> np.ndarray:
-    """Some on the image's edges and on those of the margin, a few outside."""
+    """Pixels, some on the edges of the image and of the margin, a few outside."""
     px = rng.uniform((-3, -3), (WIDTH + 2, HEIGHT + 2), (COUNT, 2))
     px[:40] = rng.choice([0.0, 3.75, WIDTH - 1.0, WIDTH - 4.75, HEIGHT - 1.0, 40.0], (40, 2))
     return px.astype(np.float32)
 
 
 def flow(rng: np.random.Generator, px: np.ndarray, noise: float = 0.4) -> Flow:
-    """Points found near pixels (N, 2), some lost, of which nothing is told."""
+    """Points found near pixels (N, 2), some of them lost, with NaN results."""
     found = rng.random(len(px)) < 0.85
     end = px + rng.normal(0, noise, px.shape).astype(np.float32)
     quality = rng.uniform(-0.1, 30, len(px)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The kernel of how far points on a trunk went against the same by numpy."""
+"""The kernel for how far points on a trunk went, against the same by numpy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_it_tells_what_numpy_tells(seed: int, count: int) -> None:
     number = rng.permutation(2 * count)[:count]
     before = rng.permutation(2 * count)[: int(rng.integers(0, 2 * count + 1))]
     offset = rng.normal(0.0, 0.3, (2 * count, 3))
-    # Some are of an arm, far off.
+    # Some are on an arm, far off.
     swing = np.where(rng.random(count) < 0.2, 0.5, 0.0)[:, None]
     place = origin + offset[number] + (0.03 + swing + rng.normal(0, 0.02, (count, 1))) * ahead
     factor = rng.normal(0.0, 50.0, (count, 3, 3))

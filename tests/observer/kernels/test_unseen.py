@@ -1,4 +1,4 @@
-"""The kernels of what is unseen against numpy and OpenCV."""
+"""The kernels for unseen regions against numpy and OpenCV."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ each_seed = pytest.mark.parametrize("seed", range(6))
 
 
 def shares(rng: np.random.Generator, shape: tuple[int, int], zero: float) -> oracle.Weights:
-    """Shares of cells of 64 parts, so many of them 0."""
+    """Shares per cell in steps of 1/64, a share ``zero`` of them 0."""
     parts = rng.integers(0, 65, shape) * (rng.random(shape) >= zero)
     return (parts / 64).astype(np.float32)
 
@@ -44,7 +44,7 @@ def test_means_are_those_of_opencv(shape: tuple[int, int], side: int) -> None:
 def test_points_tell_what_they_tell_by_numpy(seed: int, shape: tuple[int, int], count: int) -> None:
     rng = np.random.default_rng(seed)
     known, stands, moves = (shares(rng, shape, 0.5) for _ in range(3))
-    # Some lie a little outside.
+    # Some points lie a little outside.
     px = (rng.uniform(-0.05, 1.05, (count, 2)) * (16 * shape[1], 16 * shape[0])).astype(np.float32)
     dynamic = rng.random(count) < 0.3
     cells = np.maximum(px // 16, 0).astype(np.intp)

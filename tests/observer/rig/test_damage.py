@@ -1,4 +1,4 @@
-"""Damaged rig.yaml: a rig within its limits or one sentence."""
+"""Damaged rig.yaml: gives either a rig within its limits or a one-sentence refusal."""
 
 from __future__ import annotations
 

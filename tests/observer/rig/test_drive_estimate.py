@@ -1,4 +1,4 @@
-"""A camera on a wheeled robot whose motions are known, and one that the simulator drives."""
+"""A camera on a wheeled robot with known motions, and one that the simulator drives."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def driven(
     noise: float = 0.0,
     seed: int = 0,
 ) -> list[DriveSample]:
-    """Samples 15 times a second; wheels that report a way divided by these scales.
+    """Samples at 15 Hz; the wheels report the distance and turn divided by their scales.
 
-    ``noise``: of each step of the camera's path, metres; a fifth of it in radians.
+    ``noise``: of each step of the camera's path, metres; a fifth of that in radians.
     """
     rng = np.random.default_rng(seed)
     x = y = yaw = 0.0
@@ -118,7 +118,7 @@ def test_two_standard_deviations_hold_nearly_always() -> None:
             deviations.setdefault(name, []).append(off)
     for name, offs in deviations.items():
         assert np.mean(np.abs(offs) < 2) >= 0.8, (name, offs)
-        # Nor are they so wide that they say nothing.
+        # Nor are the stated deviations uselessly wide.
         assert np.sqrt(np.mean(np.square(offs))) > 0.05, (name, offs)
 
 

@@ -1,4 +1,4 @@
-"""The floor by clouds whose planes are known, and by rendered pairs through the stereo stage."""
+"""The floor from clouds with known planes, and from rendered pairs through the stereo stage."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
-# Beyond it nothing is searched for.
+# Pixels: the largest disparity that is searched.
 MOST_DISPARITY = 95.0
 EVERYWHERE = ((-50.0, 50.0), (-50.0, 50.0))
 
@@ -205,7 +205,7 @@ def rendered(
     frames: tuple[int, ...] = (0, 30),
     **also: Any,
 ) -> tuple[GroundEstimate | Refused, CameraMount]:
-    """The estimate of some frames, and the truth of the rectified camera."""
+    """The estimate from some frames, and the true mount of the rectified camera."""
     spec = load_scenario(scenario).model_dump()
     spec["camera"].update(camera)
     world = World(Scenario.model_validate({**spec, **also}), seed)

@@ -1,4 +1,4 @@
-"""The nine steps of pairs whose motion is known because they are made from it."""
+"""The nine steps on pairs generated from known motion."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _PAPER = preset("paper")
 
 
 class _Frames:
-    """A source of frames that are there already; it only plays forward."""
+    """A source of ready-made frames that only plays forward."""
 
     def __init__(self, pairs: list[tuple[Image, Image]]) -> None:
         self.pairs = pairs
@@ -67,7 +67,7 @@ def _grey(seed: int, size: tuple[int, int] = _SIZE) -> NDArray[np.float64]:
 
 
 def _pair(left: Image, disparity: float) -> tuple[Image, Image]:
-    """A pair whose right image is the left one, moved to the left."""
+    """A pair whose right image is the left one shifted to the left."""
     shift = np.array([[1, 0, -disparity], [0, 1, 0]], np.float64)
     right = cv2.warpAffine(left, shift, _SIZE, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP)
     return left, np.asarray(right, np.uint8)
@@ -78,7 +78,7 @@ _AFFINE = np.array([[1.01, -0.008, 1.5], [0.006, 1.008, -2.25]])
 
 @pytest.fixture(scope="module")
 def turned() -> ObservedPair:
-    """A plane that is seen twice, the second time by a known affine transformation."""
+    """A plane that is seen twice, the second time through a known affine transformation."""
     first = as_image(_grey(1))
     second = cv2.warpAffine(first, _AFFINE, _SIZE, flags=cv2.INTER_CUBIC)
     source = _Frames([_pair(first, 20.0), _pair(np.asarray(second, np.uint8), 20.0)])
@@ -90,7 +90,7 @@ _STEP_PX, _NEAR_PX, _FAR_PX = 4, 24, 8
 
 @pytest.fixture(scope="module")
 def passing() -> ObservedPair:
-    """A textured square that passes before a wall, seen by a camera that stands."""
+    """A textured square that passes in front of a wall, seen by a static camera."""
     wall, square = as_image(_grey(2)), as_image(_grey(3, (70, 70)))
     pairs = []
     for k in range(8):
@@ -174,7 +174,7 @@ def test_only_the_frames_that_are_needed_are_read() -> None:
     reader = FrameReader(source)
     pair = observe_pair(reader, 20, _PAPER)
     assert pair.first == 20 - frames_before(_PAPER)
-    # It only plays forward; what was read stays.
+    # The source only plays forward; frames already read are kept.
     assert source.reads == 21
     observe_pair(reader, 20, _PAPER.changed({"clustering.min_points": 9}))
     assert source.reads == 21

@@ -1,4 +1,4 @@
-"""What lasting errors of the calibration make of the camera's motion."""
+"""How constant calibration errors turn the camera's motion into apparent motion of points."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def camera() -> StereoCamera:
 def test_a_wrong_disparity_moves_points_as_stated(
     camera: StereoCamera, turn: tuple[float, ...], velocity: tuple[float, ...]
 ) -> None:
-    """Against finite differences: triangulated with a disparity that stays wrong by a little."""
+    """Against finite differences: triangulation with a small constant disparity error."""
     place = np.array([[-20.0, 1.0, 30.0], [0.5, -0.3, 3.0], [4.0, 0.0, 60.0]])
     own = np.broadcast_to(velocity, place.shape)
     rate = CameraRate(np.array(turn), np.array([0.3, 0.0, -12.0]))
@@ -42,7 +42,7 @@ def test_a_wrong_disparity_moves_points_as_stated(
 def test_a_stretched_image_moves_points_as_stated(
     camera: StereoCamera, turn: tuple[float, ...], velocity: tuple[float, ...]
 ) -> None:
-    """Against finite differences: what passes through a corner passes too fast by a share."""
+    """Against finite differences: image motion at a corner is too fast by a fixed share."""
     corner = camera.triangulate(np.array([[1242.0, 375.0]]), np.array([10.0]))
     own = np.array([velocity])
     rate = CameraRate(np.array(turn), np.array([0.3, 0.0, -12.0]))
@@ -70,7 +70,7 @@ def test_the_image_is_stretched_in_its_corners_and_hardly_in_its_middle(
     place = camera.triangulate(px, np.full(3, 20.0))
     seems = -rate.velocity_by_distortion(place, np.zeros_like(place), camera)[:, 0]
     assert seems[0] == pytest.approx(0.0)
-    # Half as far out, a sixteenth as much; the corners are a little farther out than the sides.
+    # Half the radius gives a sixteenth; the corners lie a little farther out than the sides.
     assert seems[1] == pytest.approx(seems[2] / 16, rel=0.01)
     assert 0.5 < seems[2] < 1.0
 

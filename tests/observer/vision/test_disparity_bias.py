@@ -1,4 +1,4 @@
-"""Disparity bias from near against far points: views of known places, of known bias."""
+"""Disparity bias from near versus far points: views of known places with a known bias."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CAMERA = StereoCamera(640, 480, 500.0, 500.0, 319.5, 239.5, 0.12)
 
 
 def driven(bias_px: float, *, seed: int = 0, far_only: bool = False) -> DisparityBias:
-    """Estimate over 20 pairs of views, 0.1 m apart, of 200 points; the disparities lack a bias."""
+    """Estimate over 20 pairs of views, 0.1 m apart, of 200 points; disparities lack ``bias_px``."""
     rng = np.random.default_rng(seed)
     bias = DisparityBias()
     for _ in range(20):

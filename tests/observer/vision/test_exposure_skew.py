@@ -1,4 +1,4 @@
-"""Skew of exposures from static points: a camera that turns unevenly, and a known skew."""
+"""Exposure skew from static points: a camera that turns unevenly, with a known skew."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DT = 1 / 15
 def turned(
     skew_s: float, *, rate: float = 0.35, steady: bool = False, seed: int = 0
 ) -> ExposureSkew:
-    """Estimate over 3 s of a camera that turns to and fro, or steadily, at up to 0.35 rad/s."""
+    """Estimate over 3 s from a camera that turns to and fro, or steadily, at up to 0.35 rad/s."""
     rate = 0.35
     rng = np.random.default_rng(seed)
     place = rng.uniform([-3.0, -1.2, 2.0], [3.0, 1.2, 8.0], (250, 3))

@@ -102,6 +102,6 @@ def test_points_come_strongest_first_and_weak_ones_beside_strong_ones(detector: 
     parameters = FeaturesParameters(detector=detector, fast_threshold=4, quality=0.5)
     px = strongest_first(image, parameters, 4000)
     assert np.count_nonzero(px[:, 0] > 260) > 20
-    if detector != "mser":  # Whose strength is size, which no contrast changes.
+    if detector != "mser":  # MSER ranks by size, which contrast does not change.
         assert np.mean(px[:40, 0] < 260) > 0.9
     np.testing.assert_array_equal(px, strongest_first(image, parameters, 4000))

@@ -1,4 +1,4 @@
-"""Brightness that turns to and fro is told, brightness that settles or drifts is not."""
+"""Brightness that oscillates is reported; brightness that settles or drifts is not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Health of a pair: faults by construction are told, no built-in scene raises an alarm."""
+"""Image health: constructed faults are reported, and no built-in scene raises an alarm."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ Pair = tuple[np.ndarray, np.ndarray]
 MAX_DISPARITY_PX = StereoParameters().max_disparity_px
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 KITTI = ["kitti_static", "kitti_oncoming", "kitti_raw_unrectified"]
-# Where the rows are declared to be wrong.
+# Scenarios that declare wrong rows.
 WRONG_ROWS = {"miscalibrated"}
 
 
 @functools.cache
 def scene(name: str) -> tuple[StereoCamera, tuple[Pair, ...]]:
-    """Some rectified grey pairs of a scenario, over its whole length."""
+    """Rectified grey pairs from the start, middle and end of a scenario."""
     world = World(load_scenario(name), 0)
     imager, rectification = StereoImager(world), Rectification(world.calibration)
     s = world.scenario
@@ -82,7 +82,7 @@ def with_gamma(image: np.ndarray, gamma: float) -> np.ndarray:
 
 
 def measured_rows(pair: Pair, camera: StereoCamera) -> VerticalError | None:
-    """The rows of features as a sparse stereo finds them, by Lucas-Kanade from left to right."""
+    """Row errors of features as sparse stereo finds them, by Lucas-Kanade from left to right."""
     left, right = pair
     px = detect_features(left, FeaturesParameters(max_count=300)).px
     start = sample_disparity(disparity_map(left, right, StereoParameters()), px)
@@ -102,7 +102,7 @@ def measured_rows(pair: Pair, camera: StereoCamera) -> VerticalError | None:
 def test_no_built_in_scene_raises_an_alarm(name: str) -> None:
     camera, pairs = scene(name)
     for left, right in pairs:
-        # Exposure that settles begins saturated, and that is told.
+        # A settling exposure starts saturated, which is reported.
         assert exposure_reason(left, right) is None or name == "static_settling"
         assert mismatch_reason(left, right, MAX_DISPARITY_PX) is None or name in WRONG_ROWS
         rows = measured_rows((left, right), camera)
@@ -158,7 +158,7 @@ def scaled(image: np.ndarray, gain: float) -> np.ndarray:
 def test_what_is_wrong_with_one_image_is_told(
     pair: Pair, fault: Callable[[np.ndarray], np.ndarray], told: str
 ) -> None:
-    # Dark enough that nothing is cut off where it gets brighter.
+    # Dark enough that brightening it saturates nothing.
     left, right = (scaled(image, 0.6) for image in pair)
     assert told in (exposure_reason(left, fault(right)) or "")
     other_way = told.replace("right", "?").replace("left", "right").replace("?", "left")
@@ -188,7 +188,7 @@ def test_somebody_close_by_is_no_unequal_exposure(
     found = detect_features(left, FeaturesParameters(max_count=300)).px
     disparity = sample_disparity(disparity_map(left, right, StereoParameters()), found)
     px = found.astype(np.float64)
-    # Whoever stands before the right camera alone fills half of its image, in light clothes.
+    # A person in light clothes, close to the right camera only, fills half of its image.
     half = right.shape[1] // 2
     close = scaled(right, gain)
     body = 160 + 6 * np.sin(np.arange(half) / 9.0) * np.ones((len(right), 1))
@@ -252,7 +252,7 @@ def test_a_camera_that_stands_before_a_still_scene_is_not_frozen(pair: Pair) -> 
 def rows_of(
     px: np.ndarray, shift: float, roll_deg: float, stretch: float, noise: float
 ) -> np.ndarray:
-    """v_left - v_right where the right image is shifted down, turned clockwise and stretched."""
+    """v_left - v_right when the right image is shifted down, rotated clockwise and stretched."""
     rng = np.random.default_rng(7)
     u, v = (px - (CAMERA.cx, CAMERA.cy)).T
     return -(shift + np.radians(roll_deg) * u + stretch * v) + rng.normal(0, noise, len(px))
@@ -272,7 +272,7 @@ def test_shift_roll_and_stretch_are_measured_apart_despite_outliers(places: np.n
     assert np.degrees(error.roll_rad) == pytest.approx(0.4, abs=0.03)
     assert error.stretch == pytest.approx(0.006, abs=0.001)
     assert 140 <= error.count <= 165
-    # Root mean square over the image of the plane: 0.8, 1.79 / sqrt 3 and 0.77 / sqrt 3.
+    # RMS of the fitted plane over the image, from terms 0.8, 1.79 / sqrt 3 and 0.77 / sqrt 3.
     assert error.typical_px == pytest.approx(1.38, abs=0.08)
     assert 1.4 < error.p95_px < 3.5
 
@@ -334,7 +334,7 @@ def test_wrong_rows_of_pictures_are_told_with_numbers(
     left, right = scene(name)[1][0]
     error = measured_rows((left, fault(right)), CAMERA)
     assert error is not None
-    # Rotation about the centre moves what lies on one side; the median follows the features.
+    # Rotation shifts features off the centre, so the median depends on how they are distributed.
     assert error.median_px == pytest.approx(median_px, abs=0.25 if roll_deg == 0 else 0.8)
     assert np.degrees(error.roll_rad) == pytest.approx(roll_deg, abs=0.06)
     told = rectification_reason(error)
@@ -387,12 +387,12 @@ def test_rows_that_no_point_can_bridge_are_told(pair: Pair, rows: int) -> None:
 def test_where_little_matches_the_cause_is_told(
     pair: Pair, fault: Callable[[np.ndarray, np.ndarray], Pair], cause: str
 ) -> None:
-    """Of the few points that match by chance nearly all have a depth."""
+    """Nearly all of the few points that match by chance have a depth."""
     left, right = fault(*pair)
     few = StereoRows(np.full((15, 2), 50.0), np.zeros(15), np.full(15, 9.0), np.arange(15))
     health = ImageHealth(scene("lab")[0])
     for index in range(3):
-        # Otherwise both cameras would be frozen.
+        # Without the grain both cameras would count as frozen.
         grain = np.random.default_rng(index).integers(0, 2, left.shape, dtype=np.uint8)
         view = View(index, index / 15, None, left // 2 + grain, right // 2 + grain)
         told = health.look(view, StereoParameters(), 0.9, few)
@@ -414,7 +414,7 @@ def test_swapped_cameras_stay_told_until_a_look_clears_them(pair: Pair) -> None:
     health = ImageHealth(scene("lab")[0])
     swapped = pair[::-1]
     assert told(0, swapped, 15)
-    # Now and then enough match by chance.
+    # In every other frame enough points match by chance.
     assert all(told(k, swapped, 60 - 30 * (k % 2)) for k in range(1, 25))
     cleared = [told(k, pair, 60) for k in range(25, 40)]
     assert not any(cleared[10:])

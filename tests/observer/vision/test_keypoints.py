@@ -1,4 +1,4 @@
-"""Where points are looked for: spread over the image, denser where it matters, none twice."""
+"""Where points are searched: spread over the image, denser where it matters, no duplicates."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOWHERE = np.zeros((ROWS, COLUMNS), np.bool_)
 EVERYWHERE = ~NOWHERE
 NONE_TAKEN = np.zeros(0, np.intp)
 IMAGE = as_image(Texture(3).moved(), noise=1.0)
-# Points nearer to the edge would not leave Lucas-Kanade's window in the image.
+# Pixels: nearer to the edge, Lucas-Kanade's window would leave the image.
 MARGIN = P.window_px // 2
 NO_BOXES, NO_POINTS = np.zeros((0, 4)), np.zeros((0, 2), np.float32)
 
@@ -148,7 +148,7 @@ def test_the_longest_followed_point_of_each_square_stays(seed: int, count: int) 
     for index in kept:
         rivals = np.flatnonzero(square == square[index])
         best = sightings[rivals].max()
-        # Of equals it is the first, so that equal points give equal points.
+        # Ties go to the first, so that the result is deterministic.
         assert index == rivals[sightings[rivals] == best][0]
 
 
@@ -231,7 +231,7 @@ def test_straight_edges_are_nothing_to_follow() -> None:
 
 def test_a_corner_is_found_where_it_is_and_the_stronger_one_wins() -> None:
     image = np.full((HEIGHT, WIDTH), 90, np.uint8)
-    # Both in the square from (96, 64) on; the second is fainter.
+    # Both lie in the square that starts at (96, 64); the second is fainter.
     image[66:72, 98:104] = 220
     image[73:78, 105:110] = 120
     px = strongest_corners(image, NONE_TAKEN, NOWHERE, P)
@@ -253,7 +253,7 @@ def test_equal_images_give_equal_points(seed: int, side: int) -> None:
     assert not np.isin(grid_cells(first, marked, p), taken).any()
 
 
-# --- points that a detector found ----------------------------------------------------------
+# --- points from a detector ----------------------------------------------------------------
 
 
 def test_the_first_in_every_empty_square_is_taken() -> None:
@@ -297,10 +297,10 @@ def test_no_points_give_none() -> None:
 
 
 def drawn(angle: float, noise: float = 0.0, corner: bool = False, seed: int = 0) -> np.ndarray:
-    """(96, 96) an edge through the middle at an angle, rad; a second one across makes a corner."""
+    """(96, 96) an edge through the middle at an angle, rad; a perpendicular one makes a corner."""
     v, u = np.indices((96, 96)) - 47.5
     along, across = u * np.cos(angle) + v * np.sin(angle), v * np.cos(angle) - u * np.sin(angle)
-    # As a lens blurs it, over a pixel or two.
+    # Blurred as by a lens, over a pixel or two.
     bright = 1 / (1 + np.exp(-across))
     if corner:
         bright = bright / (1 + np.exp(-along))

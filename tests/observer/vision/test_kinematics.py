@@ -1,4 +1,4 @@
-"""What every method tells alike of an obstacle: how sure its speed is, how fast it comes nearer."""
+"""Kinematics that all methods share: the speed's uncertainty and the closing speed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
 def test_the_speeds_deviation_is_that_of_noisy_velocities(
     speed: float, sigmas: tuple[float, float, float]
 ) -> None:
-    """Noise across the motion only lengthens the vector: no less error, but never more."""
+    """The stated deviation also holds when noise across the motion only lengthens the vector."""
     rng = np.random.default_rng(0)
     truth = np.array([speed, 0.0, 0.0])
     covariance = np.diag(np.square(sigmas))

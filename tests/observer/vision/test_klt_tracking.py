@@ -1,4 +1,4 @@
-"""Following points through images that were moved by known parts of pixels."""
+"""Tracking points through images that were shifted by known fractions of pixels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ P = KltTrackingParameters()
 WIDTH, HEIGHT = 256, 160
 DISPARITY = 9.6
 WALL, BOARD = Texture(1), Texture(2)
-# Inside the image in all four views, whatever the shifts here.
+# Inside the image in all four views for every shift used here.
 POINTS = pixel_grid(WIDTH, HEIGHT, 9, 32)
 
 Pair = tuple[Image, Image]
@@ -57,7 +57,7 @@ def followed(
     levels: int = 2,
     parameters: KltTrackingParameters = P,
 ) -> Sightings:
-    """Points of the wall, expected where they were unless told otherwise."""
+    """Track points of the wall, expected where they were unless stated otherwise."""
     return track_stereo_points(
         before,
         after,
@@ -127,16 +127,16 @@ def test_without_texture_in_every_direction_nothing_is_followed(
 
 
 def covered(u0: float, u1: float, board_u: float, board: Texture = BOARD) -> np.ndarray:
-    """The wall at rest, and before it, from u0 to u1, a board whose texture moved by board_u."""
+    """The wall at rest with a board in front, from u0 to u1, whose texture moved by board_u."""
     u = np.arange(WIDTH)
     return np.where((u >= u0) & (u < u1), board.moved(board_u), WALL.moved())
 
 
 @pytest.mark.parametrize("check", ["back_check_px", "max_error"])
 def test_what_gets_covered_is_not_found_rather_than_carried_along(check: str) -> None:
-    """A board moves on by 12 px and hides what was before its edge.
+    """A board moves on by 12 px and covers the wall ahead of its edge.
 
-    Where contrast is low its grey levels differ too little to tell, only the way back does.
+    At low contrast the grey levels differ too little; only the backward check detects it.
     """
     contrast, allowed = (0.25, 10.0) if check == "back_check_px" else (1.0, 100.0)
     before, after = covered(40, 120, 0), covered(52, 132, 12.0)
@@ -160,14 +160,14 @@ def test_a_wrong_match_does_not_close_the_circle() -> None:
     assert seen.found.mean() > 0.95
     assert np.isfinite(seen.right_px[1::2, 0]).mean() > 0.9
     assert np.isfinite(seen.right_px[::2, 0]).mean() < 0.05
-    # A point without a match at t has no circle to close; its match at t+dt counts alone.
+    # Without a match at t there is no loop to close; the match at t+dt counts alone.
     wrong[::2] = np.nan
     seen = followed(before, after, px, right_px=wrong)
     assert np.isfinite(seen.right_px[::2, 0]).mean() > 0.9
 
 
 def test_what_only_the_right_camera_sees_moving_does_not_change_the_depth() -> None:
-    """In the right image alone something passes before the wall: a finger at the lens."""
+    """Something passes in front of the wall in the right image only: a finger at the lens."""
     before, after = covered(60, 100, 0), covered(78, 118, 18.0)
     left = as_image(WALL.moved(DISPARITY))
     seen = followed((left, as_image(before)), (left, as_image(after)))
@@ -179,7 +179,7 @@ def test_what_only_the_right_camera_sees_moving_does_not_change_the_depth() -> N
     passed = (u > 60 + 7) & (u < 118 - 7)
     assert known[passed].mean() < 0.15
     assert known[(u < 60 - 10) | (u > 118 + 10)].mean() > 0.95
-    # At the edges of what passes a few matches are drawn aside.
+    # A few matches are pulled aside at its edges.
     assert np.mean(np.abs(there[known]) < 0.3) > 0.95
 
 
@@ -260,7 +260,7 @@ def test_no_points() -> None:
 def normalised_errors(
     noise: float, contrast: float, parameters: KltTrackingParameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of position (N, 2) and disparity (N,) over their stated standard deviations."""
+    """Errors of position (N, 2) and disparity (N,) divided by their stated standard deviations."""
     position, disparity = [], []
     for seed in range(4):
         du, dv = 1.37 * seed - 2.2, 0.61 * seed
@@ -282,9 +282,9 @@ NOISES = [(2.0, 1.0), (4.0, 1.0), (3.0, 0.4), (6.0, 0.5)]
 
 @pytest.mark.parametrize(("noise", "contrast"), [(3.0, 0.4), (6.0, 0.5)])
 def test_what_texture_and_noise_promise_is_kept(noise: float, contrast: float) -> None:
-    """Without anything added the stated deviation is about that of the errors.
+    """Without factor and floor, the stated deviation roughly matches the errors.
 
-    There must be some noise: of less than 0.03 px is how Lucas-Kanade rounds between pixels.
+    Some noise is needed: below 0.03 px, Lucas-Kanade's interpolation error dominates.
     """
     bare = P.model_copy(update={"noise_factor": 1.0, "noise_floor_px": 0.0})
     for errors in normalised_errors(noise, contrast, bare):

@@ -1,4 +1,4 @@
-"""Obstacles while the pose is lost: nowhere in the world, expected by the camera, for a while."""
+"""Obstacles while the pose is lost: no world position, a camera-relative one for a while."""
 
 from __future__ import annotations
 

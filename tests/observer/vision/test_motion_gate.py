@@ -1,4 +1,4 @@
-"""Jumps of the camera's motion: impossible ones are told, rough driving is none."""
+"""Jumps of the camera's motion: impossible ones are reported, rough driving is not."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from observer.vision.motion_gate import RECENT_MOTIONS, CameraMotion, ImageReach
 RATE = 15.0
 LAB = ImageReach(focal_px=443.0, depth_m=2.0, reach_px=60.0)
 ROAD = ImageReach(focal_px=707.0, depth_m=10.0, reach_px=60.0)
-# Standard deviations of a pose: as measured in the lab and on the road, and ten times as bad.
+# Pose standard deviations, rad and m: as measured in the lab and on the road, and much worse.
 FINE, COARSE = (3e-4, 3e-3), (1e-3, 0.02)
 
 
@@ -26,7 +26,7 @@ def jumps(
     noise: tuple[float, float] = FINE,
     reach: ImageReach | None = LAB,
 ) -> list[str]:
-    """What is told of measured motions along ``T_world_camera`` poses; jumps are left out."""
+    """The reasons given along ``T_world_camera`` poses; jumps do not enter the memory."""
     rng = np.random.default_rng(0)
     covariance = np.diag([noise[0] ** 2] * 3 + [noise[1] ** 2] * 3)
     recent: list[CameraMotion] = []
@@ -73,7 +73,7 @@ def test_braking_as_hard_as_a_car_can_is_no_jump(speed: float, noise: tuple[floa
         return 0.0, 0.0, speed * min(t, 1.0) + speed * braking - 5.0 * braking**2
 
     assert jumps(*along(place, lambda _: (0, 0, 0)), noise, ROAD if speed > 5 else LAB) == []
-    # Bumping into something at walking speed stops at once.
+    # Below 1 m/s, bumping into something stops the camera at once.
     if speed < 1:
         stopped = along(lambda t: (0, 0, speed * min(t, 1.0)), lambda _: (0, 0, 0))
         assert jumps(*stopped, noise) == []
@@ -83,7 +83,7 @@ def test_braking_as_hard_as_a_car_can_is_no_jump(speed: float, noise: tuple[floa
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6])
 def test_turning_back_and_forth_is_no_jump(share: float, noise: tuple[float, float]) -> None:
     def turn(t: float) -> tuple[float, float, float]:
-        # 20 deg/s, reversed at once every second.
+        # 20 deg/s, with an abrupt reversal every second.
         return 0.0, np.radians(20) * abs((t + 1) % 2 - 1), 0.0
 
     drive = along(lambda t: (0, 0, 0.3 * t), turn, 20.0)
@@ -164,7 +164,7 @@ def test_a_turn_that_no_feature_could_be_followed_through_is_told() -> None:
     assert told is not None
     assert "would shift the image" in told
     assert "at most 60 px" in told
-    # Found by descriptors it may be; 30 deg in a frame are too many for any body.
+    # Descriptor matching could find it; 30 deg in one frame is too much for any body.
     assert jump_reason(after(recent, step), recent, None) is None
     half_turn = Pose.from_rotvec([0, np.radians(30), 0], [0, 0, 0])
     assert "deg/s of change" in (jump_reason(after(recent, half_turn), recent, None) or "")
@@ -198,7 +198,7 @@ def test_without_anything_to_compare_only_the_impossible_is_told() -> None:
     for step, is_jump in ((1.5, False), (7.0, True)):
         motion = after([], Pose.from_rotvec(np.zeros(3), [0, 0, -step]))
         assert (jump_reason(motion, []) is not None) == is_jump
-    # After a second without a motion, the last one tells nothing any more.
+    # After a second without a motion, the last one is obsolete.
     late = CameraMotion.from_pose(3.0, 1 / RATE, Pose.from_rotvec(np.zeros(3), [0, 0, -1.0]), None)
     assert jump_reason(late, steady(3), LAB) is None
 

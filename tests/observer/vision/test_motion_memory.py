@@ -1,4 +1,4 @@
-"""A memory of the camera's motions by which jumps are refused."""
+"""The memory of camera motions by which jumps are refused."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from observer.vision.motion_gate import RECENT_MOTIONS, ImageReach, MotionGate
 
 DT = 1 / 15
 COVARIANCE = np.diag([1e-7] * 3 + [1e-6] * 3)
-# Over 2 m as far as 60 px.
+# Points at 2 m can be tracked over at most 60 px.
 REACH = ImageReach(focal_px=443.0, depth_m=2.0, reach_px=60.0)
 
 
 def ahead(speed: float) -> Pose:
-    """The motion within a frame of a camera that drives ahead at so many m/s."""
+    """The motion in one frame of a camera that drives straight ahead at ``speed`` m/s."""
     return Pose(np.eye(3), np.array([0.0, 0.0, -speed * DT]))
 
 
 class Drive:
-    """Tells of one frame after the other."""
+    """Feeds the gate frame by frame."""
 
     def __init__(self) -> None:
         self.motions = MotionGate()
@@ -46,7 +46,7 @@ def test_a_jump_is_refused_with_its_figures() -> None:
 
 
 def test_what_was_refused_is_not_remembered() -> None:
-    """Else a second jump of the same kind would be borne out by the first."""
+    """Otherwise the first jump would confirm a second one of the same kind."""
     drive = Drive()
     for _ in range(3):
         drive.goes(0.3)
@@ -67,7 +67,7 @@ def test_a_new_one_remembers_nothing() -> None:
     assert drive.goes(9.0) is not None
     drive.motions = MotionGate()
     assert drive.goes(9.0) is None
-    # And this is what the next one is compared with.
+    # The next motion is compared with the accepted one.
     assert drive.goes(9.1) is None
     assert drive.goes(0.3) is not None
 
@@ -85,7 +85,7 @@ def test_what_was_accepted_long_ago_is_forgotten() -> None:
 
 
 def test_features_cannot_have_been_followed_so_far() -> None:
-    """A body may well change its speed by 1.4 m/s; the image, close by, then moves too far."""
+    """A speed change of 1.4 m/s is possible, but nearby points would move too far in the image."""
     near = ImageReach(focal_px=443.0, depth_m=0.4, reach_px=60.0)
     for reach, refused in ((None, False), (REACH, False), (near, True)):
         drive = Drive()

@@ -1,4 +1,4 @@
-"""Sums over neighbours and groups, against matrices and against a search by hand."""
+"""Sums over neighbours and groups, against matrices and against a naive search."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 def drawn(seed: int) -> tuple[np.random.Generator, int, np.ndarray]:
-    """A generator, a number of points, and some pairs (P, 2) of them, each once."""
+    """A random generator, a number of points, and some distinct pairs (P, 2) of them."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 40))
     pairs = np.sort(rng.integers(0, count, (int(rng.integers(0, 60)), 2)), axis=1)

@@ -1,4 +1,4 @@
-"""Every detector with motion in space: what it finds is followed, from one frame to the next."""
+"""Every detector with motion in space: its points are tracked from frame to frame."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_another_detector_acts_from_the_next_frame_in_the_same_world(clip: OpenC
         assert now.segment == then.segment == 0
         assert now.parameters_revision == 7
         assert now.status is Status.OK
-        if frame is not frames[8]:  # New points are followed from the frame after.
+        if frame is not frames[8]:  # New points are tracked from the next frame on.
             assert len(trace["features_px"])
             assert not np.array_equal(trace["features_px"], plain["features_px"])
 

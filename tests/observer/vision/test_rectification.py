@@ -24,7 +24,7 @@ WIDTH, HEIGHT = 320, 240
 
 
 def crooked(rotvec: tuple[float, float, float] = (0.01, -0.02, 0.015)) -> StereoCalibration:
-    """A pair with lens distortion, unequal cameras and a turned right camera."""
+    """A pair of unequal cameras with lens distortion and a rotated right camera."""
     return StereoCalibration(
         WIDTH,
         HEIGHT,
@@ -38,7 +38,7 @@ def crooked(rotvec: tuple[float, float, float] = (0.01, -0.02, 0.015)) -> Stereo
 
 
 def points_in_view(seed: int = 0, count: int = 40) -> NDArray[np.float64]:
-    """(N, 3) metres, left camera's own frame, 1.5 to 6 m away."""
+    """(N, 3) metres, frame of the unrectified left camera, 1.5 to 6 m away."""
     rng = np.random.default_rng(seed)
     z = rng.uniform(1.5, 6, count)
     return np.stack([z * rng.uniform(-0.4, 0.4, count), z * rng.uniform(-0.3, 0.3, count), z], 1)
@@ -99,7 +99,7 @@ def test_rows_agree_for_any_pair(
     rectification = Rectification(calibration)
     points = points_in_view()
     pixels = projected(calibration, points)
-    # Analytically, by undistorting points: no image, hence no interpolation, is involved.
+    # Analytic, by undistorting points: no images, hence no interpolation.
     K = rectification.camera.K
     R1 = rectification.R_rectified_left
     left = cv2.undistortPoints(pixels[0], calibration.K1, calibration.D1, R=R1, P=K).reshape(-1, 2)
@@ -167,7 +167,7 @@ def test_refuses_images_of_another_size(calibration: StereoCalibration, side: in
         ({"T": np.array([0.12, 0, 0])}, "swap left and right"),
         ({"T": np.array([0, -0.12, 0])}, "must be side by side"),
         ({"T": np.array([0.01, 0, -0.12])}, "must be side by side"),
-        # Turned round, a right camera to its own left's left is to the left camera's right.
+        # Rotated by 180 degrees, the same T places the right camera on the left.
         ({"R": cv2.Rodrigues(np.array([0, 0, np.pi]))[0]}, "swap left and right"),
         ({"D1": np.array([-300.0, 90, 0, 0, 0])}, "cannot be rectified"),
         ({"D2": np.array([3e5, -9e6, 0, 0, 1e9])}, "cannot be rectified"),
@@ -179,7 +179,7 @@ def test_refuses_what_cannot_be_rectified(changes: dict[str, Any], expected: str
 
 
 def vertical_errors(left: Image, right: Image) -> NDArray[np.float64]:
-    """(N,) pixels: sub-pixel v_right - v_left of SIFT features that match without doubt."""
+    """(N,) pixels: sub-pixel v_right - v_left of unambiguously matched SIFT features."""
     sift = cv2.SIFT.create(1000)
     left_points, left_values = sift.detectAndCompute(left, None)
     right_points, right_values = sift.detectAndCompute(right, None)
@@ -187,7 +187,7 @@ def vertical_errors(left: Image, right: Image) -> NDArray[np.float64]:
     good = [best for best, second in pairs if best.distance < 0.7 * second.distance]
     a = np.array([left_points[match.queryIdx].pt for match in good])
     b = np.array([right_points[match.trainIdx].pt for match in good])
-    # Scene points lie further left in the right image; anything else is a mismatch.
+    # Scene points lie further left in the right image; all others are mismatches.
     trusted = (b[:, 0] - a[:, 0] < 1) & (np.abs(b[:, 1] - a[:, 1]) < 20)
     assert trusted.sum() > 100
     return np.asarray((b - a)[trusted, 1], dtype=np.float64)
@@ -204,14 +204,14 @@ def test_kitti_raw_is_rectified(shared_data: Path) -> None:
     errors: dict[str, list[NDArray[np.float64]]] = {"raw": [], "published": [], "refined": []}
     while (frame := source.read()) is not None:
         assert isinstance(frame, StereoFrame)
-        if frame.index % 8 != 2:  # pairs that the refinement did not use
+        if frame.index % 8 != 2:  # only pairs that the refinement did not use
             continue
         errors["raw"].append(vertical_errors(frame.left, frame.right))
         errors["published"].append(vertical_errors(*as_published.apply(frame.left, frame.right)))
         errors["refined"].append(vertical_errors(*refined.apply(frame.left, frame.right)))
     median = {name: np.median(np.abs(np.concatenate(each))) for name, each in errors.items()}
     assert median["raw"] > 2
-    # KITTI's own rectification of these images (R_rect, P_rect) leaves as much.
+    # KITTI's own rectification of these images (R_rect, P_rect) leaves the same error.
     assert median["published"] < 0.6
     assert median["refined"] < 0.3
 
@@ -246,7 +246,7 @@ def fisheye(
 def seen_by_fisheye(
     points: NDArray[np.float64], K: NDArray[np.float64], D: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Pixels (N, 2) of points (N, 3) in the camera's frame: the model, point by point."""
+    """Pixels (N, 2) of points (N, 3) in the camera's frame, by the lens model point by point."""
     px = []
     for x, y, z in points:
         theta = np.arctan2(np.hypot(x, y), z)
@@ -257,7 +257,7 @@ def seen_by_fisheye(
 
 
 def wide_points(count: int = 60) -> NDArray[np.float64]:
-    """(N, 3) metres, left camera's own frame: up to 50 degrees off the axis, 0.7 to 6 m away."""
+    """(N, 3) metres, unrectified left camera frame: up to 50 degrees off axis, 0.7 to 6 m away."""
     rng = np.random.default_rng(3)
     angle, around = rng.uniform(0, np.deg2rad(50), count), rng.uniform(0, 2 * np.pi, count)
     rays = np.stack(
@@ -299,7 +299,7 @@ def test_a_fisheye_image_is_remapped_as_its_points_are(seed: int) -> None:
     )
     images = rectification.apply(*(spots(each) for each in px))
     for image, expected in zip(images, rectification.rectify_points(*px), strict=True):
-        # A spot of 2.5 px is no longer round where the plane image stretches it.
+        # The perspective stretch makes a spot of 2.5 px oval.
         assert centre_near(image, expected[0]) == pytest.approx(expected[0], abs=0.2)
 
 
@@ -314,7 +314,7 @@ def test_a_rectified_fisheye_image_is_filled_and_no_smaller_than_need_be(
         assert image.min() == 255
     camera = rectification.camera
     across = np.rad2deg(2 * np.arctan(WIDTH / 2 / camera.fx))
-    # Either as wide as it may be, or a frame one percent wider would leave an image.
+    # Either it has the maximum width, or a frame 1 % wider would exceed a source image.
     if across < 119:
         corners = np.array([
             [u, v, 1.0] for u in np.linspace(-1.01, 1.01, 41) for v in np.linspace(-1.01, 1.01, 41)
@@ -335,7 +335,7 @@ def test_a_lens_of_a_half_sphere_gives_a_plane_image_of_120_degrees() -> None:
     camera = Rectification(wide).camera
     assert np.rad2deg(2 * np.arctan((WIDTH - 1) / 2 / camera.fx)) == pytest.approx(120)
     left, right = Rectification(wide).rectify_points([[0.0, 120.0]], [[160.0, 120.0]])
-    # 90 degrees to the side there is no plane image.
+    # A plane image cannot show a ray 90 degrees off axis.
     assert np.isnan(left).all()
     assert np.isfinite(right).all()
 

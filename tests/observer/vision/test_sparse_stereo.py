@@ -1,4 +1,4 @@
-"""Disparity of single points, on pairs whose disparity was planted."""
+"""Disparity of single points, on pairs with known disparity."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ P = StereoParameters(max_disparity_px=96)
 WIDTH, HEIGHT = 320, 128
 WALL = Texture(5, (HEIGHT, WIDTH))
 BOARD = Texture(6, (HEIGHT, WIDTH))
-# Seen by both cameras, whatever the disparity.
+# FREE: visible to both cameras at any disparity.
 POINTS = pixel_grid(WIDTH, HEIGHT, 11, 10)
 FREE = POINTS[POINTS[:, 0] > 106]
 
@@ -44,7 +44,7 @@ def test_planted_disparities_are_found_to_within_a_pixel(planted: float) -> None
 
 
 def test_each_point_has_its_own() -> None:
-    """A board of 40 px from column 160 to 240 of the left image, before a wall of 12 px."""
+    """A board at 40 px disparity, left columns 160 to 240, in front of a wall at 12 px."""
     u = np.arange(WIDTH)
     left = np.where((u >= 160) & (u < 240), BOARD.moved(), WALL.moved())
     right = np.where((u >= 120) & (u < 200), BOARD.moved(-40.0), WALL.moved(-12.0))
@@ -55,7 +55,7 @@ def test_each_point_has_its_own() -> None:
         known = np.isfinite(found[which])
         assert known.mean() > 0.9
         assert np.mean(np.abs(found[which][known] - planted) < 1.5) > 0.98
-    # Of the wall, these columns of the left image lie behind the board in the right one.
+    # These wall columns of the left image are hidden by the board in the right one.
     hidden = (POINTS[:, 0] > 138) & (POINTS[:, 0] < 154)
     wrong = np.isfinite(found[hidden]) & (np.abs(found[hidden] - 12) > 2)
     assert wrong.mean() < 0.3
@@ -72,7 +72,7 @@ def test_one_camera_may_be_brighter_than_the_other(gain: float, offset: float) -
 @pytest.mark.parametrize("noise", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("period_px", [10, 16, 24])
 def test_texture_that_repeats_along_the_row_has_no_disparity(period_px: int, noise: float) -> None:
-    """Which of the repetitions is the right one cannot be told."""
+    """The repetitions are indistinguishable."""
     u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
 
     def tiles(shift: float) -> np.ndarray:
@@ -96,26 +96,26 @@ def horizontal_stripes() -> np.ndarray:
     "grey", [np.zeros((HEIGHT, WIDTH)), horizontal_stripes()], ids=["blank", "stripes"]
 )
 def test_without_texture_along_the_row_there_is_no_disparity(grey: np.ndarray) -> None:
-    """Wherever it is compared it fits equally well."""
+    """Every disparity fits equally well."""
     image = as_image(grey)
     assert np.isnan(coarse_disparity(image, image, FREE, P)).all()
 
 
 def test_what_the_right_camera_does_not_see_has_none() -> None:
-    """With 60 px of disparity, what is left of column 60 is outside the right image."""
+    """At 60 px of disparity, points left of column 60 lie outside the right image."""
     u = np.arange(WIDTH)
     right = np.where(u < WIDTH - 60, WALL.moved(-60.0), BOARD.moved())
     found = coarse_disparity(as_image(WALL.moved()), as_image(right), POINTS, P)
     known = np.isfinite(found)
     assert (found[known] <= POINTS[known, 0]).all()
-    # By chance some of them look like something else.
+    # Some of them match something else by chance.
     assert known[POINTS[:, 0] < 50].mean() < 0.5
     assert known[POINTS[:, 0] > 72].mean() > 0.9
 
 
 def test_nearer_than_the_largest_disparity_nothing_is_known() -> None:
     found = coarse_disparity(*pair(60.0), FREE, StereoParameters(max_disparity_px=48))
-    # By chance some of them look like something else that is within reach.
+    # Some of them match something else within the search range by chance.
     assert np.isfinite(found).mean() < 0.5
     assert (found[np.isfinite(found)] <= 48).all()
     wider = coarse_disparity(*pair(60.0), FREE, StereoParameters(max_disparity_px=64))

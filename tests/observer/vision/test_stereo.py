@@ -1,4 +1,4 @@
-"""Disparity of rendered pairs, sampling between pixels, and the cloud for display."""
+"""Disparity of rendered pairs, sampling between pixels, and the display cloud."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 
 
 def pair(far: float = 12.0, near: float = 30.0) -> tuple[np.ndarray, np.ndarray]:
-    """A wall of disparity ``far`` and before it a board (150..300, 80..180) of ``near``."""
+    """A wall at disparity ``far`` and in front a board (150..300, 80..180) at ``near``."""
     rng = np.random.default_rng(4)
     noise = rng.integers(0, 256, (2, 256, 700)).astype(np.uint8)
     wall, board = (

@@ -1,4 +1,4 @@
-"""SURF by the extra: points where they are, descriptors of their own, one sentence without it."""
+"""SURF from the optional extra: positions, descriptors, and one sentence if it is missing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HOW_TO_GET_IT = "pip install 'dynamic-observer\\[surf\\]'"
 
 @pytest.fixture
 def blobs() -> np.ndarray:
-    """A bright and a dark blob, at (u, v) of very different u and v."""
+    """A bright and a dark blob, each at (u, v) with very different u and v."""
     image = np.full((256, 512), 128, np.uint8)
     cv2.circle(image, BRIGHT, 6, 230, -1)
     cv2.circle(image, DARK, 6, 20, -1)
@@ -37,7 +37,7 @@ def test_a_blob_is_found_where_it_is(blobs: np.ndarray) -> None:
     found = {point.class_id: np.array(point.pt) for point in strongest}
     np.testing.assert_allclose(found[-1], BRIGHT, atol=0.2)
     np.testing.assert_allclose(found[1], DARK, atol=0.2)
-    # Through the stage as well: x is u, and the points stand in the order of the keypoints.
+    # The same through the stage: x is u, and the points keep the order of the keypoints.
     features = detect_features(blobs, FeaturesParameters(detector="surf"))
     assert np.linalg.norm(features.px - BRIGHT, axis=1).min() < 0.2
     assert features.keypoints is not None
@@ -50,7 +50,7 @@ def test_the_size_grows_with_the_blob(radius: int) -> None:
     cv2.circle(image, (100, 140), radius, 230, -1)
     strongest = surf_points(np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.uint8), 1000)[0]
     np.testing.assert_allclose(strongest.pt, (100, 140), atol=0.5)
-    # The filter is about twice as wide as the disc that answers it strongest.
+    # The filter is about twice as wide as the disc with the strongest response.
     assert strongest.size == pytest.approx(1.9 * 2 * radius, rel=0.2)
 
 

@@ -1,4 +1,4 @@
-"""Following points from one image to another, and what is refused."""
+"""Tracking points from one image to another, and what is refused."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POINTS = GRID.reshape(-1, 2).astype(np.float32)
 
 
 def pair(gain: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """The second image is the first, moved by SHIFT, and brighter by a gain."""
+    """The second image is the first, shifted by SHIFT and brightened by a gain."""
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 256, (200, 320)).astype(np.uint8)
     first = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2), None, 20, 160, cv2.NORM_MINMAX)

@@ -1,4 +1,4 @@
-"""Vergence and skew as the method's own estimates tell them, beside the wheels."""
+"""Vergence and skew from the method's own estimates, compared with the wheels."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CAMERA = StereoCamera(640, 480, 500.0, 500.0, 319.5, 239.5, 0.12)
 
 
 def known(px: float, pairs: float = 20.0) -> DisparityBias:
-    """A bias that 20 agreeing pairs tell to about 0.06 px."""
+    """A bias known to about 0.06 px from 20 agreeing pairs."""
     information = 4.0 / 0.03**2
     return DisparityBias(information, information * px, information * px**2, pairs)
 
@@ -42,7 +42,7 @@ def test_a_bias_is_a_vergence_of_its_sign(px: float) -> None:
     assert check.status == "drifted"
     assert check.vergence_rad == pytest.approx(px / 500.0)
     assert check.std_rad == pytest.approx(known(px).sigma_px / 500.0)
-    # 0.6 px of the 20 px that a thing at 3 m has: what is too small seems too far.
+    # 0.6 px of the 20 px disparity at 3 m; too small a disparity appears too far.
     course, error = ("more", "far") if px > 0 else ("less", "near")
     assert f"converge {course} than calibrated, by 0.07° ± 0.0" in check.sentence
     assert f"points at 3 m appear about 3 % too {error}" in check.sentence

@@ -1,4 +1,4 @@
-"""Rows watched over time: turns by construction, in numbers and in rendered pairs."""
+"""Row drift over time: constructed rotations, in numbers and in rendered pairs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DT = 0.5
 
 
 class Rows:
-    """Points all over the image whose rows are apart by pitch and roll as told."""
+    """Points all over the image whose row errors follow a given pitch and roll."""
 
     def __init__(self, seed: int = 0, noise_px: float = 0.15) -> None:
         self._rng = np.random.default_rng(seed)
@@ -38,7 +38,7 @@ class Rows:
         roll_deg: Callable[[float], float] = lambda _: 0.0,
         noise_px: float | None = None,
     ) -> RowDrift:
-        """Frames for so long; pitch and roll as functions of the watch's time, seconds."""
+        """Run for ``duration``; pitch and roll are functions of the watch's time, seconds."""
         noise = self._noise_px if noise_px is None else noise_px
         for _ in range(round(duration / DT)):
             self.time += DT
@@ -82,7 +82,7 @@ def test_pitch_and_roll_are_told_apart() -> None:
     rolled = Rows().seconds(20, roll_deg=lambda _: -0.3)
     assert rolled.median_px == pytest.approx(0, abs=0.06)
     assert rolled.roll_rad == pytest.approx(np.deg2rad(-0.3), abs=5e-4)
-    # Root mean square of a slope over the width: half of it by the root of three.
+    # RMS of a slope over the width: its value at the edge divided by the root of three.
     assert rolled.now_px == pytest.approx(np.deg2rad(0.3) * 320 / np.sqrt(3), abs=0.05)
     assert rolled.warning is not None
     assert "roll (-0.30 deg)" in rolled.warning
@@ -107,7 +107,7 @@ def test_a_drift_is_told_with_its_trend() -> None:
     then, ago, rate = (float(told[k]) for k in (2, 3, 4))
     assert then == pytest.approx(0.8 - 0.06 * ago, abs=0.1)
     assert rate == pytest.approx(0.06, abs=0.01)
-    # It was said when it passed half a pixel, and not before.
+    # It was reported when it passed half a pixel, and not before.
     assert found.since_s == pytest.approx(350, abs=50)
     px = [value for _, value in found.history]
     assert px[0] < 0.3
@@ -174,7 +174,7 @@ def test_what_was_seen_long_ago_is_not_now() -> None:
 
 
 def lab(pitch_deg: float) -> World:
-    """A lab whose calibration is wrong by so much."""
+    """A lab whose calibration has this pitch error."""
     text = f"based_on: turning\nfaults: {{miscalibration: {{pitch_deg: {pitch_deg}}}}}"
     return World(scenario_from_text(text, "wrong"), 1)
 
@@ -197,5 +197,5 @@ def test_rendered_pairs_of_a_head_that_warms_up() -> None:
     assert told[-1].trend_px_per_min == pytest.approx(np.deg2rad(0.03) * camera.fy * 60 / 70, 0.2)
     assert told[-1].warning is not None
     assert "growing" in told[-1].warning
-    # The watch and the refinement mean the same by pitch.
+    # The watch and the refinement define pitch alike.
     assert abs(told[-1].median_px or 0) == pytest.approx(np.deg2rad(0.12) * camera.fy, abs=0.08)

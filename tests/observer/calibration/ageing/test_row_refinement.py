@@ -1,4 +1,4 @@
-"""Rows set straight: the turn by construction, and when nothing may be changed."""
+"""Row refinement: constructed rotations are found, and when nothing may be changed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TRUE = StereoCalibration.rectified(WIDTH, HEIGHT, FOCAL, FOCAL, 319.5, 179.5, 0.
 
 
 def pair_seen_by(calibration: StereoCalibration, seed: int = 0) -> tuple[Image, Image]:
-    """A textured wall 4 m away, seen by a true left and a turned right camera."""
+    """A textured wall 4 m away, seen by an exact left and a rotated right camera."""
     rng = np.random.default_rng(seed)
     wall = np.zeros((HEIGHT, WIDTH))
     for scale in (2, 4, 8, 16, 32):  # structure on every level of a pyramid
@@ -70,7 +70,7 @@ def test_finds_the_turn_that_happened(pitch: float, roll: float) -> None:
     assert refinement.before_px > 0.3
     assert refinement.after_px < 0.05
     assert refinement.matches > 300
-    # The rectified right camera turns back.
+    # The correction turns the right camera back.
     turn = np.rad2deg([refinement.pitch_rad, refinement.roll_rad])
     assert turn == pytest.approx([-pitch, -roll], abs=0.02)
 
@@ -142,7 +142,7 @@ def test_matched_points_agree_with_the_wall() -> None:
 
 
 def through_fisheye(image: Image, K: np.ndarray, D: np.ndarray) -> Image:
-    """Return an equidistant lens's version of a pinhole image of ``TRUE``'s focal length."""
+    """Return a pinhole image of ``TRUE``'s focal length as seen through an equidistant lens."""
     u, v = np.meshgrid(np.arange(WIDTH, dtype=np.float64), np.arange(HEIGHT, dtype=np.float64))
     px = np.stack([u, v], axis=-1).reshape(1, -1, 2)
     at = cv2.fisheye.undistortPoints(px, K, D, P=TRUE.K1).reshape(HEIGHT, WIDTH, 2)
@@ -172,7 +172,7 @@ def test_fisheye_lenses_are_refined_too() -> None:
 def test_a_drifted_vergence_is_taken_out_of_the_disparities(
     vergence_deg: float, pitch_deg: float
 ) -> None:
-    # A right camera whose axis turns towards the left one sees what is ahead further right.
+    # A right camera turned towards the left one sees the scene further right.
     real = turned(pitch_deg, vergence_deg, 0)
     pairs = [pair_seen_by(real, seed) for seed in (0, 1)]
     refinement = refine_from_scene(TRUE, pairs, drifted(vergence_deg))
@@ -182,7 +182,7 @@ def test_a_drifted_vergence_is_taken_out_of_the_disparities(
     assert (refinement.pitch_rad != 0) == (pitch_deg != 0)
     calibrated, wrong = disparity_errors(refinement.calibration, real), disparity_errors(TRUE, real)
     bias = FOCAL * np.deg2rad(vergence_deg)
-    # Disparities lack the bias at the image's centre, and nothing afterwards.
+    # Disparities at the image's centre are too small by the bias before, and correct afterwards.
     assert wrong[0] == pytest.approx(-bias, abs=0.05)
     assert np.abs(calibrated).max() < 0.05
     left = Rotation.from_matrix(refinement.calibration.R @ real.R.T).magnitude()
@@ -208,7 +208,7 @@ def drifted(vergence_deg: float) -> VergenceCheck:
 
 
 def disparity_errors(calibration: StereoCalibration, real: StereoCalibration) -> np.ndarray:
-    """(N,) px too large: known places as the real cameras see them, rectified as calibrated."""
+    """(N,) px error at known places as the real cameras see them, rectified as calibrated."""
     places = np.array([[0.0, 0, 4], [0.9, 0.3, 3], [-0.6, -0.4, 2.5], [1.5, 0, 6], [0.2, 0.2, 1]])
     left = places @ real.K1.T
     right = (places @ real.R.T + real.T) @ real.K2.T

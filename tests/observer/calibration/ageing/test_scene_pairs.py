@@ -1,4 +1,4 @@
-"""Pairs kept for a refinement: spread over time, few, and copies."""
+"""Pairs kept for a refinement: few, spread over time, and copied."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vergence against the wheels: a drive past points of known places, and rendered drives."""
+"""Vergence against the wheels: a drive past points at known places, and rendered drives."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def room(seed: int = 0, near: float = 1.5, far: float = 9.0) -> Float64Array:
 def seen(
     points: Float64Array, T_world_camera: Pose, vergence: float, noise_px: float, seed: int = 0
 ) -> StereoRows:
-    """Return what a pair finds whose right camera is turned towards the left one, rad."""
+    """Return what a pair finds if its right camera is turned towards the left one, rad."""
     rng = np.random.default_rng([seed, int(1e6 * T_world_camera.translation[2])])
     at = T_world_camera.inverse().apply(points)
     px, _ = CAMERA.project(at)
@@ -58,7 +58,7 @@ def drive(
     odometry: bool = True,
     seed: int = 0,
 ) -> VergenceCheck:
-    """Straight ahead at 0.3 m/s; the stereo way is as wrong as that of a method would be."""
+    """Drive straight ahead at 0.3 m/s; the stereo path has the scale error of a real method."""
     points = room(seed) if points is None else points
     vergence = np.deg2rad(vergence_deg)
     found = watch.look(0.0, 0, None, None, None)
@@ -113,9 +113,9 @@ def test_where_all_is_equally_far_the_wheels_scale_is_the_floor() -> None:
     wall = room(near=7.9, far=8.1)
     found = drive(VergenceWatch(CAMERA), 0.0, 1.8, points=wall, noise_px=0.02)
     assert found.std_rad is not None
-    # f v = 1 % of the disparity.
+    # Vergence v for which f v is 1 % of the disparity.
     floor = 0.01 * CAMERA.baseline / 8.0
-    # Beside what all disparities may be wrong by.
+    # This comes on top of the uncertainty common to all disparities.
     assert found.std_rad**2 - (0.1 / CAMERA.fx) ** 2 > (0.9 * floor) ** 2
 
 
@@ -154,7 +154,7 @@ def test_a_new_segment_begins_a_new_pair_and_keeps_what_is_known() -> None:
     watch = VergenceWatch(CAMERA)
     before = drive(watch, 0.3)
     rows = seen(room(7), Pose.identity(), 0.0, 0.1)
-    # Numbers of points begin anew, and so does the world.
+    # Point numbers and the world frame start anew.
     for k, way in enumerate((3.0, 3.3)):
         found = watch.look(20 + 2 * k, 1, rows, Pose.identity(), Odometry(way, 0, 0))
         rows = StereoRows(rows.px, rows.offset_px, rows.disparity, rows.number + 10_000)
@@ -181,6 +181,6 @@ def test_a_simulated_drive(calibrated_deg: float, clip: Callable[[str, int], Any
         )
     assert found.vergence_rad is not None
     assert found.std_rad is not None
-    # What the calibration says beyond the truth, the cameras converge less than it says.
+    # By as much as the calibration overstates vergence, the cameras converge less than it says.
     assert abs(found.vergence_rad + np.deg2rad(calibrated_deg)) < 2 * found.std_rad
     assert found.status == ("drifted" if calibrated_deg else "consistent")

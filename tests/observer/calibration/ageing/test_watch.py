@@ -1,4 +1,4 @@
-"""The watches fed as a run does: by frames, observations and traces of the simulated lab."""
+"""The watches fed as in a run: with frames, observations and traces of the simulated lab."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_run_warns_of_its_rows_and_can_be_refined(clip: Callable[[str, int], A
 
 
 def test_a_vergence_found_by_points_alone_is_refined() -> None:
-    """Without wheels: what near and far points tell while driving turns the calibration right."""
+    """Without wheels, near and far points seen while driving correct the calibration."""
     world = World(load_scenario("static_vergence"), 0)
     source = SimulatedSource(world)
     observer = Observer(source.calibration)

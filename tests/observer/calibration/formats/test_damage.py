@@ -1,4 +1,4 @@
-"""Damaged calibrations of every format: a valid calibration or one sentence, nothing else."""
+"""Damaged calibrations of every format give a valid calibration or one sentence."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PIECES = tuple(
 
 
 def hold(contents: list[bytes], size: tuple[int, int] | None = None) -> None:
-    """Read the files, and hold what is read to what a calibration is."""
+    """Read the files and check that they are refused or give a usable calibration."""
     files = [NamedFile(f"file{i}", content) for i, content in enumerate(contents)]
     understood = read_or_refused(lambda: read_any(files, size=size), CalibrationError)
     if understood is not None:
@@ -66,7 +66,7 @@ def test_damage_is_refused_or_leaves_a_calibration(format: str, data: st.DataObj
     hold(contents, data.draw(st.sampled_from([None, (1241, 376)])))
 
 
-# What MATLAB may hold in place of a number, a matrix, text or a struct.
+# Values that a MAT-file may hold in place of a number, a matrix, text or a struct.
 MATLAB_VALUES: tuple[object, ...] = (
     np.nan, np.inf, 0.0, -1.0, 1e308, 5e-324, 1e18, 1 + 2j, True, "", "x", "1 2 3",
     np.zeros((0, 0)), np.zeros((3, 3)), np.full((3, 3), np.nan), np.full((1, 3), 1e308),
@@ -79,7 +79,7 @@ MATLAB_VALUES: tuple[object, ...] = (
 
 @pytest.fixture(scope="module")
 def mat_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, ...]:
-    """The same parameters as a struct, compressed and not, and as an object."""
+    """The same parameters as a struct, compressed and uncompressed, and as an object."""
     whole = test_matlab_file.parameters()
     folder = tmp_path_factory.mktemp("matlab")
     made = test_matlab_file.saved_object(folder, whole, "stereoParameters", "v7", compressed=False)
@@ -88,7 +88,7 @@ def mat_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, ...]:
 
 @st.composite
 def changed_parameters(draw: st.DrawFn) -> bytes:
-    """A whole MAT-file that holds something else in a place or two."""
+    """An intact MAT-file with one or two values replaced."""
     whole = test_matlab_file.parameters()
     for _ in range(draw(st.integers(1, 2))):
         key = draw(st.sampled_from(sorted(whole)))
@@ -101,7 +101,7 @@ def changed_parameters(draw: st.DrawFn) -> bytes:
     return test_matlab_file.saved(whole, compressed=draw(st.booleans()))
 
 
-# Each example is a process of a second.
+# Each example starts a process that takes a second.
 @pytest.mark.timeout(7200)
 @examples(8)
 @given(data=st.data())
@@ -140,13 +140,13 @@ _small = st.floats(-0.2, 0.2)
 
 @st.composite
 def rigs(draw: st.DrawFn) -> StereoCalibration:
-    """Any calibration that all three tools can hold."""
+    """Any calibration that all three tools can represent."""
     K1, K2 = (
         np.array([[draw(st.floats(450, 550)), 0, draw(st.floats(280, 360))],
                   [0, draw(st.floats(450, 550)), draw(st.floats(200, 280))], [0, 0, 1]])
         for _ in range(2)
     )  # fmt: skip
-    # Four coefficients, of which large ones fold the image over within its border.
+    # Four coefficients, kept small: large ones fold the image over within its border.
     D1, D2 = (np.array([draw(_small) * scale for scale in (1, 0.1, 0.01, 0.01)]) for _ in range(2))
     return dataclasses.replace(RIG, K1=K1, D1=D1, K2=K2, D2=D2,
                                T=np.array([-draw(st.floats(0.02, 1.5)), 0.001, 0.002]))  # fmt: skip
@@ -162,7 +162,7 @@ def test_what_is_exported_is_read_back(
     for key in ("K1", "K2", "R", "T"):
         np.testing.assert_allclose(getattr(read, key), getattr(made, key), atol=atol, rtol=0)
     for key in ("D1", "D2"):
-        # ROS fills up to five coefficients.
+        # ROS pads to five coefficients.
         np.testing.assert_array_equal(getattr(read, key)[:4], getattr(made, key))
         assert not getattr(read, key)[4:].any()
 

@@ -1,4 +1,4 @@
-"""EuRoC's sensor.yaml pairs: T_BS of both cameras composed, and which of them is left."""
+"""EuRoC's sensor.yaml pairs: composing T_BS of both cameras, and telling left from right."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from observer.calibration.formats.understanding import NamedFile
 from observer.errors import CalibrationError
 from observer.geometry import Pose
 
-# Cameras anyhow in the body, the right one 0.11 m beside the left one, turned by 2 degrees.
+# Arbitrary pose in the body; the right camera is 0.11 m beside the left, rotated by 2 degrees.
 T_BODY_LEFT = Pose(Rotation.from_rotvec([0.1, 1.2, -0.4]).as_matrix(), np.array([0.3, -0.2, 0.1]))
 T_RIGHT_LEFT = Pose(
     Rotation.from_rotvec([0.02, -0.03, 0.01]).as_matrix(), np.array([-0.11, 0.002, 0.003])
@@ -35,7 +35,7 @@ LEFT, RIGHT = sensor(T_BODY_LEFT, 458.0), sensor(T_BODY_RIGHT, 459.0)
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_the_pose_is_composed_and_tells_left_from_right(order: int) -> None:
-    # EuRoC calls both files alike.
+    # EuRoC gives both files the same name.
     files = [NamedFile("sensor.yaml", text.encode()) for text in (LEFT, RIGHT)][::order]
     read = read_any(files)
     made = read.calibration

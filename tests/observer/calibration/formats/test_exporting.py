@@ -1,4 +1,4 @@
-"""Exports come back the same, and other tools' own readers understand them."""
+"""Exports survive a round trip, and other tools' own readers understand them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def assert_same(a: StereoCalibration, b: StereoCalibration) -> None:
     assert (a.width, a.height, a.distortion_model) == (b.width, b.height, b.distortion_model)
     for key in NUMBERS:
         x, y = (np.ravel(getattr(each, key)) for each in (a, b))
-        # Formats of five coefficients add zeros to four.
+        # Formats with five coefficients pad four with zeros.
         size = max(len(x), len(y))
         x, y = (np.pad(each, (0, size - len(each))) for each in (x, y))
         np.testing.assert_allclose(x, y, rtol=0, atol=1e-9, err_msg=key)
@@ -59,9 +59,9 @@ def test_round_trip(made: StereoCalibration, kind: ExportKind) -> None:
     assert all(file.name.startswith("my_rig_1") for file in files)
 
 
-# OpenCV's rectification takes turns of up to 1e-5 rad for none.
+# OpenCV's rectification treats rotations of up to 1e-5 rad as none.
 ANGLES = st.floats(-0.1, 0.1).map(lambda angle: 0.0 if abs(angle) < 2e-5 else angle)
-# Metres; and angles of 1.5e-8 rad it cannot tell, by an arc cosine near 1.
+# Metres, rounded: by an arc cosine near 1, OpenCV cannot resolve angles of 1.5e-8 rad.
 OFFSETS = st.floats(-0.01, 0.01).map(lambda metres: round(metres, 6))
 
 

@@ -1,4 +1,4 @@
-"""Kalibr camchains: both lens models, both orders of the cameras, and what is refused."""
+"""Kalibr camchains: both lens models, both camera orders, and refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""KITTI's calibration files, held to what their numbers mean."""
+"""KITTI's calibration files, checked against the meaning of their numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def line(key: str, values: npt.ArrayLike) -> str:
 
 @pytest.fixture
 def cameras(tmp_path: Path) -> tuple[Path, dict[str, np.ndarray]]:
-    """A raw file whose four cameras all stand turned and apart from camera 0's frame."""
+    """A raw file whose four cameras are all rotated and offset from camera 0's frame."""
     rng = np.random.default_rng(5)
     values: dict[str, np.ndarray] = {}
     for k in range(4):

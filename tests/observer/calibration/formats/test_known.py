@@ -1,4 +1,4 @@
-"""Formats are declared once, and whoever lists them lists all."""
+"""Formats are declared once, and every list of them is complete."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MATLAB's stereo parameters: structs and objects, and each way in which MATLAB differs."""
+"""MATLAB's stereo parameters: structs and objects, and every MATLAB peculiarity."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ K2 = np.array([[499.0, 0, 318], [0, 500, 241], [0, 0, 1]])
 
 
 def one_based(K: np.ndarray) -> np.ndarray:
-    """MATLAB's matrix of this camera: pixels counted from 1, and transposed."""
+    """MATLAB's camera matrix: transposed, with pixels counted from 1."""
     return (K + np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])).T
 
 
@@ -56,7 +56,7 @@ def parameters(**changes: object) -> dict[str, object]:
 
 
 def saved(value: object, *, compressed: bool = True, **further: object) -> bytes:
-    # The stubs of scipy know paths only.
+    # SciPy's stubs accept only paths.
     file: Any = io.BytesIO()
     scipy.io.savemat(
         file, {"stereoParams": value, **further}, do_compression=compressed, oned_as="row"
@@ -67,7 +67,7 @@ def saved(value: object, *, compressed: bool = True, **further: object) -> bytes
 def saved_object(
     folder: Path, values: dict[str, Any], class_name: str, version: str, *, compressed: bool = True
 ) -> bytes:
-    """Return an object of a class, written by mat-io; MATLAB's own is not available here."""
+    """Return an object of a class, written by mat-io because MATLAB is not available here."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         matio = pytest.importorskip("matio")
@@ -159,7 +159,7 @@ def test_newer_matrices_are_not_transposed() -> None:
 def test_three_radial_coefficients() -> None:
     three = camera(K1, RadialDistortion=np.array([[-0.25, 0.08, 0.02]]))
     made = read(saved(parameters(CameraParameters1=three))).calibration
-    # OpenCV has the tangential ones in between.
+    # OpenCV puts the tangential ones in between.
     assert made.D1.tolist() == [-0.25, 0.08, 0.001, -0.002, 0.02]
 
 
@@ -273,7 +273,7 @@ def test_refuses_arrays_that_claim_more_than_the_file_holds() -> None:
 WHOLE = saved(parameters(), compressed=False)
 
 
-# Each example is a process.
+# Each example starts a process.
 @pytest.mark.parametrize(
     "examples", [25, pytest.param(400, marks=[pytest.mark.patient, pytest.mark.timeout(900)])]
 )
@@ -299,7 +299,7 @@ def test_damaged_objects_are_refused_and_end_no_process_but_their_own(tmp_path: 
     whole = saved_object(tmp_path, parameters(), "stereoParameters", "v7", compressed=False)
     at = whole.index(b"FileWrapper__")
     refusals: list[int] = []
-    # Single bytes that make mat-io 1.0.2 end its process by a signal.
+    # Single-byte changes that crash the process of mat-io 1.0.2 with a signal.
     for offset, byte in ((1065, 255), (2785, 127)):
         damaged = bytearray(whole)
         damaged[at + offset] = byte

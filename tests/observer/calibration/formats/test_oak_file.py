@@ -1,4 +1,4 @@
-"""OAK's calib.json: the pair among its cameras, and the pose by links from socket to socket."""
+"""OAK's calib.json: choosing the pair, and the pose from links between sockets."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def read(data: object) -> UnderstoodCalibration:
         {},
         {"left": extrinsics(None, -1), "right": extrinsics(T_RIGHT_LEFT.inverse(), 1)},
         {"left": extrinsics(T_COLOUR_RIGHT @ T_RIGHT_LEFT, 0)},
-        # Round in a circle.
+        # A cycle of links.
         {"colour": extrinsics((T_COLOUR_RIGHT @ T_RIGHT_LEFT).inverse(), 1)},
     ],
     ids=["left to right", "right to left", "both to colour", "in a circle"],
@@ -96,7 +96,7 @@ def test_the_pose_follows_the_links(links: dict[str, dict[str, Any]]) -> None:
 
 def test_a_point_of_the_left_camera_is_expressed_in_the_rights() -> None:
     made = read(board()).calibration
-    # What the right camera sees of a point in front of the left one lies further to the left.
+    # A point straight ahead of the left camera lies further left for the right one.
     assert (made.R @ [0, 0, 3] + made.T)[0] == pytest.approx(
         T_RIGHT_LEFT.apply([0.0, 0.0, 300.0])[0] / 100
     )
@@ -118,14 +118,14 @@ def test_a_file_that_a_device_gave(shared_data: Path) -> None:
     folder = shared_data / "oak_people"
     understood = read_any([named_file(folder / "calib.json")])
     made = understood.calibration
-    # The same cameras with polynomial lenses, whose pose was left as it is.
+    # The same cameras refitted with polynomial lenses, their pose unchanged.
     refit = read_any([named_file(folder / "calibration.yaml")]).calibration
     assert np.allclose(made.R, refit.R, rtol=0, atol=1e-6)
     assert np.allclose(made.T, refit.T, rtol=0, atol=1e-8)
     assert np.allclose(made.K1, refit.K1)
     assert np.allclose(made.K2, refit.K2)
     assert made.baseline == pytest.approx(0.0738, abs=1e-4)
-    # Its lenses fold over within the image, which is told, and are replaced.
+    # Its lenses fold over within the image, so they are reported and replaced.
     assert sum("folds over" in note for note in understood.notes) == 2
     ours, theirs = Rectification(made).camera, Rectification(refit).camera
     assert ours.fx == pytest.approx(theirs.fx, rel=0.01)

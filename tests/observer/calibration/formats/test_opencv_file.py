@@ -1,4 +1,4 @@
-"""OpenCV calibration files: what is read, what is refused and with which words."""
+"""OpenCV calibration files: what is read, what is refused, and the wording of refusals."""
 
 from __future__ import annotations
 

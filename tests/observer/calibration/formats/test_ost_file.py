@@ -87,7 +87,7 @@ def test_a_rational_lens() -> None:
 def test_a_file_that_camera_calibration_wrote(shared_data: Path) -> None:
     read = read_any([named_file(shared_data / "wild" / "calibrations" / "ros_ost.txt")])
     made = read.calibration
-    # P[3] of "right" is positive: that camera stands to the left of the other.
+    # P[3] of "right" is positive: that camera is to the left of the other.
     assert made.baseline == pytest.approx(65.819436 / 817.488589, rel=1e-6)
     assert made.T[0] < 0
     assert made.K1[0, 0] == pytest.approx(805.838428)

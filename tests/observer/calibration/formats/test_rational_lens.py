@@ -1,4 +1,4 @@
-"""Rational lenses with a pole: harmless outside the image, told and replaced within it."""
+"""Rational lenses with a pole: harmless outside the image, reported and replaced within it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def with_pole(at: float, apart: float = 0.001) -> Float64Array:
 
 def read(D: Float64Array) -> UnderstoodCalibration:
     pair = StereoCalibration(*SIZE, K, D, K, D, np.eye(3), np.array([-0.1, 0, 0]))
-    # Written with the lens as it is: reading is what replaces it.
+    # Written with the lens unchanged; reading replaces it.
     return read_any([NamedFile("c.yaml", calibration_text(pair).encode())])
 
 
@@ -64,7 +64,7 @@ def test_a_cancelling_pole_within_the_image_is_replaced_and_told(at: float) -> N
     assert [note[:2] for note in told] == ["D1", "D2"]
     assert f"folds over {fold:.0f} px from the centre, within the image" in told[0]
     Rectification(understood.calibration)
-    # As the lens was before the pole came to it, to what the note tells and beyond it.
+    # It matches the lens without the pole, up to the radius in the note and beyond.
     s = np.linspace(0, 0.75 * at, 50)
     off = (made[[0, 1, 4]] @ [s, s**2, s**3] - SMOOTH[[0, 1, 4]] @ [s, s**2, s**3]) * np.sqrt(s)
     assert np.abs(off).max() * 800 < 4.0

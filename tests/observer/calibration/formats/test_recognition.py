@@ -1,4 +1,4 @@
-"""Recognised by content: every format, what belongs together, and refusals they all share."""
+"""Recognition by content: every format, files that belong together, and shared refusals."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ SENSOR = (
 
 
 def texts(*contents: str) -> tuple[NamedFile, ...]:
-    # Names that say nothing: recognised is by content.
+    # Uninformative names: formats are recognised by content.
     return tuple(NamedFile(f"file{i}", text.encode()) for i, text in enumerate(contents))
 
 
@@ -98,7 +98,7 @@ def test_every_format_is_recognised_and_says_what_it_did(format: str) -> None:
 def test_the_cameras_size_is_held_to(format: str) -> None:
     with pytest.raises(CalibrationError) as caught:
         read_any(FORMATS[format], size=SIZES.get(format), expected_size=(800, 600))
-    # ZED and KITTI have no such section or images; KITTI odometry was told another size.
+    # ZED and KITTI have no section or images of that size; KITTI odometry was given another.
     assert re.search(
         r"\d+x\d+ images, but the camera delivers 800x600|no section is for "
         r"800x600 images|the images are 800x600 pixels, which matches neither",
@@ -115,7 +115,7 @@ def test_kitti_pairs_and_sizes_are_choices() -> None:
     assert grey.calibration.baseline == pytest.approx(0.5)
     assert "cameras 0 and 1 (grey) are used" in grey.notes
     raw = FORMATS["KITTI raw calib_cam_to_cam.txt"]
-    # Both P[3] count: 45 / 700 alone would be no baseline.
+    # The P[3] of both cameras count: 45 / 700 alone is not the baseline.
     colour = read_any(raw, cameras="colour", size=(1242, 375)).calibration
     assert colour.baseline == pytest.approx(380 / 700)
     assert colour.is_rectified
@@ -161,7 +161,7 @@ def test_units_are_never_guessed() -> None:
     understood = read_any(in_squares, unit=0.025)
     assert understood.calibration.baseline == pytest.approx(0.12)
     assert "T converted from units of 25 mm: baseline 0.12 m" in understood.notes
-    # Too small as millimetres: the metres of the file are taken, not the unit that was said.
+    # Too small in millimetres: the error says that the file is in metres.
     with pytest.raises(
         CalibrationError, match=r"0\.00012.* when read in millimetres, .*is in metres \(120 mm\)"
     ):
@@ -173,7 +173,7 @@ def test_intrinsics_and_extrinsics_are_joined(shared: bool) -> None:
     whole = exported("opencv")[0].content.decode()
     head, rest = whole.split("R: !!opencv", 1)
     extrinsics = "%YAML:1.0\n---\nR: !!opencv" + rest + "Q: [1, 2]\n"
-    # Keys that both have are no harm as long as they agree.
+    # Keys in both files are fine as long as they agree.
     pair = texts(head, extrinsics + ("image_width: 640\n" if shared else ""))
     for files in (pair, pair[::-1]):
         understood = read_any(files)

@@ -65,7 +65,7 @@ def test_the_pose_follows_from_both_rectifications(order: int) -> None:
     read = read_any(files(camera_info("left"), camera_info("right"))[::order])
     made = read.calibration
     assert np.allclose(made.R, R, rtol=0, atol=1e-12)
-    # The baseline alone would say (-0.12, 0, 0): T must be turned by the rectification.
+    # The baseline alone would give (-0.12, 0, 0): T must be rotated by the rectification.
     assert np.allclose(made.T, T, rtol=0, atol=1e-12)
     assert np.array_equal(made.K1, K["left"])
     assert np.array_equal(made.K2, K["right"])

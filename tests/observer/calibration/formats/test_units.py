@@ -1,4 +1,4 @@
-"""Units of lengths: what people say, and which units a refusal asks about."""
+"""Units of length: what people type, and which units a refusal asks about."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def read(text: str, **choices: object) -> UnderstoodCalibration:
 def test_directions_and_units_are_opencvs() -> None:
     understood = read(conf({"HD": 1.0}))
     made = understood.calibration
-    # Their Baseline is positive, OpenCV's T[0] negative, millimetres.
+    # ZED's Baseline is positive and in millimetres; OpenCV's T[0] is negative.
     assert np.allclose(made.T, [-0.119978, 0.00035, -0.00021], rtol=0, atol=1e-12)
     assert np.allclose(made.R, R, rtol=0, atol=1e-12)
     assert np.array_equal(made.K1, [[700, 0, 640], [0, 701, 360], [0, 0, 1]])

@@ -12,21 +12,21 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.filter import turning_velocity, yaw_matrix
 from observer.methods.rigid.bodies.measurement import Members
 
-# A point that fits its body worse than this leaves it; from half of this it counts for less.
+# A point that fits its body worse than this leaves it; from half of this on it counts less.
 _LEAVE_SIGMAS = 4.0
 _FULL_WEIGHT_SIGMAS = 2.0
-# Share of a sighting's variance that the same point's next sightings repeat: its surroundings stay
+# Share of a sighting's variance that recurs in the point's next sightings: its surroundings stay
 # the same, and so does the error of matching them.
 _PERSISTENT = 0.5
 _MEDIAN_CHI2 = quantile(0.5, df=3)
 # Gauss-Newton converges quadratically; the yaw is never far from the prediction.
 _STEPS = 3
-# Metres and radians: a step smaller than this ends it.
+# Metres and radians: a smaller step ends the iteration.
 _CONVERGED = 1e-4
-# 1/rad^2: points all in one place say nothing of the yaw, and the equations must stay solvable.
+# 1/rad^2: keeps the equations solvable for points all in one place, which do not show the yaw.
 _LEAST_YAW_INFORMATION = 1e-2
-# By how much a body may have moved (variance, m^2: anywhere) and turned (rad) in a frame against
-# expectation when it is judged which of its points fit.
+# How far a body may have moved (variance, m^2: anywhere) and turned (rad) in a frame beyond
+# what is expected, when judging which of its points fit.
 _ANYWHERE = 1e6
 _YAW_SLACK = 0.05
 
@@ -42,7 +42,7 @@ def place_members(
     information: Float64Array,
     R: Float64Array,
 ) -> tuple[Float64Array, Float64Array, NDArray[np.bool_], Float64Array]:
-    """Where points are on their body, and how surely, see the kernel."""
+    """Where points are on their body, and with what covariance, see the kernel."""
     known: NDArray[np.bool_] = np.trace(shape_information, axis1=1, axis2=2) > 0
     cov = inverted(np.where(known[:, None, None], shape_information, np.eye(3)))
     place = np.einsum("nij,nj->ni", cov, shape_vector) * known[:, None]
@@ -58,7 +58,7 @@ def weighed(members: Members, yaw: float) -> tuple[Float64Array, Float64Array]:
 
 
 def residuals(members: Members, pose: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """(N, 3) metres by which they are elsewhere than a body at (4,) has them; its places."""
+    """(N, 3) metres from where a body at (4,) has the points to where they are; its places."""
     spot = members.place @ yaw_matrix(float(pose[3])).T
     return members.sighting - pose[:3] - spot, spot
 
@@ -77,11 +77,11 @@ def fit_body(
         r, arm = residuals(members, x)
         Wr = np.einsum("nij,nj->ni", W, r)
         squared = np.einsum("ni,ni->n", r, Wr)
-        # A place is noisy itself: on a flat face the noise along the line of sight would pass for
-        # a lever and make the body seem to turn less than it does. Where it is to the best of both
-        # knowledge, the noise of the lever has nothing to do with that of the residual.
+        # A place is noisy too: on a flat face, noise along the line of sight would act as a lever
+        # arm and make the body seem to turn less than it does. With the place estimated from both,
+        # the noise of the lever is independent of that of the residual.
         arm = arm + np.einsum("nij,nj->ni", cov, Wr)
-        # Far from the answer all of them fit badly; only those that fit worse are strangers.
+        # Far from the solution all points fit badly; only those that fit worse are outliers.
         length = np.sqrt(np.maximum(squared, 0.0)) / _scale(squared[members.known])
         weight = np.minimum(1.0, _FULL_WEIGHT_SIGMAS / np.maximum(length, 1e-9)) * members.known
         weight = weight * (length <= _LEAVE_SIGMAS)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 def wanted_cells(
     taken: NDArray[np.intp], marked: NDArray[np.bool_], finer: int, turn: int, turns: int
 ) -> NDArray[np.bool_]:
-    """(finer rows, finer columns) in which a point is wanted."""
+    """(finer rows, finer columns) cells in which a point is wanted."""
     rows, columns = marked.shape
     empty = np.ones(rows * columns * (1 + finer**2), np.bool_)
     empty[taken] = False

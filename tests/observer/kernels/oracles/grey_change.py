@@ -13,16 +13,16 @@ from observer.methods.rigid.dense.grid import Grid
 
 from .reprojection import Reprojected, reproject, slack_px
 
-# From and down to these grey values a camera may have cut off what is brighter or darker.
+# Grey values from which up, and to which down, a camera may have clipped the image.
 _SATURATED, _BLACK = 250, 2
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """Cells (N,) of a frame against another: where they are, and which of them it sees.
+    """Cells (N,) of a frame against another one: where they lie in it and which are visible there.
 
     Attributes:
-        alike: (N,) which of them were as near.
+        alike: (N,) which of them were at the same distance.
     """
 
     there: Reprojected
@@ -52,7 +52,7 @@ def changed(
     gain: np.float32,
     limit: np.float32,
 ) -> NDArray[np.bool_]:
-    """(N,) whether grey values differ from all around them before, darkest and brightest (N,)."""
+    """(N,) whether grey values lie outside the former range around them, ``low`` to ``high``."""
     shown = (np.maximum(now, high) < _SATURATED) & (np.minimum(now, low) > _BLACK)
     level = now.astype(np.float32)
     return shown & (

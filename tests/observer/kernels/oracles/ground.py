@@ -9,18 +9,18 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.dense.grid import Grid
 
 _LEAST_SAMPLES = 150
-# A camera stands between these heights above the ground, metres, about level sideways, and looks
+# Metres: range of a camera's height above the ground; it is about level sideways and looks
 # neither straight up nor, unless a mount says so, straight down.
 _HEIGHT_M = (0.03, 4.0)
 _MAX_ROLL, _MAX_UP, _LEAST_DOWN = 0.4, 0.5, 0.3
-# Of what is seen so much must be the ground, where none is expected.
+# Share of what is seen that must be ground if no plane is expected.
 _FOUND_SHARE = 0.5
 
 
 def nearer_downwards(
     disparity: NDArray[np.float32], top: int, half_rows: int, step: int, rise: float
 ) -> NDArray[np.intp]:
-    """(N,) indices of cells below which it is nearer than above."""
+    """(N,) indices of cells where the scene is nearer below than above."""
     low = disparity[top:]
     more = low[2 * half_rows :: step, ::step] - low[: -2 * half_rows : step, ::step]
     rows, columns = np.nonzero(more > rise)
@@ -36,10 +36,10 @@ def fit_ground(
     triples: NDArray[np.intp],
     expected: Float64Array | None,
 ) -> Float64Array | None:
-    """(3,) normal over the height of the plane through cells (N, 3): column, row, 1; None without.
+    """(3,) normal over height of the plane through cells (N, 3): column, row, 1; or None.
 
     Args:
-        seen: (N,) px. tolerance: (N,) px, up to which each may be off it. triples: (T, 3).
+        seen: (N,) px. tolerance: (N,) px by which each may be off it. triples: (T, 3).
     """
     plane = _found(grid, at, seen, tolerance, triples) if expected is None else expected
     for _ in range(2):
@@ -99,7 +99,7 @@ def stands_out(
     share: np.float32,
     least: np.float32,
 ) -> NDArray[np.bool_]:
-    """(h, w) which cells are nearer than the ground."""
+    """(h, w) which cells stand out as nearer than the ground."""
     height, width = disparity.shape
     a, b, c = plane
     rows = b * np.arange(height, dtype=np.float32) + c

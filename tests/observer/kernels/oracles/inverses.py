@@ -14,7 +14,7 @@ def inverse_3x3(matrices: Float64Array) -> Float64Array:
     matrix without an inverse gives huge numbers or infinities, never an error.
     """
     m = np.asarray(matrices, dtype=np.float64)
-    # One row for each entry, operations on all rows at once: few calls, neighbours in memory.
+    # One row per entry and operations on whole rows: few calls on contiguous memory.
     entries = np.ascontiguousarray(m.reshape(-1, 9).T)
     inverse = entries.take(_COFACTORS[0], axis=0)
     inverse *= entries.take(_COFACTORS[1], axis=0)
@@ -24,8 +24,8 @@ def inverse_3x3(matrices: Float64Array) -> Float64Array:
     return np.asarray(inverse.T.take(_SYMMETRIC, axis=1).reshape(-1, 3, 3), np.float64)
 
 
-# Of a symmetric matrix whose entries are numbered row by row, the six different entries of the
-# adjugate: the first times the second minus the third times the fourth.
+# The six distinct entries of the adjugate of a symmetric matrix, entries numbered row by row:
+# the first times the second minus the third times the fourth.
 _COFACTORS = np.array(
     [[4, 2, 1, 0, 1, 0], [8, 5, 5, 8, 2, 4], [5, 1, 2, 2, 0, 1], [5, 8, 4, 2, 5, 1]]
 )

@@ -7,7 +7,7 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, YAW_RATE, turning_velocity
 
-# Share of a body's speed at which a point beside it may seem to creep, and still rests.
+# Share of a body's speed at which a static point beside it may seem to creep.
 _AT_REST = 0.03
 # Share of its speed that a body may gain or lose in a second.
 _BRAKING_PER_S = 0.5
@@ -43,10 +43,10 @@ def against_rest(
 def moves_along(
     velocity: Float64Array, gap: Float64Array, body_cov: Float64Array, rest_cov: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """Compare "moves with a body" with "rests" for what is seen to move.
+    """Compare "moves with a body" with "rests" for measured velocities.
 
-    Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
-    body takes to explain what is seen, the less likely it made just this velocity.
+    Both likelihoods include their own uncertainty: the more freedom a
+    body needs to explain a velocity, the less likely it caused just this one.
 
     Args:
         velocity: (N, 3) m/s, with covariance ``rest_cov`` (N, 3, 3) about 0 if it rests. gap:
@@ -63,7 +63,7 @@ def moves_along(
 def _unlikely(gap: Float64Array, cov: Float64Array) -> tuple[Float64Array, Float64Array]:
     """(..., N) squared Mahalanobis length of gaps (..., N, 3), and (N,) the log determinant of cov.
 
-    Their sum is twice the negative logarithm of a normal density, but for a constant.
+    Their sum is twice the negative logarithm of a normal density, up to a constant.
     """
     squared = np.einsum("...ni,nij,...nj->...n", gap, np.linalg.inv(cov), gap)
     return squared, np.log(np.linalg.det(cov))

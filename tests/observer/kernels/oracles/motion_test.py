@@ -21,10 +21,10 @@ from .inverses import inverse_3x3
 # Neighbours must agree in depth and velocity to within this many standard deviations of both.
 _DEPTH_SIGMAS = 3.0
 _VELOCITY_CHI2 = quantile(0.999, df=3)
-# A regression over a random walk of the pose knows the slope this much worse than its step.
+# Slope variance of a regression over a random walk of the pose, relative to that of its steps.
 _RANDOM_WALK = 1.2
-# Product of the three eigenvalues of an information, relative to their mean, that is not rounding;
-# and their mean, relative to the sums whose difference they are.
+# An information matrix below these is rounding error: product of its three eigenvalues, relative
+# to their mean cubed; and their mean, relative to the sums whose difference they are.
 _LEAST_RANK = 1e-12
 _LEAST_REMAINDER = 1e-9
 
@@ -53,7 +53,7 @@ def own_motion(points: TrackedPoints, parameters: EvidenceParameters) -> OwnMoti
     """Motion of each point by itself, its covariance inflated by scatter beyond the noise."""
     information, vector = points.sums.velocity_information()
     ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
-    # Along a straight edge a match may slide: that is no evidence of motion.
+    # A match may slide along a straight edge: that is no evidence of motion.
     ready &= points.cornered
     # Seen along one line only, or always at one instant, a point's velocity is unknown.
     scale = np.trace(information, axis1=1, axis2=2) / 3
@@ -80,7 +80,7 @@ def own_motion(points: TrackedPoints, parameters: EvidenceParameters) -> OwnMoti
 def _excess(
     sums: PositionVelocityFilter, position: Float64Array, velocity: Float64Array
 ) -> Float64Array:
-    """(N,) by how much the sightings scatter more about a straight course than their noise."""
+    """(N,) factor by which sightings scatter more about a straight course than their noise."""
     explained = np.einsum("ni,ni->n", position - sums.origin, sums.b0)
     explained += np.einsum("ni,ni->n", velocity, sums.b1)
     freedom = np.maximum(3 * sums.count - 6, 1.0)
@@ -90,7 +90,7 @@ def _excess(
 def neighbours(
     px: NDArray[np.float32], own: OwnMotion, now: CameraStep, parameters: EvidenceParameters
 ) -> NDArray[np.intp]:
-    """(P, 2) pairs that are near in the image and in depth, and may have one velocity."""
+    """(P, 2) pairs that are near in the image and in depth, and may share a velocity."""
     if len(px) < 2:
         return np.zeros((0, 2), np.intp)
     ready = own.ready
@@ -100,10 +100,10 @@ def neighbours(
     forward = now.T_camera_world.rotation[2]
     variance = np.einsum("i,nij,j->n", forward, own.position_cov, forward)
     reach = parameters.radius_px / now.camera.fx * np.minimum(depth[i], depth[j])
-    # What was not judged has no variance to speak of, and is left out below.
+    # Points that are not ready have no usable variance and are left out below.
     variance = np.where(ready & (variance > 0), variance, 0.0)
     noise = _DEPTH_SIGMAS * np.sqrt(variance[i] + variance[j])
-    # What may be anywhere in depth is nobody's neighbour.
+    # The cap keeps points of very uncertain depth from being everybody's neighbour.
     allowed = reach + np.minimum(noise, reach)
     near = ready[i] & ready[j] & (np.abs(depth[i] - depth[j]) <= allowed)
     i, j = i[near], j[near]
@@ -141,7 +141,7 @@ def pooled(
 def significance(
     velocity: Float64Array, covariance: Float64Array, ready: NDArray[np.bool_]
 ) -> Float64Array:
-    """(N,) Mahalanobis length of velocities (N, 3); 0 where nothing can be said."""
+    """(N,) Mahalanobis length of velocities (N, 3); 0 where it is unknown."""
     squared = np.einsum("ni,nij,nj->n", velocity, inverse_3x3(covariance), velocity)
     return np.sqrt(np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0))
 
@@ -149,7 +149,7 @@ def significance(
 def shared_covariance(
     position: Float64Array, window: Float64Array, now: CameraStep, parameters: EvidenceParameters
 ) -> Float64Array:
-    """(N, 3, 3) (m/s)^2, world: of all velocities, by errors that all points share."""
+    """(N, 3, 3) (m/s)^2, world: covariance of velocities from errors that all points share."""
     place = now.T_camera_world.apply(position)
     errors = _common_errors(place, np.maximum(window, now.dt), now, parameters)
     common = errors @ now.T_camera_world.rotation
@@ -159,9 +159,9 @@ def shared_covariance(
 def _common_errors(
     place: Float64Array, window: Float64Array, now: CameraStep, parameters: EvidenceParameters
 ) -> Float64Array:
-    """(N, 8, 3) m/s, camera axes: how static points seem to move by errors they share.
+    """(N, 8, 3) m/s, camera axes: apparent motion of static points from errors they share.
 
-    Each is that of one independent cause of one standard deviation: six of the camera's own
+    Each is due to one independent cause of one standard deviation: six of the camera's own
     motion, whose covariance is the sum of their products, and the calibration's two.
 
     Args:

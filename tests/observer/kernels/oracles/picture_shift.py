@@ -13,15 +13,15 @@ from observer.geometry import Float64Array
 from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
 
-# Gauss-Newton ends at steps of so many cells, or after so many of them.
+# Gauss-Newton ends at steps below this many cells, or after this many steps.
 _LEAST_STEP, _STEPS = 0.01, 10
-# Grey levels; residuals beyond so many deviations count less and less.
+# Grey levels: least noise; and the standard deviations beyond which residuals count less.
 _LEAST_NOISE, _FULL_SIGMAS = 1.0, 2.0
-# Grey levels from which on a difference is no larger, where a trunk is looked for.
+# Grey levels: differences are capped at this in the coarse search for a trunk.
 _MOST_DIFFERENCE = 20.0
-# It is found beside where it was expected only if it differs by this factor less.
+# A place beside the expected one is chosen only if its difference is less by this factor.
 _CLEARLY_LESS = 0.8
-# The Sobel operator sums its step eight times, and its noise over twelve squared weights.
+# The Sobel operator returns eight times the step, and its squared weights sum to twelve.
 _SOBEL_SCALE = 1 / 8
 _GRADIENT_NOISE = 12 * _SOBEL_SCALE**2
 _RIDGE = 1e-6
@@ -52,8 +52,8 @@ class View:
         place = self._roughly(image, expected, spread, reach)
         if place is None:
             return None
-        # By the noise of the edges first, so that none of them counts as a stranger while it is
-        # far off; then closely. How well it is found is told by the former.
+        # First by the noise of the edges, so that none of them is an outlier while the place is
+        # far off; then precisely. The first fit gives the covariance.
         about = self._fitted(image, place, spread, self._steep)
         close = about and self._fitted(image, about[0], spread, np.ones_like(self._steep))
         if about is None or close is None:
@@ -71,12 +71,12 @@ class View:
         spread: Float64Array,
         chosen: NDArray[np.bool_],
     ) -> tuple[Float64Array, Float64Array] | None:
-        """(2,) where the middle is near a place, and the covariance (2, 2), as of ``found_in``.
+        """(2,) place of the middle near ``place``, and its covariance (2, 2), see ``found_in``.
 
-        None where most of it has left the image, or all that tells where it is.
+        None if most of it has left the image, or all of it that tells where it is.
 
         Args:
-            chosen: (N,) the cells whose differences tell the noise.
+            chosen: (N,) the cells whose differences give the noise.
         """
         J = self._gradient
         difference, inside = self._difference(image, place, spread)
@@ -102,9 +102,9 @@ class View:
     def _roughly(
         self, image: Image, expected: Float64Array, spread: Float64Array, reach: int
     ) -> Float64Array | None:
-        """(2,) where it is expected, unless it differs clearly less some whole columns beside.
+        """(2,) expected place, or one some whole columns beside it that differs clearly less.
 
-        None out of the image.
+        None if outside the image.
         """
         best, least = None, np.inf
         for off in sorted(range(-reach, reach + 1), key=abs):
@@ -116,7 +116,7 @@ class View:
         return best
 
     def _cost(self, image: Image, place: Float64Array, spread: Float64Array) -> float:
-        """Return the mean difference at a place, grey levels; infinite out of the image."""
+        """Return the mean difference at a place, grey levels; infinite outside the image."""
         difference, inside = self._difference(image, place, spread)
         if not _mostly(inside):
             return np.inf
@@ -137,8 +137,8 @@ class View:
     def _steep(self) -> NDArray[np.bool_]:
         """(N,) which cells tell where it is.
 
-        On plain clothes before a plain wall they are few, and differ most: by the noise of all
-        cells just these would count as strangers.
+        On plain clothes in front of a plain wall they are few and differ most: by the noise of
+        all cells, just these would be outliers.
         """
         steepness = np.abs(self._gradient[:, :2]).sum(axis=1)
         return np.asarray(steepness >= steepness.mean())
@@ -151,7 +151,7 @@ class View:
     def _difference(
         self, image: Image, place: Float64Array, spread: Float64Array
     ) -> tuple[Float64Array, NDArray[np.bool_]]:
-        """(N,) grey levels by which an image is lighter, and which cells are inside it.
+        """(N,) grey levels by which an image is brighter, and which cells are inside it.
 
         Args:
             place: (2,) of the middle. spread: (2, N) of the cells about it.
@@ -168,10 +168,10 @@ def _mostly(inside: NDArray[np.bool_]) -> bool:
 
 
 def _covariance(information: Float64Array, noise: float, cells: float) -> Float64Array:
-    """(2, 2) cells^2, of a place with light unknown; what noise adds to gradients tells nothing.
+    """(2, 2) cells^2 of a place, light unknown; what noise adds to gradients is left out.
 
     Args:
-        information: (3, 3) sums over so many cells of products of gradients. noise: grey levels,
+        information: (3, 3) sums of products of gradients over ``cells``. noise: grey levels,
             of the difference of two images.
     """
     across = information[:2, 2]

@@ -1,7 +1,7 @@
 """Oracle of ``observer.kernels.pose_fit``: the same formulas for all points at once, by numpy.
 
-Coordinates stand in rows (3, N), so that each operation runs over neighbours in memory: with a few
-hundred points the number of numpy's calls is what costs.
+Coordinates are in rows (3, N), so that each operation runs over contiguous memory: with a few
+hundred points the number of numpy calls dominates the cost.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, orthonormal, rotation_matrix
 from observer.parameters import EgoMotionParameters
 
-# Variance, px^2, of what was not seen: it does not count.
+# px^2: variance of what was not seen, so that it does not count.
 _UNKNOWN = 1e9
 # Keeps the equations solvable where the points leave a direction open.
 _DAMPING = 1e-9
@@ -24,7 +24,7 @@ _BATCH = 32
 _CONFIDENCE = 0.9999
 _SAMPLE_STEPS = 3
 _REFINE_STEPS = 4
-# Most points used to judge a sample; more do not make the better one better known.
+# Most points used to judge a sample; more would not make the choice more certain.
 _JUDGES = 200
 # If the expected pose explains this share of the image, a better one is near: then one step leads
 # from it to that of a sample, and a few samples are enough.
@@ -41,7 +41,7 @@ _ROWS, _COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
 
 @dataclass(frozen=True, eq=False)
 class SeenPoints:
-    """N points, where they are in the world and where they are seen.
+    """N points: where they are in the world and where they are seen.
 
     Attributes:
         place: (3, N) metres, world. covariance: (9, N) m^2, of it.
@@ -110,7 +110,7 @@ class Linearised:
     usable: NDArray[np.bool_]
 
     def whitened(self, r: Float64Array) -> Float64Array:
-        """(3, N) of residuals (3, N), in standard deviations; 0 for points that do not count."""
+        """Residuals (3, N) in standard deviations; 0 for points that do not count."""
         a, b, c, d, e, f = self.factor
         y = np.empty_like(r)
         y[0] = r[0] * a
@@ -216,7 +216,7 @@ def _damped(information: Float64Array) -> Float64Array:
 
 
 def _twice(R: Float64Array) -> Float64Array:
-    """(6, 9) that makes of the entries of C (3, 3) those of R C R^T that count."""
+    """(6, 9) matrix from the entries of C (3, 3) to the distinct ones of R C R^T."""
     return np.asarray((R[_ROWS, :, None] * R[_COLUMNS, None, :]).reshape(6, 9))
 
 
@@ -259,13 +259,13 @@ def _fitted(
     for step in range(_REFINE_STEPS):
         if np.count_nonzero(fit.inliers) < parameters.min_inliers:
             break
-        # Huber's weights: what is far off, yet no outlier, counts by its distance only.
+        # Huber's weights: points far off that are not outliers count only linearly.
         weight = np.minimum(1.0, _HUBER_SIGMAS / np.maximum(fit.mahalanobis, 1e-9)) * fit.inliers
         change, information = gauss_newton(linear, fit.white, weight)
         change = np.clip(change, -10.0, 10.0)
         pose = Pose.from_rotvec(change[:3], change[3:]) @ pose
         if step == 0:
-            # From here on the pose changes too little to matter for the derivatives.
+            # From here on the pose changes too little to affect the derivatives.
             linear = linearised(points, pose, camera)
         fit = _judged(points, pose, linear, camera, parameters, _OUTLIER_SIGMAS)
         if step and change @ information @ change < _CONVERGED**2:
@@ -324,7 +324,7 @@ def _ransac(
     best, best_cost = start, float(_cost(squared, cap, weight)[0])
     tried = 0
     wanted = min(float(parameters.ransac_iterations), _samples(squared[0] <= cap, weight))
-    # Drawn by weight, so that a crowd of points on an obstacle is not drawn again and again.
+    # Drawn by weight, so that many points on one obstacle do not dominate the samples.
     drawn = np.cumsum(share[deep])
     while tried < wanted:
         chance = rng.random((batch, _SAMPLE)) * drawn[-1]
@@ -342,10 +342,10 @@ def _ransac(
 
 
 def _samples(explained: NDArray[np.bool_], weight: Float64Array) -> float:
-    """Number of samples needed to draw one without outliers, almost surely.
+    """Number of samples needed to draw one without outliers almost surely.
 
     Args:
-        explained: (K,) which judges the best pose so far explains. weight: (K,) of each.
+        explained: (K,) which of the judging points the best pose so far explains. weight: (K,).
     """
     share = float(explained @ weight / max(float(weight.sum()), 1e-9))
     miss = np.log1p(-min(share**_SAMPLE, 1 - 1e-9)) if share > 0 else -1e-9
@@ -353,10 +353,10 @@ def _samples(explained: NDArray[np.bool_], weight: Float64Array) -> float:
 
 
 def _cost(squared: Float64Array, cap: Float64Array, weight: Float64Array) -> Float64Array:
-    """(S,) of S poses: an outlier costs what the worst inlier costs (MSAC; Torr, Zisserman 2000).
+    """(S,) cost of S poses: an outlier costs as the worst inlier (MSAC; Torr, Zisserman 2000).
 
     Args:
-        squared: (S, K) residuals. cap: (K,) of the worst inlier; what has none does not count.
+        squared: (S, K) residuals. cap: (K,) of the worst inlier; not finite: does not count.
     """
     known = np.isfinite(cap)
     return np.asarray(np.minimum(squared, np.where(known, cap, 0.0)) @ (weight * known))
@@ -394,7 +394,7 @@ def _sampled(
         A = np.swapaxes(J, 1, 2) @ J
         A[:, range(6), range(6)] += _DAMPING + 1e-6 * A[:, range(6), range(6)]
         step = np.linalg.solve(A, np.einsum("sai,sa->si", J, r)[..., None])[..., 0]
-        # Three points nearly in a line turn anyhow; such samples lose, and must not overflow.
+        # Three nearly collinear points give arbitrary rotations; they lose, and must not overflow.
         step = np.clip(step, -1e3, 1e3)
         turn = rotation_matrix(step[:, :3])
         R, t = turn @ R, (turn @ t[..., None])[..., 0] + step[:, 3:]

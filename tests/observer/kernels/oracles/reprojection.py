@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer.geometry import Pose
 from observer.methods.rigid.dense.grid import Grid
 
-# Depths of less, relative to those of the cell itself, are behind the other camera.
+# Smaller depths, relative to that of the cell itself, count as behind the other camera.
 _LEAST_DEPTH = np.float32(0.05)
 
 
@@ -19,8 +19,8 @@ class Reprojected:
     """Places in another frame.
 
     Attributes:
-        disparity: (N,) px, that they should have there. at: (N,) index of the cell of each.
-        inside: (N,) True in the image; elsewhere the others are undefined.
+        disparity: (N,) px, expected there. at: (N,) index of the cell of each.
+        inside: (N,) True in the image; where False, the others are undefined.
     """
 
     disparity: NDArray[np.float32]
@@ -31,7 +31,7 @@ class Reprojected:
 def reproject(
     grid: Grid, T_other_camera: Pose, disparity: NDArray[np.float32], asked: NDArray[np.intp]
 ) -> Reprojected:
-    """Return where the places that cells ``asked`` (N,) of disparities (N,) px are in a frame."""
+    """Return where cells ``asked`` (N,), at their disparities, lie in another frame."""
     c, r = grid.camera, grid.reduction
     R = T_other_camera.rotation.astype(np.float32)
     # Places over their depth f B / d: the ray, and the translation times d / (f B).
@@ -50,5 +50,5 @@ def reproject(
 
 
 def slack_px(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.float32]:
-    """(N,) px: up to which disparities (N,) px that should be equal may differ."""
+    """(N,) px by which disparities (N,) px that should be equal may differ."""
     return np.asarray(np.float32(0.6) * grid.reduction + np.float32(0.03) * disparity, np.float32)

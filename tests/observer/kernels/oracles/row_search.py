@@ -22,7 +22,7 @@ def search_rows(
     column = np.minimum(column, first.shape[1] - side)
     row = np.minimum(row, first.shape[0] - side)
     block = _windows(first, row, column, side, side).astype(np.int64)
-    # Number d of the strip's blocks has the disparity count - d.
+    # Block d of the strip has the disparity count - d.
     strip = _windows(second, row, column, side, side + count).astype(np.int64)
     cost = np.stack(
         [np.abs(block - strip[:, :, d : d + side]).sum(axis=(1, 2)) for d in range(count + 1)],
@@ -38,7 +38,7 @@ def _windows(
     height: int,
     width: int,
 ) -> NDArray[np.uint8]:
-    """(N, height, width): what lies right of and below N pixels."""
+    """(N, height, width) windows to the right of and below N pixels."""
     return np.lib.stride_tricks.sliding_window_view(image, (height, width))[row, column]
 
 
@@ -49,7 +49,7 @@ def _best(
     uniqueness: np.float32,
     least_gap: np.float32,
 ) -> NDArray[np.float32]:
-    """(N,) px disparity of least cost (N, D), by a parabola; NaN if not unique or outside.
+    """(N,) px disparity of least cost (N, D), refined by a parabola; NaN if ambiguous or outside.
 
     Args:
         cost: of the disparities D - 1, ..., 0 in the smaller image.
@@ -67,7 +67,7 @@ def _best(
     after = cost[number, np.minimum(best + 1, last)].astype(np.float32)
     bend = np.maximum(before + after - 2 * least, 1)
     between = np.clip((before - after) / (2 * bend), -0.5, 0.5)
-    # The first and the last have a neighbour on one side only, and no parabola.
+    # The first and the last have a neighbour on one side only, hence no parabola.
     between[(best == 0) | (best == last)] = 0
     disparity = reduction * (last - best - between)
     return np.where(unique & (disparity <= u), disparity, np.nan).astype(np.float32)

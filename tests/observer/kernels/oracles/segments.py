@@ -20,7 +20,7 @@ _BESIDE_CELLS = 3
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What segments are found in, (h, w) each, and pixels per cell."""
+    """Images (h, w) in which segments are found, and pixels per cell."""
 
     disparity: NDArray[np.float32]
     evidence: NDArray[np.uint8]
@@ -31,7 +31,7 @@ class Scene:
     thickness: float
 
     def tolerance(self, disparity: float) -> float:
-        """Return by how many px of disparity parts of one body may differ."""
+        """Return the px of disparity by which parts of one body may differ."""
         return max(self.least_tolerance, disparity * disparity * self.thickness)
 
 
@@ -46,7 +46,7 @@ class Described:
 
 
 def window_of(mask: Mask, more: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of a mask (h, w), and so many around them."""
+    """Rows and columns of a mask (h, w), extended by ``more`` cells on each side."""
     column, row, width, height = cv2.boundingRect(mask.view(np.uint8))
     h, w = mask.shape
     return (
@@ -56,7 +56,7 @@ def window_of(mask: Mask, more: int = 0) -> tuple[slice, slice]:
 
 
 def grown(scene: Scene, free: Mask, seed: Mask, may_be_static: Mask, disparity: float) -> Mask:
-    """(h, w) the free cells of the seed's depth that hang together with it."""
+    """(h, w) the free cells at the seed's depth that are connected to it."""
     off = np.abs(scene.disparity - np.float32(disparity))
     alike = free & (off < np.float32(scene.tolerance(disparity)))
     alike &= (scene.evidence != STATIC) | may_be_static

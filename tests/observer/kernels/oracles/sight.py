@@ -15,7 +15,7 @@ def sighting(
     T_world_camera: Pose,
     camera: StereoCamera,
 ) -> tuple[Float64Array, Float64Array]:
-    """Place (3,) m, world, of what is seen at a pixel (2,), and a covariance (3, 3).
+    """Place (3,) m, world, of a thing seen at a pixel (2,), and its covariance (3, 3).
 
     Args:
         sigmas: (3,) standard deviations across the line of sight, down and along it.

@@ -13,7 +13,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """What Lucas-Kanade says of N points: (N, 2) px, (N,) not 0 if found, (N,) quality."""
+    """Lucas-Kanade's result for N points: (N, 2) px, (N,) status, 0 if lost, (N,) quality."""
 
     px: Singles
     status: NDArray[np.uint8]
@@ -25,7 +25,7 @@ class Flow:
 
     @property
     def known_quality(self) -> Singles:
-        """Quality; 0 of lost points."""
+        """Quality, 0 for lost points."""
         return np.where(self.found, self.quality, np.float32(0))
 
 
@@ -39,7 +39,7 @@ def returned(
     back_px: float,
     max_error: float,
 ) -> tuple[Flags, Singles, Singles]:
-    """(N,) which points passed, (N,) grey levels of difference, (N,) grey levels/px of texture."""
+    """(N,) which points passed, (N,) difference in grey levels, (N,) texture in grey levels/px."""
     difference = there.known_quality
     texture = np.sqrt(np.maximum(back.known_quality, 0) * np.float32(unit))
     found = there.found & back.found & inside(there.px, size, margin)
@@ -56,7 +56,7 @@ def on_the_row(
     row_px: float,
     max_error: float,
 ) -> tuple[Singles, Singles]:
-    """(N, 2) pixels in the right image, NaN without a match, and (N,) grey levels."""
+    """(N, 2) pixels in the right image, NaN without a match, and (N,) difference in grey levels."""
     difference = flow.known_quality
     good = np.isfinite(expected_disparity) & flow.found & (difference <= max_error)
     good &= np.abs(flow.px[:, 1] - px[:, 1]) <= row_px
@@ -79,7 +79,7 @@ def around_the_circle(
     factor: float,
     floor: float,
 ) -> tuple[Singles, Singles]:
-    """(N, 2) pixels in the right image, and (N, 2) one standard deviation in both."""
+    """(N, 2) pixels in the right image, and (N, 2) standard deviations in both images."""
     right = np.full((len(difference), 2), np.nan, np.float32)
     unlike = np.zeros(len(difference), np.float32)
     right[at], unlike[at] = matched, mismatch

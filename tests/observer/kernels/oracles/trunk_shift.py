@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.robust import MAD_TO_SIGMA, median
 
-# Robust mean: weights fall from so many deviations on, and a point that is farther off has another
-# place from now on. The noise of points on one body is alike by this share.
+# Robust mean: deviations from which weights fall, and beyond which a point starts from a new
+# place. The noise of points on one body is correlated by ``_CORRELATED``.
 _FULL_SIGMAS, _LEAVE_SIGMAS = 2.0, 4.0
 _STEPS = 3
-# Most of a sighting's error the same point repeats in the next frame: two differ by less.
+# A point repeats most of its error in the next frame, so two sightings differ by less.
 _LEAST_SCALE = 0.3
 _CORRELATED = 0.1
 
@@ -28,7 +28,7 @@ def trunk_shift(
     variance_before: Float64Array,
     least: int,
 ) -> tuple[Float64Array, NDArray[np.int64], float, float]:
-    """Tell how far points went along the line of sight, see the kernel."""
+    """Return how far points went along the line of sight, see the kernel."""
     variance = np.einsum("i,nij,j->n", ahead, np.linalg.inv(information), ahead)
     _, now, then = np.intersect1d(number, number_before, assume_unique=True, return_indices=True)
     before = np.full(len(number), -1)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 Mask = NDArray[np.bool_]
 Weights = NDArray[np.float32]
 
-# Share of what is known around a plain region that must stand, around it all and nearby.
+# Share of the known surroundings of a plain region that must be static: overall, and nearby.
 _STANDING_AROUND, _STANDING_NEARBY = 0.8, 0.5
-# Share of a plain region's border that must be known to stand.
+# Share of a plain region's border that must be known to be static.
 _KNOWN_BORDER = 0.25
 
 
@@ -35,7 +35,7 @@ def told_by_points(
     dynamic: Mask,
     least: np.float32,
 ) -> tuple[Weights, Weights, Weights]:
-    """Shares (rows, columns) with what points in rows (N,) and columns (N,) tell."""
+    """Shares (rows, columns) updated with the points in rows (N,) and columns (N,)."""
     rows, columns = at
     still, moving = np.zeros(known.shape, np.bool_), np.zeros(known.shape, np.bool_)
     still[rows[~dynamic], columns[~dynamic]] = True
@@ -46,10 +46,10 @@ def told_by_points(
 
 
 def background(plain: Mask, stands: Weights, moves: Weights, fits: tuple[int, int]) -> Mask:
-    """Cells (rows, columns) of plain regions around which nearly all that is known stands.
+    """Cells (rows, columns) of plain regions whose known surroundings are nearly all static.
 
     Args:
-        fits: rows and columns of the window of a person.
+        fits: rows and columns of the window that a person fills.
     """
     count, labels = cv2.connectedComponents(plain.view(np.uint8), connectivity=4)
     rows, columns = labels.shape
@@ -71,7 +71,7 @@ def background(plain: Mask, stands: Weights, moves: Weights, fits: tuple[int, in
 
 
 def fills(cells: Mask, fits: tuple[int, int], share: float) -> bool:
-    """True if the cells (rows, columns) fill this share of any window of so many rows, columns."""
+    """True if the cells (rows, columns) fill this share of any window of ``fits`` rows, columns."""
     rows, columns = min(fits[0], cells.shape[0]), min(fits[1], cells.shape[1])
     total = np.pad(cells.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     inside = total[rows:, columns:] - total[:-rows, columns:]

@@ -18,7 +18,7 @@ VIEW = GroundView(FLOOR, Pose.identity(), CAMERA)
 
 
 def box_at(ahead: float, nearer: float) -> tuple[RayPoints, np.ndarray]:
-    """A dark box on the ground, whose points seem ``nearer`` times nearer than they are."""
+    """A dark box on the ground whose points appear ``nearer`` times nearer than they are."""
     foot = FLOOR.axes @ [0.0, ahead] + FLOOR.depth * FLOOR.down
     u, v = CAMERA.project(foot)[0]
     half, tall = 0.2 * 443 / ahead, 0.3 * 443 / ahead

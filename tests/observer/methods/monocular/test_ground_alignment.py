@@ -1,4 +1,4 @@
-"""The camera's way by the look of a tiled ground that is drawn pixel by pixel."""
+"""The camera's motion from images of a tiled ground that is drawn pixel by pixel."""
 
 from __future__ import annotations
 
@@ -114,14 +114,14 @@ def test_a_map_that_is_too_large_is_told_so_and_the_next_mark_made() -> None:
 def test_what_contradicts_the_points_is_not_taken_for_the_ground() -> None:
     ground = ground_of(0.5, 15.0)
     odometer = GroundOdometer(drawn(ground, Pose.identity()), Pose.identity(), ground, CAMERA)
-    # By the points the camera stands, and surely so.
+    # According to the points, the camera certainly stands still.
     now = drawn(ground, driven(ground, 0.025))
     assert odometer.measured(now, Pose.identity(), 1e-8 * np.eye(6)) is None
     assert not odometer.sees
 
 
 def begun(true_ahead: float, told_ahead: float) -> Initialization | None:
-    """The start over the ground with 150 points 2 to 5 m away."""
+    """The initialization over the ground with 150 points 2 to 5 m away."""
     ground = ground_of(0.5, 15.0)
     rng = np.random.default_rng(8)
     px = (rng.uniform(0, 1, (150, 2)) * [256, 192]).astype(np.float32)
@@ -146,7 +146,7 @@ def test_points_start_with_depth_over_the_way_that_the_ground_tells() -> None:
 
 
 def test_what_drives_ahead_is_not_taken_for_the_ground() -> None:
-    # A robot that fills the ground and drives faster: by it the camera goes back.
+    # A robot covers the ground and drives faster: relative to it the camera moves backwards.
     assert begun(0.1, -0.1) is None
 
 

@@ -45,7 +45,7 @@ def test_the_foot_of_a_known_box_is_found_and_placed(ahead: float) -> None:
     placed = ground_place((u, v), (1.0, 1.0), VIEW)
     assert placed is not None
     np.testing.assert_allclose(placed[0], (0.3, ahead), atol=1e-6)
-    # A row is worth r^2 / (f h) metres along the line of sight.
+    # One row corresponds to r^2 / (f h) metres along the line of sight.
     assert np.sqrt(placed[1][1, 1]) == pytest.approx(ahead**2 / (443 * 0.4), rel=0.15)
 
 

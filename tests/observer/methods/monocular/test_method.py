@@ -1,4 +1,4 @@
-"""One camera on simulated frames: what it finds, what it refuses, and what it must not look at."""
+"""One camera on simulated frames: what it finds, what it refuses, and what it must not use."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def seen(lateral: list[StereoFrame]) -> list[Observation]:
 
 
 def way_share(seen: Sequence[Observation], frames: Sequence[StereoFrame]) -> float:
-    """How long the way of the last frames is against the true one."""
+    """Length of the path over the last frames relative to the true one."""
     start, end = COUNT - 10, COUNT - 1
     poses = [seen[k].T_world_camera for k in (start, end)]
     true = [TRUTH.camera_pose(frames[k].time) for k in (start, end)]
@@ -114,7 +114,7 @@ def test_the_height_above_the_floor_alone_tells_metres(lateral: list[StereoFrame
 
 @pytest.fixture(scope="module")
 def bare() -> list[StereoFrame]:
-    """The same robot on plain tiles: nothing but joints on the ground."""
+    """The same robot on plain tiles: the ground shows only joints."""
     text = "based_on: lateral\ntitle: x\nhelp: x\ntexture: {share_without: 1.0, robot: dark}\n"
     return without_odometry(read(SimulatedSource(World(scenario_from_text(text, "x"), 3)), COUNT))
 
@@ -150,7 +150,7 @@ def test_a_ground_without_any_joint_is_told_not_to_show_the_scale(
 def test_odometry_alone_tells_metres(lateral: list[StereoFrame]) -> None:
     seen = observe(lateral, mount=None)
     assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
-    # Nothing tells where the ground is, on which obstacles stand.
+    # The ground on which obstacles stand is unknown.
     assert not any(s.obstacles for s in seen)
 
 

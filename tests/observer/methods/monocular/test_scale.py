@@ -19,7 +19,7 @@ MOUNT = CameraMount(0.4, np.radians(5))
 
 
 def planted(seed: int, enlarged: float, floor_share: float = 0.6) -> RayPoints:
-    """Points on the ground and on things that stand on it, of a map enlarged by a factor."""
+    """Points on the ground and on things standing on it, in a map enlarged by a factor."""
     rng = np.random.default_rng(seed)
     rays = np.column_stack([rng.uniform(-0.5, 0.5, 200), rng.uniform(0.0, 0.28, 200), np.ones(200)])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -67,7 +67,7 @@ def test_odometry_gives_the_scale_once_the_way_is_long_enough() -> None:
     assert told is not None
     assert np.exp(told[0]) == pytest.approx(2)
     assert told[1] >= 0.02
-    # A turn moves the camera about an axle whose place is not known well.
+    # A turn moves the camera about an axle whose place is uncertain.
     turning = odometry_scale(0.15, 0.30, 0.2, 0.02)
     assert turning is not None
     assert turning[1] > told[1]

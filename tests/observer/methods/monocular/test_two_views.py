@@ -10,7 +10,7 @@ CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 
 
 def views(T: Pose, seed: int = 0, moving: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lines of sight of points in a room before and after ``T_second_first``, and distances."""
+    """Lines of sight to points in a room before and after ``T_second_first``, and distances."""
     rng = np.random.default_rng(seed)
     p = np.column_stack([
         rng.uniform(-2, 2, 150), rng.uniform(-1, 0.4, 150), rng.uniform(2, 7, 150)

@@ -1,4 +1,4 @@
-"""Points that belong together, and the place, box and velocity they have together."""
+"""Points that belong together, and their common position, box and velocity."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def test_unseen_turning_makes_the_velocity_less_certain_but_not_less_significant
 
 
 def test_points_of_which_none_moves_as_the_middle_one_does_are_all_kept() -> None:
-    # Each is far from the middle along one axis, along which the others agree.
+    # Each is far from the median along one axis, on which the others agree.
     velocity = np.repeat(5.0 * np.eye(3), 3, axis=0)
     (found,) = detect(motions(blob((0, 0, 2), 9), velocity, sigma=1e-3))
     assert found.points == 9

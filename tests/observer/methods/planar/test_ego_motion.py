@@ -23,7 +23,7 @@ HOMOGRAPHY = np.array([[1.01, 0.02, -3.0], [-0.015, 0.99, 2.0], [2e-5, -1e-5, 1]
 
 
 def mapped(H: np.ndarray, count: int, outliers: int, noise: float = 0.2, seed: int = 0) -> Matches:
-    """Matches that follow H, the first ``outliers`` of them an obstacle's."""
+    """Matches that follow H; the first ``outliers`` are on an obstacle."""
     rng = np.random.default_rng(seed)
     previous = rng.uniform((0, 0), (511, 255), (count, 2))
     current = map_pixels(H, previous) + rng.normal(0, noise, (count, 2))
@@ -53,7 +53,7 @@ def test_it_keeps_the_contract_and_says_that_the_pose_is_unknown() -> None:
 
 
 def prediction_covariance(ego: PlanarEgoMotion, px: np.ndarray) -> np.ndarray:
-    """Covariance (2, 2) px^2 of ``predict`` at a pixel (1, 2), by that of the parameters."""
+    """Covariance (2, 2) px^2 of ``predict`` at a pixel (1, 2), from that of the parameters."""
     assert ego.homography is not None
     assert ego.covariance is not None
     step = 1e-7
@@ -99,7 +99,7 @@ def test_equal_input_and_seed_give_equal_results(model: str) -> None:
 
 
 def rigid_matches(T_current_previous: Pose, seed: int = 0) -> tuple[Matches, np.ndarray]:
-    """A wall at 3 m and things before it, seen before and after the camera moved."""
+    """A wall at 3 m and things in front of it, seen before and after the camera moved."""
     rng = np.random.default_rng(seed)
     px = rng.uniform((0, 0), (511, 255), (300, 2))
     depth = np.where(rng.uniform(size=300) < 0.7, 3.0, rng.uniform(2.0, 2.8, 300))
@@ -233,6 +233,6 @@ def test_the_poses_covariance_tells_its_scatter() -> None:
         poses.append(np.concatenate([error.rotvec, error.translation]))
         stated.append(np.sqrt(np.diag(ego.pose_covariance)))
     ratio = np.std(poses, axis=0) / np.mean(stated, axis=0)
-    # The noise of depth is not in the model of PnP, only its traces in the residuals.
+    # PnP does not model the noise of depth; only its effect on the residuals counts.
     assert (ratio > 0.5).all()
     assert (ratio < 2.0).all()

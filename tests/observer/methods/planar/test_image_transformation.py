@@ -1,4 +1,4 @@
-"""Both images of t+dt come back into the frame of t."""
+"""Both images of t+dt are mapped back into the frame of t."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def smooth(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 def test_the_image_at_t_comes_back(H: np.ndarray) -> None:
     v, u = np.mgrid[0:256, 0:512].astype(float)
     at_t = smooth(u, v)
-    # What is at px in the frame of t is at H px in the frame of t+dt.
+    # A point at px in the frame of t is at H px in the frame of t+dt.
     back = map_pixels(np.linalg.inv(H), np.stack([u, v], -1).reshape(-1, 2)).reshape(256, 512, 2)
     later = np.rint(smooth(back[..., 0], back[..., 1])).astype(np.uint8)
     right = cv2.flip(later, 0)

@@ -1,4 +1,4 @@
-"""Matching by feature values and by tracking, against a known shift of the image."""
+"""Matching by descriptors and by tracking, against a known shift of the image."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHIFT = np.array([7.0, -4.0])
 
 @pytest.fixture(scope="module")
 def pair() -> tuple[np.ndarray, np.ndarray]:
-    """The second image is the first, moved by SHIFT, with noise of its own."""
+    """The second image is the first shifted by SHIFT, with independent noise."""
     rng = np.random.default_rng(5)
     noise = rng.integers(0, 256, (300, 560)).astype(np.uint8)
     scene = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2), None, 0, 255, cv2.NORM_MINMAX)
@@ -60,7 +60,7 @@ def test_ratio_and_cross_check_refuse_what_is_ambiguous(
     )
     assert len(strict) < len(loose)
     assert right(strict).mean() > right(loose).mean()
-    # One to one only with the cross check.
+    # Only the cross check makes matches one to one.
     assert len(np.unique(strict.current, axis=0)) == len(strict)
     assert len(np.unique(loose.current, axis=0)) < len(loose)
 

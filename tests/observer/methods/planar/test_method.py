@@ -1,4 +1,4 @@
-"""The published method, whole, on rendered stereo with known motion."""
+"""The whole published method on rendered stereo with known motion."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def test_a_moving_board_is_confirmed_as_the_model_sees_it(
         (o,) = board
         assert o.state is TrackState.CONFIRMED
         assert o.velocity is not None
-        # By the affine model the board, at half the wall's distance, seems to move with the
-        # camera's velocity times (2 m / 4 m - 1): its weakness, and part of its stated error.
+        # With the affine model the board, at half the wall's distance, appears to move with the
+        # camera's velocity times (2 m / 4 m - 1): a weakness that its stated error includes.
         assert o.velocity[0] == pytest.approx(0.4 - camera[0] / 2, abs=0.06)
         assert abs(o.velocity[1]) < 0.06
         assert o.velocity_cov is not None
@@ -78,7 +78,7 @@ def test_every_step_is_kept_in_the_trace_and_fits_the_others() -> None:
 
 
 def test_velocity_is_the_raw_displacement_over_dt_and_tracking_only_numbers_it() -> None:
-    """What is reported follows each frame's detection; nothing is filtered over time."""
+    """Reports follow each frame's detection; nothing is filtered over time."""
     observer = Observer(CALIBRATION, preset("paper"))
     sequence = frames(8)
     observe_all(observer, sequence[:7])

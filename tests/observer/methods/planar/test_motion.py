@@ -1,4 +1,4 @@
-"""From displacements in the images to velocities, exactly as the geometry has it."""
+"""From image displacements to velocities, exactly by geometry."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def all_dynamic(before: np.ndarray, after: np.ndarray) -> ResidualFlow:
 def displaced(
     points: np.ndarray, velocity: np.ndarray, dt: float
 ) -> tuple[ResidualFlow, np.ndarray, np.ndarray]:
-    """The flow and disparities of points that move, before a camera that stands still."""
+    """The flow and disparities of moving points, seen by a static camera."""
     px, d = CAMERA.project(points)
     px_after, d_after = CAMERA.project(points + velocity * dt)
     return all_dynamic(px, px_after), d, d_after
@@ -62,7 +62,7 @@ def test_only_dynamic_points_with_depth_within_limits_are_measured() -> None:
     points = np.array([[0, 0, 2.0], [0, 0, 2.0], [0, 0, 2.0], [0, 0, 2.0], [0, 0, 2.0]])
     flow, d, d_after = displaced(points, np.array([0.3, 0, 0]), 0.1)
     flow.dynamic[0] = False
-    d, d_after = d[1:], d_after[1:]  # of the dynamic ones only
+    d, d_after = d[1:], d_after[1:]  # only those of the dynamic points
     d[0] = np.nan
     d_after[1] = np.nan
     d[2] = d_after[2] = 0.5  # 106 m
@@ -74,7 +74,7 @@ def test_only_dynamic_points_with_depth_within_limits_are_measured() -> None:
 
 
 def test_the_points_of_now_are_where_the_camera_of_now_sees_them() -> None:
-    """The transformed pair's coordinates are taken back to the pair that was really seen."""
+    """The transformed pair's coordinates are mapped back to the pair that was really seen."""
     point_now = np.array([[0.3, -0.2, 2.5]])
     px_now, d_now = CAMERA.project(point_now)
     right_now = px_now - [[d_now[0], 0]]
@@ -152,7 +152,7 @@ def test_no_dynamic_points_and_a_lost_motion() -> None:
 
 
 def test_the_poses_covariance_becomes_the_model_errors() -> None:
-    """Sideways doubt of 1 mm in the camera's place is 1 mm of displacement, whatever the depth."""
+    """A sideways camera uncertainty of 1 mm gives 1 mm of displacement at any depth."""
     point = np.array([[0.4, 0.2, 2.5]])
     flow, d, d_after = displaced(point, np.array([0.3, 0, 0]), 0.1)
     pose = Pose.identity()

@@ -18,7 +18,7 @@ TIME = 3.0
 
 
 def track(**changes: Any) -> Track:
-    """An obstacle 2 m ahead of the camera that moves to the camera's right at 0.5 m/s."""
+    """An obstacle 2 m ahead of the camera that moves to its right at 0.5 m/s."""
     detection = Detection(
         position=np.array([0.0, 0.0, 2.0]),
         position_cov=np.diag([1e-4, 1e-4, 4e-4]),

@@ -1,4 +1,4 @@
-"""What still moves after the transformation, on images with a patch that moves by itself."""
+"""Residual flow after the transformation, on images with an independently moving patch."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from observer.parameters import FlowParameters
 
 
 def scene(move: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """A static background, and a patch (200..280, 100..160) that moves; noise in both images."""
+    """A static background and a moving patch (200..280, 100..160); noise in both images."""
     rng = np.random.default_rng(3)
     noise = rng.integers(0, 256, (2, 256, 512)).astype(np.uint8)
     background, patch = (
@@ -96,7 +96,7 @@ def test_no_usable_point_gives_an_empty_flow(points: np.ndarray) -> None:
 
 
 def test_along_a_straight_edge_nothing_is_followed() -> None:
-    """Only the part of a motion across an edge can be seen; corners say all of it."""
+    """Along an edge only the motion across it is observable; corners show all of it."""
     v, u = np.mgrid[0:256, 0:512]
     edges = (128 + 90 * np.sin((u + 0.3 * v) / 9)).astype(np.float64)
     rng = np.random.default_rng(0)

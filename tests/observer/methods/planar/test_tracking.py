@@ -1,4 +1,4 @@
-"""Identities over time: begun, confirmed, coasting, ended, kept apart."""
+"""Identities over time: started, confirmed, coasting, ended, kept apart."""
 
 from __future__ import annotations
 
@@ -145,10 +145,10 @@ def test_numbers_are_not_used_again() -> None:
 def test_only_what_is_confirmed_uses_up_a_number() -> None:
     run = Run(confirm_hits=3)
     fleeting = set()
-    for k in range(9):  # Each too far from the one before to be the same.
+    for k in range(9):  # Each is too far from the last one to be the same.
         fleeting |= {t.id for t in run.see(detection((3.0 * k, 0, 2)))}
     assert len(fleeting) == 9
-    assert max(fleeting) < -1  # -1 is no obstacle at all.
+    assert max(fleeting) < -1  # -1 means no obstacle.
     place = detection((0, 5, 2))
     numbers = [run.see(place)[-1].id for _ in range(5)]
     assert numbers[0] == numbers[1] < min(fleeting)

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.methods.rigid.point_motion import PooledMotion
 
-# How well a point's own velocity is known, m/s.
+# m/s, one standard deviation of a point's own velocity.
 SIGMA = 0.03
 
 
 def motion(
     places: Float64Array, velocity: Float64Array, sigma: float = SIGMA, window_s: float = 0.5
 ) -> PooledMotion:
-    """Points (N, 3) m that are known to move at (N, 3) m/s."""
+    """Motion of points (N, 3) m that are known to move at (N, 3) m/s."""
     count = len(places)
     velocity = np.broadcast_to(velocity, (count, 3)).astype(float)
     eye = np.broadcast_to(np.eye(3), (count, 3, 3))

@@ -70,7 +70,7 @@ class Plane:
     offset: float
 
     def depth(self, eye: Float64Array, rays: Float64Array) -> Float64Array:
-        """(h, w) as of ``Solid.depth``."""
+        """(h, w) as in ``Solid.depth``."""
         normal = np.asarray(self.normal)
         with np.errstate(divide="ignore"):
             found = (self.offset - float(normal @ eye)) / (rays @ normal)
@@ -96,7 +96,7 @@ def person(x: float, z: float) -> Solid:
 def disparity_of(
     shapes: Sequence[Shape], T_world_camera: Pose = HERE, grid: Grid = GRID
 ) -> NDArray[np.float32]:
-    """(h, w) px, exact; NaN where nothing is seen."""
+    """(h, w) px, exact; NaN where there is nothing."""
     depth = np.full(grid.shape, np.inf)
     for shape in shapes:
         depth = np.minimum(depth, _depth_of(shape, T_world_camera, grid))
@@ -106,7 +106,7 @@ def disparity_of(
 
 @lru_cache(maxsize=16)
 def _depth_of(shape: Shape, T_world_camera: Pose, grid: Grid) -> Float64Array:
-    """(h, w) metres; most tests ask for the same room several times."""
+    """(h, w) metres; cached, since most tests ask for the same room several times."""
     return shape.depth(T_world_camera.translation, _rays(T_world_camera, grid))
 
 
@@ -121,7 +121,7 @@ def _rays(T_world_camera: Pose, grid: Grid) -> Float64Array:
 def cells_of(
     shape: Shape, shapes: Sequence[Shape], T_world_camera: Pose = HERE
 ) -> NDArray[np.bool_]:
-    """(h, w) the cells at which one of the shapes is seen before the others."""
+    """(h, w) the cells in which this shape is seen in front of the others."""
     others = [s for s in shapes if s is not shape]
     behind = disparity_of(others, T_world_camera) if others else np.zeros(GRID.shape)
     here = disparity_of([shape], T_world_camera)
@@ -133,7 +133,7 @@ def seen(
     T_world_camera: Pose = HERE,
     evidence: NDArray[np.uint8] | None = None,
 ) -> DenseScene:
-    """The scene of these shapes; without evidence nothing can be said of motion."""
+    """The scene of these shapes; without evidence its motion is unknown."""
     disparity = disparity_of(shapes, T_world_camera)
     plane = Ground(GRID, MOUNT).plane(T_world_camera.inverse())
     near = near_enough(disparity, GRID)
@@ -159,7 +159,7 @@ def seen(
 
 
 def cells(scene: DenseScene, thing: Shape, *others: Shape) -> NDArray[np.bool_]:
-    """(h, w) where a thing is seen before the room and others, and stands."""
+    """(h, w) where a thing is seen in front of the room and others, and stands out."""
     return cells_of(thing, [*ROOM, thing, *others]) & scene.standing
 
 
@@ -172,7 +172,7 @@ def outline_of(thing: Solid, evidence: int | None = None) -> Outline:
     """The outline of a thing in a room.
 
     Args:
-        evidence: of its cells, while the room is static; none at all if left out.
+        evidence: of its cells, while the room is static; no evidence anywhere if left out.
     """
     shapes = [*ROOM, thing]
     mask = cells_of(thing, shapes)
@@ -191,13 +191,13 @@ def arrived(*things: Shape) -> DenseScene:
 
 
 def step_to(T_world_camera: Pose = HERE, dt: float = DT) -> CameraStep:
-    """A frame that ends at a pose, which is known well."""
+    """A camera step that ends at a precisely known pose."""
     covariance = np.eye(6) * 1e-12
     return CameraStep(CAMERA, T_world_camera.inverse(), covariance, CameraRate.still(), dt)
 
 
 class SolidView:
-    """Sees worlds of solids over time by their depth alone: no point is followed.
+    """Sees worlds of solids over time by depth alone: no points are tracked.
 
     Attributes:
         time: seconds. scene: of the newest frame. tracker: with its tracks.
@@ -215,7 +215,7 @@ class SolidView:
         return self.tracker.tracks
 
     def look(self, shapes: Sequence[Shape], T_world_camera: Pose = HERE) -> DenseScene:
-        """One frame more, without tracking."""
+        """Add a frame, without tracking."""
         self.time += DT
         bare = seen(shapes, T_world_camera)
         frame = DepthFrame(self.time, bare.disparity, T_world_camera.inverse())
@@ -225,7 +225,7 @@ class SolidView:
         return self.scene
 
     def step(self, shapes: Sequence[Shape], T_world_camera: Pose = HERE) -> list[BodyTrack]:
-        """One frame more; returns the tracks."""
+        """Add a frame; return the tracks."""
         scene, now = self.look(shapes, T_world_camera), step_to(T_world_camera)
         p = Parameters()
         motion = pooled_motion(self._points, now, p.evidence)
@@ -240,13 +240,13 @@ def tracked(
     scene: DenseScene,
     numbers: TrackIds | None = None,
 ) -> TrackedPoints:
-    """Find the tracks' segments in a scene, and new ones; points get to know where they are."""
+    """Find the tracks' segments in a scene, and new ones; points learn their places on them."""
     least = Parameters().obstacles.min_points
     return track_segments(tracks, points, scene, step_to(), numbers or TrackIds(), least)
 
 
 def outlined(guest: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
-    """The track of somebody who has just arrived, and the list that it is in."""
+    """The list of tracks, and in it the track of somebody who has just arrived."""
     tracks: list[BodyTrack] = []
     tracked(tracks, TrackedPoints.none(), arrived(guest), numbers)
     (host,) = tracks
@@ -254,7 +254,7 @@ def outlined(guest: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrac
 
 
 def points_on(*places: Float64Array) -> TrackedPoints:
-    """Points at groups of places (K, 3) m, of obstacles 1, 2, ... in turn."""
+    """Points at groups of places (K, 3) m, owned by obstacles 1, 2, ... in turn."""
     every = np.concatenate(places)
     px, disparity = CAMERA.project(every)
     px32 = px.astype(np.float32)

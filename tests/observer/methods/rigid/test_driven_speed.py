@@ -1,7 +1,7 @@
-"""Speeds of a robot that is driven as figure 17's programmes drive it, against the truth.
+"""Speeds of a robot driven by figure 17's programmes, against the truth.
 
-What a server with drive process and robots' firmware does is done here by the frames' clock, so
-that it is the same each time; ``dynamic-observer reproduce`` measures the whole.
+The work of the server, its drive process and the robots' firmware runs on the frames' clock here,
+so that it is reproducible; ``dynamic-observer reproduce`` measures the whole.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
 from observer.types import StereoFrame, TrackState
 
-# The paper's experiments are judged by this, m/s.
+# m/s: limit by which the paper's experiments are judged.
 RMSE_MPS = 0.03
-# When the obstacle, which crosses until then, is stopped, and when the programme begins, seconds.
+# Seconds: when the obstacle, crossing until then, is stopped, and when the programme starts.
 STOPPED_S, BEGINS_S = 2.6, 4.0
 SAME_M = 1.0
 
@@ -38,7 +38,7 @@ def driven(world: World, source: SimulatedSource, until_s: float) -> Iterator[St
     programme = load_profile("figure17_a")
     robots = SimulatedRobots(world, source)
     robots.serve()
-    # Their firmware, which goes by the wall clock, has no part in it.
+    # Their firmware runs on the wall clock, so it is left out.
     for serving in robots.servings.values():
         serving.close()
     time = 0.0
@@ -83,7 +83,7 @@ def test_speeds_are_right_while_a_robot_starts_stops_and_goes_to_and_fro(
                 errors.append(obstacle.speed - float(np.linalg.norm(body.velocity)))
                 bands.append(SIGMAS_95 * obstacle.speed_std)
                 names.add(obstacle.id)
-    # It is never lost, and stays who it is.
+    # It is never lost and keeps its id.
     assert len(names) == 1
     assert len(errors) >= 0.98 * seconds * source.info.frame_rate
     assert np.sqrt(np.mean(np.square(errors))) <= RMSE_MPS

@@ -1,4 +1,4 @@
-"""The camera's motion in space, from points whose places and sightings are made from it."""
+"""The camera's motion in space, from points and sightings generated from it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def seen(
 ) -> StaticScene:
     """Points of the world as a camera at the pose sees them, their places and pixels noisy.
 
-    ``noise`` and ``place_noise`` tell how large the errors are in units of what is stated.
+    ``noise`` and ``place_noise`` scale the errors relative to their stated deviations.
     """
     place = points_in_view(camera, count, rng, *depths)
     px, disparity = camera.project(place)
@@ -173,7 +173,7 @@ def test_two_fifths_of_the_points_may_move_together(
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_well_textured_obstacle_cannot_outvote_the_background(seed: int) -> None:
-    """Two thirds of the points are on it, but in few squares of the image."""
+    """Two thirds of the points are on it, but they cover few squares of the image."""
     rng = np.random.default_rng(seed)
     crowd = both(obstacle(rng, 160, (0.05, 0.0, 0.02)), seen(rng, 80))
     weight = density_weights(crowd.px.astype(np.float32), KltTrackingParameters(spacing_px=32))
@@ -314,7 +314,7 @@ def test_the_wheels_are_not_asked_where_most_points_agree() -> None:
     assert estimate_rigid_motion(scene, BEFORE, AFTER, LAB, P, 0, refuse).status is Status.OK
 
 
-# --- how sure it is ------------------------------------------------------------------------
+# --- uncertainty ---------------------------------------------------------------------------
 
 
 def nees(draws: int, count: int, parameters: EgoMotionParameters) -> Float64Array:
@@ -332,7 +332,7 @@ def nees(draws: int, count: int, parameters: EgoMotionParameters) -> Float64Arra
 
 
 DRAWS = 200
-# Bounds of the mean over the draws, each one's with six degrees of freedom, at 99.9 %.
+# 99.9 % bounds of the mean over the draws, each with six degrees of freedom.
 NEES_BOUNDS = np.asarray(chi2.ppf([0.0005, 0.9995], 6 * DRAWS)) / DRAWS
 
 
@@ -340,7 +340,7 @@ NEES_BOUNDS = np.asarray(chi2.ppf([0.0005, 0.9995], 6 * DRAWS)) / DRAWS
 def test_the_stated_covariance_is_that_of_the_errors(count: int) -> None:
     independent = P.model_copy(update={"noise_correlation": 0.0})
     mean = nees(DRAWS, count, independent).mean()
-    # What lies far off counts less and the worst not at all, which costs a little precision.
+    # Outlying points count less and the worst not at all, which costs a little precision.
     assert NEES_BOUNDS[0] < mean < 1.1 * NEES_BOUNDS[1]
 
 
@@ -381,7 +381,7 @@ def test_more_noise_than_stated_is_noticed_and_makes_it_less_sure(factor: float)
     assert quiet.residual_rms == pytest.approx(np.sqrt(3), rel=0.1)
     assert quiet.pose_covariance is not None
     stated = np.mean(stds) / np.sqrt(np.trace(quiet.pose_covariance))
-    # The worst are left out as outliers, so that the rest seems better than it is.
+    # The worst are rejected as outliers, so the rest seems better than it is.
     assert 0.65 * factor < stated < 1.2 * factor
 
 
@@ -406,7 +406,7 @@ def test_equal_input_and_frame_number_give_an_equal_result() -> None:
     assert first.pose_covariance is not None
     assert second.pose_covariance is not None
     np.testing.assert_array_equal(first.pose_covariance, second.pose_covariance)
-    # Other samples lead to the same place.
+    # Other samples lead to the same result.
     np.testing.assert_allclose(error_of(other), error_of(first), atol=3e-4)
 
 

@@ -1,4 +1,4 @@
-"""Motion in space on bad input: every result stays finite, faults are told, it recovers."""
+"""Motion in space on bad input: results stay finite, faults are reported, and it recovers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from observer.types import Observation, Status, StereoFrame, TrackState
 from ...conftest import Clip, OpenClip
 
 SPEC = "simulated:lateral?seed=11"
-# More of them, for those who changed what is done with bad frames: RIGID_FAULT_EXAMPLES=100.
+# After changing how bad frames are handled, try more: RIGID_FAULT_EXAMPLES=100.
 EXAMPLES = int(os.environ.get("RIGID_FAULT_EXAMPLES", "7"))
 RIGID = Parameters().changed({"ego_motion.model": "rigid"})
 PLANAR = Parameters().changed({"ego_motion.model": "affine"})
@@ -48,7 +48,7 @@ def black(frame: StereoFrame) -> StereoFrame:
 
 
 def numbers_of(value: Any) -> list[float]:
-    """Every number in a nest of dataclasses, arrays and sequences."""
+    """Every number in nested dataclasses, arrays and sequences."""
     if isinstance(value, np.ndarray):
         return value.astype(float).ravel().tolist()
     if isinstance(value, float | int | np.number):
@@ -63,7 +63,7 @@ def numbers_of(value: Any) -> list[float]:
 
 
 def check_sane(observation: Observation) -> None:
-    """What holds of every observation, whatever was put in."""
+    """Check what holds for every observation, whatever the input."""
     assert all(map(math.isfinite, numbers_of(observation)))
     json.dumps(observation_line(observation, tentative=True), allow_nan=False)
     assert observation.reasons or observation.status is Status.OK
@@ -103,7 +103,7 @@ def test_black_frames_are_a_loss_that_is_told_and_got_over(lateral: Clip, count:
         assert lost.status is Status.LOST
         assert any("black" in reason for reason in lost.reasons)
         assert lost.T_world_camera is None
-        # Who was there is still reported, though nobody knows where in the world.
+        # Known obstacles are still reported, but without a world position.
         (robot,), (known,) = lost.reported, seen[19].reported
         assert robot.id == known.id
         assert robot.state is TrackState.COASTING
@@ -120,7 +120,7 @@ def test_black_frames_are_a_loss_that_is_told_and_got_over(lateral: Clip, count:
     for after in seen[22 + count :]:
         assert after.status is Status.OK
         assert after.T_world_camera is not None
-    # The world and who is in it are the same as before.
+    # The world frame and the obstacles in it are the same as before.
     truth = lateral.truth.camera_pose(seen[-1].time)
     gap = seen[-1].T_world_camera.translation - truth.translation
     assert np.linalg.norm(gap) < 0.02
@@ -245,7 +245,7 @@ def test_reduced_processing_keeps_the_world_and_the_obstacles(lateral: Clip) -> 
     assert all(o.reported for o in seen[15:])
 
 
-# --- whatever comes ------------------------------------------------------------------------
+# --- arbitrary faults ----------------------------------------------------------------------
 
 KINDS = (
     "black", "white", "noise", "dark", "bright", "swapped", "frozen", "shifted", "one black",
@@ -262,7 +262,7 @@ def corrupted(kind: str, frame: StereoFrame, before: StereoFrame, seed: int) -> 
     if kind == "noise":
         return pair(frame, lambda image: rng.integers(0, 256, image.shape).astype(np.uint8))
     if kind == "dark":
-        # Unequally so in the two cameras.
+        # By a different factor in each camera.
         return pair(frame, lambda image: (image * rng.uniform(0.02, 0.6)).astype(np.uint8))
     if kind == "bright":
         gain = rng.uniform(1.3, 4)
@@ -306,7 +306,7 @@ def test_whatever_happens_to_frames_everything_told_is_finite(
             kind, seed = faults[k]
             frame = corrupted(kind, frame, frames[max(k - 1, 0)], seed)
         check_sane(observer.observe(frame))
-    # It recovers by itself.
+    # It recovers on its own.
     for frame in frames[14 : 14 + recover + 3]:
         last = observer.observe(frame)
         check_sane(last)
@@ -322,7 +322,7 @@ def test_after_any_fault_the_robot_is_found_again(lateral: Clip, kind: str) -> N
             frame = corrupted(kind, frame, frames[k - 1], k)
         observation = observer.observe(frame)
         check_sane(observation)
-    # A point or two that the fault misled may still seem to move.
+    # One or two points misled by the fault may still seem to move.
     assert all(reason.startswith("something may have started") for reason in observation.reasons)
     robots = [
         b for b in lateral.truth.bodies(observation.time) if b.role != "observer" and b.speed > 0.05

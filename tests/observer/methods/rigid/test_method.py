@@ -1,4 +1,4 @@
-"""Motion in space on simulated scenes: what is found, measured against what is true."""
+"""Motion in space on simulated scenes, measured against the ground truth."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from observer.types import MotionState, Observation, Status, StereoFrame, TrackS
 
 from ...conftest import Clip, OpenClip
 
-# The velocity of three coordinates lies within this squared Mahalanobis length by 95 %.
+# Squared Mahalanobis length within which 95 % of three-dimensional velocities lie.
 INSIDE = float(chi2.ppf(0.95, 3))
 LATERAL = ("simulated:lateral?seed=11", "simulated:lateral?seed=3")
-# Frames until a robot that starts with the scene is confirmed and up to its speed.
+# Frames until a robot that starts with the scene is confirmed and at full speed.
 SETTLED = 18
 
 Seen = Callable[..., list[Observation]]
@@ -28,7 +28,7 @@ Seen = Callable[..., list[Observation]]
 
 @pytest.fixture(scope="session")
 def seen(clip: OpenClip, rigid: Parameters) -> Seen:
-    """Gives what is observed in the first frames of a source; observed once for all tests."""
+    """Gives the observations of a source's first frames; cached for all tests."""
     kept: dict[tuple[str, int], list[Observation]] = {}
 
     def look(spec: str, count: int) -> list[Observation]:
@@ -66,7 +66,7 @@ def test_a_robot_that_crosses_is_found_with_the_velocity_it_has(
         assert np.linalg.norm(robot.position - truth.position) < 0.2
         gap = robot.velocity - truth.velocity
         assert np.linalg.norm(gap) < 0.05
-        # An uncertainty that says something: less than a third of the speed in any direction.
+        # A meaningful uncertainty: less than a third of the speed in any direction.
         assert np.sqrt(np.linalg.eigvalsh(robot.velocity_cov)[-1]) < 0.1
         inside.append(gap @ np.linalg.solve(robot.velocity_cov, gap) <= INSIDE)
         assert abs(robot.speed - truth.speed) < 4 * robot.speed_std
@@ -103,7 +103,7 @@ def test_the_camera_knows_its_way(spec: str, clip: OpenClip, seen: Seen) -> None
 @pytest.mark.parametrize("seed", [11, 5])
 def test_where_nothing_moves_but_the_camera_nothing_is_confirmed(seed: int, seen: Seen) -> None:
     for observation in seen(f"simulated:static_turning?seed={seed}", 50):
-        # Plain walls that have just come into view are not known to stand.
+        # Plain walls that have just come into view are not yet known to be static.
         blind = observation.unseen.reasons if observation.unseen else ()
         assert observation.reasons == blind or observation.frame == 0
         assert observation.reported == ()
@@ -205,7 +205,7 @@ def test_a_robot_that_stops_stays_known_as_stopped(clip: OpenClip, seen: Seen) -
 def test_cameras_that_expose_one_after_the_other_give_the_same_speed(
     seed: int, clip: OpenClip, rigid: Parameters, seen: Seen
 ) -> None:
-    """16 ms apart; whoever ignores it sees the robot at a wrong depth and too fast."""
+    """16 ms apart; ignoring that places the robot at a wrong depth and makes it too fast."""
     together = seen(f"simulated:lateral?seed={seed}", 45)
     here = clip(f"simulated:skew_16?seed={seed}", 45)
     assert here.frames[3].right_time == pytest.approx(here.frames[3].time + 0.016)
@@ -213,7 +213,7 @@ def test_cameras_that_expose_one_after_the_other_give_the_same_speed(
     ignoring = observed(here, rigid, lambda frame: replace(frame, right_time=None))
 
     def gaps(others: list[Observation]) -> tuple[np.ndarray, np.ndarray]:
-        """Of speed in standard deviations, and of distance in metres."""
+        """Differences of speed in standard deviations, and of distance in metres."""
         pairs = [
             (a.reported[0], b.reported[0])
             for a, b in zip(together[SETTLED:], others[SETTLED:], strict=True)
@@ -224,7 +224,7 @@ def test_cameras_that_expose_one_after_the_other_give_the_same_speed(
     speed, distance = gaps(skewed)
     assert np.abs(speed).max() < 2
     assert abs(np.mean(speed)) < 0.5
-    # The hidden side of the box is a guess that both make on their own.
+    # The hidden side of the box is a guess that differs between the two.
     off = abs(np.mean(distance))
     assert off < 0.08
     speed, distance = gaps(ignoring)

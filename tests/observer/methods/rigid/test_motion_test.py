@@ -1,4 +1,4 @@
-"""What counts as motion: rates of false alarms as declared, and motion no point shows alone."""
+"""The motion test: declared false-alarm rates, and motion that no single point shows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ quick = settings(deadline=None, max_examples=20)
 DT = 1 / 15
 STILL = np.zeros((6, 6))
 HERE = Pose.identity()
-# As a pose is known from frame to frame: rad and metres.
+# Rad and metres: typical frame-to-frame uncertainty of a pose.
 STEP_STD = np.array([2e-4, 2e-4, 2e-4, 1e-3, 1e-3, 1e-3])
 
 
@@ -50,7 +50,7 @@ def board(
     centre_px: tuple[float, float] = (256.0, 128.0),
     camera: StereoCamera = LAB,
 ) -> Float64Array:
-    """(N, 3) points of a flat board that faces the camera, as large as so many pixels."""
+    """(N, 3) points of a flat board that faces the camera, ``side_px`` pixels wide and high."""
     px = np.array(centre_px) + rng.uniform(-side_px / 2, side_px / 2, (count, 2))
     return camera.triangulate(px, np.full(count, camera.fx * camera.baseline / depth))
 
@@ -64,7 +64,7 @@ def alone(information: Float64Array, velocity: Float64Array) -> Float64Array:
 
 
 def ground(camera: StereoCamera, count: int, rng: np.random.Generator) -> Float64Array:
-    """(N, 3) points on a floor that begins 1 m and ends 8 m before a camera of 0.12 m."""
+    """(N, 3) points on a floor from 1 m to 8 m ahead of a camera with a baseline of 0.12 m."""
     px = rng.uniform((8, 8), (camera.width - 9, camera.height - 9), (count, 2))
     near, far = camera.baseline / 0.12, 8 * camera.baseline / 0.12
     steepness = (px[:, 1] - 8) / (camera.height - 17)
@@ -95,14 +95,14 @@ def alarm_rate(
 
 
 def likely(rate: float, draws: int) -> tuple[float, float]:
-    """Between these is the share of alarms in so many frames, but for one case in a thousand."""
+    """Bounds of the share of alarms in ``draws`` frames, exceeded once in a thousand cases."""
     low, high = np.asarray(binom.ppf([0.0005, 0.9995], draws, rate)) / draws
     return float(low), float(high)
 
 
 @pytest.mark.parametrize("rate", [0.05, 0.4])
 def test_false_alarms_come_at_the_declared_rate(rate: float) -> None:
-    """Where all that is assumed holds: independent errors, and nothing forgotten."""
+    """If all assumptions hold: independent errors, and nothing is forgotten."""
     draws = 120
     p = P.model_copy(
         update={"false_alarms_per_frame": rate, "noise_correlation": 0.0, "min_points": 1}
@@ -186,7 +186,7 @@ def test_around_what_moves_the_background_stays_static() -> None:
 
 
 def test_a_scene_in_motion_is_seen_by_any_pose_of_the_camera() -> None:
-    """World axes are not the camera's."""
+    """World axes differ from the camera's."""
     rng = np.random.default_rng(2)
     place, velocity = board(rng), np.array([0.2, 0.0, 0.1])
     straight = judged(watched(LAB, place, velocity, np.random.default_rng(3)))
@@ -210,7 +210,7 @@ def test_a_scene_in_motion_is_seen_by_any_pose_of_the_camera() -> None:
 
 
 def test_the_pose_s_error_does_not_average_away() -> None:
-    """However many points are pooled, what the camera's own motion leaves unknown remains."""
+    """However many points are pooled, the uncertainty of the camera's own motion remains."""
     step = np.diag((10 * STEP_STD) ** 2)
     spread = {}
     for count in (4, 100):
@@ -222,7 +222,7 @@ def test_the_pose_s_error_does_not_average_away() -> None:
         at = unsure.position[0]
         G = np.concatenate([-cross_matrix(at), np.eye(3)], axis=1)
         spread[count] = np.trace(added[0])
-        # At the very least as much as if the window were filled by independent steps.
+        # At least as much as if the window consisted of independent steps.
         floor = np.trace(G @ step @ G.T) / (DT * points.sums.window_s()[0])
         assert spread[count] > 0.9 * floor
         assert np.linalg.eigvalsh(added[0]).min() > 0
@@ -255,7 +255,7 @@ def test_a_stretched_edge_of_the_image_is_no_motion() -> None:
     assert not judged(points, camera=ROAD, rate=rate).dynamic.any()
     strict = P.model_copy(update={"distortion_sigma": 0.0})
     assert judged(points, camera=ROAD, rate=rate, parameters=strict).dynamic.any()
-    # A camera at rest, or what moves so fast in the middle, is another matter.
+    # With a camera at rest, or for such speeds in the middle of the image, it is motion.
     assert judged(points, camera=ROAD, rate=CameraRate.still()).dynamic.any()
     middle = board(rng, depth=12.0, side_px=50, count=20, centre_px=(600.0, 200.0), camera=ROAD)
     points = watched(ROAD, middle, P.distortion_sigma * passes, rng, frames=12)
@@ -276,7 +276,7 @@ def test_errors_that_neighbours_share_are_allowed_for() -> None:
 @quick
 @given(st.floats(0.05, 50.0))
 def test_only_the_images_decide_and_not_how_large_the_world_is(scale: float) -> None:
-    """The lab at 3 m and a road at 60 m, through a camera as many times as large."""
+    """The lab at 3 m and a road at 60 m, seen by a camera scaled by the same factor."""
     camera = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12 * scale)
     step = np.diag(STEP_STD**2 * [1, 1, 1, *[scale**2] * 3])
     rng = np.random.default_rng(5)
@@ -322,7 +322,7 @@ def test_the_same_parameters_see_the_lab_and_the_road(
     np.testing.assert_allclose(np.median(motion.velocity, axis=0), velocity, atol=0.25 * speed)
 
 
-# --- what is judged, and by whose evidence -------------------------------------------------
+# --- what is judged, and on which evidence ------------------------------------------------
 
 
 def test_points_seen_too_seldom_are_not_judged() -> None:
@@ -340,7 +340,7 @@ def test_points_seen_too_seldom_are_not_judged() -> None:
 
 
 def test_what_was_measured_at_one_instant_only_is_not_judged() -> None:
-    """Seen ever since, but without depth: what its sums differ by is rounding."""
+    """Seen ever since, but without depth: differences of its sums are rounding errors."""
     rng = np.random.default_rng(11)
     place = board(rng, count=400, side_px=200)
     points = watched(LAB, place, np.zeros(3), rng, frames=1)

@@ -1,4 +1,4 @@
-"""New points of images that were not exposed at the same time."""
+"""New points in images that were not exposed at the same time."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ CAMERA = StereoCamera(320, 160, 250.0, 250.0, 160.0, 80.0, 0.12)
 WALL = Texture(5, (160, 320))
 DISPARITY_PX = 20.0
 SKEW_S = 0.016
-# The camera slides along the wall, so that all of it moves through the image alike.
+# The camera slides along the wall, so that all of it moves uniformly in the image.
 RATE = CameraRate(np.zeros(3), np.array([0.6, 0.0, 0.0]))
 FLOW_PX_S = 0.6 * DISPARITY_PX / CAMERA.baseline
 
 
 def new_points(right_time: float | None, rate: CameraRate | None) -> TrackedPoints:
-    """Points of a wall that moves on before the right camera exposes."""
+    """Points of a wall that moves in the image before the right camera exposes."""
     seen_px = DISPARITY_PX - SKEW_S * FLOW_PX_S
     left, right = as_image(WALL.moved()), as_image(WALL.moved(-seen_px))
     view = View(0, 0.0, right_time, left, right)
@@ -37,7 +37,7 @@ def new_points(right_time: float | None, rate: CameraRate | None) -> TrackedPoin
 def test_new_points_have_the_disparity_of_the_left_exposure() -> None:
     points = new_points(SKEW_S, RATE)
     assert len(points) > 30
-    # The flow follows from the disparity as it was seen, so that a tenth of the skew remains.
+    # The flow is computed from the disparity as seen, so a tenth of the skew error remains.
     assert np.median(points.disparity) == pytest.approx(DISPARITY_PX, abs=0.2)
 
 

@@ -18,7 +18,7 @@ memories = st.floats(0.05, 20.0)
 
 
 def informations(rng: np.random.Generator, count: int) -> np.ndarray:
-    """(N, 3, 3) of any shape: deviations from a millimetre to half a metre, along any axes."""
+    """(N, 3, 3) random: deviations from a millimetre to half a metre, along any axes."""
     axes = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
     sigma = 10 ** rng.uniform(-3, -0.3, (count, 3))
     return (axes / sigma[:, None] ** 2) @ np.swapaxes(axes, 1, 2)
@@ -49,7 +49,7 @@ def by_least_squares(
 
 
 def excess_of(sums: PositionVelocityFilter) -> np.ndarray:
-    """(N,) by how much the sightings scatter more about a straight course than their noise."""
+    """(N,) factor by which the sightings scatter more about a straight course than their noise."""
     count = len(sums.count)
     return own_motion(
         np.full(count, 100), np.ones(count, np.bool_), sums.origin, sums.a0, sums.position_cov,
@@ -167,7 +167,7 @@ def test_a_new_velocity_takes_the_place_of_the_old_one() -> None:
 
 
 def test_the_stated_covariance_is_that_of_the_errors() -> None:
-    """Joint Mahalanobis lengths of position and velocity are those of chi-squared."""
+    """Joint squared Mahalanobis lengths of position and velocity follow chi-squared."""
     rng = np.random.default_rng(5)
     count, times = 3000, np.arange(7) * 0.07
     weight = informations(rng, 1)
@@ -188,7 +188,7 @@ def test_the_stated_covariance_is_that_of_the_errors() -> None:
 def test_the_excess_tells_how_much_noisier_the_sightings_are(
     factor: float, memory_s: float, most: float
 ) -> None:
-    """Where old sightings are forgotten it may tell somewhat too much, never too little."""
+    """If old sightings are forgotten, it may be somewhat too large, never too small."""
     rng = np.random.default_rng(6)
     count, times = 2000, np.arange(20) / 15
     places = rng.normal(0, 0.01 * factor, (20, count, 3)) + times[:, None, None]
@@ -240,7 +240,7 @@ def test_the_window_is_as_long_as_the_sightings_lie_apart() -> None:
     for _ in range(59):
         even = even.advanced(1 / 30, 1e9).with_sightings(places, weight)
     np.testing.assert_allclose(even.window_s(), 2.0, rtol=0.01)
-    # With a memory the weights fall exponentially, whose deviation is the memory itself.
+    # With a memory the weights fall exponentially, with the memory as standard deviation.
     fading = PositionVelocityFilter.begin(places, weight)
     for _ in range(600):
         fading = fading.advanced(0.01, 0.5).with_sightings(places, weight)

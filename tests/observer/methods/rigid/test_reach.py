@@ -1,4 +1,4 @@
-"""How far away moving obstacles are reported, on simulated scenes against the truth."""
+"""The distance at which moving obstacles are reported, on simulated scenes with ground truth."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ people:
 
 
 def reported(clip: Clip, parameters: Parameters) -> tuple[list[float], list[float]]:
-    """Distances ahead, metres: of moving bodies when they are reported, and when they are not."""
+    """Distances ahead, metres, of moving bodies: those reported, and those not reported."""
     assert clip.truth is not None
     observer = Observer(clip.calibration, parameters)
     found: list[float] = []
@@ -57,7 +57,7 @@ def reported(clip: Clip, parameters: Parameters) -> tuple[list[float], list[floa
 def test_a_short_baseline_sees_who_comes_closer_from_far_away(
     seed: int, clip: OpenClip, rigid: Parameters
 ) -> None:
-    """Four cells of disparity, from which on depth is precise, are only 3.4 m away there."""
+    """Four cells of disparity, needed for precise depth, reach only 3.4 m there."""
     found, _ = reported(clip(f"simulated:people_short_baseline?seed={seed}", 45), rigid)
     assert len(found) > 15
     assert max(found) > 4.5
@@ -67,7 +67,7 @@ def test_a_short_baseline_sees_who_comes_closer_from_far_away(
 def test_what_crosses_beyond_the_reach_of_segments_is_reported_by_its_points(
     seed: int, clip: OpenClip, rigid: Parameters, tmp_path: Path
 ) -> None:
-    """Four cells of disparity are 6.6 m away there."""
+    """Four cells of disparity reach 6.6 m there."""
     scenario = tmp_path / "far.yaml"
     scenario.write_text(FAR)
     found, missed = reported(clip(f"simulated:{scenario}?seed={seed}", 45), rigid)

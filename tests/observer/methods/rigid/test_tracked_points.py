@@ -1,4 +1,4 @@
-"""Followed points: what is known of each stays with it."""
+"""Tracked points: each keeps its own data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 
 
 def some(count: int, first_number: int = 0) -> TrackedPoints:
-    """Points whose every attribute tells their number."""
+    """Points whose every attribute encodes their number."""
     told = np.arange(first_number, first_number + count, dtype=np.float64)
     tall = np.broadcast_to(told[:, None, None] + 1, (count, 3, 3)) * np.eye(3)
     pairs = np.stack([told, told], axis=1).astype(np.float32)
@@ -31,7 +31,7 @@ def some(count: int, first_number: int = 0) -> TrackedPoints:
 
 
 def columns(points: TrackedPoints) -> dict[str, np.ndarray]:
-    """Every array that is kept, those of the sums among them."""
+    """Every array that is kept, including those of the sums."""
     kept = {f.name: getattr(points, f.name) for f in fields(TrackedPoints) if f.name != "sums"}
     return kept | {
         f"sums.{f.name}": getattr(points.sums, f.name) for f in fields(PositionVelocityFilter)

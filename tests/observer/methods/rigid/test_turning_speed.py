@@ -13,9 +13,9 @@ from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
 from observer.types import TrackState
 
-# rad/s, above which it turns.
+# rad/s: yaw rate above which the robot counts as turning.
 TURNS = 0.5
-# The simulated robot begins to turn from one frame to the next; by then that has been noticed.
+# The simulated robot starts to turn from one frame to the next; time allowed to notice that.
 NOTICED_S = 0.3
 SAME_M = 0.5
 VISIBLE = 0.5
@@ -27,7 +27,7 @@ VISIBLE = 0.5
     [
         (0, 0.02),
         pytest.param(1, 0.02, marks=pytest.mark.patient),
-        # It is lost from sight in one of the turns and found again by its edge.
+        # It goes out of sight in one of the turns and is found again by its edge.
         pytest.param(2, 0.045, marks=pytest.mark.patient),
         pytest.param(3, 0.025, marks=pytest.mark.patient),
     ],

@@ -1,4 +1,4 @@
-"""Where motion could not be noticed: image pairs whose plain, dark and near places are known."""
+"""Regions in which motion is undetectable: pairs with known plain, dark and near regions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ P = StereoParameters()
 SHAPE = (CAMERA.height, CAMERA.width)
 WALL, GUEST = Texture(1, SHAPE, finest_px=12.0), Texture(2, SHAPE, finest_px=12.0)
 CELL_PX = 16
-# Pixels of a patch on whole cells, as large as a person nearby, and its cells that are far enough
+# Pixels of a patch of whole cells, as large as a person nearby, and its cells that are far enough
 # from the texture around it.
 PATCH = (slice(64, 320), slice(240, 432))
 INSIDE = (slice(5, 19), slice(17, 25))
@@ -35,7 +35,7 @@ def nothing(left: Image, right: Image) -> None:
 
 
 def flat(level: float) -> Paint:
-    """A patch on the wall, of one tone and the camera's noise."""
+    """A patch on the wall with one tone and the camera's noise."""
 
     def paint(left: Image, right: Image) -> None:
         noise = np.random.default_rng(5)
@@ -47,7 +47,7 @@ def flat(level: float) -> Paint:
 
 
 def guest(disparity: int, part: tuple[slice, slice] = PATCH) -> Paint:
-    """Somebody in patterned clothes before the wall."""
+    """Somebody in patterned clothes in front of the wall."""
 
     def paint(left: Image, right: Image) -> None:
         rows, columns = part
@@ -59,7 +59,7 @@ def guest(disparity: int, part: tuple[slice, slice] = PATCH) -> Paint:
 
 
 def plain_guest(disparity: int, level: int = 230) -> Paint:
-    """Somebody in clothes of one tone before the wall."""
+    """Somebody in clothes of one tone in front of the wall."""
 
     def paint(left: Image, right: Image) -> None:
         rows, columns = PATCH
@@ -70,7 +70,7 @@ def plain_guest(disparity: int, level: int = 230) -> Paint:
 
 
 def view(index: int, paint: Paint, disparity: float = 10.0) -> View:
-    """A textured wall at 6 m, and what is painted before or on it."""
+    """A textured wall at 6 m, with ``paint`` applied on or in front of it."""
     left = as_image(WALL.moved(), 1.0, 3 * index)
     right = as_image(WALL.moved(-disparity), 1.0, 3 * index + 1)
     paint(left, right)
@@ -78,7 +78,7 @@ def view(index: int, paint: Paint, disparity: float = 10.0) -> View:
 
 
 def told(*paints: Paint, boxes: Sequence[Box] = ()) -> Unseen:
-    """What is told of the last of some views, 0.4 s apart, by a camera that stands."""
+    """The result for the last of several views, 0.4 s apart, from a static camera."""
     vision, regions = DenseVision(CAMERA, MOUNT), UnseenRegions(CAMERA)
     for index, paint in enumerate(paints):
         now = view(index, paint)
@@ -116,7 +116,7 @@ def test_a_patch_without_texture_is_unseen_where_it_is(level: float, cause: str)
 
 
 def test_a_plain_part_of_a_wall_that_stands_does_not_degrade_but_a_dark_one_does() -> None:
-    """Who walks before the wall shows an outline; in the dark there is none."""
+    """A person walking in front of the wall shows an outline; in the dark there is none."""
     assert not told(flat(120), flat(120)).hides_person
     dark = told(flat(6), flat(6))
     assert dark.hides_person
@@ -184,7 +184,7 @@ def test_boxes_may_reach_beyond_the_image() -> None:
 
 
 def seen_with(*, seeming: Sequence[Box] = (), reported: Sequence[Box] = ()) -> Unseen:
-    """What is told of the textured wall, all of which is seen, and of what is in these boxes."""
+    """The result for the fully visible textured wall with obstacles in these boxes."""
     now = view(0, nothing)
     scene = DenseVision(CAMERA, MOUNT).look(now, step_to(dt=0.4), P, 0.0)
     return UnseenRegions(CAMERA).look(now, scene, TrackedPoints.none(), reported, seeming, P)

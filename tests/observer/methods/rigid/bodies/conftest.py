@@ -1,4 +1,4 @@
-"""Tracks that are seen as outlines, and bodies of known points."""
+"""Fixtures: tracks seen as outlines, and bodies of known points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .planted_bodies import SIZE
 
 @pytest.fixture
 def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
-    """Gives a tentative track with an outline: after frames of either kind of evidence."""
+    """Gives a tentative track with an outline, after frames of either kind of evidence."""
 
     def make(
         velocity: tuple[float, float, float] = (0.5, 0.0, 0.0),
@@ -39,7 +39,7 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
 
 @pytest.fixture
 def box(planted: Any, points_on_a_box: Any) -> Any:
-    """Gives a box-shaped body of 60 points that moves as told."""
+    """Gives a box-shaped body of 60 points on a prescribed path."""
 
     def make(pose: Any, seed: int = 0, per_face: int = 15, **kinds: Any) -> Any:
         rng = np.random.default_rng(seed)
@@ -51,5 +51,5 @@ def box(planted: Any, points_on_a_box: Any) -> Any:
 
 @pytest.fixture
 def crate(box: Any) -> Any:
-    """One that stands."""
+    """A body that stands still."""
     return box(lambda _: ((0.9, 0.0, 3.5), 0.4), seed=9)

@@ -1,4 +1,4 @@
-"""Bodies of known points that move as told."""
+"""Prescribed paths for bodies of known points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One obstacle as a body: what its points do while its origin moves and turns."""
+"""One obstacle as a body: the motion of its points while its origin moves and turns."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ BOX = Box(OFFSET, SIZE, 0.4)
 
 @pytest.fixture
 def turning(make_track: MakeTrack) -> BodyTrack:
-    """Drives at 0.3 m/s, has turned by 0.5 rad and turns by 0.8 rad/s, not about its centre."""
+    """Drives at 0.3 m/s at a yaw of 0.5 rad and turns by 0.8 rad/s, not about its centre."""
     return make_track(yaw=0.5, yaw_rate=0.8, box=BOX)
 
 
 def soon(track: BodyTrack, dt: float) -> BodyTrack:
-    """The same body a little later, exactly: without noise on a circle."""
+    """The same body a little later, exactly: on a circle without noise."""
     later = track.filter
     for _ in range(20):
         later = later.predicted(dt / 20, (0, 0), (0, 0), None)
@@ -46,7 +46,7 @@ def test_the_centres_velocity_is_how_the_centre_moves(turning: BodyTrack) -> Non
     velocity, _ = turning.centre_velocity()
     moved = (soon(turning, 1e-4).centre - turning.centre) / 1e-4
     np.testing.assert_allclose(velocity, moved, atol=1e-4)
-    # which is not how its origin moves
+    # unlike its origin
     assert np.linalg.norm(velocity - turning.mean[3:6]) > 0.3
 
 
@@ -65,7 +65,7 @@ def test_the_lever_carries_the_turns_uncertainty_to_the_centre(make_track: MakeT
 
 
 def test_where_the_centre_is_matters_to_a_body_that_turns(make_track: MakeTrack) -> None:
-    """Its place is not known exactly: what turns has a less certain velocity, level only."""
+    """The centre is uncertain, so a turning body's velocity is less certain, horizontally only."""
     covs = [
         make_track(yaw_rate=rate, box=Box(np.zeros(3), SIZE, 0.0)).centre_velocity()[1]
         for rate in (0.0, 1.0)
@@ -102,7 +102,7 @@ def test_the_corners_are_those_of_the_box(turning: BodyTrack) -> None:
     np.testing.assert_allclose(corners.mean(axis=0), turning.centre)
     assert turning.contains(corners, 1e-9).all()
     assert not turning.contains(corners, -1e-3).any()
-    # Along its own axes, which point by its yaw and the box's heading, it is as large as the box.
+    # Along its own axes, given by its yaw and the box's heading, it is as large as the box.
     along = (corners - turning.centre) @ yaw_matrix(0.5 + 0.4)
     np.testing.assert_allclose(np.ptp(along, axis=0), SIZE)
 
@@ -146,7 +146,7 @@ def test_rebasing_moves_the_origin_to_the_centre_and_changes_nothing_else(
     np.testing.assert_allclose(turning.velocity_at(places), material)
     np.testing.assert_allclose(turning.local(places), local - offset)
     assert turning.mean[YAW] == 0.5
-    # The yaw's own error moves the lever too, which centre_velocity leaves out before.
+    # The yaw error also moves the lever, which centre_velocity ignored before rebasing.
     np.testing.assert_allclose(
         np.diag(turning.centre_velocity()[1]), np.diag(cov), rtol=0.25, atol=1e-6
     )
@@ -166,7 +166,7 @@ def test_rebasing_leaves_the_remembered_places_where_they_are(turning: BodyTrack
 
 
 def with_offset(track: BodyTrack) -> BodyTrack:
-    """Has an outline that was noted once, and remembers points."""
+    """Give the track an outline that was noted once."""
     track.outline = outline_of(Solid((0.0, 0.0, 4.0), (0.45, 1.2, 0.1)))
     track.outline.offsets["middle"] = np.array([0.1, 0.0, 0.0])
     return track
@@ -194,7 +194,7 @@ def test_a_stiffened_body_moves_as_its_points_do_and_forgets_how_it_was_measured
     assert track.filter is motion
     assert track.outline.offsets == {}
     assert track.shape.axis(track.yaw) is None
-    # it stays who it is
+    # it keeps its identity
     assert track.id == 1
 
 
@@ -207,7 +207,7 @@ def test_a_body_that_was_never_seen_as_an_outline_can_be_stiffened(turning: Body
 def test_the_box_of_a_body_that_is_not_seen_moves_with_its_prediction(
     make_track: MakeTrack,
 ) -> None:
-    """It is carried as its own place is, grows as it comes nearer, and leaves the image."""
+    """It moves with the predicted place, grows as that comes nearer, and leaves the image."""
     track = make_track((0.0, 0.0, 4.0), (1.0, 0.0, -1.0))
 
     def around() -> tuple[float, float, float, float]:

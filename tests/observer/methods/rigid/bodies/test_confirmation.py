@@ -1,4 +1,4 @@
-"""When a body is confirmed: by its outline, or by its points."""
+"""When a body is confirmed, by its outline or by its points."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
 def test_a_patch_of_noise_on_what_stands_is_nobody(
     guest: MakeTrack, against: str, height: float, state: TrackState
 ) -> None:
-    """What is as high as a part of a person may be one with a wall, or where it was before."""
+    """A patch the height of a body part may belong to a wall, or have been there before."""
     track = guest(arrived=3, height=height)
     segment = track.outline.segment
     on_wall = replace(segment, clear=0.0)
@@ -45,7 +45,7 @@ def test_a_patch_of_noise_on_what_stands_is_nobody(
 def test_a_patch_beside_somebody_nearer_is_nobody(
     guest: MakeTrack, side: int, height: float, state: TrackState
 ) -> None:
-    """Only one camera sees what is there; a person who passes behind is taller than that."""
+    """Only one camera sees that region; a person who passes behind is taller."""
     track = guest(arrived=3, height=height)
     cut = (side == 0, side == 1, False, False)
     track.outline.segment = replace(track.outline.segment, cut=cut)
@@ -53,7 +53,7 @@ def test_a_patch_beside_somebody_nearer_is_nobody(
 
 
 def test_who_waves_is_confirmed_as_a_thing_of_its_own(guest: MakeTrack) -> None:
-    """What flickers on a wall is none."""
+    """A flicker on a wall is not."""
     for clear, state in ((1.0, TrackState.CONFIRMED), (0.0, TrackState.TENTATIVE)):
         track = guest(STOOD)
         track.outline.segment = replace(track.outline.segment, apart=1.0, clear=clear)
@@ -64,7 +64,7 @@ def test_who_waves_is_confirmed_as_a_thing_of_its_own(guest: MakeTrack) -> None:
 
 
 def test_who_comes_out_of_hiding_needs_more_frames_and_a_surer_velocity(guest: MakeTrack) -> None:
-    """Of 3.9 standard deviations, and then of more than 16."""
+    """A velocity of 3.9 standard deviations is too little; one of more than 16 suffices."""
     for sigma, state in ((0.13, TrackState.TENTATIVE), (0.03, TrackState.CONFIRMED)):
         assert judged(guest(AWAY, uncovered=4, sigma=sigma)) is state
     assert judged(guest(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
@@ -77,7 +77,7 @@ def test_what_others_uncover_seems_to_move_across_and_is_not_confirmed(guest: Ma
 
 def test_an_outline_confirms_only_while_it_moves(guest: MakeTrack) -> None:
     for velocity in (STOOD, (P.stopped_below_mps / 2, 0.0, 0.0)):
-        # However surely it creeps.
+        # However certain it is that it creeps.
         track = guest(velocity, arrived=50, uncovered=50, sigma=1e-3)
         assert judged(track, 20) is TrackState.TENTATIVE
         assert track.motion is MotionState.STOPPED
@@ -104,7 +104,7 @@ def test_a_confirmed_one_stays_confirmed_when_it_stops(guest: MakeTrack) -> None
 
 
 def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: MakeTrack) -> None:
-    """Unless they are many, and stand out of the ground: reflections lie below it."""
+    """Unless they are many and stand above the ground: reflections lie below it."""
     for points, merged_s, stands, state in (
         (11, 0.1, True, TrackState.TENTATIVE),
         (11, 0.0, True, TrackState.CONFIRMED),
@@ -123,7 +123,7 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
 def test_points_of_what_is_one_with_its_surroundings_may_surely_cross_the_view(
     make_track: MakeTrack, velocity: tuple[float, float, float], crosses: bool
 ) -> None:
-    """They do not confirm it; and what comes straight on or creeps may be an edge that stands."""
+    """They do not confirm it; and one that comes straight on or creeps may be a static edge."""
     track = make_track((0.0, 0.0, 4.0), velocity)
     track.points, track.merged_s = 9, 0.1
     judged(track)
@@ -146,7 +146,7 @@ def test_what_is_farther_than_segments_is_confirmed_by_points_only_if_it_crosses
 
 
 def test_points_that_creep_where_something_was_before_confirm_nothing(guest: MakeTrack) -> None:
-    """A highlight on a chair, while the light changes; and a robot that drives slowly."""
+    """A highlight on a chair while the light changes, or a slow robot."""
     for speed, evidence, state in (
         (0.1, STATIC, TrackState.TENTATIVE),
         (0.25, STATIC, TrackState.CONFIRMED),
@@ -173,7 +173,7 @@ def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
     rigid: bool,
     state: TrackState,
 ) -> None:
-    """Who comes along the line of sight may fill for a while what was filled before."""
+    """Somebody coming along the line of sight may stay in formerly filled space for a while."""
     track = guest(velocity, evidence=evidence)
     track.points, track.rigid = 16, rigid
     assert judged(track, 5) is state
@@ -192,7 +192,7 @@ def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
 def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
     guest: MakeTrack, velocity: tuple[float, float, float], evidence: int, state: TrackState
 ) -> None:
-    """Unless it is fast, moves across the view, or enters what was free."""
+    """Unless it is fast, moves across the view, or enters free space."""
     for light, expected in ((STEADY, TrackState.CONFIRMED), (Light(flickers=True), state)):
         track = guest(velocity, sigma=0.005, evidence=evidence)
         track.points = 12
@@ -200,7 +200,7 @@ def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
 
 
 def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(guest: MakeTrack) -> None:
-    """What is cut off as too bright has another depth when it is not."""
+    """A saturated region changes its depth when it is no longer saturated."""
     swings = Light(swings=True)
     certain, uncertain = 0.02, 0.12
     for arrived, sigma, expected in (
@@ -216,7 +216,7 @@ def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(guest: Make
 def test_a_person_of_whom_a_part_or_points_moved_is_confirmed_by_a_less_sure_velocity(
     guest: MakeTrack, why: str
 ) -> None:
-    """Of 4 standard deviations; of 2.5, which is hardly more than who waves may show, nobody is."""
+    """4 standard deviations suffice; 2.5, hardly more than a waving person may show, do not."""
     for speed, known, state in (
         (0.8, True, TrackState.CONFIRMED),
         (0.8, False, TrackState.TENTATIVE),

@@ -1,4 +1,4 @@
-"""When a body that is seen as an outline ends."""
+"""When the track of a body seen as an outline ends."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_person_of_whom_a_part_moved_may_stand(guest: MakeTrack) -> None:
 
 
 def test_one_whose_points_tell_that_it_moves_may_stand(guest: MakeTrack) -> None:
-    """Who comes straight on from afar is mostly where he was for a second."""
+    """A person coming straight on from afar hardly changes place for a second."""
     for sigma, ends in ((0.2, None), (0.5, 4)):
         track = guest((0.0, 0.0, -0.8), sigma=sigma, evidence=STATIC)
         assert track.outline is not None
@@ -54,7 +54,7 @@ def test_a_confirmed_one_may_stand(guest: MakeTrack) -> None:
 
 
 def stands(track: BodyTrack, at: tuple[float, float, float], frames: int) -> list[bool]:
-    """Whether it is over in each frame in which it stands there."""
+    """Whether it is over, for each frame in which it stands there."""
     cov = 1e-4 * np.eye(3)
     track.filter = BodyFilter.begin(np.array(at), np.array(STOOD), cov, cov, 0.01)
     over = []
@@ -137,7 +137,7 @@ def test_who_has_been_one_with_its_surroundings_for_long_ends(make_track: MakeTr
     assert not is_over(track, P)
     track.merged_s = 1.1
     assert is_over(track, P)
-    # Many points that move on show it all the same.
+    # Many points that keep moving still show it.
     track.points = 20
     assert not is_over(track, P)
     track.motion = MotionState.STOPPED

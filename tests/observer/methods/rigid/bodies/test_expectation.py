@@ -1,4 +1,4 @@
-"""What is expected of bodies a frame on, for bodies whose motion is known."""
+"""Predictions for the next frame, for bodies with known motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from observer.types import TrackState
 from ..solid_worlds import Solid, outline_of, step_to
 
 MakeTrack = Callable[..., BodyTrack]
-# To the right of the camera's axis, so that the line of sight is no axis of the world.
+# To the right of the camera's axis, so that the line of sight is not a world axis.
 AT = np.array([1.2, 0.0, 3.6])
 SIGHT = AT / np.linalg.norm(AT)
 ACROSS = np.array([SIGHT[2], 0.0, -SIGHT[0]])
@@ -25,7 +25,7 @@ ACROSS = np.array([SIGHT[2], 0.0, -SIGHT[0]])
 
 @pytest.fixture
 def walker(make_track: MakeTrack) -> Callable[..., BodyTrack]:
-    """Gives a person seen as an outline, confirmed if left out."""
+    """Gives a person seen as an outline, confirmed by default."""
 
     def make(*, tells: bool, state: TrackState = TrackState.CONFIRMED) -> BodyTrack:
         track = make_track(tuple(AT), (0.0, 0.0, -0.9))
@@ -38,7 +38,7 @@ def walker(make_track: MakeTrack) -> Callable[..., BodyTrack]:
 
 
 def doubt(track: BodyTrack, axis: Float64Array) -> float:
-    """(m/s)^2 that a frame adds to the variance of the velocity along an axis (3,)."""
+    """(m/s)^2 that one frame adds to the variance of the velocity along an axis (3,)."""
     before = track.filter.covariance[VELOCITY, VELOCITY].copy()
     predict([track], step_to(), Parameters().obstacles)
     return float(axis @ (track.filter.covariance[VELOCITY, VELOCITY] - before) @ axis)
@@ -54,7 +54,7 @@ def test_who_turns_round_where_no_points_tell_is_doubted_along_the_line_of_sight
 
 
 def test_who_is_not_reported_yet_is_doubted_no_more_for_that(walker: MakeTrack) -> None:
-    """Who comes straight on would never be sure to move."""
+    """Otherwise somebody coming straight on would never become certain to move."""
     told, untold = (
         doubt(walker(tells=tells, state=TrackState.TENTATIVE), SIGHT) for tells in (True, False)
     )

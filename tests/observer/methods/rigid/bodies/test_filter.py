@@ -1,4 +1,4 @@
-"""The motion filter of one obstacle against motion whose truth and noise are known."""
+"""The motion filter of one obstacle against motion with known truth and noise."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from observer.methods.rigid.bodies.filter import (
 )
 
 DT = 1 / 15
-# Of the measured place (m) and yaw (rad).
+# Variance of the measured place (m) and yaw (rad).
 NOISE = np.diag([0.01, 0.01, 0.03, 0.02]) ** 2
 # m/s^2 and rad/s^2, steady and manoeuvring.
 ACCELERATION, YAW_ACCELERATION = (0.1, 1.0), (0.3, 5.0)
-# How much the first state may be off: 5 cm, 20 cm/s and 0.3 rad/s.
+# Standard deviations of the first state: 5 cm, 20 cm/s and 0.3 rad/s.
 FIRST_SIGMA = np.array([0.05] * 3 + [0.2] * 3 + [1e-4] + [0.3])
 
 
 def on_circle(state: np.ndarray, dt: float) -> np.ndarray:
-    """Where a body (8,) is that keeps its speed and its yaw rate for ``dt`` seconds, exactly."""
+    """Exact state (8,) of a body that keeps its speed and yaw rate for ``dt`` seconds."""
     out, rate = state.copy(), state[YAW_RATE]
     out[VELOCITY] = yaw_matrix(rate * dt) @ state[VELOCITY]
     if abs(rate) < 1e-9:
         out[POSITION] += dt * state[VELOCITY]
     else:
-        # The velocity's integral: turned a quarter to the left, over the rate.
+        # The velocity's integral: rotated by 90 degrees to the left and divided by the rate.
         quarter = yaw_matrix(-np.pi / 2) * [1, 0, 1]
         out[POSITION] += quarter @ (out[VELOCITY] - state[VELOCITY]) / rate
         out[1] += dt * state[4]
@@ -45,7 +45,7 @@ def on_circle(state: np.ndarray, dt: float) -> np.ndarray:
 
 
 def begun(state: np.ndarray, sigma: np.ndarray = FIRST_SIGMA) -> BodyFilter:
-    """Knowing (8,) to within a standard deviation (8,)."""
+    """A filter that starts from a state (8,) with standard deviations (8,)."""
     cov = np.diag(sigma**2)
     motion = BodyFilter.begin(
         state[POSITION], state[VELOCITY], cov[POSITION, POSITION], cov[VELOCITY, VELOCITY],
@@ -88,7 +88,7 @@ def test_the_exact_circle_of_these_tests_is_one(rate: float) -> None:
 def test_errors_are_as_large_as_stated_where_the_noise_is_as_declared(
     rate: float, steps: int
 ) -> None:
-    """Normalised squared errors over many draws, for truth that jolts as both modes expect."""
+    """Normalised squared errors over many draws, for a truth that accelerates as modelled."""
     draws, rng, found = 120, np.random.default_rng(steps), []
     a, yaw_a = 0.5, 1.0
     for _ in range(draws):
@@ -127,7 +127,7 @@ def test_what_is_stated_of_steady_motion_is_never_too_little(rate: float) -> Non
     for name, kept in errors.items():
         freedom = 2 if name == "turn" else 3
         assert np.mean(kept) < chi2.ppf(0.999, draws * freedom) / draws, name
-        # nor so large that it says nothing
+        # nor uselessly large
         assert np.mean(kept) > 0.1 * freedom, name
 
 
@@ -181,14 +181,14 @@ def test_a_body_that_is_known_is_predicted_on_its_circle(rate: float) -> None:
 )
 @settings(max_examples=40, deadline=None)
 def test_prediction_adds_up_over_time(parts: list[float], rate: float) -> None:
-    """Without noise, in one go or in several: the same mean and the same covariance."""
+    """Without noise, one step or several give the same mean and covariance."""
     state = truth(rate=rate)
     sigma = np.array([0.02] * 3 + [0.05] * 3 + [0.01, 0.02])
     once = begun(state, sigma).predicted(sum(parts), (0, 0), (0, 0), None)
     often = begun(state, sigma)
     for dt in parts:
         often = often.predicted(dt, (0, 0), (0, 0), None)
-    # The chord over half the turn is right to the second order: 1/24 of the turned angle squared.
+    # The chord over half the turn has a second-order error: 1/24 of the turned angle squared.
     turned = abs(rate) * sum(parts)
     np.testing.assert_allclose(
         often.mean, once.mean, atol=1e-9 + 0.4 * sum(parts) * turned**2 / 24 * 1.2
@@ -214,12 +214,12 @@ def test_along_its_axis_a_body_may_accelerate_more_than_across() -> None:
     across = np.array([0.8, 0.0, -0.6])
     assert axis @ cov @ axis == pytest.approx(DT**2, rel=1e-3)
     assert across @ cov @ across < 0.5 * DT**2
-    # What is measured along one image axis then tells of the other one.
+    # A measurement along one axis then also informs about the other one.
     assert abs(cov[0, 2]) > 0.2 * np.sqrt(cov[0, 0] * cov[2, 2])
 
 
 def test_where_the_world_begins_makes_no_difference() -> None:
-    """A kilometre away from the origin a body moves as near it."""
+    """A kilometre from the origin a body moves just as it does near it."""
     shift = np.array([400.0, -30.0, 1000.0])
     rng = np.random.default_rng(3)
     state = truth(rate=0.3)
@@ -241,7 +241,7 @@ def test_where_the_world_begins_makes_no_difference() -> None:
 
 
 def test_rebased_is_the_same_motion_told_of_another_point() -> None:
-    """The other point of a turning body runs on a circle of its own."""
+    """The other point of a turning body moves on its own circle."""
     state, offset = truth(rate=0.7), np.array([0.2, -0.1, 0.3])
     state[YAW] = 0.4
     motion = begun(state, np.full(STATE_SIZE, 1e-3)).rebased(offset)
@@ -355,7 +355,7 @@ def test_a_position_or_a_velocity_alone_corrects_its_own_part(rate: float) -> No
         assert np.trace(seen.covariance[part, part]) < 1e-3 * np.trace(
             motion.covariance[part, part]
         )
-        # Nothing ties the other parts to it at first.
+        # At first the other parts are not correlated with it.
         other = np.setdiff1d(np.arange(STATE_SIZE), np.arange(STATE_SIZE)[part])
         np.testing.assert_allclose(seen.mean[other], state[other], atol=1e-12)
 

@@ -1,4 +1,4 @@
-"""Points that move alike, the body that they belong to, and tracks that are one body."""
+"""Points that move alike, the body they belong to, and tracks that are one body."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_group_moves_as_its_points_do_on_the_whole() -> None:
     np.testing.assert_allclose(group.places, places)
     np.testing.assert_allclose(group.centre, np.median(places, axis=0))
     np.testing.assert_allclose(np.mean(draws, axis=0), [0.3, 0, -0.1], atol=0.003)
-    # The points share errors: the mean is less certain than if each had its own.
+    # The points share errors: the mean is less certain than with independent ones.
     stated = np.diag(group.velocity_cov)
     assert (stated > 1.5 * np.var(draws, axis=0)).all()
     assert (stated < SIGMA**2).all()
@@ -93,7 +93,7 @@ def test_a_group_belongs_to_the_nearest_body_that_moves_as_it_does(make_track: M
 def test_points_on_a_body_go_with_it_only_as_fast_as_it_is_known_to_be(
     make_track: MakeTrack,
 ) -> None:
-    """Those of a limb that swings, or that slide off its edge, are faster."""
+    """Points on a swinging limb, or sliding off its edge, are faster."""
     for sigma, speed, goes in ((0.03, 0.95, True), (0.03, 1.8, False), (0.5, 1.8, True)):
         track = make_track((0, 0, 3), (0.9, 0, 0), sigma=sigma)
         assert goes_with(track, grouped((0.1, 0, 3), (speed, 0, 0))) is goes
@@ -117,7 +117,7 @@ def test_a_body_may_have_turned_a_little_while_it_was_hidden(make_track: MakeTra
 def test_what_rests_is_no_part_of_a_body_however_little_is_known_of_it(
     make_track: MakeTrack,
 ) -> None:
-    """After a second out of sight a body may be nearly anywhere and drive nearly anyhow."""
+    """After a second out of sight, a body's place and velocity are nearly unknown."""
     vague = make_track(velocity=(0.4, 0, 0))
     vague.filter.covariances[:, :3, :3] = np.eye(3) * 0.3**2
     vague.filter.covariances[:, 3:6, 3:6] = np.eye(3) * 0.12**2
@@ -129,7 +129,7 @@ def test_what_rests_is_no_part_of_a_body_however_little_is_known_of_it(
 
 
 def test_what_steps_below_a_trunk_is_its_leg(make_track: MakeTrack) -> None:
-    """A foot at 1.9 m/s below somebody who walks at 0.6 m/s; not what is beside them or known."""
+    """A foot at 1.9 m/s below somebody walking at 0.6 m/s, but not a thing beside them or known."""
     walker = make_track(velocity=(0.6, 0, 0), box=Box(np.zeros(3), np.array([0.5, 1.7, 0.3]), 0.0))
     walker.rigid = False
 
@@ -167,7 +167,7 @@ def test_two_that_drive_beside_each_other_are_two(make_track: MakeTrack) -> None
 def test_two_who_stand_beside_each_other_stay_two_while_both_are_seen(
     make_track: MakeTrack, apart_m: float, seen: bool, same: bool
 ) -> None:
-    """Both at rest, and so tall that either lies within the room that the other may need."""
+    """Both rest, and are so tall that each lies within the space the other may occupy."""
     boxes = [Box(np.zeros(3), np.array([0.5, 1.8, 0.3]), 0.0) for _ in range(2)]
     older = make_track(velocity=(0, 0, 0), box=boxes[0])
     other = make_track((apart_m, 0, 3.0), (0, 0, 0), number=2, box=boxes[1])
@@ -180,14 +180,14 @@ def test_two_who_stand_beside_each_other_stay_two_while_both_are_seen(
 def test_who_is_out_of_sight_does_not_take_the_name_of_somebody_else_who_was_reported(
     make_track: MakeTrack, apart_m: float, same: bool
 ) -> None:
-    """However little is known of how the one moves by now."""
+    """However uncertain the hidden one's motion is by now."""
     boxes = [Box(np.zeros(3), np.array([0.5, 1.8, 0.3]), 0.0) for _ in range(2)]
     hidden = make_track(velocity=(0, 0, 0), box=boxes[0], sigma=0.5)
     other = make_track((apart_m, 0, 3.0), (0.3, 0, 0), number=2, box=boxes[1])
     for track, seen in ((hidden, False), (other, True)):
         track.outline = SimpleNamespace(seen=seen)  # type: ignore[assignment]
     hidden.state = TrackState.COASTING
-    # Who is not reported yet may be the one who was hidden.
+    # One that is not reported yet may be the hidden one.
     assert are_one(hidden, other, REACH_M, P)
     other.state = TrackState.CONFIRMED
     assert are_one(hidden, other, REACH_M, P) is same
@@ -197,7 +197,7 @@ def test_who_is_out_of_sight_does_not_take_the_name_of_somebody_else_who_was_rep
 def test_two_that_were_both_known_for_a_while_stay_two(
     make_track: MakeTrack, age_s: float, same: bool
 ) -> None:
-    """A cart and who pushes it move alike, side by side."""
+    """A cart and the person pushing it move alike, side by side."""
     cart = make_track(box=Box(np.zeros(3), np.array([1.1, 0.6, 0.6]), 0.0))
     pusher = make_track(
         (0.6, -0.2, 3.0), number=2, box=Box(np.zeros(3), np.array([0.5, 1.6, 0.3]), 0.0)

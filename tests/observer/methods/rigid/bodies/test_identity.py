@@ -1,4 +1,4 @@
-"""Who an obstacle is over time: hidden, crossed by another one, found in parts."""
+"""Identity of an obstacle over time: hidden, crossed by another one, found in parts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_its_number_is_provisional_until_it_is_confirmed_and_then_lasts(
     seen = []
     for _ in range(25):
         seen += [(t.state is TrackState.TENTATIVE, t.id) for t in run.step()]
-        # Its points go by the same number.
+        # Its points carry the same number.
         for track in run.tracks:
             assert np.count_nonzero(run.points.obstacle == track.id) == track.points or not (
                 track.points
@@ -185,7 +185,7 @@ def test_a_body_found_in_two_parts_becomes_one(watched: Any, planted: Any) -> No
 def test_points_in_the_place_of_somebody_out_of_sight_do_not_show_him(
     make_track: Any, rigid: bool, seen: bool, joined: bool
 ) -> None:
-    """His shadow would do for that. Points of a rigid body are that body."""
+    """A mere shadow could have such points. Points of a rigid body do show it."""
     whole = Box(np.zeros(3), np.array([0.5, 1.7, 0.3]), 0.0)
     older, part = make_track(box=whole), make_track((0.1, 0.1, 3.0), number=2)
     older.outline = outline_of(person(0.0, 3.0))
@@ -236,7 +236,7 @@ def test_numbers_go_on_in_the_next_segment(watched: Any, box: Any, crate: Any) -
 
 
 def test_numbers_may_be_given(watched: Any, box: Any, crate: Any) -> None:
-    """By whoever keeps them over segments."""
+    """A caller that keeps them over segments can supply them."""
     run = watched(box(to_the_right()), crate)
     run.tracker = BodyTracker(count(40))
     run.run(1.0)

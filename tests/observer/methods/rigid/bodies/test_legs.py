@@ -1,4 +1,4 @@
-"""Persons of whom only the legs are in view, as boxes whose places are known."""
+"""People with only their legs in view, as boxes at known places."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from observer.types import TrackState
 from ..solid_worlds import DT, ROOM, Solid, SolidView, cells_of, on_floor, seen
 
 quick = settings(deadline=None, max_examples=10)
-# The camera of a small robot, metres above the floor of a world whose y axis points down.
+# Metres: height of a small robot's camera above the floor; the world's y axis points down.
 LOW_M = 0.3
 LOW = Pose(np.eye(3), np.array([0.0, 1.0 - LOW_M, 0.0]))
 
 
 def leg(x: float, z: float) -> Solid:
-    """A leg that reaches out of the image."""
+    """A leg that extends beyond the image."""
     return on_floor(x, z, (0.16, 1.2, 0.16))
 
 
@@ -41,7 +41,7 @@ def legs(*places: tuple[float, float]) -> tuple[DenseScene, list[Segment]]:
 
 
 def striding(x: float, z: float) -> list[Solid]:
-    """Two legs as far apart at the feet as in a long stride, in slices of a leg's height."""
+    """Two legs in a long stride, apart at the feet, built from slices of a leg's height."""
     heights = np.arange(0.05, 0.86, 0.1)
     out = (0.85 - heights) * 0.6
     return [
@@ -60,7 +60,7 @@ def outlined(segment: Segment, scene: DenseScene) -> Outline:
 
 @pytest.mark.parametrize(("z", "only"), [(0.9, True), (1.2, True), (1.6, False), (4.0, False)])
 def test_only_legs_are_seen_of_who_is_near(z: float, only: bool) -> None:
-    """The image ends 0.4 m per metre above the camera."""
+    """The image ends 0.4 m above the camera per metre of distance."""
     scene, (segment,) = legs((0.0, z))
     assert shows_only_legs(segment, scene) is only
 
@@ -114,7 +114,7 @@ def test_a_leg_swings_across_the_line_of_sight() -> None:
 
 
 def test_who_walks_past_near_by_is_one_that_moves_as_the_hips_do() -> None:
-    """Each leg stands while the other one goes twice as fast."""
+    """Each leg stands while the other one moves at twice the speed."""
     view, speed = SolidView(), 0.9
     omega = 2 * math.pi
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""Bodies with limbs are told from rigid ones by their points."""
+"""Bodies with limbs are told apart from rigid ones by their points."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def with_outline(
 
 @pytest.fixture
 def upright(make_track: MakeTrack) -> BodyTrack:
-    """Stands for a person; its velocity is not known yet."""
+    """Represents a person whose velocity is not known yet."""
     return with_outline(make_track((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), sigma=0.5))
 
 
@@ -69,13 +69,13 @@ def test_an_upright_body_whose_points_move_by_themselves_has_limbs(upright: Body
 def test_many_points_that_drive_steadily_are_of_no_limb(
     upright: BodyTrack, points: int, steady_s: float, rigid: bool
 ) -> None:
-    """A robot's base, below a mast of which a few wrong points are all that is followed."""
+    """A robot's base, below a mast with only a few wrongly tracked points."""
     upright.by_points, upright.points, upright.steady_s = True, points, steady_s
     assert judged(upright, 20, APART).rigid is rigid
 
 
 def test_who_stands_upright_is_rigid_only_after_points_drove_steadily(upright: BodyTrack) -> None:
-    """And what lies as soon as a group of points on it moves."""
+    """A lying thing is, as soon as a group of points on it moves."""
     velocity = np.array([0.3, 0.0, 0.0])
     assert not may_be_rigid(upright), "it is already"
     upright.loosen()
@@ -107,7 +107,7 @@ def test_what_lies_is_rigid_whatever_its_points_do(make_track: MakeTrack) -> Non
 
 
 def shown_over(track: BodyTrack, height: float, width: float, points: int = 20) -> BodyTrack:
-    """Whose points lie over such shares of its outline."""
+    """The track, with its points spread over these shares of its outline."""
     assert track.outline is not None
     u0, v0, u1, v1 = track.outline.box_px
     track.box_px = (u0, v0, u0 + width * (u1 - u0), v0 + height * (v1 - v0))

@@ -1,4 +1,4 @@
-"""The pose of a rigid set of points with known places, noise and strangers among them."""
+"""The pose of a rigid set of points with known places, noise and outliers among them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 HERE = Pose.identity()
 SIGMA_PX = 0.15
 STEADY_CAMERA = np.zeros((6, 6))
-# The prediction: 10 cm and 0.1 rad off.
+# Covariance of the prediction: 10 cm and 0.1 rad.
 SPREAD = np.diag([0.1, 0.1, 0.1, 0.1]) ** 2
 POSE = np.array([0.4, 0.1, 3.0, 0.3])
 
@@ -45,7 +45,7 @@ def seen(
     place_sigma: float = 1e-4,
     step: Pose = HERE,
 ) -> Members:
-    """Members with the noise of a stereo camera; the first few stand 30 cm to 1 m elsewhere."""
+    """Members with a stereo camera's noise; the first ``strangers`` are off by 30 cm to 1 m."""
     world = pose[:3] + places @ yaw_matrix(pose[3]).T
     away = rng.normal(0, 1, (strangers, 3))
     away *= rng.uniform(0.3, 1.0, (strangers, 1)) / np.linalg.norm(away, axis=1, keepdims=True)
@@ -88,7 +88,7 @@ def test_without_noise_the_pose_is_exact() -> None:
 @pytest.mark.parametrize("strangers", [0, 8])
 @pytest.mark.parametrize("place_sigma", [1e-4, 0.01])
 def test_the_pose_is_as_good_as_its_covariance_says(strangers: int, place_sigma: float) -> None:
-    """With no strangers and with 20 %: normalised squared errors over many draws."""
+    """Normalised squared errors over many draws, without outliers and with 20 %."""
     draws, rng = 200, np.random.default_rng(strangers)
     squared, errors = [], []
     for _ in range(draws):
@@ -111,13 +111,13 @@ def test_strangers_leave_and_members_stay() -> None:
         found = measured(members, rng.multivariate_normal(POSE, SPREAD))
         left += int(found.misfits[:8].sum())
         gone += int(found.misfits[8:].sum())
-    # 30 cm along the line of sight is not beyond doubt at this distance.
+    # At this distance 30 cm along the line of sight is not always an obvious outlier.
     assert left >= 0.9 * 60 * 8
     assert gone <= 0.01 * 60 * 32
 
 
 def test_a_body_that_jumped_keeps_its_points() -> None:
-    """Where it was expected has no say in which points are strangers."""
+    """Its expected place has no influence on which points are outliers."""
     rng = np.random.default_rng(3)
     members = seen(rng, POSE, body(rng), strangers=6)
     sure = np.diag([0.01, 0.01, 0.01, 0.01]) ** 2
@@ -127,9 +127,9 @@ def test_a_body_that_jumped_keeps_its_points() -> None:
 
 
 def test_noise_along_the_line_of_sight_does_not_pass_for_a_lever() -> None:
-    """On a flat face it would hold the body where it was expected, whatever it turned by.
+    """On a flat face it would hold the body at its expected yaw, however much it turned.
 
-    At 3 cm of it a good third of an unexpected turn is seen, and none without the precaution.
+    At 3 cm of noise a good third of an unexpected turn is seen; without the precaution, none.
     """
     rng, turned = np.random.default_rng(9), []
     deep = np.array([0.002, 0.002, 0.03])
@@ -171,7 +171,7 @@ def test_points_in_one_place_say_nothing_of_the_yaw() -> None:
 
 
 def test_the_cameras_error_is_common_to_all_points() -> None:
-    """It turns by an unknown angle: at 3 m every point lies beside by 3 m times that angle."""
+    """It turns by an unknown angle: at 3 m every point is off sideways by 3 m times that angle."""
     rng, sigma = np.random.default_rng(6), 0.01
     step_covariance = np.diag([0, sigma**2, 0, 0, 0, 0])
     few, many = (seen(rng, POSE, body(rng, count)) for count in (20, 400))
@@ -182,7 +182,7 @@ def test_the_cameras_error_is_common_to_all_points() -> None:
         assert more[0, 0] == pytest.approx((3.0 * sigma) ** 2, rel=0.1)
         assert more[2, 2] == pytest.approx((0.4 * sigma) ** 2, rel=0.2)
         assert abs(more[1, 1]) < 1e-9
-    # and that is honest: turned cameras, not turned points
+    # and the stated covariance is right: cameras that turn give errors of that size
     squared = []
     for _ in range(100):
         turned = Pose.from_rotvec((0, rng.normal(0, sigma), 0), (0, 0, 0))
@@ -223,7 +223,7 @@ def test_members_are_made_of_the_followed_points() -> None:
     np.testing.assert_allclose(members.place[[0, 2]], places[[1, 5]], atol=1e-12)
     np.testing.assert_allclose(members.sighting, places[which] + 1.0)
     np.testing.assert_allclose(members.noise, noise[which])
-    # A point's own surroundings mislead it again and again in the same way.
+    # A point's surroundings mislead its matching in the same way every time.
     own = np.diagonal(members.place_cov[0])
     assert (own > [1e-4, 2e-4, 3e-4]).all()
     assert (own < np.array([1e-4, 2e-4, 3e-4]) + 1e-4).all()

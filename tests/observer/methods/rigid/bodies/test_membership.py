@@ -1,4 +1,4 @@
-"""Which points join a body, leave it, and lie where on it; their motion is known."""
+"""Which points join a body or leave it, and where they lie on it; their motion is known."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ P = ObstacleParameters()
 
 @pytest.fixture
 def track(make_track: MakeTrack) -> BodyTrack:
-    """At 3 m, drives to the right at 0.3 m/s and turns; 0.6 m long."""
+    """A body at 3 m, 0.6 m long, that drives to the right at 0.3 m/s and turns."""
     return make_track(yaw=0.3, yaw_rate=0.6)
 
 
@@ -44,7 +44,7 @@ def on(track: BodyTrack, local: Float64Array) -> Float64Array:
 def test_points_on_a_body_that_move_with_it_join(track: BodyTrack) -> None:
     places = on(track, np.random.default_rng(0).uniform(-0.5, 0.5, (30, 3)) * track.box.size)
     seen = motion(places, track.velocity_at(places))
-    # Of those about which it turns some move too little to be told from what rests.
+    # Some near the centre of rotation move too little to be told from static points.
     assert joining(track, every(seen), seen, P).mean() > 0.9
 
 
@@ -62,7 +62,7 @@ def test_points_that_move_otherwise_do_not_join(
 
 
 def test_points_whose_motion_is_hardly_known_do_not_join(track: BodyTrack) -> None:
-    """They fit the body, but they fit standing still as well."""
+    """They fit the body, but equally well a static scene."""
     places = on(track, np.zeros(3))
     for sigma, joins in ((0.03, True), (0.3, False)):
         seen = motion(places, track.velocity_at(places), sigma)
@@ -70,7 +70,7 @@ def test_points_whose_motion_is_hardly_known_do_not_join(track: BodyTrack) -> No
 
 
 def test_points_beside_the_box_do_not_join(track: BodyTrack) -> None:
-    # The longest side is 0.6 m: by 0.09 m a point may lie outside, and a little more by its noise.
+    # The longest side is 0.6 m: a point may lie 0.09 m outside, plus a little for its noise.
     places = on(track, np.array([[0.2 + 0.08, 0, 0], [0.2 + 0.2, 0, 0], [0, 0, 0.3 + 0.2]]))
     seen = motion(places, track.velocity_at(places))
     assert joining(track, every(seen), seen, P).tolist() == [True, False, False]
@@ -87,7 +87,7 @@ def test_only_the_free_points_are_asked(track: BodyTrack) -> None:
 
 
 def test_a_point_seen_for_long_may_lag_behind_a_body_that_turns(make_track: MakeTrack) -> None:
-    """Its velocity is the mean over its window; half a window ago the body drove elsewhere."""
+    """Its velocity is the mean over its window; half a window ago the body had another heading."""
     rate, window = 1.5, 0.6
     track = make_track(velocity=(0.6, 0, 0), yaw_rate=rate)
     before = yaw_matrix(-rate * window / 2) @ np.array([0.6, 0, 0])
@@ -101,7 +101,7 @@ def test_a_point_seen_for_long_may_lag_behind_a_body_that_turns(make_track: Make
 def test_points_that_creep_do_not_join_a_body_of_which_little_is_known(
     make_track: MakeTrack,
 ) -> None:
-    """What is followed along an edge creeps; a body that turns and brakes explains anything."""
+    """Points tracked along an edge creep; a body that turns and brakes could explain anything."""
     vague = make_track(velocity=(0.1, 0, 0), yaw_rate=1.5)
     creeping = motion(on(vague, np.zeros(3)), np.array([0.004, 0.0, 0.0]), 0.001)
     assert not joining(vague, every(creeping), creeping, P).any()
@@ -113,7 +113,7 @@ def test_points_that_creep_do_not_join_a_body_of_which_little_is_known(
 def test_members_that_rest_are_found_also_where_the_body_turns_about_them(
     make_track: MakeTrack,
 ) -> None:
-    # About the point (0, 0, -0.5) m from its centre.
+    # It turns about the point (0, 0, -0.5) m from its centre.
     turning = make_track(velocity=(0.4, 0, 0), yaw_rate=0.8)
     pivot = on(turning, np.array([0.0, 0.0, -0.5]))
     assert np.linalg.norm(turning.velocity_at(pivot)) < 1e-9
@@ -138,7 +138,7 @@ def test_the_members_of_a_body_that_stopped_are_none_that_rest(
 
 
 def test_noise_of_a_body_that_stopped_drives_nobody_away(make_track: MakeTrack) -> None:
-    """Its points are known to rest, to a fraction of what the body itself is known to."""
+    """Its points are known to rest, with a fraction of the body's own uncertainty."""
     stopped = make_track(velocity=(0.002, 0, 0), yaw_rate=-0.01)
     stopped.motion = MotionState.STOPPED
     seen = motion(on(stopped, np.zeros((5, 3))), np.zeros(3), 0.0003, 2.0)
@@ -146,7 +146,7 @@ def test_noise_of_a_body_that_stopped_drives_nobody_away(make_track: MakeTrack) 
 
 
 def drove(track: BodyTrack, speeds: Float64Array, rate: float = 15.0) -> BodyTrack:
-    """To the right at these speeds, m/s, frame by frame up to now."""
+    """Let the body have driven to the right at these speeds, m/s, frame by frame up to now."""
     for k, speed in enumerate(speeds):
         track.recent.note(k / rate, np.array([speed, 0, 0]), 0.0)
     return track
@@ -155,15 +155,15 @@ def drove(track: BodyTrack, speeds: Float64Array, rate: float = 15.0) -> BodyTra
 def test_members_of_a_body_that_begins_to_move_need_not_move_on_average_yet(
     make_track: MakeTrack,
 ) -> None:
-    """A point seen for long hardly knows yet that its body has gained speed."""
+    """The velocity of a point seen for long hardly shows yet that its body has sped up."""
     ramp = np.concatenate([np.zeros(45), np.linspace(0, 0.1, 6)])
     begins = drove(make_track(velocity=(0.1, 0, 0)), ramp)
     seen = motion(on(begins, np.zeros((5, 3))), np.array([0.004, 0, 0]), 0.001, 1.5)
     assert not resting(begins, every(seen), seen).any()
-    # What has not moved although its body has driven for long is none of it.
+    # A point that has not moved although its body has driven for long is not part of it.
     steady = drove(make_track(velocity=(0.1, 0, 0)), np.full(51, 0.1))
     assert resting(steady, every(seen), seen).all()
-    # Nor does it help that the body stood before the point was seen.
+    # That the body stood before the point was first seen makes no difference.
     young = motion(on(begins, np.zeros((5, 3))), np.zeros(3), 0.001, 0.1)
     went = drove(make_track(velocity=(0.1, 0, 0)), np.concatenate([np.zeros(20), np.full(31, 0.1)]))
     assert resting(went, every(young), young).all()
@@ -198,7 +198,7 @@ def test_points_are_placed_where_the_body_has_taken_them(
     times = np.linspace(-0.5, 0, 9)
     places = []
     for t in times:
-        # Back along the circle that ends here.
+        # Back along the circle that ends at the current pose.
         arc = np.mean(
             [yaw_matrix(rate * t * s) @ track.mean[3:6] for s in np.linspace(0, 1, 201)], axis=0
         )
@@ -209,18 +209,18 @@ def test_points_are_placed_where_the_body_has_taken_them(
     found, information = placed(track, sums)
     error = np.linalg.norm(found - places[-1], axis=1)
     assert np.median(error) < (0.003 if rate == 0 else 0.012)
-    # If they were taken to rest, they would lie where they were half the time ago.
+    # Treated as static, they would be placed where they were half the window ago.
     at_rest, _ = sums.static_position()
     assert np.median(np.linalg.norm(at_rest - places[-1], axis=1)) > 0.08
     squared = np.einsum("ni,nij,nj->n", found - places[-1], information, found - places[-1])
     assert np.median(squared) < 7.8
-    # A turn that may have been another one makes the place less certain.
+    # Uncertainty about the turn makes the place less certain.
     sigma = np.sqrt(np.linalg.inv(information)[:, 0, 0])
     assert np.median(sigma) < 0.0015 if rate == 0 else np.median(sigma) > 0.005
 
 
 def test_where_a_body_has_gained_speed_points_are_placed_with_doubt(make_track: MakeTrack) -> None:
-    """For their older sightings it was slower than it is."""
+    """At their older sightings the body was slower than now."""
     eye = np.eye(3)[None] / 0.01**2
     sums = PositionVelocityFilter.begin(np.array([[0.2, 0, 3.0]]), eye)
     for _ in range(15):

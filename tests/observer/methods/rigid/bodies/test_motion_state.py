@@ -20,7 +20,7 @@ def test_out_of_sight_a_body_moves_on_as_it_did_however_uncertain(make_track: Ma
 
 
 def test_whose_velocity_is_not_known_any_more_has_not_stopped_for_that(guest: MakeTrack) -> None:
-    """Points of limbs were taken for the body, so that it may be slower or faster than they are."""
+    """Points on limbs were taken for the body, so it may be slower or faster than they are."""
     track = guest(arrived=3)
     judged(track)
     assert (track.state, track.motion) == (TrackState.CONFIRMED, MotionState.MOVING)
@@ -38,7 +38,7 @@ def test_who_comes_back_and_of_whose_velocity_nothing_is_known_yet_has_not_stopp
     track.filter = guest(STOOD, sigma=1.0).filter
     judged(track)
     assert track.motion is MotionState.MOVING
-    # But what stays so has not come back: something else is there.
+    # If that lasts, the body has not come back: something else is there.
     judged(track, 10)
     assert track.motion is MotionState.STOPPED
 

@@ -34,20 +34,20 @@ from ..solid_worlds import (
 
 quick = settings(deadline=None, max_examples=10)
 SIZE = (0.45, 1.2, 0.1)
-# Where the border of the image cuts through a body 4 m away.
+# Metres: where the image's border cuts through a body 4 m away.
 EDGE_M = 4.0 * (CAMERA.width / 2) / CAMERA.fx
 small = st.floats(-0.2, 0.2)
 
 
 def body(x: float, z: float) -> Solid:
-    """An upright board whose foot is above the floor, so that all of it stands."""
+    """An upright board that ends above the floor, so that all of it stands out."""
     return Solid((x, 0.0, z), SIZE)
 
 
 def view(
     thing: Shape, *others: Shape, pose: Pose = HERE, evidence: int = ARRIVED
 ) -> tuple[DenseScene, Segment]:
-    """A thing in a room behind others, and the segment of what is seen of it."""
+    """A thing in a room behind others, and the segment of its visible part."""
     shapes = [*ROOM, thing, *others]
     mask = cells_of(thing, shapes, pose)
     scene = seen(shapes, pose, np.where(mask, evidence, STATIC).astype(np.uint8))
@@ -57,7 +57,7 @@ def view(
 def outlined(
     x: float, z: float, pose: Pose = HERE, evidence: int = ARRIVED
 ) -> tuple[Outline, DenseScene]:
-    """One that was noted once, with the body's origin at its centre."""
+    """An outline that was noted once, with the body's origin at its centre."""
     scene, segment = view(body(x, z), pose=pose, evidence=evidence)
     outline = Outline.of(segment, scene)
     outline.note(segment, np.array([x, 0.0, z]), scene, 0.0)
@@ -78,7 +78,7 @@ def test_its_silhouette_is_what_is_seen_of_the_solid_within_its_box(x: float, z:
     assert outline.silhouette is not None
     camera = GRID.camera
     drawn = silhouette_mask(outline.silhouette, (camera.height, camera.width))
-    # The board is flat: its front is at one depth, and its picture a rectangle.
+    # The board is flat: its front is at one depth, and its image a rectangle.
     front = z - SIZE[2] / 2
     edges, _ = camera.project(
         np.array([[x - SIZE[0] / 2, -SIZE[1] / 2, front], [x + SIZE[0] / 2, SIZE[1] / 2, front]])
@@ -117,7 +117,7 @@ def test_it_is_expected_at_its_new_place_after_body_and_camera_moved(
 
 
 def test_it_is_expected_at_its_place_after_another_point_became_the_origin() -> None:
-    """Points at its side, say."""
+    """For instance, points at its side."""
     outline, _ = outlined(0.1, 4.0)
     outline.offsets["middle"] = np.zeros(3)
     offset = np.array([0.2, 0.1, -0.1])
@@ -178,7 +178,7 @@ def test_who_is_seen_whole_again_is_expected_as_it_is_then() -> None:
 
 
 def test_who_walks_in_is_expected_as_most_of_it_was_seen() -> None:
-    """From one frame to the next more of it comes out from behind a pillar."""
+    """From frame to frame more of it emerges from behind a pillar."""
     scene, part = view(body(0.1, 4.0), PILLAR)
     outline = Outline.of(part, scene)
     outline.note(part, ORIGIN, scene, 0.0)

@@ -1,4 +1,4 @@
-"""What is remembered of how a body moved."""
+"""The memory of a body's recent motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from observer.methods.rigid.bodies.recent_motion import RecentMotion
 
 
 def remembered(seconds: float, acceleration: float, rate: float = 15.0) -> RecentMotion:
-    """Of a body that gained speed from rest for so long."""
+    """Memory of a body that accelerated from rest for ``seconds``."""
     recent = RecentMotion()
     for k in range(round(seconds * rate) + 1):
         recent.note(k / rate, np.array([acceleration * k / rate, 0.0, 0.0]), 0.1)
@@ -36,7 +36,7 @@ def test_the_instants_reach_from_now_back_as_far_as_points_remember(rate: float)
 def test_acceleration_is_the_change_of_velocity_over_its_time() -> None:
     recent = remembered(2.0, 0.3)
     assert recent.acceleration(np.array([0.2, 1.0, 2.0])) == pytest.approx(0.3)
-    # Before it was first seen it may have moved as it did then.
+    # Before it was first seen, it is assumed to have moved as it did then.
     assert recent.acceleration(np.array([4.0])) == pytest.approx(0.15)
 
 

@@ -1,4 +1,4 @@
-"""What an obstacle tells of itself, against a body of which everything is known."""
+"""The report of an obstacle, against a fully known body."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_numbers_are_handed_on(track: BodyTrack) -> None:
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert (o.id, o.state, o.motion) == (7, TrackState.CONFIRMED, MotionState.MOVING)
     assert (o.points, o.significance, o.box_px) == (14, 12.3, (10.0, 20.0, 60.0, 90.0))
-    # A filtered velocity is that of the frame, not of the midpoint between two.
+    # A filtered velocity is valid at the frame, not midway between two frames.
     assert o.velocity_time == 3.5
     np.testing.assert_array_equal(o.size, SIZE)
 
@@ -59,7 +59,7 @@ def test_the_attitude_is_that_of_the_box(track: BodyTrack) -> None:
     assert o.orientation_wxyz is not None
     R = Pose.from_quaternion(o.orientation_wxyz, np.zeros(3)).rotation
     np.testing.assert_allclose(R, yaw_matrix(0.2 + 0.6), atol=1e-12)
-    # With it and the size the corners are where the body has them.
+    # Together with the size it reproduces the body's corners.
     unit = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     np.testing.assert_allclose(
         np.sort(o.position + unit * o.size / 2 @ R.T, axis=0), np.sort(track.corners(), axis=0)
@@ -86,7 +86,7 @@ def test_the_centre_is_less_certain_than_the_place_the_larger_the_box(track: Bod
     own = track.filter.covariance[:3, :3]
     assert (np.linalg.eigvalsh(small - own) > 0).all()
     np.testing.assert_allclose(large - own, 9 * (small - own), rtol=1e-9)
-    # most along the box's long way
+    # most along the box's long side
     long, across = (yaw_matrix(0.8) @ axis for axis in ([0, 0, 1.0], [1.0, 0, 0]))
     assert long @ small @ long > 1.5 * across @ small @ across
 

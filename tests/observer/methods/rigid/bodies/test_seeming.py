@@ -1,4 +1,4 @@
-"""What may move but is not sure enough to be reported, and where a body may be."""
+"""Things that may move but are too uncertain to be reported, and where a body may be."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PERSON_M, PATCH_M, NEAR_M = (0.45, 1.2, 0.1), (0.45, 0.6, 0.1), (0.45, 2.0, 0.1)
 
 @pytest.fixture
 def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
-    """Gives the track of an outline with one kind of evidence, its velocity hardly known."""
+    """Gives the track of an outline with one kind of evidence and a very uncertain velocity."""
 
     def make(
         evidence: int = ARRIVED,
@@ -43,19 +43,19 @@ def test_who_came_where_it_was_free_seems_to_move_however_uncertain_the_velocity
 ) -> None:
     assert seems_to_move(guest(ARRIVED))
     assert not seems_to_move(guest(STATIC))
-    # Behind whoever passes, what stands comes out of hiding.
+    # Static things reappear behind a passer-by.
     assert not seems_to_move(guest(UNCOVERED))
 
 
 def test_a_patch_of_noise_is_no_person_and_who_fills_the_view_is_one(guest: MakeTrack) -> None:
     assert not seems_to_move(guest(size=PATCH_M))
-    # Of whom at 0.9 m no more than 0.72 m is in view.
+    # At 0.9 m only 0.72 m of a person is in view.
     assert seems_to_move(guest(size=NEAR_M, distance=0.9))
     assert not seems_to_move(guest(size=(0.45, 0.3, 0.1), distance=0.9))
 
 
 def test_whose_points_turned_out_to_be_those_of_limbs_may_still_move(guest: MakeTrack) -> None:
-    """Until points were found that move as one."""
+    """It may, until points are found that move as one."""
     track = guest(STATIC)
     track.loosen()
     assert seems_to_move(track)
@@ -145,5 +145,5 @@ def test_points_on_somebody_who_is_reported_tell_of_nobody_beside_him(
     assert seeming != [part.box_px]
     whole.state, whole.box_px = TrackState.CONFIRMED, (250.0, 50.0, 390.0, 399.0)
     assert moving_boxes_px([part, whole], scene, now) == ([whole.box_px], [part.box_px])
-    # Without dense depth nothing tells where the ground is.
+    # Without dense depth the ground is unknown.
     assert moving_boxes_px([part], None, now) == ([], [part.box_px])

@@ -1,4 +1,4 @@
-"""Which points and which segments are of which body, in worlds of boxes."""
+"""Which points and which segments belong to which body, in worlds of boxes."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_points_of_a_body_that_was_seen_do_not_make_something_far_behind_it(
 ) -> None:
     tracks, host = outlined(person(0.1, 3.0), TrackIds())
     host.id, host.state = 1, TrackState.CONFIRMED
-    # The person is gone, and some of the points around lay on what was hidden.
+    # The person is gone, and some of the points around lie on what was hidden before.
     tracked(tracks, points_on(patch(0.1, 0.0, z - 0.13)), arrived(person(0.1, z)))
     assert host.outline is not None
     assert host.outline.seen is same
@@ -82,7 +82,7 @@ def test_points_of_a_body_that_was_seen_do_not_make_something_far_behind_it(
 
 @pytest.mark.parametrize(("aside", "same"), [(0.3, True), (1.9, False)])
 def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, same: bool) -> None:
-    """Though of a side that was not seen before nobody knows how far from its middle it is."""
+    """Even though the offset of a side seen for the first time is unknown."""
     tracks, host = outlined(person(0.0, 4.0), TrackIds())
     assert host.outline is not None
     shift = np.array([aside, 0.0, 0.0])
@@ -98,7 +98,7 @@ def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, 
 def test_whoever_was_out_of_sight_is_found_only_where_something_stands_apart(
     seen_before: bool,
 ) -> None:
-    """A part of a wall that they covered is none, though it is where they should be."""
+    """A part of a wall at the expected place does not count as the body."""
     tracks, host = outlined(person(0.0, 4.0), TrackIds())
     assert host.outline is not None
     host.missed_s = DT if seen_before else 4 * DT
@@ -149,7 +149,7 @@ def test_a_body_beside_an_outline_is_not_absorbed(make_track: MakeTrack) -> None
 
 
 def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTrack) -> None:
-    """Points that move on a wall, of which no segment stands apart."""
+    """Points move on a wall, from which no segment stands apart."""
     track = make_track((0.5, -0.2, 4.0), number=1)
     track.points = 9
     for k in range(3):
@@ -163,7 +163,7 @@ def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTr
 def test_a_head_that_crosses_the_view_is_that_of_a_whole_person(
     make_track: MakeTrack, crosses: bool
 ) -> None:
-    """In plain clothes, of whom nothing seems to have moved, before a ceiling without depth."""
+    """In plain clothes that show no motion, in front of a ceiling without depth."""
     guest = person(0.1, 4.0)
     scene = seen([*ROOM, guest], evidence=np.full(GRID.shape, STATIC, np.uint8))
     rows = np.arange(GRID.height)[:, None] < GRID.height / 2
@@ -197,7 +197,7 @@ def test_what_is_farther_than_segments_is_not_one_with_its_surroundings(
 
 
 def test_a_body_that_lost_its_outline_is_one_with_its_surroundings(make_track: MakeTrack) -> None:
-    """No cell stands out of what is around it any more; its points are still followed."""
+    """No cell stands out from its surroundings any more; its points are still tracked."""
     tracks, host = outlined(person(0.5, 4.0), TrackIds())
     host.filter = make_track((0.5, -0.2, 4.0), number=host.id).filter
     points = points_on(patch(0.5, -0.2, 4.0))
@@ -234,7 +234,7 @@ def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrac
 def test_of_two_who_may_come_back_it_is_the_likelier_one_and_the_other_stays_known(
     make_track: MakeTrack,
 ) -> None:
-    """However long each of them was out of sight, and though a few points still show the one."""
+    """However long each was out of sight, and even if a few points still show one of them."""
     for missed_s in ((0.6, 0.6), (0.6, 0.0)):
         far = make_track((0.9, 0.2, 4.1), (0.0, 0.0, 0.0), number=1, sigma=0.2)
         near = make_track((0.4, 0.2, 4.1), (0.0, 0.0, 0.0), number=2, sigma=0.2)
@@ -251,7 +251,7 @@ def test_of_two_who_may_come_back_it_is_the_likelier_one_and_the_other_stays_kno
 def test_who_left_the_image_and_turned_comes_back_as_who_it_was(
     make_track: MakeTrack, z: float, same: bool
 ) -> None:
-    """Though it went on straight as far as anybody could know."""
+    """Even though it was expected to go straight on."""
     edge = 4.0 * (CAMERA.width / 2) / CAMERA.fx
     guest = person(edge - 0.4, 4.0)
     track = make_track((edge + 1.2, 0.2, z), (1.0, 0.0, 0.0), number=1, sigma=0.1)

@@ -1,4 +1,4 @@
-"""Bodies that are tracked by their segments, in worlds of boxes that move as told."""
+"""Bodies tracked by their segments, in worlds of boxes on prescribed paths."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def walk(
     *others: Shape,
     poses: Callable[[float], Pose] = lambda _: Pose.identity(),
 ) -> list[tuple[float, float]]:
-    """A person walks x, z metres at a time since now; returns where it was in each frame."""
+    """Let a person walk along ``path`` (x, z metres by time); return the place in each frame."""
     begun = view.time
     way = []
     for _ in range(frames):
@@ -55,7 +55,7 @@ def walk(
 
 
 def watching(*others: Shape) -> SolidView:
-    """A view that has seen a room without anybody for some time."""
+    """A view that has seen an empty room for some time."""
     view = SolidView()
     for _ in range(5):
         view.step([*ROOM, *others])
@@ -68,7 +68,7 @@ def confirmed(view: SolidView) -> BodyTrack:
     return track
 
 
-# --- who is seen by depth alone ------------------------------------------------------------
+# --- seen by depth alone -------------------------------------------------------------------
 
 
 def test_who_walks_in_is_found_confirmed_and_measured_without_any_point() -> None:
@@ -129,11 +129,11 @@ def test_two_who_cross_keep_their_numbers(side: int) -> None:
     assert len(set(ids)) == 1
 
 
-# --- where it is, while it is seen in part -------------------------------------------------
+# --- place of a partly visible body --------------------------------------------------------
 
 
 def test_a_body_that_the_image_s_border_cuts_off_goes_on_smoothly() -> None:
-    """Its side shows where it is: the middle of what is left to see would come to rest."""
+    """Its side shows where it is: the middle of the visible remainder would come to rest."""
     view = watching()
     speed, places = 0.8, []
     for k in range(25):
@@ -153,7 +153,7 @@ def test_a_body_that_the_image_s_border_cuts_off_goes_on_smoothly() -> None:
 def test_the_offset_of_another_anchor_is_learned_when_it_is_first_used(
     make_track: MakeTrack,
 ) -> None:
-    """So a body does not jump when it is measured by its side from now on."""
+    """Thus a body does not jump when it is measured by its side from then on."""
     guest = person(0.1, 4.0)
     track = make_track((0.1, 0.2, 3.875), (0.0, 0.0, 0.0))
     track.loosen()
@@ -178,7 +178,7 @@ def limbs_measured(
     points: TrackedPoints,
     moved: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> TrackedPoints:
-    """Points that are seen (3,) metres from where they were."""
+    """Measure limbs with points seen ``moved`` (3,) metres from where they were."""
     points = points.but(within=np.full(len(points), track.id))
     place = CAMERA.triangulate(points.px, points.disparity) + np.asarray(moved)
     sightings = WorldSightings(place, np.tile(np.eye(3) * 1e4, (len(points), 1, 1)))
@@ -212,7 +212,7 @@ def test_points_at_another_depth_are_not_on_the_body() -> None:
 
 
 def test_a_rigid_body_all_over_whose_outline_points_lie_stays_rigid(make_track: MakeTrack) -> None:
-    """Though it stands as upright as a person."""
+    """Even though it is as upright as a person."""
     guest = person(0.1, 4.0)
     track = make_track((0.1, 0.2, 3.9), (0.3, 0.0, 0.0), number=1, yaw_rate=0.3)
     _, host = outlined(guest, TrackIds())

@@ -8,10 +8,10 @@ import pytest
 from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 
-# Across its heading, high, along its heading, metres.
+# Metres: width across the heading, height, length along the heading.
 SIZE = np.array([0.4, 0.3, 0.7])
 SURE = np.eye(3) * 0.01**2
-# Seconds after which a side that is shown is known.
+# Seconds in view after which a side is known.
 LONG = 2.0
 
 
@@ -29,7 +29,7 @@ def heading_for(shape: BodyShape, heading: float, yaw: float = 0.0) -> None:
 
 
 def same_axis(a: float, b: float) -> float:
-    """Radians between two axes, to and fro alike."""
+    """Radians between two axes, regardless of their direction."""
     return abs(float((a - b + np.pi / 2) % np.pi - np.pi / 2))
 
 
@@ -40,7 +40,7 @@ def test_box_and_heading_are_learnt_from_two_faces(heading: float) -> None:
     R = yaw_matrix(heading)
     centre = np.array([0.3, 0.1, -0.2])
     points = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)]) @ R.T + centre
-    # Seen from where both faces show themselves.
+    # Seen from where both faces are visible.
     box = shape.box(points, R @ np.array([1.0, 0.0, 1.0]), LONG)
     assert same_axis(box.heading, heading) < 0.01
     np.testing.assert_allclose(box.size, SIZE, rtol=0.1)
@@ -61,7 +61,7 @@ def test_a_side_that_was_never_seen_is_completed_behind_the_face(
     view[axis] = -sign
     box = shape.box(face(rng, axis, sign), view, LONG)
     assert box.size[other] == pytest.approx(SIZE[other], rel=0.1)
-    # Of an unknown depth, but surely not flat, and not nearer than what is seen.
+    # Its depth is unknown, but it is not flat, and not nearer than what is seen.
     assert 0.5 * SIZE[other] < box.size[axis] < 1.2 * SIZE[other]
     seen = sign * SIZE[axis] / 2
     assert box.centre[axis] + sign * box.size[axis] / 2 == pytest.approx(seen, abs=0.01)
@@ -69,7 +69,7 @@ def test_a_side_that_was_never_seen_is_completed_behind_the_face(
 
 
 def test_a_side_is_believed_the_longer_it_is_shown() -> None:
-    """At first only few points are found on a face that comes into view."""
+    """At first there are few points on a face that comes into view."""
     rng, shape = np.random.default_rng(7), BodyShape()
     heading_for(shape, 0.0)
     thin = np.concatenate([face(rng, 0, -1), face(rng, 2, -1) * [0.3, 1.0, 1.0]])
@@ -85,7 +85,7 @@ def test_a_side_is_believed_the_longer_it_is_shown() -> None:
 
 def test_a_first_guess_of_the_heading_does_not_tell_the_faces_apart() -> None:
     rng, shape = np.random.default_rng(8), BodyShape()
-    # It seems to drive along x, and is found to drive along z: the face seen is its front.
+    # It seems to drive along x, then turns out to drive along z: the visible face is its front.
     shape.note_heading(np.array([0.1, 0.0, 0.0]), np.eye(3) * 0.02**2, 0.0)
     shape.box(face(rng, 2, -1), np.array([0.0, 0.0, 1.0]), LONG)
     heading_for(shape, 0.0)
@@ -108,13 +108,13 @@ def test_a_face_that_is_hidden_now_is_remembered() -> None:
 
 
 def shown(rng: np.random.Generator, view: np.ndarray) -> np.ndarray:
-    """Points (N, 3) on the faces towards the camera: the fewer, the more askew they are seen."""
+    """Points (N, 3) on the faces towards the camera, fewer on faces seen obliquely."""
     faces = [face(rng, k, -int(np.sign(view[k])), int(40 * abs(view[k]))) for k in (0, 2)]
     return np.concatenate(faces)
 
 
 def test_the_centre_stays_while_a_body_turns_before_the_camera() -> None:
-    """Its faces come and go; none of them takes the centre with it."""
+    """Its faces come and go; none of them drags the centre along."""
     rng, shape = np.random.default_rng(9), BodyShape()
     heading_for(shape, 0.0)
     centres, sizes = [], []
@@ -128,7 +128,7 @@ def test_the_centre_stays_while_a_body_turns_before_the_camera() -> None:
     after = len(centres) // 2
     assert np.abs(sizes[after:] - SIZE[[0, 2]]).max() < 0.03
     assert np.linalg.norm(centres[after:], axis=1).max() < 0.02
-    # and it does not jump when a face is seen edge on.
+    # and it does not jump when a face is seen edge-on.
     assert np.linalg.norm(np.diff(centres[after:], axis=0), axis=1).max() < 0.02
 
 
@@ -213,12 +213,12 @@ def test_forgotten_places_are_forgotten() -> None:
     box = shape.box(both, np.array([1.0, 0.0, 1.0]), LONG)
     np.testing.assert_allclose(box.size, SIZE, rtol=0.1)
     np.testing.assert_allclose(box.centre, 0, atol=0.03)
-    # but neither how it drives
+    # but it keeps its heading
     assert same_axis(box.heading, 0.0) < 0.01
 
 
 def test_a_body_that_was_lost_keeps_its_size() -> None:
-    """Found again, it shows one face; it is no flatter for that."""
+    """Found again, it shows one face, but does not become flatter."""
     rng, shape = np.random.default_rng(6), BodyShape()
     heading_for(shape, 0.0)
     both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])

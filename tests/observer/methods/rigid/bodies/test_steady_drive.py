@@ -1,4 +1,4 @@
-"""Points that drive as one for a while are told from limbs that swing."""
+"""Points that drive as one for a while are told apart from swinging limbs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Speed = Callable[[float], float]
 
 
 def told_after(speed: Speed, points: int = 12, seconds: float = 2.0, every: int = 1) -> float:
-    """Seconds until a group at such a speed is told to drive; infinite if it never is."""
+    """Seconds until a group at such a speed counts as driving; infinite if it never does."""
     drive = SteadyDrive()
     for k in range(0, int(seconds / DT), every):
         if drive.note(np.array([speed(k * DT), 0.0, 0.0]), points, k * DT):
@@ -29,7 +29,7 @@ def test_what_drives_steadily_is_told_after_half_a_second() -> None:
 
 
 def test_legs_that_swing_are_not_told() -> None:
-    """Twice as fast as who walks and at rest in turn, as a mean over a third of a second."""
+    """Alternately at twice the walking speed and at rest, averaged over a third of a second."""
     times = np.arange(0, 3, 0.01)
     steps = np.abs(2 * np.sin(np.pi * times)) * 0.9
 

@@ -1,4 +1,4 @@
-"""When points on a person make a rigid body of it."""
+"""When points on a supposed person turn it into a rigid body."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MakeTrack = Callable[..., BodyTrack]
 def test_points_that_slide_off_its_edge_do_not(
     make_track: MakeTrack, speed: float, begins: bool
 ) -> None:
-    """Points that move as the outline is known to show a thing that is as rigid as it is low."""
+    """Points that move like the outline show that such a low thing is rigid."""
     track = make_track((0.0, 0.0, 3.95), (0.9, 0.0, 0.0), sigma=0.03)
     track.outline = outline_of(Solid((0.0, 0.0, 4.0), (0.6, 0.5, 0.1)))
     track.rigid = False

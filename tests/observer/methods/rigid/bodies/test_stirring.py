@@ -1,4 +1,4 @@
-"""Who is found to move in place, in worlds whose every change is known."""
+"""People found to move in place, in worlds whose every change is known."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def found(
     lasting: int = 40,
     pose: Pose = HERE,
 ) -> list[BodyTrack]:
-    """The bodies found while something changes in these of so many frames."""
+    """The bodies found when something changes in ``frames`` out of ``lasting`` frames."""
     stirring, numbers, tracks = Stirring(), TrackIds(), list[BodyTrack]()
     now = set(frames)
     for k in range(lasting):
@@ -126,7 +126,7 @@ def test_only_what_changes_again_and_again_stirs(times: list[float], stirs: bool
 
 
 def test_a_part_that_was_not_confirmed_becomes_the_whole() -> None:
-    """Whatever of who waves was begun before."""
+    """A waving person's part that already has a track."""
     numbers = TrackIds()
     now = scene(0.0, WHO, hand())
     assert now.changed is not None

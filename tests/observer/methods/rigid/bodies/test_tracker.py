@@ -1,4 +1,4 @@
-"""The life of obstacles, for bodies made of known points whose places are seen with known noise."""
+"""The life cycle of obstacles, for bodies of known points that are seen with known noise."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 
 
 def seen_from(rate: CameraRate) -> CameraStep:
-    """The world's origin, reached at this rate."""
+    """A camera step that ends at the world's origin with this rate."""
     return CameraStep(CAMERA, Pose.identity(), np.zeros((6, 6)), rate, DT)
 
 
 def errors(stretch: float) -> EvidenceParameters:
-    """Lasting errors of distortion alone."""
+    """Parameters with lasting errors from distortion only."""
     return P.evidence.model_copy(update={"disparity_bias_px": 0.0, "distortion_sigma": stretch})
 
 
@@ -46,7 +46,7 @@ def test_a_body_is_confirmed_once_it_surely_moves(watched: Any, box: Any, crate:
     assert states[0] is None
     tentative = states.index(TrackState.TENTATIVE)
     confirmed = states.index(TrackState.CONFIRMED)
-    # Three frames and no fewer, by parameter; half a second at most.
+    # At least three frames, by parameter; at most half a second.
     assert tentative < confirmed <= 8
     assert confirmed - tentative >= 2
     assert set(states[confirmed:]) == {TrackState.CONFIRMED}
@@ -85,14 +85,14 @@ def test_its_velocity_and_centre_are_those_of_the_body(watched: Any, box: Any, c
         centre = np.asarray(body.pose(run.time)[0])
         assert np.linalg.norm((track.centre - centre)[[0, 2]]) < 0.12
     assert np.mean(squared) < 7.8
-    # Every point of the body is a member and none of the crate.
+    # All points of the body are members, and none of the crate's.
     mine = run.points.obstacle == track.id
     assert mine[run.owner == 0].mean() > 0.9
     assert not mine[run.owner == 1].any()
 
 
 def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -> None:
-    """At the edge of the view a camera that drives does not know how fast things pass."""
+    """At the edge of a driving camera's view, calibration errors make speeds uncertain."""
     rate = CameraRate(np.zeros(3), np.array([0.0, 0.0, -1.0]))
     tracker, track = BodyTracker(), make_track()
     tracker.tracks = [track]
@@ -115,7 +115,7 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
 
 @pytest.mark.parametrize(("speed", "begins"), [(0.02, False), (0.1, True)])
 def test_what_creeps_begins_no_track(speed: float, begins: bool) -> None:
-    """However surely: points slide along the edge of one thing before another."""
+    """However certain its speed: points slide along the edge of one thing in front of another."""
     rng = np.random.default_rng(1)
     place = rng.uniform((-0.2, -0.2, 2.9), (0.2, 0.2, 3.1), (20, 3))
     points = builders.watched(CAMERA, place, np.array([speed, 0, 0]), rng, sigma_px=0.002)
@@ -156,7 +156,7 @@ def test_a_turning_body_is_known_to_turn(watched: Any, box: Any, crate: Any) -> 
 
 
 def test_a_point_that_leaves_its_body_is_given_back(watched: Any, box: Any, crate: Any) -> None:
-    """What slid off onto the background does not move with the body any more."""
+    """A point that slid onto the background no longer moves with the body."""
     body = box(to_the_right())
     left_behind = np.arange(0, 60, 10)
     drive = body.places
@@ -198,7 +198,7 @@ def test_its_points_are_expected_where_it_will_be(watched: Any, box: Any, crate:
     mine = (run.owner == 0) & (run.points.obstacle != -1)
     truth = body.places(run.time + dt)[run.which[mine]]
     assert np.median(np.linalg.norm((expected[mine] - truth)[:, [0, 2]], axis=1)) < 0.04
-    # Who does not move is expected to stay: nothing is said of it.
+    # Static points are expected to stay, so no expectation is given.
     assert np.isnan(expected[run.owner == 1]).all()
 
 

@@ -1,4 +1,4 @@
-"""How far away a trunk is, by points that keep their places on it."""
+"""The distance of a trunk, from points that keep their places on it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Limbs = Callable[[float, Float64Array], Float64Array]
 
 
 def still(_: float, places: Float64Array) -> Float64Array:
-    """No limb moves by itself."""
+    """No limb moves on its own."""
     return np.zeros_like(places)
 
 
@@ -41,11 +41,11 @@ def followed(
     left_only: bool = False,
     limbs: Limbs = still,
 ) -> BodyTrack:
-    """The track after some frames in which points on a walking body were seen.
+    """The track after some frames that show points on a walking body.
 
     Args:
-        renewed: of the points, in every frame. limbs: (N, 3) m, by which they are elsewhere at a
-            time, s, than on a stiff body.
+        renewed: points replaced in every frame. limbs: (N, 3) m, offset of the points at a
+            time, s, from where they would be on a rigid body.
     """
     rng = np.random.default_rng(5)
     low = (-0.25, -0.3, -0.1)
@@ -71,7 +71,7 @@ def followed(
 
 @pytest.fixture
 def unknown(make_track: MakeTrack) -> BodyTrack:
-    """Stands for a person whose velocity is not known yet."""
+    """Represents a person whose velocity is not known yet."""
     return make_track(tuple(PLACE), (0.0, 0.0, 0.0), sigma=1.0)
 
 
@@ -89,7 +89,7 @@ def test_points_that_come_and_go_tell_it_too(unknown: BodyTrack) -> None:
 
 
 def test_points_on_one_side_of_who_crosses_tell_no_velocity_along(make_track: MakeTrack) -> None:
-    """Though the line of sight turns."""
+    """Even though the line of sight turns."""
     across = np.array([1.2, 0.0, 0.0])
     track = make_track(tuple(PLACE), tuple(across), sigma=0.1)
     followed(track, across, left_only=True)

@@ -1,4 +1,4 @@
-"""The velocity of a body with limbs: by its trunk, and level."""
+"""The velocity of a body with limbs: measured on its trunk, and horizontal."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WALK = np.array([0.9, 0.0, 0.0])
 
 
 def scene_at(place: Float64Array, *, textured: bool = True) -> tuple[DenseScene, Outline]:
-    """A person in clothes of even grain, at a place."""
+    """A person in clothes of uniform texture, at a place."""
     thing = Solid((float(place[0]), float(place[1]), float(place[2])), (0.45, 1.2, 0.1))
     scene = seen([*ROOM, thing])
     segment = segment_of(scene, cells_of(thing, [*ROOM, thing]))
@@ -66,7 +66,7 @@ def by_picture(track: BodyTrack, velocity: Float64Array, frames: int = 6) -> Flo
 
 @pytest.fixture
 def unknown(make_track: MakeTrack) -> BodyTrack:
-    """Stands for a person whose velocity is not known yet."""
+    """Represents a person whose velocity is not known yet."""
     return make_track(tuple(PLACE), (0.0, 0.0, 0.0), sigma=1.0)
 
 
@@ -106,7 +106,7 @@ def test_a_body_neither_rises_nor_sinks(make_track: MakeTrack) -> None:
 def test_what_shows_only_legs_has_no_trunk(
     unknown: BodyTrack, height_m: float, trunk: bool
 ) -> None:
-    """The image ends so high above the ground."""
+    """The image's upper border is ``height_m`` above the ground."""
     scene, outline = scene_at(PLACE)
     above = replace(outline.segment, cut=(False, False, True, False))
     px = GRID.to_px(np.array([[above.columns[1], above.box[1]]]))
@@ -124,7 +124,7 @@ def test_what_shows_only_legs_has_no_trunk(
 def test_the_velocity_of_what_turns_out_to_have_limbs_is_doubted(
     make_track: MakeTrack, only_legs: bool
 ) -> None:
-    """Unless only legs are in view: then nothing tells better."""
+    """Unless only legs are in view: then there is no better source."""
     track = make_track(tuple(PLACE), (0.4, 0.0, -0.6), sigma=0.1)
     track.outline = replace(scene_at(PLACE)[1], only_legs=only_legs)
     before = np.sqrt(np.diag(track.filter.covariance[VELOCITY, VELOCITY]))

@@ -1,4 +1,4 @@
-"""Head and shoulders are found in a later image by all of their grey levels."""
+"""Head and shoulders are found in a later image from all of their grey levels."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def picture(
     arm: float = 0.0,
     seed: int = 0,
 ) -> Image:
-    """The left image with the person moved by cells; drawn finely, then reduced as pixels are.
+    """The left image with the person moved by cells; drawn finely, then reduced.
 
     Args:
         clothes, wall: contrast of their texture, grey levels. tone: of the clothes above the
-            wall's. light: grey levels added. arm: cells by which an arm before it went.
+            wall's. light: grey levels added. arm: cells by which an arm in front of it moved.
     """
     h, w = GRID.shape
     image = (
@@ -149,7 +149,7 @@ def test_a_body_whose_only_edge_has_left_the_image_is_not_found() -> None:
     before = np.full(GRID.shape, 128, np.uint8)
     before[TOP:BOTTOM, LEFT] = 255
     view = view_of(before)
-    # By so much that the edge is outside, and most of the body is not.
+    # Shifted so far that the edge is outside but most of the body is not.
     expected = view.middle - [LEFT + 3, 0]
     now = np.full(GRID.shape, 128, np.uint8)
     assert view.found_in(now, expected, view.middle, 1.0, 0) is None

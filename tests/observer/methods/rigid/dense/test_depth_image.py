@@ -1,4 +1,4 @@
-"""Disparity of image pairs that are made of it: right where texture tells, unknown elsewhere."""
+"""Disparity of pairs generated from it: right where there is texture, unknown elsewhere."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ..solid_worlds import CAMERA, GRID
 quick = settings(deadline=None, max_examples=10)
 P = StereoParameters()
 SHAPE = (CAMERA.height, CAMERA.width)
-# Texture as fine as a cell, and everywhere, would count as noise.
+# If texture were as fine as a cell everywhere, it would count as noise.
 PAPER = Texture(1, SHAPE, finest_px=12.0)
 OTHER = Texture(2, SHAPE, finest_px=12.0)
 
@@ -50,7 +50,7 @@ def test_a_textured_wall_has_its_disparity_in_pixels_of_the_full_image(disparity
 
 
 def test_what_the_right_camera_cannot_see_is_unknown() -> None:
-    """Left of its image's border; the texture repeats, so nothing false is matched there."""
+    """Left of its image's border. The texture is periodic, so there is no false match there."""
     found = depth_of(*pair_at(40.0))
     assert not (found[:, :18] > 2 * np.arange(18) + 2).any()
 

@@ -1,4 +1,4 @@
-"""Evidence of motion by depth, for worlds whose every change is known."""
+"""Evidence of motion from depth, for worlds whose every change is known."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def evidence(now: DepthFrame, *before: DepthFrame) -> np.ndarray:
 
 
 def inner(mask: np.ndarray, by: int = 3) -> np.ndarray:
-    """(h, w) the cells of a mask that lie away from its border."""
+    """(h, w) the cells of a mask away from its border."""
     padded = np.pad(mask, by)
     out = mask.copy()
     for row in range(2 * by + 1):
@@ -69,7 +69,7 @@ def motions(draw: st.DrawFn) -> Pose:
 @quick
 @given(moved=motions())
 def test_a_static_scene_is_static_wherever_it_was_seen(moved: Pose) -> None:
-    """However the camera moves: a floor and a wall, of which nothing hides anything."""
+    """For any camera motion: a floor and a wall that hide nothing."""
     now, before = frame(0.4, ROOM, moved), frame(0.0, ROOM)
     found = evidence(now, before)
     cells = np.indices(GRID.shape, np.float64)[::-1].transpose(1, 2, 0)
@@ -98,7 +98,7 @@ def test_nothing_static_ever_arrives_even_where_things_hide_each_other(
 def test_what_enters_free_space_has_arrived_however_the_camera_moves(
     moved: Pose, x: float, z: float
 ) -> None:
-    # It floats: near its foot it would be no nearer than the floor.
+    # It floats: a foot on the floor would be no nearer than the floor itself.
     guest = Solid((x, -0.1, z), (0.45, 1.0, 0.25))
     found = evidence(frame(0.4, [*ROOM, guest], moved), frame(0.0, ROOM))
     on = inner(cells_of(guest, [*ROOM, guest], moved)) & (found != UNKNOWN)
@@ -206,7 +206,7 @@ def test_a_younger_frame_decides_where_the_oldest_saw_nothing() -> None:
 
 
 def test_frames_at_no_lag_that_is_compared_are_not_asked() -> None:
-    """Neither those of the moment before nor those of long ago."""
+    """Neither very recent frames nor very old ones."""
     for age in (0.02, 0.1, 6.0):
         assert (evidence(frame(7.0, ROOM), frame(7.0 - age, ROOM)) == UNKNOWN).all()
 

@@ -1,4 +1,4 @@
-"""What looks another than a moment ago, for worlds whose every change is known."""
+"""Cells that look different from a moment ago, for worlds whose every change is known."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ELSEWHERE = Solid((0.7, -0.3, 3.0), (0.25, 0.25, 0.1))
 def look(
     time: float, shapes: Sequence[Shape], pose: Pose = HERE, *, bright: Shape | None = None
 ) -> tuple[DepthFrame, Image]:
-    """One frame in which all is grey but for one bright thing."""
+    """One frame in which all is grey except for one bright thing."""
     grey = np.full(GRID.shape, 90, np.uint8)
     if bright is not None:
         grey[cells_of(bright, shapes, pose)] = 180
@@ -72,7 +72,7 @@ def test_it_compares_with_a_moment_ago_only(ago: float) -> None:
 
 @pytest.mark.parametrize("gains", [(1.0, 1.6), (1.6, 1.0)])
 def test_what_was_cut_off_cannot_be_compared(gains: tuple[float, float]) -> None:
-    """A bright hand (180) that stays where it is, overexposed in one of the two frames."""
+    """A bright hand (180) that does not move is overexposed in one of the two frames."""
     shapes = [*ROOM, HAND]
     frames = [look(time, shapes, bright=HAND) for time in (0.0, LAG_S)]
     lit = [
@@ -84,7 +84,7 @@ def test_what_was_cut_off_cannot_be_compared(gains: tuple[float, float]) -> None
 
 @pytest.mark.parametrize("shaded", [0.1, 0.4])
 def test_light_flickers_where_much_of_what_stands_is_lit_otherwise(shaded: float) -> None:
-    """Shadows of leaves, at other places in each frame; the exposure settles at the same time."""
+    """Shadows of leaves, in different places in each frame, while the exposure settles."""
     rng = np.random.default_rng(1)
     change = GreyChange(GRID)
     for k in range(12):
@@ -107,7 +107,7 @@ def test_noise_and_texture_under_steady_light_do_not_flicker() -> None:
 
 @pytest.mark.parametrize(("swing", "told"), [(0.02, False), (0.08, False), (0.4, True)])
 def test_the_exposure_swings_where_the_whole_image_changes_fast(swing: float, told: bool) -> None:
-    """One that settles, by a few per cent a frame, does not."""
+    """An exposure that settles, by a few per cent a frame, does not swing."""
     change = GreyChange(GRID)
     for k in range(12):
         frame, grey = look(k * LAG_S, ROOM)
@@ -118,7 +118,7 @@ def test_the_exposure_swings_where_the_whole_image_changes_fast(swing: float, to
 
 @pytest.mark.parametrize("width", [0.5, 1.5])
 def test_who_walks_past_near_by_changes_no_light(width: float) -> None:
-    """Dark trousers that hide and uncover a large part of a bright wall."""
+    """Dark trousers hide and uncover a large part of a bright wall."""
     change = GreyChange(GRID)
     for k in range(12):
         trousers = Solid((-1.2 + 0.2 * k, 0.0, 1.5), (width, 2.0, 0.2))

@@ -1,4 +1,4 @@
-"""The ground's plane: found from any height and tilt, and told from walls and from what stands."""
+"""The ground plane: found from any height and tilt, and told from walls and standing things."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NOISE_PX = 0.15
 
 
 def plane_below(mount: CameraMount) -> Plane:
-    """The ground, in the frame of a camera that is mounted so."""
+    """The ground in the frame of a camera with this mount."""
     return Plane(mount.down.tolist(), mount.height_m)
 
 
@@ -55,7 +55,7 @@ def assert_same_ground(plane: np.ndarray | None, true: Plane, pose: Pose = HERE)
     truth = disparity_of([true], pose)
     on = np.isfinite(truth)
     error = np.abs(plane_image(plane) - truth)[on] / (1 + 0.05 * truth[on])
-    # What stands is told from it at more than this.
+    # The threshold for standing cells is larger than this.
     assert error.max() < 0.5
 
 
@@ -203,7 +203,7 @@ def test_things_stand_and_the_ground_does_not(x: float, z: float, yaw: float) ->
     room: list[Shape] = [FLOOR, crate]
     found, true = stands(room), cells_of(crate, room)
     assert not found[~true].any()
-    # near its foot it is no nearer than the ground
+    # near its foot it is not nearer than the ground
     rows = np.flatnonzero(true.any(axis=1))
     upper = true & (np.arange(GRID.height)[:, None] < rows[0] + 0.6 * len(rows))
     assert found[upper].all()
@@ -214,7 +214,7 @@ def test_the_noise_of_the_ground_does_not_stand() -> None:
 
 
 def test_reflections_in_the_ground_do_not_stand() -> None:
-    """A mirrored box is seen below the ground, as far below as the box is above."""
+    """A box's mirror image is seen below the ground, as far below as the box is above."""
     mirrored = Solid((0.0, HEIGHT_M + 0.6, 3.0), (0.5, 1.2, 0.4))
     disparity = disparity_of([FLOOR])
     image = cells_of(mirrored, [mirrored])
@@ -246,7 +246,7 @@ def test_where_no_ground_is_known_all_stands() -> None:
     [(0.03, 3.75), (0.06, 6.6), (0.12, 7.5), (0.4, 25.0)],
 )
 def test_what_is_near_enough_depends_on_the_baseline(baseline_m: float, reach_m: float) -> None:
-    """A person's distance, unless noise is too large a share of it or depth is known farther."""
+    """The usual reach for a person, less where depth is too noisy, more where it is precise."""
     grid = replace(GRID, camera=replace(GRID.camera, baseline=baseline_m))
     for z, near in ((0.95 * reach_m, True), (1.05 * reach_m, False)):
         disparity = np.full(grid.shape, grid.camera.fx * baseline_m / z, np.float32)

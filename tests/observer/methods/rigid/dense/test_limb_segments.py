@@ -1,4 +1,4 @@
-"""Which segments are limbs of a body, and which are things of their own."""
+"""Which segments are limbs of a body, and which are separate things."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""People of whom only a part moves, or seems to: their segments are whole."""
+"""People of whom only a part moves, or seems to, still get whole segments."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from ..solid_worlds import (
     seen,
 )
 
-# --- an arm of who stands --------------------------------------------------------------------
+# --- an arm of a static person -------------------------------------------------------------
 
 ARM = Solid((0.3, -0.4, 4.0), (0.2, 0.25, 0.2))
 
 
 def with_arm(body: Shape, *arrived: Shape) -> tuple[DenseScene, Segment]:
-    """What stands with an arm beside it; of it, what arrived did, and the rest was there."""
+    """A body with an arm beside it; the cells of ``arrived`` are new, the rest is static."""
     scene = seen([*ROOM, body, ARM])
     evidence = np.where(scene.standing, STATIC, 0).astype(np.uint8)
     for shape in arrived:
@@ -60,13 +60,13 @@ def test_what_moves_beside_a_cabinet_is_no_arm() -> None:
 
 # --- head and shoulders ----------------------------------------------------------------------
 
-# Who walks in plain clothes before a plain wall, of whom all below the shoulders moves.
+# Walks in plain clothes past a plain wall, so that only the part below the shoulders moves.
 TALL = Solid((0.0, 0.1, 4.0), (0.45, 1.8, 0.25))
 SHOULDERS_M = 0.5
 
 
 def walking(*others: Shape, who: Solid = TALL) -> tuple[DenseScene, Segment]:
-    """Somebody in a room, and the segment of the part that moves; the rest seems to stand."""
+    """Somebody in a room, and the segment of the part that moves; the rest seems static."""
     scene = seen([*ROOM, who, *others])
     (x, y, z), (width, height, depth) = who.centre, who.size
     below = Solid((x, y + SHOULDERS_M / 2, z), (width, height - SHOULDERS_M, depth))
@@ -99,7 +99,7 @@ def test_no_head_is_looked_for_above_the_image_or_on_who_is_whole() -> None:
 
 
 def test_nobody_becomes_taller_than_people_are() -> None:
-    """Something narrow reaches up to the ceiling."""
+    """A narrow thing reaches up to the ceiling."""
     post = Solid((0.0, -0.5, 4.0), (0.45, 3.0, 0.25))
     scene, part = walking(who=post)
     whole = with_head(scene, part, ALL)

@@ -1,4 +1,4 @@
-"""From image pairs to evidence: depth, ground and free space at work together."""
+"""From image pairs to evidence: depth, ground and free space together."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ON_GUEST = (slice(45, 95), slice(130, 195))
 
 
 def view(index: int, guest: bool) -> View:
-    """A wall at 6 m, with or without a guest at 3 m before it."""
+    """A wall at 6 m, with or without a guest at 3 m in front of it."""
     left, right = as_image(WALL.moved(), 1.0, 3 * index), as_image(WALL.moved(-10.0), 1.0, index)
     if guest:
         thing = as_image(GUEST.moved(), 1.0, 2 * index)[80:200, 250:400]

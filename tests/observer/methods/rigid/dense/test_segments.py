@@ -1,4 +1,4 @@
-"""Segments of worlds whose things, and what each of them did, are known cell by cell."""
+"""Segments of worlds whose things and their motions are known cell by cell."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ quick = settings(deadline=None, max_examples=10)
 def world(
     *things: Shape, arrived: Sequence[Shape] = (), uncovered: Sequence[Shape] = ()
 ) -> DenseScene:
-    """Things in a room; what arrived is in it too, and so is what stands where it was uncovered."""
+    """A room with things, including those that arrived and those that were uncovered."""
     shapes = [*ROOM, *things, *arrived, *uncovered]
     evidence = np.full(GRID.shape, STATIC, np.uint8)
     for what, kind in ((arrived, ARRIVED), (uncovered, UNCOVERED)):
@@ -95,7 +95,7 @@ def test_what_is_static_is_none() -> None:
 
 
 def test_a_segment_does_not_grow_over_the_static_crate_beside_it() -> None:
-    """They touch, and are as far away."""
+    """They touch and are at the same distance."""
     guest, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
     scene = world(crate, arrived=[guest])
     segment = only(scene)
@@ -133,7 +133,7 @@ def test_two_who_arrived_side_by_side_are_two_segments() -> None:
 
 
 def test_of_two_who_arrived_one_before_the_other_the_second_is_found_once_the_first_is() -> None:
-    """What they changed is connected, so it is one seed: the one of the larger part of it."""
+    """Their changed cells are connected and form one seed, which belongs to the larger part."""
     near, far = person(0.3, 2.5), person(0.0, 4.0)
     scene = world(arrived=[near, far])
     first = only(scene)
@@ -176,7 +176,7 @@ def test_a_wall_that_seems_to_have_arrived_in_part_is_no_segment(slant: float) -
     ids=["near", "small", "was there"],
 )
 def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, apart: bool) -> None:
-    """Only one camera sees much of what is beside it, so that its depth is not known."""
+    """Much of its surroundings is seen by one camera only, so its depth is unknown."""
     scene = world(person(0.3, 4.0))
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
     area = int(share * segment.mask.size)
@@ -201,7 +201,7 @@ def test_so_has_of_who_goes_away_and_clearly_stands_apart(
 
 
 def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> None:
-    """Beside it, at its depth, stands something; a quarter of its border is clear."""
+    """Something static is beside it at its depth; a quarter of its border is clear."""
     mask = window_mask(30, 90, 100, 130)
     scene = world()
     scene.disparity[:] = np.nan
@@ -245,7 +245,7 @@ def test_the_image_s_border_cuts_the_side_it_is_at(side: int, x: float) -> None:
 
 
 def test_the_right_camera_s_border_cuts_the_left_side() -> None:
-    """It sees nothing of the left camera's first columns."""
+    """It does not see the left camera's first columns."""
     guest = person(0.0, 4.0)
     scene = world(arrived=[guest])
     first = int(60.0 / 3.875 / GRID.reduction)
@@ -315,7 +315,7 @@ def test_a_stopped_body_does_not_grow_over_a_crate_that_is_put_beside_it() -> No
     on_crate = cells(scene, crate, guest) & ~expected_at(guest).mask
     stopped = followed(scene, expected_at(guest), grows=False)
     assert not (stopped.mask & on_crate).any()
-    # one that moves may
+    # the segment of a moving body may grow onto it
     assert (followed(scene, expected_at(guest)).mask & on_crate).any()
 
 
@@ -340,7 +340,7 @@ def test_cells_of_two_bodies_that_cross_go_by_depth(z: tuple[float, float]) -> N
     one, other = person(0.1, z[0]), person(0.0, z[1])
     scene = world(arrived=[one, other])
     owner = owners(scene, [expected_at(one), expected_at(other)])
-    # Only the tops of them: near their feet neither stands.
+    # Only standing cells count: near their feet neither stands out.
     assert (owner[cells(scene, one, other)] == 0).all()
     assert (owner[cells(scene, other, one)] == 1).all()
 

@@ -21,7 +21,7 @@ def empty(grid: Grid) -> np.ndarray:
 
 
 def in_pixels(mask: np.ndarray, grid: Grid) -> np.ndarray:
-    """(H, W) the pixels of the cells, by the grid's own words of which cell holds a pixel."""
+    """(H, W) the pixels of the cells, by the grid's own mapping from pixels to cells."""
     camera = grid.camera
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     rows, columns = grid.at(np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float32))
