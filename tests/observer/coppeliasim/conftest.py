@@ -1,4 +1,4 @@
-"""A stand-in for CoppeliaSim, as a process, and what is asked of it through the real client."""
+"""A CoppeliaSim stand-in that runs as a process; tests talk to it through the real client."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _STAND_IN = Path(__file__).with_name("stand_in.py")
 
 @pytest.fixture(scope="session")
 def extra() -> None:
-    """Leaves a test out, and says so, where the extra is not installed."""
+    """Skip a test, and say why, where the extra is not installed."""
     if importlib.util.find_spec("coppeliasim_zmqremoteapi_client") is None:
         pytest.skip("needs CoppeliaSim's client: pip install 'dynamic-observer[coppeliasim]'")
 
@@ -64,14 +64,14 @@ def stand_in(*options: str) -> Iterator[StandIn]:
 
 @pytest.fixture(scope="session")
 def shared() -> Iterator[StandIn]:
-    """One with the lab's scene, for tests that leave it as they found it."""
+    """A stand-in with the lab's scene, for tests that leave it as they found it."""
     with stand_in("--scene", "lab") as running:
         yield running
 
 
 @pytest.fixture
 def own() -> Iterator[Callable[..., StandIn]]:
-    """Starts one that the test may do with as it likes."""
+    """Start a stand-in that the test may use as it likes."""
     started: list[StandIn] = []
 
     def start(*options: str) -> StandIn:
@@ -91,7 +91,7 @@ def _bare_process() -> Iterator[StandIn]:
 
 @pytest.fixture
 def bare(_bare_process: StandIn) -> StandIn:
-    """One with nothing in its scene, to be filled; it must be left alive."""
+    """A stand-in with an empty scene to fill; the test must not kill it."""
     with _bare_process.connected() as connection:
         connection.call("stopSimulation")
         deadline = time.monotonic() + 5

@@ -1,4 +1,4 @@
-"""Frames of a source that is opened."""
+"""Frames of an opened source."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """A stand-in for CoppeliaSim: its remote API server's protocol 2 over ZeroMQ, as a process.
 
 It follows the add-on "ZMQ remote API server" of CoppeliaSim 4.6 and newer: one REP socket, CBOR,
-clients told apart by their uuid and forgotten when silent, a coroutine for each, `_*wait*_` and
-`_*executed*_` during a step, stepping that counts, `_*repeat*_` when busy, `_*end*_`, errors with
-the place in Lua before them, and an empty table that might be either an array or a map.
+clients identified by uuid and forgotten when silent, one coroutine per client, `_*wait*_` and
+`_*executed*_` during a step, a counter of nested stepping, `_*repeat*_` when busy, `_*end*_`,
+errors prefixed with their place in Lua, and empty tables that may be either an array or a map.
 
     python stand_in.py [--scene lab|empty] [--repeat-every N]    prints its port
 """
@@ -36,7 +36,7 @@ Coroutine = Generator[None, None, None]
 
 @dataclass
 class Client:
-    """One client, as long as it is not forgotten."""
+    """One client, until it is forgotten."""
 
     uuid: str
     timeout: float
@@ -48,7 +48,7 @@ class Client:
 
 
 class Server:
-    """The add-on and the simulator's main loop around it."""
+    """The add-on and the simulator's main loop that calls it."""
 
     def __init__(self, functions: Functions, port: int, repeat_every: int) -> None:
         self._functions = functions
@@ -68,7 +68,7 @@ class Server:
         self._received = 0
 
     def run(self) -> None:
-        """For ever."""
+        """Run forever."""
         while True:
             if self._scene.state == ABOUT_TO_STOP:
                 # sysCall_afterSimulation
@@ -78,7 +78,7 @@ class Server:
                 self._handle_queue(0.02)
                 continue
             ends = time.monotonic() + self._scene.time_step
-            # sysCall_actuation: wait for whoever steps.
+            # sysCall_actuation: wait for the clients that step.
             while True:
                 self._handle_queue(0.001)
                 waits = [c for c in self._clients.values() if c.stepping > 0]
@@ -90,7 +90,7 @@ class Server:
                 continue
             self._current_step += 1
             self._scene.advance()
-            # Left to itself it runs in real time.
+            # When no client steps, it runs in real time.
             while not waits and time.monotonic() < ends:
                 self._handle_queue(0.001)
                 waits = [c for c in self._clients.values() if c.stepping > 0]
@@ -202,7 +202,7 @@ _OF_THE_SERVER = ("setStepping", "step")
 
 
 def _as_lua(value: Any) -> Any:
-    """Lua has one kind of empty table: nobody can tell whether it was a list."""
+    """Lua has one kind of empty table, so an empty list becomes an empty map."""
     if isinstance(value, list | tuple):
         return [_as_lua(each) for each in value] or {}
     if isinstance(value, dict):

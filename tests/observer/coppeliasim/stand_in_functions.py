@@ -1,4 +1,4 @@
-"""The functions of ``sim`` that the stand-in has."""
+"""The functions of ``sim`` that the stand-in implements."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from stand_in_scene import (
 
 from observer.geometry import Pose
 
-# Where its own models lie, as its documentation names them.
+# Where the simulator's own models are, named as in its documentation.
 PIONEER_MODEL = "models/robots/mobile/pioneer p3dx.ttm"
 ROOM_X, ROOM_Y = (-2.2, 5.4), (-3.2, 3.2)
-# The simulated lab's camera on its observer, whose base is in the origin.
+# The simulated lab's camera on its observer, whose base is at the origin.
 BASELINE_M, FORWARD_M, HEIGHT_M, TILT_DEG = 0.12, 0.07, 0.40, 5.0
 
 
 class Functions:
-    """One method for each function; its name without ``sim.`` after two underscores."""
+    """One method per function, named ``sim_`` plus its name without ``sim.``."""
 
     def __init__(self, scene: str) -> None:
         self.scene = Scene()
@@ -49,7 +49,7 @@ class Functions:
         return found
 
     def _furnish(self) -> None:
-        """The observer with its cameras, and the obstacle that crosses before it."""
+        """Add the observer with its cameras, and the obstacle that crosses in front of it."""
         scene = self.scene
         observer = scene.add_pioneer(0.02, 0.0, 0.0)
         scene.add_pioneer(2.52, 0.76, -math.pi / 2)
@@ -149,7 +149,7 @@ class Functions:
         self.scene.thing(handle & ~AXIS_FLAG, "getObjectVelocity")
         still = (np.zeros(3), np.zeros(3))
         linear, angular = self.scene.velocities.get(handle & ~AXIS_FLAG, still)
-        # Without the flag: rates of Euler angles, which here would be taken for something else.
+        # Without the flag the real one returns rates of Euler angles: give numbers that stand out.
         return linear.tolist(), angular.tolist() if flagged else [9.0, 9.0, 9.0]
 
     def sim_getObjectFloatParam(self, handle: int, parameter: int) -> float:
@@ -176,7 +176,7 @@ class Functions:
     def sim_removeObjects(self, handles: list[int]) -> None:
         for handle in handles:
             self.scene.thing(handle, "removeObjects")
-            # What hung on it hangs on nothing, as there.
+            # Children of a removed object lose their parent, as in the simulator.
             for thing in self.scene.things.values():
                 if thing.parent == handle:
                     thing.local, thing.parent = self.scene.room_pose(thing.handle), -1
@@ -210,7 +210,7 @@ class Functions:
     # ------------------------------------------------------------------ sensors
 
     def sim_readProximitySensor(self, handle: int) -> Any:
-        """One ray, to walls and to robots taken for cylinders; it reaches 1 m as the model's."""
+        """Cast one ray to walls and robots (as cylinders); its range is 1 m, as the model's."""
         thing = self.scene.thing(handle, "readProximitySensor")
         assert thing.kind == PROXIMITY
         pose = self.scene.room_pose(handle)

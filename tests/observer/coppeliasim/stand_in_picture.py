@@ -1,4 +1,4 @@
-"""Pictures of the stand-in's scene, drawn by the simulated lab's own renderer."""
+"""Images of the stand-in's scene, drawn by the simulated lab's own renderer."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _R_SENSOR_CAMERA = np.diag([-1.0, -1.0, 1.0])
 
 
 class _Driven:
-    """A robot's motion: wherever its wheels have brought it by now."""
+    """A robot's motion: where its wheels have taken it so far."""
 
     def __init__(self, scene: Scene, robot: int) -> None:
         self._scene, self._robot = scene, robot
@@ -36,7 +36,7 @@ class _Driven:
 
 
 class Painter:
-    """Draws what a vision sensor sees: the lab, the scene's boxes and robots but its own."""
+    """Draws what a vision sensor sees: the lab, the scene's boxes and all robots but its own."""
 
     def __init__(self, scene: Scene, *, furnished: bool) -> None:
         self._scene = scene
@@ -44,7 +44,7 @@ class Painter:
         self._renderers: dict[Any, Renderer] = {}
 
     def picture(self, sensor: int) -> bytes:
-        """RGB, bottom row first."""
+        """Return RGB, bottom row first."""
         scene, own = self._scene, self._scene.things[sensor].own
         width, height = own["width"], own["height"]
         f = max(width, height) / 2 / math.tan(own["angle"] / 2)
@@ -95,6 +95,6 @@ class Painter:
 
 
 def _is_box(thing: Any) -> bool:
-    """Floor and walls are the lab's own."""
+    """Return whether it is a box; floor and walls are drawn with the lab."""
     size = thing.own.get("size")
     return thing.kind == SHAPE and size is not None and max(size) < 1.5 and min(size) > 0.05

@@ -1,6 +1,6 @@
-"""The scene of the stand-in for CoppeliaSim: objects in a tree, wheels that drive robots.
+"""The scene of the CoppeliaSim stand-in: a tree of objects, and wheels that drive robots.
 
-What the functions of ``sim`` take and give follows the simulator's reference.
+Arguments and results of the functions of ``sim`` follow the simulator's reference.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ CONSTANTS: dict[str, Any] = {
 
 
 class Refused(Exception):
-    """What the simulator raises in Lua."""
+    """An error that the simulator raises in Lua."""
 
 
 @dataclass
 class Thing:
-    """An object of the scene; what belongs to its kind only is in ``own``."""
+    """An object of the scene; ``own`` holds what is specific to its kind."""
 
     handle: int
     kind: int
@@ -62,7 +62,7 @@ class Thing:
 
 
 class Scene:
-    """Objects, simulated time and the motion of everything that has two wheels."""
+    """Objects, simulated time and the motion of every two-wheeled robot."""
 
     time_step = 0.05
 
@@ -116,13 +116,13 @@ class Scene:
         self.state = RUNNING
 
     def ask_to_stop(self) -> None:
-        """The main loop does it at its next pass."""
+        """Request a stop, which the main loop carries out in its next pass."""
         if self.state != STOPPED:
             self.state = ABOUT_TO_STOP
 
     def stop(self) -> None:
         if self.state != STOPPED:
-            # What was made or moved meanwhile is as it was.
+            # Undo whatever was created or moved during the simulation.
             self.things, self._before = self._before, {}
             self.velocities = {}
             self.time = 0.0
@@ -141,7 +141,7 @@ class Scene:
             rate = radius * (right.own["velocity"] - left.own["velocity"]) / track
             half = rate * dt / 2
             chord = speed * dt * (math.sin(half) / half if half else 1.0)
-            # About the middle of the axle, which is not where the model has its origin.
+            # It turns about the middle of the axle, which is not the model's origin.
             T_robot_axle = Pose(np.eye(3), np.array([thing.own["axle_x"], 0.0, 0.0]))
             turned = Pose.from_rotvec(
                 [0, 0, rate * dt], [chord * math.cos(half), chord * math.sin(half), 0.0]
@@ -164,7 +164,7 @@ class Scene:
     # ------------------------------------------------------------------ what models there are
 
     def add_pioneer(self, x: float, y: float, heading: float, *, script: bool = False) -> int:
-        """As the simulator's own model is built: the origin high up, the wheels' below it."""
+        """Add one built like the simulator's own model: origin high up, wheel centres below it."""
         up, radius, track, axle_x = 0.1388, 0.0975, 0.331, -0.02
         robot = self.add(
             SHAPE, "PioneerP3DX", -1, Pose.from_rotvec([0, 0, heading], [x, y, up]),
@@ -184,7 +184,7 @@ class Scene:
             )  # fmt: skip
         for degrees in (90, 50, 30, 10, -10, -30, -50, -90):
             a = math.radians(degrees)
-            # It looks along its z axis.
+            # The sensor looks along its z axis.
             ahead = Pose.from_rotvec([0, 0, a], np.zeros(3)).rotation @ np.array(
                 [[0, 0, 1.0], [0, 1.0, 0], [-1.0, 0, 0]]
             )

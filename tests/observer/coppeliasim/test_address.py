@@ -1,4 +1,4 @@
-"""The texts that name a simulator, and a robot in its scene."""
+"""Texts that name a simulator, or a robot in its scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The official client, given deadlines: whatever the other side does, an answer or a sentence."""
+"""The official client with deadlines: whatever the server does, there is an answer or an error."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from observer.coppeliasim.connection import (
 
 pytestmark = pytest.mark.usefixtures("extra")
 
-# For whatever goes wrong.
+# Seconds: the limit for any error to be reported.
 _MOST_S = 2.5
 
 
 @contextmanager
 def _told_soon(match: str) -> Iterator[None]:
-    """One sentence, and no hang."""
+    """Expect a one-sentence error in time, and no hang."""
     begun = time.monotonic()
     with pytest.raises(CoppeliaSimError, match=match) as told:
         yield
@@ -40,7 +40,7 @@ def _told_soon(match: str) -> Iterator[None]:
 
 @contextmanager
 def _replying(reply: Callable[[dict[str, Any]], bytes | None]) -> Iterator[Address]:
-    """A ZeroMQ server that says what it is told to, or nothing."""
+    """Run a ZeroMQ server that sends the given replies, or none."""
     import cbor
     import zmq
 
@@ -118,7 +118,7 @@ def test_a_server_cannot_have_functions_of_the_main_program_run(
 
 
 def test_the_protocol_of_the_stand_in(shared: Any) -> None:
-    """What the facts say of the real server, asked without its client."""
+    """The documented facts about the real server, checked without its client."""
     import cbor
     import zmq
 
@@ -137,7 +137,7 @@ def test_the_protocol_of_the_stand_in(shared: Any) -> None:
         assert info["getObject"] == {"func": {}}
         assert info["handle_world"] == {"const": -1}
         assert "No such function" in ask(func="sim.nothing", args=[], uuid="raw")["err"]
-        # While nothing runs a step waits once.
+        # A step while nothing runs waits once.
         assert ask(func="sim.step", args=[], uuid="raw")["func"] == "_*wait*_"
         assert "ret" in ask(func="_*executed*_", args=[], uuid="raw")
         assert ask(func="_*end*_", args=[], uuid="raw") == {}
@@ -204,7 +204,7 @@ def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(bare: An
 def test_a_server_that_dies_in_mid_call(own: Any) -> None:
     running = own("--scene", "empty")
     with running.connected() as connection:
-        # A step that somebody else holds up never ends by itself.
+        # A step that another client holds up never ends by itself.
         other = Connection(running.address)
         other.call("setStepping", True)
         connection.call("setStepping", True)

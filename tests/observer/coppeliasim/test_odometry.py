@@ -1,4 +1,4 @@
-"""From wheels' angles to a way."""
+"""Odometry from wheel angles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RADIUS, TRACK = 0.1, 0.4
 
 
 def test_a_quarter_circle_in_one_reading_and_in_many() -> None:
-    # About a point 1 m to the left: the left wheel runs on 0.8 m, the right one on 1.2 m.
+    # About a point 1 m to the left: the left wheel is at a radius of 0.8 m, the right one at 1.2 m.
     left, right = (math.pi / 2 * r / RADIUS for r in (0.8, 1.2))
     for steps in (1, 7):
         odometry = WheelOdometry(RADIUS, TRACK)

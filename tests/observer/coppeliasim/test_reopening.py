@@ -1,4 +1,4 @@
-"""In the engine a simulator takes one source at a time: what is open of it is closed first."""
+"""The engine opens one source per simulator at a time: an open one is closed first."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("extra")
 
 
 class Desk:
-    """What is current in an engine, and what came of what was asked of it."""
+    """The current source as an engine holds it, and the replies to its requests."""
 
     def __init__(self) -> None:
         self._done: queue.SimpleQueue[Opening] = queue.SimpleQueue()
@@ -42,7 +42,7 @@ class Desk:
         return self.current.finish(self._done.get(timeout=20))
 
     def play(self, frames: int) -> list[float]:
-        """Simulated times of the next frames."""
+        """Return the simulated times of the next frames."""
         session = self.current.session
         assert session is not None
         times = []

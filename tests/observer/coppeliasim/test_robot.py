@@ -1,4 +1,4 @@
-"""Driving the scene's robots: what is written, what is told, and that nothing ever waits."""
+"""Driving the scene's robots: what is commanded and reported, and that no call ever waits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RADIUS, TRACK = 0.0975, 0.331
 
 
 def _eventually(condition: Callable[[], bool], within_s: float = 6.0) -> bool:
-    """Generous, for busy machines."""
+    """Wait for a condition, generously because test machines are busy."""
     deadline = time.monotonic() + within_s
     while not condition():
         if time.monotonic() > deadline:
@@ -50,7 +50,7 @@ def _robot(running: Any, path: str) -> Iterator[CoppeliaSimRobot]:
 
 @contextmanager
 def _held(robot: Robot, speed: float, turn: float) -> Iterator[None]:
-    """As a drive loop does it, again and again."""
+    """Send a velocity repeatedly, as a drive loop does."""
     ended = threading.Event()
 
     def run() -> None:
@@ -91,11 +91,11 @@ def test_driven_by_its_wheels_it_moves_the_camera(shared: Any) -> None:
             assert robot.report().turn_rate_radps == pytest.approx(0.5)
             observer, _ = opened.truth.bodies(frames[-1].time)
             assert observer.commanded_speed == pytest.approx(0.3)
-            # Odometry of frames, of the robot and the camera's true pose tell one way.
+            # The frames' odometry, the robot's and the camera's true pose agree on the motion.
             driven = [f.odometry for f in frames]
             yaw = driven[-1].yaw - driven[0].yaw
             assert yaw == pytest.approx(0.5 * 1.0, abs=0.03)
-            # The robot asks by itself, a moment after the last step.
+            # The robot polls by itself, a moment after the last step.
             assert _eventually(
                 lambda: math.isclose(
                     robot.report().odometry.yaw - before.yaw, driven[-1].yaw, abs_tol=1e-6
@@ -149,7 +149,7 @@ def test_it_stops_when_nobody_repeats_and_takes_nothing_unless_enabled(shared: A
 def test_it_tells_what_it_hears(bare: Any) -> None:
     with bare.connected() as other:
         handle = other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
-        # Before the front wall at 5.4 m, 0.5 m from the sensor that looks ahead to the left.
+        # So that the sensor looking 10 degrees left is 0.5 m from the front wall at x = 5.4 m.
         ahead = 5.4 - 0.5 - (0.15 + 0.5) * math.cos(math.radians(10)) + 0.5
         other.call("setObjectPose", handle, [ahead, 0.0, 0.1388, 0.0, 0.0, 0.0, 1.0])
         with _robot(bare, "/PioneerP3DX") as robot:
@@ -159,7 +159,7 @@ def test_it_tells_what_it_hears(bare: Any) -> None:
             assert math.degrees(sonars[3].heading) == pytest.approx(10)
             assert sonars[3].range_m == pytest.approx(0.5, abs=1e-6)
             assert sonars[0].range_m is None
-            # The model's own script would drive it as well.
+            # The model's own script would drive it too.
             assert "has a script of its own" in robot.report().warnings[0]
 
 
@@ -181,7 +181,7 @@ def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -
             assert report.fault is not None
             assert "did not answer" in report.fault
             assert time.monotonic() - begun < 2.5
-            # Nothing here waits for the simulator; what is left is the machine's own business.
+            # No call here waits for the simulator; the rest is the machine's scheduling.
             assert longest < 0.25
             assert report.phase is RobotPhase.WAITING
             assert not report.motors_enabled
@@ -190,7 +190,7 @@ def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -
         finally:
             os.kill(bare.process.pid, signal.SIGCONT)
         assert _eventually(lambda: robot.report().phase is RobotPhase.CONNECTED)
-        # It is there again, but moves only once somebody has looked at it.
+        # It is back, but moves only once the fault has been cleared.
         robot.enable()
         assert not robot.report().motors_enabled
         robot.clear()

@@ -1,4 +1,4 @@
-"""The paper's scene, built through the client; and the whole way from it to obstacles."""
+"""The paper's scene, built through the client, and everything from there to detected obstacles."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def test_built_twice_it_is_one_scene_in_which_the_crossing_robot_is_found(
         for name, count in (
             ("PioneerP3DX", 2), ("leftCamera", 1), ("rightCamera", 1), ("dynamicObserverBox1", 1),
             ("dynamicObserverWall4", 1), ("dynamicObserverFloor", 1),
-            # A texture's helper, and the model's own script, which would drive it.
+            # A texture's helper object, and the model's own script, which would drive it.
             ("Plane", 0), ("Script", 0),
         ):  # fmt: skip
             assert names.count(name) == count, name
-    # Once, so that all is painted: while it is, the stand-in answers nobody.
+    # Read one frame so that everything is painted; the stand-in does not answer while it paints.
     opened = open_source(bare.spec)
     opened.source.read()
     _, obstacle = opened.truth.bodies(0.0)

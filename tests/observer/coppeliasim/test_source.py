@@ -1,4 +1,4 @@
-"""A scene as a source: calibration, images, instants and truth, and what may go wrong."""
+"""A scene as a source: calibration, images, timestamps and truth, and what may go wrong."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _roll(connection: Connection, robot: str, left: float, right: float) -> None
 
 
 def _wait_until_stopped(connection: Connection) -> None:
-    """What is changed before would be put back."""
+    """Wait, because the stop would undo any change made before it."""
     stopped = connection.constant("simulation_stopped")
     deadline = time.monotonic() + 5
     while connection.call("getSimulationState") != stopped:
@@ -66,7 +66,7 @@ def _wait_until_stopped(connection: Connection) -> None:
 
 
 def _redness(image: Image, px: Float64Array) -> float:
-    """By how much red outweighs green around a pixel, grey levels."""
+    """Return by how many grey levels red exceeds green around a pixel."""
     u, v = (round(float(n)) for n in px)
     patch = image[v - 3 : v + 4, u - 3 : u + 4].astype(float)
     return float((patch[..., 2] - patch[..., 1]).mean())
@@ -81,7 +81,7 @@ def test_what_it_says_of_itself(shared: Any) -> None:
         assert (info.width, info.height, info.frame_rate) == (512, 256, 20.0)
         assert info.mount_height_m == pytest.approx(0.40, abs=1e-9)
         assert info.mount_tilt_rad == pytest.approx(math.radians(5), abs=1e-9)
-        # From the axle's middle, which is not the model's origin.
+        # From the middle of the axle, which is not the model's origin.
         assert info.mount_forward_m == pytest.approx(0.07, abs=1e-9)
         assert info.mount_left_m == pytest.approx(0.06, abs=1e-9)
 
@@ -150,21 +150,21 @@ def test_everything_of_a_frame_is_of_one_instant(shared: Any) -> None:
         step = (positions[-1] - positions[-2]) / DT
         speed = (4.0 + 6.0) / 2 * 0.0975
         assert obstacle.commanded_speed == pytest.approx(speed)
-        # The centre of its outline lies on the model's origin, but for the height.
+        # The centre of its outline coincides with the model's origin except in height.
         assert obstacle.velocity == pytest.approx(step, abs=0.02 * speed)
         assert obstacle.speed == pytest.approx(speed, rel=0.01)
         driven = 7 * DT * 0.0975
-        # The camera looks down by 5 degrees, so driving ahead is also upwards in its axes.
+        # The camera looks down by 5 degrees, so driving ahead also moves it up in its own axes.
         ahead = [0, -driven * math.sin(math.radians(5)), driven * math.cos(math.radians(5))]
         assert cameras[-1] == pytest.approx(ahead, abs=1e-6)
         assert frame.odometry.x == pytest.approx(driven, abs=1e-6)
         assert observer.velocity == pytest.approx((cameras[-1] - cameras[-2]) / DT, abs=1e-6)
-        # Turning to the left of a robot that comes from the left is turning towards us.
+        # It comes from the left, so turning left turns it towards us.
         assert obstacle.yaw < math.pi / 2
 
 
 def test_time_stands_still_until_the_next_frame_however_long_that_is(shared: Any) -> None:
-    """Longer than the simulator remembers a client that says nothing."""
+    """Longer than the simulator remembers a silent client."""
     with _opened(shared) as opened:
         before = frame_of(opened).time
         time.sleep(1.5)
@@ -183,7 +183,7 @@ def test_a_simulator_that_forgot_us_is_held_again(shared: Any) -> None:
 
 
 def test_a_scene_at_rest_does_not_look_like_a_frozen_camera(shared: Any) -> None:
-    """Drawn images of it are the same to the last pixel, so a camera's noise is added."""
+    """Rendered images of it are identical to the last pixel, so camera noise is added."""
     with _opened(shared) as opened:
         first = frame_of(opened)
         observer = Observer(opened.source.calibration, Parameters())
@@ -252,7 +252,7 @@ def test_a_second_program_that_steps_is_told(shared: Any, monkeypatch: pytest.Mo
 
     with _opened(shared) as opened:
         opened.source.read()
-        # As others use the client: it is remembered for ten minutes, whatever becomes of it.
+        # The ordinary client is remembered for ten minutes, even after it is gone.
         monkeypatch.setattr(sys.modules["__main__"], "require", None, raising=False)
         program = RemoteAPIClient("127.0.0.1", shared.address.port)
         program.socket.linger = 0
@@ -295,7 +295,7 @@ def test_sensors_are_found_by_where_they_are_and_told_when_they_do_not_fit(bare:
         _wait_until_stopped(other)
         left, right = (other.call("getObject", f"/{name}") for name in _CAMERAS)
         width = other.constant("visionintparam_resolution_x")
-        # The names are gone, and which is which is told by their places only.
+        # With the names gone, only their places tell left from right.
         other.call("setObjectAlias", left, "b")
         other.call("setObjectAlias", right, "a")
         with _opened(bare) as opened:

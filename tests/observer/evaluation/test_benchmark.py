@@ -173,7 +173,7 @@ def test_progress_knows_how_long_a_scenario_is() -> None:
     steps: list[tuple[int, int]] = []
     run_benchmark(["simulated:lab"], {"paper": PRESETS["paper"]}, max_frames=6,
                   progress=noting(steps))  # fmt: skip
-    # One step for each frame, and none left out.
+    # One step per frame, with none left out.
     assert steps == [(done, 6) for done in range(7)]
     assert described("simulated:toward?seed=4").planned(300) == 135
     assert described("simulated:toward?seed=4").planned(20) == 20

@@ -23,7 +23,7 @@ from observer.truth.contract import TrueBody
 
 DT = 0.1
 FRAMES = 13
-# Of 13 frames, those from 0.6 s on count: 6 to 12.
+# Of 13 frames, those from 0.6 s on count: frames 6 to 12.
 COUNTED = 7
 
 # Start and velocity, camera frame: x right, z forward. The camera stands still at the origin.
@@ -59,11 +59,11 @@ class Scene:
 
 
 def report(body: TrueBody, time: float) -> dict[str, Any]:
-    """What the run says of a body, with errors of known size."""
+    """Return the run's report of a body, with errors of known size."""
     error = {1: (0.03, 0.04, 0.0), 2: (0.0, 0.0, -0.1)}.get(body.id, (0.0, 0.0, 0.0))
     velocity = body.velocity + error
     offset = (0.0, 0.1, 0.0) if body.id == 3 else (0.0, 0.0, 0.0)
-    # Body 2 claims 0.03 m/s and errs by 0.1: outside its 95 %. Body 4 claims nothing.
+    # Body 2 claims 0.03 m/s and errs by 0.1: outside its 95 %. Body 4 states no uncertainty.
     variance = {1: 0.01, 2: 0.0009, 3: 0.01}.get(body.id)
     return {
         "id": body.id,

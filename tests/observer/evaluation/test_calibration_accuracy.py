@@ -1,4 +1,4 @@
-"""The accuracy of calibrations: wrong cameras are found to be as wrong as they were made."""
+"""Accuracy of calibrations: deliberately wrong cameras are found to be exactly that wrong."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_errors_of_the_cameras_are_those_that_were_made() -> None:
 
 def test_a_principal_point_that_makes_up_for_a_turn_leaves_what_is_seen() -> None:
     K2 = truth().K2.copy()
-    # So many pixels as 0.05 degrees at the image's middle.
+    # As many pixels as 0.05 degrees at the image centre.
     K2[0, 2] += np.radians(0.05) * K2[0, 0]
     for degrees in (0.05, -0.05):
         other = replace(truth(), K2=K2, R=small_rotation(0.0, degrees, 0.0) @ truth().R)
@@ -89,7 +89,7 @@ def test_rows_of_exact_corners_are_wrong_by_the_pitch_between_the_cameras() -> N
     assert exact_row_error_p95(world, world.board, truth()) < 0.001
     pitched = replace(truth(), R=small_rotation(0.05, 0.0, 0.0) @ truth().R)
     expected = np.radians(0.05) * truth().K1[1, 1]
-    # Away from the image's middle a turn moves a row by up to 1 + (y / f)^2.
+    # Away from the image centre a rotation moves a row by up to 1 + (y / f)^2.
     p95 = exact_row_error_p95(world, world.board, pitched)
     assert expected < p95 < 1.25 * expected
 
@@ -115,7 +115,7 @@ def test_a_wrong_baseline_and_vergence_show_in_depth_as_they_must() -> None:
     turned = replace(truth(), R=small_rotation(0.0, 0.1, 0.0) @ truth().R)
     bias = depth_accuracy(place(), turned, scenes()).bias_percent
     assert bias is not None
-    # A turn of 0.1 degrees at 3 m with a baseline of 0.12 m: Z / B radians of it.
+    # The relative bias is the angle in radians times Z / B: 0.1 degrees, 3 m and 0.12 m.
     assert abs(bias - right.bias_percent) == pytest.approx(
         100 * np.radians(0.1) * 3.0 / truth().baseline, rel=0.25
     )
@@ -142,7 +142,7 @@ def test_few_views_already_calibrate_and_all_figures_are_there() -> None:
     assert 6 <= run.pairs <= 7
     assert run.detection_s == 7.0, "the search in each pair takes one tick"
     assert run.fit_s == 1.0
-    # Seven views are fewer than are asked for, and so are looser limits.
+    # There are seven views, fewer than usual, so the limits are looser.
     assert 0.0 < run.errors.focal_percent < 0.5
     assert run.errors.vergence_deg < 0.02
     assert 0.0 < run.exact_p95_px < 0.2

@@ -69,7 +69,7 @@ def test_damaged_lines_are_refused_or_in_order(path: Path, content: bytes) -> No
         assert math.isfinite(each.time)
         if each.pose is not None:
             assert math.hypot(*each.pose.orientation_wxyz) == pytest.approx(1, abs=1e-3)
-    # What evaluation takes, alignment must be able to take as well, or say why not.
+    # Whatever evaluation accepts, alignment must accept too, or say why not.
     read_or_refused(lambda: ObservedRun.of_lines(contents), DynamicObserverError)
 
 

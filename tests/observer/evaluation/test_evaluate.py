@@ -1,4 +1,4 @@
-"""The figures, on runs whose right answer is known by hand."""
+"""The metrics, on runs whose right answer is known by hand."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def evaluate(lines: list[dict[str, Any]], truth: Truth, gate_m: float = GATE_M) 
 
 
 class StraightTruth:
-    """Bodies on straight lines: id -> (start, velocity), and what one asks of them."""
+    """Bodies on straight lines, id -> (start, velocity), with the interface of a truth."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ RIGHT = {1: ((-1.0, 0.0, 3.0), (0.4, 0.0, 0.0))}
 
 
 def entry(truth: StraightTruth, time: float, body: int = 0, **changes: Any) -> dict[str, Any]:
-    """A perfect report of one body, changed as asked for."""
+    """Return a perfect report of one body, with the given changes."""
     b = truth.bodies(time)[body]
     offset = np.array(changes.pop("offset", (0, 0, 0)))
     error = np.array(changes.pop("error", (0, 0, 0)))
@@ -103,7 +103,7 @@ def perfect(truth: StraightTruth, count: int, **changes: Any) -> list[dict[str, 
 def test_a_perfect_run() -> None:
     truth = StraightTruth(RIGHT)
     result = evaluate(perfect(truth, 20), truth)
-    # It counts from 0.6 s on: frames 6 to 19.
+    # Evaluation starts at 0.6 s: frames 6 to 19.
     assert result.truth_count == result.matched == 14
     assert result.recall == result.mota == result.coverage == 1.0
     assert result.false == result.surplus_boxes == result.identity_switches == 0
@@ -164,7 +164,7 @@ def test_false_ones_are_kept_with_where_and_when() -> None:
     assert found.speed_mps == 0.2
     assert found.range_m == pytest.approx(np.sqrt(1 + 0.09 + 3.4**2))
     assert (found.nearest_id, found.nearest_moving) == (2, False)
-    # From the body's upright axis: of a tall body often only a part is seen.
+    # From the body's upright axis, because often only part of a tall body is seen.
     assert found.nearest_m == pytest.approx(np.hypot(0.4, 0.3 - SIZE[2] / 2))
     assert counted.moved
     json.dumps(asdict(found), allow_nan=False)
@@ -264,7 +264,7 @@ def test_a_second_report_on_one_obstacle_is_a_surplus_box() -> None:
 
 
 def test_a_pair_stays_together_while_it_can() -> None:
-    """A nearer newcomer does not take over, as CLEAR-MOT has it."""
+    """A nearer newcomer does not take over, as in CLEAR-MOT."""
     truth = StraightTruth(RIGHT)
     lines = perfect(truth, 20, offset=(0.3, 0, 0))
     for k, each in enumerate(lines[10:], 10):
@@ -335,7 +335,7 @@ def test_reports_without_covariance_do_not_enter_the_coverage() -> None:
 
 
 def test_position_is_compared_with_surface_and_centre() -> None:
-    """Seen from the corner: two faces, so that the centre counts; seen from behind: one."""
+    """Seen from a corner, two faces are visible and the centre counts; seen from behind, one is."""
     ahead = StraightTruth({1: ((0.0, 0.0, 2.0), (0.0, 0.0, 0.4))})
     one_face = evaluate(perfect(ahead, 20, offset=(0, 0, -SIZE[0] / 2)), ahead)
     assert one_face.surface_rmse_m == pytest.approx(0, abs=1e-9)
@@ -469,5 +469,5 @@ def test_lines_out_of_order_are_refused_within_a_segment() -> None:
     with pytest.raises(InputError, match=r"line 2 has the time 0\.1 s"):
         evaluate([lines[2], lines[1]], truth)
     lines[1]["segment"] = 1
-    # Neither begins with frame 0, and the truth knows no camera to place them by.
+    # Neither begins with frame 0, and the truth has no camera pose to locate them with.
     assert evaluate([lines[2], lines[1]], truth).frames_without_world == 2

@@ -1,4 +1,4 @@
-"""The figure of a benchmark: what it shows, and that it is written in every format."""
+"""The figure of a benchmark: its content, and that it is written in every format."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_the_points_are_the_figures() -> None:
     np.testing.assert_array_equal(velocity.get_ydata(), [np.nan, 0.04, np.nan, np.nan])
     false = axes["False instances by source"]
     labels = [label.get_text() for label in false.get_yticklabels()]
-    # Seeds are summed up; ideal scenarios come first.
+    # Seeds are summed; ideal scenarios come first.
     assert labels == ["away", "skew (faulty)"]
     assert list(np.asarray(false.get_lines()[0].get_xdata())) == [50.0, 50.0]
     assert list(np.asarray(false.get_lines()[1].get_xdata())) == [0.0, 0.0]

@@ -1,4 +1,4 @@
-"""Boxes in the image: their overlap, misses that are told, and what moves in place."""
+"""Boxes in the image: their overlap, admitted misses, and bodies that move in place."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .test_evaluate import RIGHT, StraightTruth, evaluate, line, perfect
 
 
 class BoxedTruth(StraightTruth):
-    """One body with a known box; ``known`` is what the truth tells of it."""
+    """One body with a known box; ``known`` holds what the truth knows of it."""
 
     def __init__(self, **known: Any) -> None:
         super().__init__(RIGHT)
@@ -55,7 +55,7 @@ def test_the_median_is_over_all_pairs_with_both_boxes() -> None:
     for each in lines[13:18]:
         each["obstacles"][0]["box_px"] = [0, 0, 5, 20]
     lines[18]["obstacles"][0]["box_px"] = lines[19]["obstacles"][0]["box_px"] = None
-    # Seven of 1 and five of 0.5.
+    # Seven values of 1 and five of 0.5.
     assert evaluate(lines, truth).box_iou_median == 1.0
     for each in lines[6:9]:
         each["obstacles"][0]["box_px"] = [0, 0, 5, 20]
@@ -84,10 +84,10 @@ def unseen(*rows: str) -> dict[str, Any]:
         ({"status": "degraded", "unseen": unseen("..", "..", "..")}, False),
         ({"status": "degraded", "unseen": unseen("p.", "d.", "..")}, True),
         ({"status": "ok", "unseen": unseen("pp", "dd", "..")}, False),
-        # Half of the area, and a little less.
+        # Exactly half of the area is unseen, then a little less.
         ({"status": "degraded", "unseen": unseen("x.", "..", "..")}, True),
         ({"status": "degraded", "unseen": unseen(".x", "..", "xx")}, False),
-        # What is told of ends above it.
+        # The grid ends above the body.
         ({"status": "degraded", "unseen": unseen("..")}, False),
     ],
 )
@@ -103,7 +103,7 @@ def test_a_miss_is_told_where_the_line_says_that_it_could_not_see(
 
 
 def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
-    """Its lower part covers two cells to a tenth only."""
+    """Its lower part covers only a tenth of two cells."""
     truth = BoxedTruth(box_px=(-0.5, -0.5, 19.5, 10.5))
     below = {"status": "degraded", "unseen": unseen("..", "dd")}
     above = {"status": "degraded", "unseen": unseen("dd", "..")}
@@ -135,7 +135,7 @@ def test_a_miss_is_told_by_a_coasting_obstacle_where_it_is() -> None:
 def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_be_right(
     motion: str,
 ) -> None:
-    """Whoever turns round counts as stopped for a moment, and is not unseen."""
+    """A body that reverses counts as stopped for a moment, but is not unseen."""
     truth = BoxedTruth()
 
     def told(off_mps: float, aside_m: float = 0.0, cov: object = None) -> int:
@@ -151,7 +151,7 @@ def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_
     assert told(0.27, cov=cov) == 14
     assert told(0.29, cov=cov) == 0
     assert told(0.0, aside_m=1.0, cov=cov) == 0
-    # Without a stated uncertainty nothing is wrong, nor right.
+    # Without a stated uncertainty the velocity is neither right nor wrong.
     assert told(0.0) == 0
 
 

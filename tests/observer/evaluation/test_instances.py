@@ -1,4 +1,4 @@
-"""How far reported obstacles are from true bodies."""
+"""Distances of reported obstacles from true bodies."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def body() -> TrueBody:
 
 
 def seen_at(x: float, y: float, z: float) -> Instance:
-    """An instance so far from the body's centre."""
+    """Return an instance at this offset from the body's centre."""
     return Instance((0, 1), CENTRE + np.array([x, y, z]), np.zeros(3), None, 0.0, 0.0, None)
 
 

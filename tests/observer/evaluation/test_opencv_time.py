@@ -22,13 +22,13 @@ def ticking(step: float = 1.0) -> Iterator[float]:
 
 
 def recorder(step: float = 1.0) -> OpenCvRecorder:
-    """Each look at its clock is ``step`` seconds later, so each call takes one step."""
+    """Return one whose clock advances by ``step`` seconds per reading: each call takes one step."""
     ticks = ticking(step)
     return OpenCvRecorder(lambda: next(ticks))
 
 
 def standing() -> dict[str, object]:
-    """What stands in OpenCV where the recorder wraps something."""
+    """Return the attributes of OpenCV that the recorder may wrap."""
     found: dict[str, object] = {f"cv2.{k}": v for k, v in vars(cv2).items() if callable(v)}
     for owner in (cv2.Feature2D, cv2.FastFeatureDetector, cv2.StereoMatcher, cv2.KeyPoint):
         found |= {f"{owner.__name__}.{k}": v for k, v in vars(owner).items()}
@@ -91,19 +91,19 @@ def test_it_can_be_on_again_and_again_but_not_twice_at_a_time() -> None:
     with timed.on():
         with pytest.raises(RuntimeError, match="on already"), recorder().on():
             pass
-        # The refusal did not end the first one.
+        # The refused second recorder did not end the first.
         cv2.blur(IMAGE, (3, 3))
     assert timed.take() == {"blur": pytest.approx(1000)}
     assert standing() == before
 
 
 def test_a_call_within_a_call_is_not_counted_twice() -> None:
-    """OpenCV calls back into Python here and there; such a callback may call OpenCV again."""
+    """OpenCV sometimes calls back into Python, and the callback may call OpenCV again."""
     timed = recorder()
     inner = cv2.blur
 
     def calls_back(*_: object) -> None:
-        # While the recorder is on, this is the wrapped one.
+        # While the recorder is on, this is the wrapped function.
         assert cv2.blur is not inner
         cv2.blur(IMAGE, (3, 3))
 

@@ -1,4 +1,4 @@
-"""Errors of speed, on motions whose errors are known because they were put there."""
+"""Speed errors, on motions with known, planted errors."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_planted_errors_are_found() -> None:
     assert whole.bias_mps == pytest.approx(0.01)
     assert whole.rmse_mps == pytest.approx(np.sqrt((0.05**2 + 0.03**2) / 2))
     assert whole.maximum_mps == pytest.approx(0.05)
-    # 1.96 * 0.02 = 0.039: every second one lies within.
+    # 1.96 * 0.02 = 0.039: every second error lies within.
     assert whole.coverage == 0.5
     assert whole.seen_share == 0.5
 
@@ -78,11 +78,11 @@ def test_a_gap_of_truth_gives_no_sample() -> None:
     seen = seen_motion(np.arange(100), 0.01)
     found = speed_errors([seen], [true_motion(speeds)])
     assert of(found, "all", "whole run").samples == 80
-    # Midway between a sample and the first missing one nothing is known.
+    # Between a sample and the first missing one nothing is known.
     shifted = SeenMotion("0:1", "cart", TIMES, TIMES + 0.05, seen.speeds, seen.stds)
     errors = sample_errors(shifted, true_motion(speeds))
     assert np.isnan(errors[19:40]).all()
-    # And nothing behind the last sample.
+    # Nor is anything after the last sample.
     assert np.isnan(errors[99])
     assert np.isfinite(errors[40:99]).all()
 

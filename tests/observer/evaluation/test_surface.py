@@ -1,4 +1,4 @@
-"""The visible surface of a box, by its place and heading."""
+"""The visible surface of a box, by its position and heading."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.truth.contract import TrueBody
 
 
 def box(position: tuple[float, float, float], yaw: float = 0.0) -> TrueBody:
-    """0.6 m long, 0.4 m wide, 0.2 m high."""
+    """Return a box 0.6 m long, 0.4 m wide and 0.2 m high."""
     return TrueBody(
         id=1,
         name="box",

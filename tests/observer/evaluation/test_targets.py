@@ -1,4 +1,4 @@
-"""The table of targets: what counts in it, and when a figure is reached."""
+"""The table of targets: what counts in it, and when a target is reached."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A short run on the simulated lab, observed for real and recorded, made once for all tests."""
+"""A short run on the simulated lab, really observed and recorded, made once for all tests."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for k in range(FRAMES):
         frame = source.read()
         assert isinstance(frame, StereoFrame)
-        # Observed at a third of its pace.
+        # Observed at a third of real time.
         frame = replace(frame, received=50.0 + 3 * frame.time)
         line = observation_line(observer.observe(frame))
         sample = TruthSample(

@@ -1,4 +1,4 @@
-"""Videos, point clouds and the archive of all, read back by other means than they were written."""
+"""Videos, point clouds and the archive of everything, read back by independent means."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .conftest import FRAMES
 
 
 def pictures_of(path: Path) -> list[np.ndarray]:
-    """All pictures of a video."""
+    """Return all frames of a video."""
     capture = cv2.VideoCapture(str(path))
     found = []
     while True:
@@ -40,7 +40,7 @@ def pictures_of(path: Path) -> list[np.ndarray]:
 
 
 def encoders() -> list[str | None]:
-    """OpenCV's own, and ffmpeg where it is."""
+    """Return OpenCV's own encoder, and ffmpeg where it is installed."""
     return [None, *([found] if (found := shutil.which("ffmpeg")) else [])]
 
 
@@ -51,7 +51,7 @@ def test_pictures_come_at_their_times_and_gaps_are_filled(
     path = tmp_path / "a %20 video.mp4.part"
     video = OverlayVideo(path, 10.0, ffmpeg=ffmpeg)
     shades = [30, 90, 150, 210]
-    # One frame is missing after the second, and the clock begins again before the last.
+    # One frame is missing after the second, and the clock restarts before the last.
     for shade, time in zip(shades, (5.0, 5.1, 5.3, 0.0), strict=True):
         video.add(np.full((65, 97, 3), shade, np.uint8), time)
     video.finish()
@@ -93,7 +93,7 @@ def test_the_video_of_a_run_shows_each_frame_with_its_obstacles(
         assert np.array_equal(left, before)
         u0, v0, _, v1 = (round(value) for value in line["obstacles"][0]["box_px"])
         assert drawn[(v0 + v1) // 2, u0].tolist() == [0, 235, 255]
-        # A recording from before the silhouettes, and one with: tinted within it.
+        # First as a recording made before silhouettes existed, then with one: its inside is tinted.
         older = dict(line["obstacles"][0])
         older.pop("silhouette")
         plain = draw_overlay(left, {**line, "obstacles": [older]})
@@ -103,7 +103,7 @@ def test_the_video_of_a_run_shows_each_frame_with_its_obstacles(
         assert changed[v0 + 10, u0 + 10]
         assert not changed[: v0 + 3].any()
         assert not changed[:, : u0 + 3].any()
-        # The same place of the encoded picture is yellow, too: blue stays far behind green.
+        # The same place in the encoded video is yellow too: blue is far below green.
         blue, green, red = found[-1][(v0 + v1) // 2, u0].astype(int)
         assert min(green, red) > blue + 60
     with (
@@ -114,7 +114,7 @@ def test_the_video_of_a_run_shows_each_frame_with_its_obstacles(
 
 
 def read_ply(data: bytes) -> np.ndarray:
-    """The vertices of a PLY, by its own header."""
+    """Return the vertices of a PLY, parsed by its own header."""
     header, _, body = data.partition(b"end_header\n")
     lines = header.decode("ascii").splitlines()
     assert lines[:2] == ["ply", "format binary_little_endian 1.0"]
@@ -134,7 +134,7 @@ def test_a_recorded_cloud_is_taken_and_another_is_computed(recorded: dict[str, P
         made = cloud_at(recording, 0)
         assert made.source == "computed"
         assert len(made.points) > 10_000
-        # The lab is some metres large, and a few wrong matches are always far away.
+        # The lab is a few metres across, and a few wrong matches are always far away.
         near, far = np.quantile(made.points[:, 2], [0.01, 0.99])
         assert 0.3 < near < 3 < far < 20
         turned = cloud_at(recording, FRAMES - 1, "world")

@@ -1,4 +1,4 @@
-"""A bag is read with rosbags' own reader, message by message; ROS itself is not asked."""
+"""A bag read message by message with rosbags' own reader; ROS itself is not used."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _KINDS = {
 
 
 def messages_of(folder: Path) -> dict[str, list[tuple[int, str, Any]]]:
-    """Every message of the bag by topic: its time, kind and what it says."""
+    """Return every message of the bag by topic: its time, type and content."""
     from rosbags.rosbag2 import Reader
     from rosbags.typesys import Stores, get_typestore
 
@@ -77,7 +77,7 @@ def test_every_message_is_read_back(
             expected["/camera/right/image_raw"] = "sensor_msgs/msg/Image"
         assert {topic: told[0][1] for topic, told in read.items()} == expected
         times = np.array([frame.time for frame in recording.frames])
-        # The run took three times as long to observe; stamps go by exposures.
+        # Observing took three times as long as the run, but stamps are exposure times.
         seen = np.array([at for at, _, _ in read["/observation"]])
         assert np.abs(np.diff(seen) * 1e-9 - np.diff(times)).max() < 1e-8
         lines = [json.loads(told.data) for _, _, told in read["/observation"]]
@@ -103,7 +103,7 @@ def test_every_message_is_read_back(
 def _check_boxes(lines: list[Any], markers: list[Any]) -> None:
     seen = 0
     for line, told in zip(lines, markers, strict=True):
-        # What was drawn before goes first.
+        # The markers of the frame before are deleted first.
         assert told.markers[0].action == 3
         boxes = {m.id: m for m in told.markers if m.ns == "obstacle"}
         assert sorted(boxes) == sorted(entry["id"] for entry in line["obstacles"])

@@ -1,4 +1,4 @@
-"""Tables hold every number of the recording, with the unit in the column's name."""
+"""Tables hold every number of the recording, with units in the column names."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
         maps = read_csv("map", recording)
         assert [int(r["frame"]) for r in maps] == [recording.frames[k].index for k in (0, 8)]
         assert {(r["corner_x_m"], r["robot_yaw_rad"]) for r in maps} == {("-0.3", "-0.1")}
-        # As its column says how to read them.
+        # Decoded as the column name says.
         runs, size = json.loads(maps[0]["runs"]), int(maps[0]["size"])
         read = np.repeat(np.arange(len(runs)) % 3, runs).reshape(size, size)
         np.testing.assert_array_equal(read, CELLS)

@@ -1,4 +1,4 @@
-"""A kinematic robot that drives as the guard lets it, by sight and sonar made of the truth."""
+"""A kinematic robot that drives as the guard permits, with sight and sonar made from the truth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from observer.simulation.robots.floor import Outline, Surroundings, outline_at
 from observer.simulation.robots.sonar import sonar_range
 from observer.types import Status
 
-# Twice the drive loop's own tick, for speed's sake. GUARD_SEEDS asks for a wide sweep.
+# Seconds. The tick is twice the drive loop's, for speed. GUARD_SEEDS asks for a wide sweep.
 TICK_S, FRAME_S, LATENCY_S, LINK_S = 0.04, 1 / 15, 0.06, 0.08
 SEEDS = int(os.environ.get("GUARD_SEEDS", "0"))
 BRAKING = 0.6
@@ -32,7 +32,7 @@ Wish = Callable[[float], tuple[float, float]]
 
 @dataclass
 class Crosser:
-    """A robot of 0.45 x 0.38 m that drives to and fro along a line, whatever is in its way.
+    """A robot of 0.45 x 0.38 m that drives to and fro along a line regardless of obstacles.
 
     Attributes:
         begins: when it sets out, seconds from the beginning.
@@ -62,7 +62,7 @@ class Crosser:
 
 @dataclass
 class Lab:
-    """Boxes, at most one crossing robot, and the robot that is driven."""
+    """Boxes, at most one crossing robot, and the driven robot."""
 
     boxes: tuple[Outline, ...] = ()
     crosser: Crosser | None = None
@@ -179,7 +179,7 @@ def steady(speed: float, turn: float = 0.0) -> Wish:
 
 
 def wandering(seed: int, fastest: float) -> Wish:
-    """Forth, in bends, on the spot and back, a second or two each."""
+    """Drive forward, in bends, on the spot and backward, for a second or two each."""
     rng = random.Random(seed)
     legs, time = [], 0.3
     while time < 30:
@@ -193,7 +193,7 @@ def wandering(seed: int, fastest: float) -> Wish:
 
 
 def ray(edges: np.ndarray, x: float, y: float, angle: float) -> float:
-    """Distance along a ray to the nearest edge (N, 4), by Cramer's rule."""
+    """Return the distance along a ray to the nearest edge (N, 4), by Cramer's rule."""
     dx, dy = math.cos(angle), math.sin(angle)
     ax, ay = edges[:, 0] - x, edges[:, 1] - y
     ex, ey = edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1]

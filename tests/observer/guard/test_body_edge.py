@@ -1,4 +1,4 @@
-"""The guard keeps from the nearest edge of a body, wherever that was measured."""
+"""The guard keeps clear of a body's nearest edge, whichever part of the body was measured."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from observer.types import Observation, Obstacle, Status, TrackState
 from ..builders import an_obstacle
 from ..methods.rigid.solid_worlds import CAMERA, HERE, MOUNT, ROOM, Solid, SolidView, on_floor
 
-# Across, height, along the line of sight; metres.
+# Metres: width, height and depth along the line of sight.
 PERSON = (0.5, 1.7, 0.3)
 ROBOT = RobotReport(RobotPhase.CONNECTED, length_m=0.5, width_m=0.4)
 
@@ -31,7 +31,7 @@ def person(z: float, x: float = 0.0) -> Solid:
 
 
 def obstacle(x: float, y: float, **changes: object) -> Obstacle:
-    """One that stands at a place (x, y) m of the robot's base, whose size and place are known."""
+    """Return a standing obstacle at (x, y) m in the base frame, of known size and position."""
     position = MOUNT.T_base_camera.inverse().apply(np.array([x, y, 0.85]))
     given = {
         "position_camera": position, "position": position, "velocity": np.zeros(3),
@@ -51,7 +51,7 @@ def told(one: Obstacle) -> SeenObstacle:
 
 
 def nearest(seen: SeenObstacle) -> float:
-    """Metres from the base's origin to the nearest edge of what the guard is told."""
+    """Return metres from the base's origin to the nearest edge of what the guard is given."""
     return math.hypot(seen.x, seen.y) - seen.radius_m
 
 
@@ -68,7 +68,7 @@ def test_the_whole_box_counts_however_the_body_is_turned(y: float) -> None:
     for yaw in np.linspace(0, math.pi, 13):
         edge = np.hypot(*corners(2.0, y, yaw).T).min()
         assert nearest(seen) <= edge
-    # Not the centre, and not much nearer than the nearest corner can be.
+    # At the nearest edge rather than the centre, and hardly nearer than a corner can be.
     assert nearest(seen) == pytest.approx(math.hypot(2.0, y) - 0.3, abs=0.01)
 
 
@@ -81,7 +81,7 @@ def test_what_is_left_before_a_stopped_robot_ends_at_the_body_s_edge() -> None:
 
 @pytest.mark.parametrize("state", list(TrackState))
 def test_a_fragment_of_a_few_points_counts_as_a_person(state: TrackState) -> None:
-    # At the edge of a person whose middle is 0.25 m beside it.
+    # At the edge of a person whose middle is 0.25 m to the side.
     seen = told(obstacle(2.0, 0.25, size=np.full(3, 0.05), state=state))
     assert math.hypot(seen.x - 2.0, seen.y) <= seen.radius_m
     assert nearest(seen) <= 1.85
@@ -89,7 +89,7 @@ def test_a_fragment_of_a_few_points_counts_as_a_person(state: TrackState) -> Non
 
 @pytest.mark.parametrize(("x", "y"), [(2.0, 0.0), (3.0, 0.7), (3.0, -0.7)])
 def test_the_silhouette_counts_where_points_show_less_of_a_body(x: float, y: float) -> None:
-    """Of a cart 1.4 m wide points are known on its right third; its picture shows all."""
+    """A cart is 1.4 m wide: only its right third has points, but its silhouette is complete."""
     one = obstacle(x, y - 0.45, size=np.array([0.4, 0.8, 0.4]))
     edges = MOUNT.T_base_camera.inverse().apply(
         np.array([[x, y + side, height] for side in (-0.7, 0.7) for height in (0.1, 0.9)])
@@ -124,12 +124,12 @@ def test_a_body_found_by_its_outline_is_told_to_its_nearest_edge() -> None:
         )
         told_edges.append(np.hypot(*near.T).min() - nearest(one))
     assert seconds > 10
-    # Careful, but not so that no robot would pass.
+    # Cautious, but not so much that no robot could pass.
     assert np.median(told_edges) < 0.35
 
 
 def test_the_robot_must_stop_before_the_edge_and_its_uncertainty() -> None:
-    """The stop is asked for at the same place as before a point at the body's edge."""
+    """The robot stops at the same distance as for a point at the body's edge."""
     p, outline, speed = GuardParameters(), Outline.of(0.5, 0.4, None), (0.4, 0.0)
     sigma = 0.1
     cov = np.diag([sigma**2] * 3)

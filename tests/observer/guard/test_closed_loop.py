@@ -1,4 +1,4 @@
-"""The guard in a closed loop with a kinematic robot, sight and sonar made of the truth."""
+"""The guard in a closed loop with a kinematic robot, sight and sonar made from the truth."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_robot_that_crosses_is_not_run_into() -> None:
 
 
 def from_the_side(seed: int) -> tuple[float, Lab, float]:
-    """Own speed, a lab where one sets out beside the lane and meets the robot, and for how long."""
+    """Return the own speed, a lab with a robot crossing from beside the lane, and the duration."""
     rng = random.Random(seed)
     speed, its = rng.choice((0.1, 0.2, 0.3, 0.4, 0.5)), rng.uniform(0.2, 0.6)
     beside, side, slant = rng.uniform(0.8, 1.8), rng.choice((-1, 1)), rng.uniform(-0.4, 0.4)
@@ -95,7 +95,7 @@ def test_one_who_comes_from_the_side_finds_the_robot_standing() -> None:
         reasons |= lab.reasons
     moving = sum(v > 0.05 for v in touched)
     print(f"{moving} of {len(touched)} touched the moving robot, at {max(touched):.2f} m/s most")  # noqa: T201
-    # Without sonar's watch it is every second one, at up to its full speed.
+    # Without the sonar watch it would be every second one, at up to full speed.
     assert moving <= 0.1 * len(touched)
     assert any("approaching" in reason for reason in reasons)
 
@@ -129,7 +129,7 @@ def test_wandering_touches_nothing_and_is_seldom_stopped_in_a_room_with_space() 
 
 
 def _gap(lab: Lab) -> float:
-    """Negative distance of the front's middle to what is ahead."""
+    """Return the negative distance from the middle of the front to the obstacle ahead."""
     x = lab.x + AMIGO.length_m / 2 * math.cos(lab.yaw)
     y = lab.y + AMIGO.length_m / 2 * math.sin(lab.yaw)
     return -ray(lab.around(0.0).edges(), x, y, lab.yaw)

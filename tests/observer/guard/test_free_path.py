@@ -1,4 +1,4 @@
-"""Free floor in pictures of the simulated lab, against where things truly stand."""
+"""Free floor in images of the simulated lab, compared with where things really are."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SEEDS = int(os.environ.get("GUARD_SEEDS", "0"))
 
 
 class Scene:
-    """One world as its camera sees it."""
+    """One world as seen by its camera."""
 
     def __init__(self, name: str, seed: int) -> None:
         self.world = World(load_scenario(name), seed)
@@ -67,7 +67,7 @@ class Scene:
 
 @pytest.fixture(scope="module")
 def drive() -> Scene:
-    """Making one takes longer than looking at it."""
+    """Shared by the module, because making it takes longer than using it."""
     return Scene("drive", 0)
 
 
@@ -160,14 +160,14 @@ def test_images_that_tell_nothing_leave_everything_unknown(drive: Scene, covered
     elif covered == "grey":
         left = right = np.full_like(left, 128)
     else:
-        # Rows that do not belong together.
+        # The rows of the two images do not match.
         right = np.ascontiguousarray(np.roll(right, 40, axis=0))
     _, begins, ends, _ = _arrays(drive.finder.scan(left, right))
     assert np.mean(ends > begins) <= (0.15 if covered == "shifted" else 0.0)
 
 
 def test_a_thing_on_the_floor_ends_what_is_free() -> None:
-    """A textured plane and a textured box, drawn by their disparities alone."""
+    """A textured plane and a textured box, drawn from their disparities alone."""
     camera = StereoCamera(512, 256, 443.4, 443.4, 255.5, 127.5, 0.12)
     mount = CameraMount(0.4, math.radians(5), 0.0, 0.0)
     finder = FreePath(camera, mount, MAX_DISPARITY_PX, P)

@@ -38,7 +38,7 @@ def sight(now: float, seen: FreeScan | None = None, **changes: object) -> Sight:
 def sonars(
     now: float, echo: float | None = None, *, only: Iterable[int] | None = None
 ) -> tuple[SonarReading, ...]:
-    """Return clear readings, with an echo at those of ``only`` (all where None)."""
+    """Return clear readings, with an echo at the sonars in ``only`` (at all if None)."""
     hit = set(range(8) if only is None else only)
     return tuple(
         SonarReading(i, s.x, s.y, s.heading, echo if i in hit else None, now)
@@ -47,7 +47,7 @@ def sonars(
 
 
 class Loop:
-    """A guard that is asked every 20 ms."""
+    """A guard that is called every 20 ms."""
 
     def __init__(self, role: Role = "observer", p: GuardParameters = P) -> None:
         self.guard, self.role, self.now = Guard(p), role, 100.0
@@ -130,7 +130,7 @@ def test_unknown_ground_is_never_clear(wanted: tuple[float, float]) -> None:
     assert "not known to be free" in (verdict.reason or "")
     nothing_seen = scan(begins=0.0, ends=0.0)
     hears = Loop().ask((0.3, 0.0), nothing_seen)
-    # Sonar alone carries as far as it reaches.
+    # Sonar alone is trusted up to its range.
     assert hears.level == "clear"
     assert Loop().ask((0.3, 0.0), nothing_seen, sonar=False).level == "stop"
 
@@ -167,7 +167,7 @@ def test_an_echo_near_ahead_stops_whatever_is_seen() -> None:
 
 
 def test_an_echo_that_sight_shows_to_be_beside_the_way_does_not_stop() -> None:
-    # 0.6 m away in a cone of 30 degrees: it may be ahead, and near the floor is seen to be free.
+    # At 0.6 m in a 30 degree cone it may be ahead, but the near floor is seen to be free.
     near = scan(begins=0.3)
     assert Loop().ask((0.3, 0.0), near, echo=0.6, only=[2]).level == "clear"
     unseen = Loop().ask((0.3, 0.0), scan(begins=0.0, ends=0.0), echo=0.3, only=[2])
@@ -202,16 +202,16 @@ def test_a_limit_is_loosened_only_after_a_while() -> None:
     # One frame without the surface changes nothing.
     assert loop.ask((0.4, 0.0)).speed_mps == pytest.approx(held.speed_mps)
     assert loop.ask((0.4, 0.0), times=round(P.release_s / 0.02) + 2).level == "clear"
-    # It falls at once.
+    # A lower limit applies at once.
     assert loop.ask((0.4, 0.0), scan(0.3)).level == "stop"
-    # Another direction has nothing to do with it.
+    # It does not affect another direction.
     assert loop.ask((-0.2, 0.0), scan(0.3)).level == "clear"
 
 
 def test_a_tracked_obstacle_slows_and_is_named() -> None:
     coming = SeenObstacle(3, 1.6, 0.0, -0.4, 0.0, 0.2, 0.02, 0.02, False)
     verdict = Loop().ask((0.3, 0.0), obstacles=(coming,))
-    # It is seen, so what is left before it can be told.
+    # It is seen, so the remaining distance is known.
     assert not verdict.comes
     assert verdict.level == "slow"
     assert verdict.reason == "the time to contact with obstacle 3 is short"
@@ -239,7 +239,7 @@ def test_the_robots_own_way_since_the_frame_is_taken_off() -> None:
         loop.ask((0.5, 0.0), scan(0.8), measured=(speed, 0.0), times=5)
         return loop.ask((0.5, 0.0), scan(0.8), measured=(speed, 0.0)).speed_mps
 
-    # The frame is 50 ms old, in which the fast one came nearer by a sample.
+    # The frame is 50 ms old, in which the fast robot came one sample nearer.
     assert at(2.0) < at(0.0)
 
 

@@ -1,4 +1,4 @@
-"""Intruders, told from what the robot itself comes nearer to."""
+"""Intruders, distinguished from things that the robot itself approaches."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from observer.types import Status
 
 P = GuardParameters()
 AMIGO = robot_spec("amigo-sh")
-# To the left, and the right.
+# The left and the right sonar.
 LEFT, RIGHT = 0, 5
 EVERY_S = 0.3
 
 
 def told(*ranges: float | None, index: int = LEFT) -> list[tuple[int, list[SeenObstacle]]]:
-    """Return what is told after these readings of a robot that stands."""
+    """Return the approaching objects reported for these readings of a standing robot."""
     watch, past, pose = SonarWatch(), DeadReckoning(), AMIGO.sonars[index]
     now = 10.0
     for echo in ranges:
@@ -50,7 +50,7 @@ def test_a_thing_that_comes_nearer_is_predicted(index: int) -> None:
     assert middle.y == pytest.approx(sign * (AMIGO.sonars[LEFT].y + 1.2), abs=0.1)
     assert middle.velocity_sigma_mps is not None
     assert middle.velocity_sigma_mps > 0.01
-    # Somewhere across the cone.
+    # It may be anywhere across the cone.
     assert max(p.x for p in places) - min(p.x for p in places) > 0.3
 
 
@@ -60,13 +60,13 @@ def test_a_thing_that_comes_nearer_is_predicted(index: int) -> None:
         (1.0, 1.0, 1.0, 1.0),
         (1.0, 1.01, 0.99, 1.0, 0.985),
         (0.8, 0.95, 1.1, 1.3),
-        # Something steps in at once and stands.
+        # Something steps in suddenly and stands.
         (None, None, 0.6, 0.6, 0.6),
-        # A wild reading, and one that fails to come.
+        # An outlier, and a missing reading.
         (1.5, 1.5, 0.3, 1.5, 1.5),
         (1.5, 1.5, 0.3),
         (1.0, 1.0, None, 1.0, 1.0),
-        # It came, and stands.
+        # It came, and now stands.
         (1.5, 1.5, 1.3, 1.1, 1.1),
     ],
 )
@@ -75,7 +75,7 @@ def test_what_stands_goes_away_or_is_wild_does_not_come(ranges: tuple[float | No
 
 
 def drive_past(around: Surroundings, speed: float, turn: float = 0.0, seconds: float = 6.0) -> int:
-    """Readings after which something was told to come, with noise, in a still world."""
+    """Count the noisy readings of a static world after which something seems to approach."""
     watch, past, rng = SonarWatch(), DeadReckoning(), np.random.default_rng(4)
     x = y = yaw = 0.0
     count, sonars = 0, {}
@@ -123,7 +123,7 @@ def test_turning_on_the_spot_makes_nothing_come() -> None:
 def verdicts(
     wanted: tuple[float, float], range_at: Callable[[float], float | None]
 ) -> Sequence[str]:
-    """Levels while something comes from the left and the camera sees free floor."""
+    """Return the levels while something comes from the left and the camera sees free floor."""
     guard, sonars, levels = Guard(P), {}, []
     bearings = tuple(np.radians(np.arange(-30.0, 31.0, 10.0)).tolist())
     n = len(bearings)
@@ -140,7 +140,7 @@ def verdicts(
             "observer", wanted, wanted, sight, "real", tuple(sonars.values()),
             AMIGO.radius_m, AMIGO.width_m, AMIGO.length_m, now,
         )  # fmt: skip
-        # The first round of readings is waited for.
+        # Skip the first round of readings.
         if k > 45:
             levels.append(verdict.level)
             assert verdict.comes == (verdict.level != "clear")
@@ -154,5 +154,5 @@ def test_it_limits_the_robot_while_it_comes_and_not_one_that_stands() -> None:
     assert verdicts((0.3, 0.0), coming)[-1] in {"slow", "stop"}
     assert set(verdicts((0.3, 0.0), lambda time: 0.6 + 0.6 * time)) == {"clear"}
     assert set(verdicts((0.3, 0.0), lambda _: 0.6)) == {"clear"}
-    # One that stands is never told to be limited.
+    # A standing robot is never reported as limited.
     assert set(verdicts((0.0, 0.0), coming)) == {"clear"}

@@ -1,4 +1,4 @@
-"""The guard in a closed loop by what the cameras see: rendered pairs, observed as in the engine."""
+"""The guard in a closed loop with the cameras: rendered pairs, observed as in the engine."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from observer.types import FullTrace
 from .closed_loop import AMIGO, SEEDS, TICK_S, Lab, drive, steady
 
 SPEEDS = (0.5, 0.4)
-# The laboratory's clock begins there.
+# Seconds: where the lab's clock begins.
 BEGIN_S = 10.0
 
 
 class Later:
-    """A script from some moment of it on."""
+    """A script that starts from some moment of it."""
 
     def __init__(self, script: PlanarMotion, since_s: float) -> None:
         self._script, self._since_s = script, since_s
@@ -44,7 +44,7 @@ class Later:
 
 
 class SimulatedLab(Lab):
-    """``simulated:drive`` with the observer driven, and sight of nothing but its images."""
+    """``simulated:drive`` with a driven observer that sees nothing but its images."""
 
     def __init__(self, world: World, x: float, y: float, since_s: float) -> None:
         super().__init__(x=x, y=y)
@@ -91,14 +91,14 @@ def _outline(body: Body, time: float) -> Outline:
 
 
 def crossing(seed: int) -> tuple[SimulatedLab, float, float]:
-    """A lab in which the P3-DX crosses the lane when the robot would be there, the robot's speed,
-    and until when they have met."""
+    """Return a lab in which the P3-DX crosses the lane when the robot would be there, the robot's
+    speed, and a time by which they have met."""
     rng = random.Random(seed)
     speed = SPEEDS[seed % len(SPEEDS)]
     world = World(load_scenario("drive"), seed % 9)
     script, lane = world.obstacles[0].motion, rng.uniform(-0.3, 0.3)
     crosses = next(k / 20 for k in range(400) if script.state(k / 20).y <= lane)
-    # Both are there after this; the robot begins with a ramp at 0.3 s.
+    # Both arrive by then; the robot starts with a ramp at 0.3 s.
     meets = min(crosses, 5.0)
     way = speed * (meets - 0.3 - speed / 0.6 - 0.1)
     x = script.state(crosses).x - way - 0.165 + rng.uniform(-0.15, 0.15)
@@ -106,7 +106,7 @@ def crossing(seed: int) -> tuple[SimulatedLab, float, float]:
 
 
 def heedless(lab: Lab, speed: float, seconds: float) -> Lab:
-    """Driven at this speed whatever is in the way."""
+    """Drive at this speed regardless of obstacles."""
     for k in range(round(seconds / TICK_S)):
         velocity = (speed, 0.0) if k * TICK_S > 0.3 else (0.0, 0.0)
         lab.move(velocity, BEGIN_S + k * TICK_S, (AMIGO.length_m, AMIGO.width_m))
@@ -123,6 +123,6 @@ def test_one_who_crosses_in_view_is_seen_and_not_run_into(seed: int) -> None:
     print(f"at {speed} m/s: {lab.way:.2f} m, fastest contact {fastest:.3f} m/s")  # noqa: T201
     assert fastest < 0.05
     assert lab.way > 0.1
-    # Reasons that only images give: what moves, and surfaces.
+    # Reasons that only images can give: moving objects and surfaces.
     by_sight = ("obstacle", "an object that", "an obstruction")
     assert any(why.startswith(by_sight) for why in lab.reasons)

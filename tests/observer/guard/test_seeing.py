@@ -1,4 +1,4 @@
-"""Conversion from camera frame to base frame, and the tracks that count."""
+"""Conversion from the camera frame to the base frame, and which tracks count."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_places_and_velocities_are_in_the_robots_frame() -> None:
     (seen,) = seen_obstacles(observation(obstacle()), CAMERA, MOUNT)
     assert (seen.x, seen.y) == pytest.approx((2.0, -0.5))
     assert (seen.vx, seen.vy) == pytest.approx((0.1, 0.4))
-    # Half the diagonal over the floor; the height does not count.
+    # Half the diagonal on the floor plane; the height does not count.
     assert seen.radius_m == pytest.approx(0.5)
     assert seen.position_sigma_m == pytest.approx(0.2)
     assert seen.velocity_sigma_mps == pytest.approx(0.1)
@@ -88,7 +88,7 @@ PLAIN = Unseen(0.3, {"plain": 0.3}, 16, ("ppp", "..."), hides_person=True)
 def test_unseen_regions_alone_do_not_make_a_frame_unfit_for_driving(
     others: tuple[str, ...], status: Status
 ) -> None:
-    """The free scan knows nothing of them, and what is not known is in the way."""
+    """The free scan does not cover them, and anything unknown counts as blocked."""
     seen = replace(
         observation(), status=Status.DEGRADED, reasons=(*others, *PLAIN.reasons), unseen=PLAIN
     )

@@ -1,4 +1,4 @@
-"""The protective distance by hand, and obstacles along their own motion."""
+"""The protective distance computed by hand, and obstacles carried along their own motion."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def test_an_arc_is_a_circle_of_speed_over_turn_rate() -> None:
 
 
 def test_what_stands_ahead_limits_by_the_protective_distance() -> None:
-    # From front to the thing's side, what S_p of 0.5 m/s needs, and 2 cm less.
-    # Braking takes 1 s: reaction, braking, margin, and 5 % of the way at two standard deviations.
+    # From the front to the thing's side: what S_p needs at 0.5 m/s, and 2 cm more or less.
+    # Braking takes 1 s: reaction, braking, margin, and 5 % of the path at two standard deviations.
     needed = 0.15 + 0.25 + 0.1 + 2 * 0.05 * 0.4
     enough = approach([thing(0.2 + needed + 0.2 + 0.02)], HERE, 0.0, (0.5, 0.0), BODY, P)
     short = approach([thing(0.2 + needed + 0.2 - 0.02)], HERE, 0.0, (0.5, 0.0), BODY, P)
@@ -57,7 +57,7 @@ def test_what_stands_ahead_limits_by_the_protective_distance() -> None:
 
 
 def test_the_time_to_contact_counts_the_obstacles_own_motion() -> None:
-    # 1.2 m between the sides: margin 0.1 m off; 0.3 and 0.4 m/s towards each other.
+    # 1.2 m between the sides, less a 0.1 m margin; 0.3 and 0.4 m/s towards each other.
     meets = approach([thing(1.6, vx=-0.4)], HERE, 0.0, (0.3, 0.0), BODY, P)
     assert meets.contact_s == pytest.approx(1.1 / 0.7, abs=0.1)
     assert meets.nearest == 7
@@ -81,7 +81,7 @@ def test_uncertainty_keeps_further_off() -> None:
 
 
 def test_an_old_sight_is_carried_on_by_both_motions() -> None:
-    # Seen 0.2 s ago from 0.1 m further back: now it is where the fresh one is.
+    # Seen 0.2 s ago from 0.1 m further back: by now it is where the fresh one is.
     fresh = approach([thing(1.2, vx=-0.5)], HERE, 0.0, (0.3, 0.0), BODY, P)
     old = approach([thing(1.4, vx=-0.5)], (-0.1, 0.0, 0.0), 0.2, (0.3, 0.0), BODY, P)
     assert old == fresh
@@ -93,7 +93,7 @@ def test_an_old_sight_is_carried_on_by_both_motions() -> None:
 
 @pytest.mark.parametrize("speed", [-0.3, 0.3])
 def test_making_way_is_never_forbidden(speed: float) -> None:
-    # Nearer than the margin already.
+    # Already inside the margin.
     near = approach([thing(-math.copysign(0.45, speed))], HERE, 0.0, (speed, 0.0), BODY, P)
     assert (near.stop_share, near.contact_s) == (1.0, None)
     towards = approach([thing(math.copysign(0.45, speed))], HERE, 0.0, (speed, 0.0), BODY, P)

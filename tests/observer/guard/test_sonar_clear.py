@@ -1,4 +1,4 @@
-"""Ground that sonar vouches for."""
+"""Ground that sonar shows to be clear."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def test_between_two_cones_nothing_wide_can_stand_unnoticed() -> None:
     # The gap between the cones is 0.27 m at 0.6 m and 0.5 m at 1.1 m.
     assert clear((0.6, 0.0), *pair)
     assert not clear((1.1, 0.0), *pair)
-    # On one side only there is no second cone.
+    # With one sonar alone there is no second cone.
     assert not clear((0.6, 0.0), pair[0])
-    # Something echoes there.
+    # An object there returns an echo.
     assert not clear((0.6, 0.0), *pair, ahead(0.4))
 
 
@@ -74,7 +74,7 @@ def test_a_reading_is_carried_along_as_the_robot_drives() -> None:
         past.advance(NOW - 0.2 + 0.02 * k, 0.5, 0.0)
     view = fresh_sonar([ahead(1.0, NOW - 0.2)], NOW, past, P)
     assert view is not None
-    # 0.1 m back, where it was asked.
+    # 0.1 m further back, where the reading was taken.
     assert view.x[0] == pytest.approx(0.0)
     assert view.clear_m[0] == pytest.approx(1.0 - 0.04 - 0.1)
     turned = DeadReckoning()

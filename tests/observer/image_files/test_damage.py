@@ -1,4 +1,4 @@
-"""Damaged image files: an image or one sentence, and no memory for what is not there."""
+"""Damaged image files: an image or a one-sentence error, and no memory for missing pixels."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SAMPLES = (
 
 
 def png(width: int, height: int, data: bytes = b"\0") -> bytes:
-    """Return a whole PNG that claims to have this size."""
+    """Return a complete PNG that claims to have this size."""
     chunks = ((b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
               (b"IDAT", zlib.compress(data)), (b"IEND", b""))  # fmt: skip
     return b"\x89PNG\r\n\x1a\n" + b"".join(
@@ -97,7 +97,7 @@ def test_times_are_finite_plain_numbers_or_refused(
     times = read_or_refused(lambda: read_times(path), SourceError)
     if times is not None:
         assert np.isfinite(times).all()
-        # What Python reads as a number, and nobody writes as one.
+        # Python parses underscores in numbers, but nobody writes them in a file.
         told = [each for each in content.splitlines() if not each.strip().startswith(b"#")]
         assert b"_" not in b"".join(told)
 

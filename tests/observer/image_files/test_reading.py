@@ -1,4 +1,4 @@
-"""Image files: every cut is noticed, in every format."""
+"""Image files: truncation is noticed anywhere, in every format."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_reads_what_was_written(extension: str, channels: int, tmp_path: Path) -
     assert cv2.imwrite(str(path), image)
     read = read_image(path)
     assert read.dtype == np.uint8
-    # A bitmap of 8 bits has a palette, so its decoder gives colour.
+    # An 8-bit bitmap has a palette, so its decoder returns colour.
     assert np.array_equal(read if read.ndim == image.ndim else read[..., 0], image)
 
 

@@ -1,4 +1,4 @@
-"""Damaged programmes: one that robots may drive or one sentence."""
+"""Damaged programmes: either one that robots may drive or a one-sentence error."""
 
 from __future__ import annotations
 
@@ -35,6 +35,6 @@ def test_damage_is_refused_or_leaves_a_programme(text: str) -> None:
             assert step.seconds > 0
             assert abs(step.speed_mps) <= MAX_SPEED_MPS
             assert math.isfinite(step.seconds + step.turn_rate_radps)
-    # Once written, it stays as it is.
+    # Writing and reading it again changes nothing.
     written = profile_text(made)
     assert profile_text(profile_from_text(written)) == written

@@ -1,4 +1,4 @@
-"""The programmes that come with the project do what they say."""
+"""The programmes shipped with the project do what they say."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from observer.motion_profiles.profile_file import profile_from_text, profile_tex
 from observer.rig.rig import Role
 
 TICK_S = 0.01
-# What any of the four robots follows; programmes for people should not jerk.
+# Limits that any of the four robots can follow; programmes for people should not jerk.
 GENTLE_MPS2, GENTLE_RADPS2 = 0.31, math.radians(31)
 
 
 def path_of(programme: MotionProfile, role: Role) -> list[tuple[float, float, float]]:
-    """x, y, yaw every ``TICK_S``."""
+    """Return x, y, yaw every ``TICK_S``."""
     x = y = yaw = 0.0
     path = []
     for i in range(round(duration_s(programme) / TICK_S)):

@@ -1,4 +1,4 @@
-"""What a programme wants at an instant: rounds, ramps, the way back and the gesture."""
+"""The velocity a programme wants at an instant: rounds, ramps, the way back and the gesture."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def programme(*steps: Step, gesture: bool = False, **roles: tuple[Step, ...]) ->
 def pose_after(
     played: MotionProfile, role: Role = "obstacle", *, repeat: int = 1, reverse: bool = False
 ) -> tuple[float, float, float]:
-    """x, y, yaw by integrating what is sampled in the middle of each tick."""
+    """Return x, y, yaw, integrated from the velocity in the middle of each tick."""
     x = y = yaw = 0.0
     ticks = round(duration_s(played, repeat) / TICK_S)
     for i in range(ticks):
@@ -113,7 +113,7 @@ def test_the_way_back_undoes_the_way_there(mine: tuple[Step, ...], other: tuple[
     for role in played.roles:
         there = pose_after(played, role)
         back = pose_after(played, role, reverse=True)
-        # The way back, driven from where the way there ended, ends at the origin.
+        # The way back, driven from the end of the way there, ends at the origin.
         x = there[0] + math.cos(there[2]) * back[0] - math.sin(there[2]) * back[1]
         y = there[1] + math.sin(there[2]) * back[0] + math.cos(there[2]) * back[1]
         assert (x, y, there[2] + back[2]) == pytest.approx((0, 0, 0), abs=1e-6)
@@ -132,7 +132,7 @@ SAMPLE_S = 0.01
 
 
 def gesture_record(acceleration: float | None = None) -> np.ndarray:
-    """(N,) m/s, every ``SAMPLE_S``, of a robot that gets faster so slowly and stops at once."""
+    """Return (N,) m/s, every ``SAMPLE_S``, of a robot that accelerates slowly but stops at once."""
     wanted = [gesture_speed((i + 0.5) * SAMPLE_S) for i in range(round(GESTURE_S / SAMPLE_S))]
     if acceleration is None:
         return np.array(wanted)
@@ -156,7 +156,7 @@ def test_the_gestures_autocorrelation_has_one_sharp_peak(
     assert correlation[lags == 0] == pytest.approx(1)
     beside = np.abs(correlation[np.abs(lags) >= PULSE_S])
     assert beside.max() <= 0.2501
-    # And the peak is narrow: half of it is gone within half a pulse.
+    # The peak is narrow too: correlation has halved within half a pulse.
     assert correlation[np.abs(lags) > PULSE_S / 2 + SAMPLE_S].max() <= 0.5
 
 

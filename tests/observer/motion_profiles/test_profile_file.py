@@ -1,4 +1,4 @@
-"""Programmes as text: what is taken, what is refused and how, and that nothing is lost."""
+"""Programmes as text: what is accepted, what is refused and how, and that nothing is lost."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_what_is_written_is_read_back(programme: MotionProfile) -> None:
                 theirs.seconds, theirs.speed_mps, theirs.ramp,
             )  # fmt: skip
             assert theirs.turn_rate_radps == pytest.approx(mine.turn_rate_radps, rel=1e-15)
-    # From the second writing on, to the last digit.
+    # From the second writing on, the values are exact to the last digit.
     assert profile_from_text(profile_text(read)) == read
 
 

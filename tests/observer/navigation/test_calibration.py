@@ -1,4 +1,4 @@
-"""Coverage of predictions, where the truth is drawn from what was predicted."""
+"""Coverage of predictions, with the truth drawn from the predictions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TIMES = np.array([1.0, 2.0])
 
 
 def predicted(stretch: float = 1.0) -> Futures:
-    """Everybody goes on or turns off, 3 : 1, and the spread is told so many times too large."""
+    """Return futures that go on or turn off, 3 : 1, with the spread overstated by ``stretch``."""
     mean = np.zeros((COUNT, 2, 2, 2))
     mean[:, 0, :, 0] = TIMES
     mean[:, 1, :, 1] = TIMES
@@ -35,7 +35,7 @@ def came_to(instant: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 def test_an_honest_prediction_holds_as_often_as_it_says(instant: int) -> None:
     ranked = ranks(predicted(), instant, came_to(instant), np.random.default_rng(1))
     assert ranked.shape == (COUNT,)
-    # 600 draws: one standard deviation is 0.9 % here and 2 % in the middle.
+    # 600 draws: one standard deviation is 0.9 % here and 2 % at the median.
     assert coverage(ranked) == pytest.approx(0.95, abs=0.03)
     assert coverage(ranked, 0.5) == pytest.approx(0.5, abs=0.07)
 

@@ -1,4 +1,4 @@
-"""Where people may be: means, spread and weights by construction."""
+"""Where people may be: means, spread and weights, known by construction."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_whoever_goes_on_keeps_his_velocity() -> None:
     assert made.ids == (7,)
     assert made.mean[0, 0] == pytest.approx(np.stack([1.0 + 1.2 * TIMES, [2.0] * 3], axis=1))
     stops = made.mean[0, 1]
-    # Who halves his speed every 0.35 s comes this far.
+    # The distance covered by somebody who halves the speed every 0.35 s.
     assert stops[-1, 0] == pytest.approx(1.0 + 1.2 * 0.35 / math.log(2), abs=0.02)
     left, right = made.mean[0, 2], made.mean[0, 3]
     assert left[:, 0] == pytest.approx(right[:, 0])
@@ -61,5 +61,5 @@ def test_habits_follow_what_somebody_does() -> None:
         weights = habits.weights([turning], 0.4 * k, PRIOR)[0]
     assert weights.sum() == pytest.approx(1.0)
     assert weights[2] > 3 * PRIOR[2] > 3 * weights[3]
-    # Others start from what people do.
+    # Other people start from the prior.
     assert habits.weights([replace(turning, id=8)], 2.4, PRIOR)[0] == pytest.approx(PRIOR)

@@ -1,4 +1,4 @@
-"""Surfaces around the robot: where they are, how long they count, and what is none."""
+"""Surfaces around the robot: where they are, how long they count, and what is not a surface."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BEARINGS = np.radians(np.arange(-30.0, 30.1, 3.0))
 
 
 def wall(ahead_m: float | None, to_m: float = 4.0) -> FreeScan:
-    """A wall across the view at a distance, or free ground up to ``to_m``."""
+    """Return a scan of a wall across the view, or of free ground up to ``to_m``."""
     far = [None if ahead_m is None else ahead_m / math.cos(each) for each in BEARINGS]
     return FreeScan(
         tuple(BEARINGS.tolist()),
@@ -36,7 +36,7 @@ def person(x: float, y: float) -> SeenObstacle:
 
 
 def look(local: LocalMap, scan: FreeScan, *tracks: SeenObstacle, pose: Float64Array = HERE) -> None:
-    """Look at what stands until time 0, long enough to know that it stands."""
+    """Feed the map this view until time 0, long enough to count as static."""
     for k in range(-7, 1):
         local.see(scan, tracks, pose, 0.1 * k)
 
@@ -54,7 +54,7 @@ def test_a_wall_is_where_it_was_seen(pose: tuple[float, float, float]) -> None:
     for distance in (0.5, 1.0, 1.5):
         x, y = np.array(pose[:2]) + distance * ahead
         assert clearance(local, x, y) == pytest.approx(2.0 - distance, abs=1.5 * CELL_M)
-    # Behind it nothing is known, and nothing blocked.
+    # Behind the wall nothing is known, so nothing is blocked.
     assert local.blocked(0.1).sum() < 60
 
 
@@ -63,7 +63,7 @@ def test_what_is_seen_free_is_blocked_no_more() -> None:
     look(local, wall(2.0))
     assert local.blocked(0.1).any()
     local.see(wall(None), (), HERE, 0.1)
-    # At the border of the view the last cell may stay.
+    # The last cell at the border of the view may stay.
     assert local.blocked(0.1).sum() <= 2
     assert clearance(local, 2.0, 0.0) > 0.9
 
@@ -78,7 +78,7 @@ def test_a_surface_that_stands_is_forgotten_after_a_while() -> None:
 def test_what_was_seen_for_a_moment_only_leaves_nothing_behind() -> None:
     local = LocalMap()
     for k in range(8):
-        # Somebody who is no track walks past: 0.15 m from frame to frame.
+        # An untracked person walks past, 0.15 m per frame.
         local.see(wall(2.0 + 0.15 * k), (), HERE, 0.1 * k)
         assert not local.blocked(0.1 * k).any()
 
@@ -158,7 +158,7 @@ def test_free_ground_is_known_apart_from_what_was_never_seen() -> None:
     look(local, wall(2.0))
     assert state(local, 1.25, 0.05) == FREE
     assert state(local, 2.05, 0.05) == BLOCKED
-    # Nearer than the cameras see, behind the wall, behind the robot.
+    # Nearer than the cameras see, behind the wall, and behind the robot.
     assert {state(local, x, 0.05) for x in (0.45, 2.65, -1.05)} == {UNKNOWN}
     assert local.snapshot(np.array([0.2, -0.1, 0.5]), 0.1).robot == (0.2, -0.1, 0.5)
 
@@ -177,7 +177,7 @@ def test_where_something_came_the_ground_is_unknown_until_it_stands() -> None:
     assert state(local, 2.05, 0.05, -0.7) == UNKNOWN
     look(local, wall(2.0))
     assert state(local, 2.05, 0.05) == BLOCKED
-    # It went away.
+    # The wall is gone.
     local.see(wall(None), (), HERE, 0.2)
     assert state(local, 2.05, 0.05, 0.2) == FREE
 
@@ -192,6 +192,6 @@ def test_what_is_known_stays_in_place_while_the_robot_drives(x: float, y: float)
     local.move_to(x + 0.7, y - 0.4)
     shift = np.round((snapshot_corner(local) - corner) / CELL_M).astype(int)
     after = local.snapshot(HERE, 0.1)
-    # Nothing of it is near the edge.
+    # Nothing is near the edge, so no cell wraps around.
     moved = np.roll(before.cells(), -shift, axis=(0, 1))
     np.testing.assert_array_equal(after.cells(), moved)

@@ -1,4 +1,4 @@
-"""Plans of a robot among people and walls: what it does, and why it says so."""
+"""Plans of a robot among people and walls: what it does, and the reason it gives."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_a_box_in_the_way_is_driven_around() -> None:
 
 
 def test_it_asks_the_guard_before_it_plans() -> None:
-    """Ground that nobody has seen is not driven over, and the guard's sentence says so."""
+    """It does not drive over unseen ground, and reports the guard's reason."""
     unseen = FreeScan(BEARINGS, (None,) * 21, (1.0,) * 21, (1.0,) * 21)
     made = plan(scan=unseen, errand=replace(ERRAND, speed_mps=0.0, sonars=()))
     assert made.speed_mps == 0.0
@@ -208,7 +208,7 @@ def test_impossible_values_let_it_stand(value: float) -> None:
 
 def test_whoever_is_unseen_where_sonar_hears_nothing_is_forgotten() -> None:
     navigator = Navigator(LIMITS, PLANNER)
-    # Where it should be by now, a sonar would hear it.
+    # Sonar would hear the person at the predicted place.
     navigator.see(sight(person(1.2, 0.0, -0.1)), np.zeros(3))
     navigator.see(sight(time=10.5), np.zeros(3))
     quiet = tuple(replace(one, received=10.45) for one in QUIET)

@@ -1,4 +1,4 @@
-"""Parameters of the planner: what they were as constants, bounds, and that each one acts."""
+"""Parameters of the planner: their former constants as defaults, bounds, and that each acts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BEARINGS = tuple(np.radians(np.arange(-30.0, 30.1, 3.0)).tolist())
 FREE = FreeScan(BEARINGS, (None,) * 21, (0.3,) * 21, (5.0,) * 21)
 SIGHT = Sight(1, 10.0, 10.02, "real", Status.OK, (), True, (), FREE)
 ERRAND = Errand(Goal(1, 5.0, 0.0, 1e-3), 10.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.26, 0.38, 0.44)
-# Crossing from the left or standing beside the path, each a little farther away.
+# Crossing from the left or standing beside the path, each pair a little farther away.
 PEOPLE = [
     SeenObstacle(3, 0.8 + 0.3 * k, y, 0.0, vy, 0.3, 0.05, 0.1, False)
     for k in range(6)
@@ -31,7 +31,7 @@ PEOPLE = [
 
 
 def second_plan(planner: NavigationParameters, seen: SeenObstacle, at: Errand) -> Plan:
-    """Plan twice, the second time with these parameters and after the obstacle left the view."""
+    """Plan twice, the second time with these parameters and the obstacle out of view."""
     navigator = Navigator(GuardParameters(), PLANNER)
     navigator.see(replace(SIGHT, obstacles=(seen,)), np.array([at.x, at.y, at.yaw]))
     navigator.plan(at, 10.05)

@@ -1,4 +1,4 @@
-"""Paths that are refused: truly so, in different directions, and each for a reason."""
+"""Refused paths: really refused, in different directions, and each with a reason."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Room:
     """A robot at the origin that drives along x to a goal ahead.
 
     Args:
-        share: that the guard permits of every velocity, with this sentence.
+        share: of every velocity that the guard permits, with ``sentence`` as its reason.
     """
 
     def __init__(self, *people: SeenObstacle, share: float = 1.0, sentence: str = "no") -> None:
@@ -51,7 +51,7 @@ class Room:
         self.refused = refused_paths(self.choice, self.people, self.now, GOAL)
 
     def way(self, path: RefusedPath) -> int:
-        """The number of the only one of the planner's paths that is meant."""
+        """Return the index of the planner's only path that matches."""
         ends = self.choice.ways.poses[:, -1, :2]
         peak = self.choice.ways.speed.max(axis=1)
         off = np.hypot(*(ends - path.path[-1]).T) + np.abs(peak - path.speed_mps)
@@ -70,7 +70,7 @@ def test_paths_that_meet_somebody_are_refused_and_say_whom_and_when() -> None:
     assert straight.direction == pytest.approx(0.0, abs=0.02)
     assert straight.cause == "risk"
     assert (straight.track, straight.guard) == (3, None)
-    # It walks a metre until it is in the robot's way.
+    # It walks a metre before it is in the robot's way.
     assert straight.meets_s == pytest.approx(1.0 / 1.2, abs=0.3)
     for path in room.refused:
         assert path.track == 3
@@ -155,5 +155,5 @@ def test_a_plan_stays_small() -> None:
     room = Room(*crowd)
     assert room.refused
     made = Plan(1, 2.0, 0.0, 0.0, (), 0.0, "Waiting.", refused=room.refused)
-    # Of the 256 KB of its slot.
+    # Bytes, of the slot's 256 KB.
     assert len(json.dumps(made.facts())) < 2500

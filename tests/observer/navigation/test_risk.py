@@ -1,4 +1,4 @@
-"""Probability of a contact: never less than by Monte Carlo, and only where it can happen."""
+"""Probability of contact: never below Monte Carlo's, and only where contact is possible."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LIMITS = GuardParameters()
 
 
 def people(mean: np.ndarray, sigma: float, weight: tuple[float, ...] = (1.0,)) -> Futures:
-    """One person: (M, 2) means that stand."""
+    """Return one standing person with M hypotheses at (M, 2)."""
     shape = (1, len(mean), len(TIMES))
     return Futures(
         (3,),
@@ -56,7 +56,7 @@ def test_weights_and_shares_count() -> None:
 
 def test_it_tells_when_they_would_meet() -> None:
     risk = risk_of(ways(), people(np.array([[1.2, 0.0]]), 0.05), 0.35, np.ones(ways().speed.shape))
-    # From 0.3 m/s the straight way comes within the radii after about 1.5 s.
+    # From 0.3 m/s the straight path comes within the radii after about 1.5 s.
     assert 1.2 <= risk.when_s[1, 0] <= 4.0
 
 

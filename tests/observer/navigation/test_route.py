@@ -1,4 +1,4 @@
-"""Distances to a goal: straight where nothing stands, and around what stands."""
+"""Distances to a goal: straight through free space, and around obstacles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RADIUS_M = 0.35
 
 
 def with_wall(half_width_m: float, ahead_m: float = 2.0) -> LocalMap:
-    """A wall across the path, as wide as that to both sides."""
+    """Return a map with a wall across the path, extending this far to both sides."""
     local = LocalMap()
     widest = math.atan2(half_width_m, ahead_m)
     bearings = np.linspace(-widest, widest, 61)
@@ -30,7 +30,7 @@ def with_wall(half_width_m: float, ahead_m: float = 2.0) -> LocalMap:
 def test_nothing_in_the_way_is_the_beeline(goal: tuple[float, float]) -> None:
     way = route(LocalMap(), goal, RADIUS_M, 0.1)
     straight = math.hypot(*goal)
-    # Along the cells' eight directions it is up to 8 % longer.
+    # Along the grid's eight directions it is up to 8 % longer.
     assert straight - 0.2 < float(way.distance(np.zeros(2))) < 1.09 * straight + 0.2
     off = math.remainder(way.heading(0.0, 0.0, 0.8) - math.atan2(goal[1], goal[0]), math.tau)
     assert abs(off) < 0.4

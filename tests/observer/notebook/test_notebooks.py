@@ -1,4 +1,4 @@
-"""The notebooks run from their first cell to their last; a kernel of their own takes seconds."""
+"""The notebooks run from first to last cell, in this process; a separate kernel takes seconds."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def figures() -> Iterator[Any]:
-    """Figures that nobody sees, and none that stay."""
+    """Draw figures off screen and close them all afterwards."""
     before = matplotlib.get_backend()
     matplotlib.use("agg")
     from matplotlib import pyplot
@@ -47,13 +47,13 @@ def figures() -> Iterator[Any]:
 
 
 def run_notebook(name: str) -> dict[str, Any]:
-    """Run all cells; returns what they defined."""
+    """Run all cells and return the variables they defined."""
     notebook = nbformat.read(_NOTEBOOKS / name, as_version=4)
     nbformat.validate(notebook)
     namespace: dict[str, Any] = {"__name__": "__main__"}
     for k, cell in enumerate(notebook.cells):
         if cell.cell_type == "code":
-            # Committed without what they gave: that is large and never twice the same.
+            # Committed without outputs, which are large and differ each time.
             assert cell.outputs == []
             exec(compile(cell.source, f"{name}, cell {k}", "exec"), namespace)
     return namespace
@@ -65,7 +65,7 @@ def test_a_source_is_observed_with_parameters(
     defined = run_notebook("observe_a_source.ipynb")
     steps = defined["steps"]
     assert len(steps) == 2 * defined["FRAMES"]
-    # The affine model begins a world of its own.
+    # Switching to the affine model starts a new segment.
     assert {step.observation.segment for step in steps} == {0, 1}
     assert {step.observation.parameters_revision for step in steps} == {0, 1}
     assert any(step.obstacles for step in steps)

@@ -1,7 +1,7 @@
-"""Every parameter acts with the methods that it names, and with no other.
+"""Every parameter acts with the methods that it names, and with no others.
 
-Each is changed to the far end of its range and must change what is observed in a short simulated
-scene; all that do not name a method are changed together, and must change nothing of it.
+Each is set to a far end of its range and must change the results on a short simulated scene;
+all that do not name a method are changed together and must not change that method's results.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ robots:
     motion: {kind: course, legs: [{kind: drive, distance_m: 2.2, speed: 0.5}]}
 observer: {motion: {kind: course, legs: [{kind: drive, distance_m: 3, speed: 0.3}]}}
 """
-# In FROZEN frames everything stands as two frames before, so that no obstacle is seen; in BLACK
+# FROZEN frames repeat the images of two frames before, so that no obstacle is seen; in BLACK
 # ones the pose is lost as well.
 FRAMES, FROZEN, BLACK = 26, range(14, 16), range(19, 22)
-# What a parameter needs besides the scene to have its effect.
+# What a parameter needs to have an effect, apart from the scene.
 SITUATIONS: Mapping[str, Mapping[str, ParameterValue]] = {
     "ego_motion.ransac_iterations": {"ego_motion.ransac_threshold_px": 0.1},
     "features.fast_threshold": {"features.detector": "fast"},
     "matching.ratio": {"matching.method": "descriptor"},
     "monocular.tilt_deg": {"monocular.height_m": 0.3},
-    # Wrong clusters, to which tracks may go.
+    # Loose settings make false clusters, which tracks may be matched to.
     "tracking.gate": {"motion.min_significance": 0.0, "flow.residual_threshold_px": 0.5},
 }
-# What they need: the exposures apart, or a camera of which nobody knows where it is mounted.
+# Parameters that need the two exposures apart, or a camera without a known mount.
 SKEWED, NO_MOUNT = {"klt_tracking.skew_sigma_s"}, {"monocular.parallax_deg"}
 
 
@@ -90,7 +90,7 @@ def test_what_acts_on_the_cloud_changes_it(name: str) -> None:
 
 
 def acts(entry: Mapping[str, Any], model: str) -> bool:
-    """Whether any far value of a parameter changes what is observed."""
+    """Return whether any far value of a parameter changes the results."""
     name = entry["name"]
     base = basis(model).changed(SITUATIONS.get(name, {}))
     kind = {"skewed": name in SKEWED, "mounted": name not in NO_MOUNT}
@@ -102,23 +102,23 @@ def acts(entry: Mapping[str, Any], model: str) -> bool:
 
 
 def basis(model: str) -> Parameters:
-    # Block matching is the quicker one.
+    # Block matching is the faster matcher.
     return Parameters().changed({MODEL: model, "stereo.matcher": "bm"})
 
 
 def far_values(entry: Mapping[str, Any], value: Any) -> list[ParameterValue]:
-    """Values that differ clearly from one, the farthest first."""
+    """Return values that differ clearly from ``value``, the farthest first."""
     if entry["type"] == "boolean":
         return [not value]
     if entry["type"] == "choice":
-        # SURF is an extra.
+        # SURF is an optional extra.
         return [each for each in entry["choices"] if each not in (value, "surf")]
     ends = [end for end in (entry["minimum"], entry["maximum"]) if end != value]
     return sorted(ends, key=lambda end: -abs(end - value))
 
 
 def lines(parameters: Parameters, *, skewed: bool = False, mounted: bool = True) -> Iterator[str]:
-    """What is observed, frame by frame, without timings."""
+    """Yield the results frame by frame, without timings."""
     source, frames = scene()
     mount = source.info.mount if mounted else None
     observer = Observer(source.calibration, parameters, mount=mount, clock=lambda: 0.0)

@@ -1,4 +1,4 @@
-"""Reduced processing leaves out what its words say, and nothing else."""
+"""Reduced processing leaves out what its description says, and nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run on the simulated lab, small enough to be observed in a test, and what it writes."""
+"""A run on the simulated lab, small enough to observe in a test, and its recording."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FRAMES = 24
 
 @pytest.fixture(scope="session")
 def lab() -> Iterator[OpenedSource]:
-    """The simulated lab, for its facts and truth."""
+    """The simulated lab, for its metadata and truth."""
     opened = open_source("simulated:lab")
     yield opened
     opened.source.close()
@@ -44,7 +44,7 @@ def frames(lab: OpenedSource) -> tuple[StereoFrame, ...]:
 
 
 def facts_of(source: Source, images: Images = "lossless", anchor: Anchor | None = None) -> RunFacts:
-    """What the engine knows when a run on this source begins."""
+    """Return what the engine knows when a run on this source begins."""
     assert source.calibration is not None
     mount = source.info.mount
     return RunFacts(
@@ -63,19 +63,19 @@ def facts_of(source: Source, images: Images = "lossless", anchor: Anchor | None 
 
 @pytest.fixture
 def facts(lab: OpenedSource, frames: tuple[StereoFrame, ...]) -> Callable[[Images], RunFacts]:
-    """Makes the facts of a run that begins with the first of the frames."""
+    """Make the facts of a run that begins with the first frame."""
     anchor = Anchor(time.time_ns(), frames[0].received)
     return lambda images: facts_of(lab.source, images, anchor)
 
 
 @pytest.fixture
 def line() -> Callable[[StereoFrame], dict[str, Any]]:
-    """Makes a line with one obstacle, as the observer might find it in a frame."""
+    """Make a line with one obstacle, as the observer might report it."""
     return made_up_line
 
 
 def truth_at(truth: Truth, frame: StereoFrame) -> TruthSample:
-    """What is truly known at a frame."""
+    """Return the truth at a frame."""
     return TruthSample(
         frame.index, frame.time, truth.bodies(frame.time), truth.camera_pose(frame.time)
     )
@@ -85,7 +85,7 @@ def truth_at(truth: Truth, frame: StereoFrame) -> TruthSample:
 def write_run(
     lab: OpenedSource, frames: tuple[StereoFrame, ...], facts: Callable[[Images], RunFacts]
 ) -> Callable[..., Path]:
-    """Writes frames and made-up lines; gives the path."""
+    """Write frames and made-up lines, and return the path."""
 
     def write(path: Path, images: Images = "lossless", *, finish: bool = True) -> Path:
         with path.open("wb", buffering=0) as file:
@@ -96,12 +96,12 @@ def write_run(
                 assert lab.truth is not None
                 writer.truth(truth_at(lab.truth, frame), frame.received)
                 if frame.index % 6 == 5:
-                    # As half a second later.
+                    # A later time makes the writer flush now.
                     writer.flush(time.monotonic() + 10.0)
             if finish:
                 writer.finish()
             else:
-                # As if it was killed right after it wrote a chunk.
+                # As if it were killed right after it wrote a chunk.
                 writer.flush(time.monotonic() + 10.0)
         return path
 
@@ -109,7 +109,7 @@ def write_run(
 
 
 def made_up_line(frame: StereoFrame) -> dict[str, Any]:
-    """A line with one obstacle, as the observer might find it in this frame."""
+    """Return a line with one obstacle, as the observer might report it for this frame."""
     obstacle = {
         "id": 3,
         "state": "confirmed",

@@ -1,4 +1,4 @@
-"""Recordings whose end was never written, disks without room, and what other tools read."""
+"""Recordings cut off before their end, full disks, and what other tools can read."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MESSAGES, PER_CHUNK = 40, 5
 
 
 def small_file(*, finish: bool) -> tuple[bytes, list[int]]:
-    """40 messages, 5 in a chunk, and where each chunk with its indexes ends."""
+    """Return 40 messages, 5 per chunk, and where each chunk with its indexes ends."""
     file, ends = BytesIO(), []
     container = Container(file, "small")
     for k in range(MESSAGES):
@@ -46,7 +46,7 @@ def small_file(*, finish: bool) -> tuple[bytes, list[int]]:
 
 
 class CutFile(BytesIO):
-    """A disk with room for so many bytes; like a real one it takes what still fits."""
+    """A disk with limited room; like a real one it writes as much as still fits."""
 
     def __init__(self, room: int) -> None:
         super().__init__()
@@ -61,7 +61,7 @@ class CutFile(BytesIO):
 
 
 def numbers(data: bytes) -> list[int]:
-    """What a file of made-up messages holds, read by our own reader."""
+    """Return what a file of made-up messages holds, read by our own reader."""
     from observer.recording.contents import chunk_records, find_contents, messages_of
 
     file = BytesIO(data)
@@ -80,7 +80,7 @@ WHOLE, ENDS = small_file(finish=True)
 @given(st.integers(8, len(WHOLE)))
 def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_chunk(length: int) -> None:
     cut = WHOLE[:length]
-    # A chunk counts as soon as it is whole itself, even while its indexes are cut off.
+    # A chunk counts once it is complete, even if its indexes are cut off.
     at_least = sum(end <= length for end in ENDS) * PER_CHUNK
     found = numbers(cut)
     assert found == list(range(len(found)))
@@ -124,13 +124,13 @@ def test_a_full_disk_ends_it_with_one_sentence_and_leaves_what_was_written(room:
     assert told.value.full
     data = file.getvalue()
     found = numbers(data)
-    # Its index is written where the room of the chunk that did not fit does for it.
+    # The index fits if the chunk that did not fit left enough room for it.
     at_least = sum(end <= room for end in ENDS) * PER_CHUNK
     assert found == list(range(at_least))
     assert len(data) == container.size or data.endswith(b"\x89MCAP0\r\n")
     with pytest.raises(RecordingError):
         container.add(topics.INCIDENT, 0, 5000, b"{}")
-    # Making room does not make it go on by itself, but a new writer can.
+    # Freeing space does not make this writer continue, but a new writer can.
     again = BytesIO(data)
     Container(again, "small", resume=True).finish()
     assert numbers(again.getvalue()) == found
@@ -173,7 +173,7 @@ def test_a_real_limit_of_size_ends_it_in_the_same_way(
     assert told.value.full
     assert path.stat().st_size <= 60_000
     with Recording(path) as recording:
-        # Every one of them was on the disk before the next.
+        # Each was on disk before the next was written.
         assert [i.kind for i in recording.incidents()] == ["noise"] * len(written)
 
 
@@ -242,7 +242,7 @@ def test_a_run_goes_on_in_the_same_file_after_its_writer_was_killed(
 
 
 def test_a_killed_process_loses_less_than_a_second(tmp_path: Path) -> None:
-    """Fault 21, of the recording alone: everything older than a second is there."""
+    """Fault 21, for the recording alone: everything older than a second is there."""
     path = tmp_path / "recording.mcap"
     script = f"""
 import sys, time
@@ -284,7 +284,7 @@ while True:
 def test_a_run_goes_on_wherever_its_file_was_cut(
     kept: float, write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
 ) -> None:
-    """Also where topics were told of behind the last whole chunk."""
+    """This includes topics that were declared after the last whole chunk."""
     path = write_run(tmp_path / "recording.mcap", "jpeg")
     with path.open("r+b") as file:
         file.truncate(int(path.stat().st_size * kept))

@@ -1,4 +1,4 @@
-"""Damaged recordings: read as far as they are whole, or refused in one sentence."""
+"""Damaged recordings: read as far as they are intact, or refused in one sentence."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def all_of(content: bytes) -> int:
-    """Return the number of messages, found by the index or without it."""
+    """Return the number of messages, found with or without the index."""
     file = BytesIO(content)
     contents = find_contents(file, "small")
     return sum(
@@ -66,7 +66,7 @@ _ITEMS = {
 
 
 def read_all(path: Path) -> None:
-    """Read everything that a recording may be asked for."""
+    """Read everything that can be read from a recording."""
     with Recording(path) as recording:
         facts = recording.facts
         facts.camera_mount()

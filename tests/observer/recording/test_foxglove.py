@@ -1,4 +1,4 @@
-"""The frames that Foxglove is told of are where the cameras really are."""
+"""The frames published to Foxglove are where the cameras really are."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from observer.vision.rectification import Rectification
 
 
 def decoded(topic: Topic, data: bytes) -> Any:
-    """A message by nothing but the schema that stands in the file."""
+    """Decode a message using only the schema in the file."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(topic.schema()).file:
         pool.Add(file)
@@ -29,7 +29,7 @@ def decoded(topic: Topic, data: bytes) -> Any:
 
 
 def poses(message: Any) -> dict[tuple[str, str], Pose]:
-    """Parent and child -> T_parent_child."""
+    """Return (parent, child) -> T_parent_child."""
     found = {}
     for t in message.transforms:
         turn = (t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z)
@@ -61,12 +61,12 @@ def test_a_point_in_the_camera_frame_lies_in_both_images_as_taken_where_the_mess
         K, D = np.array(told.K).reshape(3, 3), np.array(told.D)
         px = cv2.projectPoints(own, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
         taken.append(px)
-        # And once rectified, where the message's R and P put it.
+        # Once rectified, it is where the message's R and P put it.
         turned = own @ np.array(told.R).reshape(3, 3).T
         flat = np.hstack([turned, np.ones((3, 1))]) @ np.array(told.P).reshape(3, 4).T
         rectified = rectification.rectify_points(px, px)[0 if side == "left" else 1]
-        # In the right camera's own frame nothing is shifted any more: P carries the baseline
-        # for points of the left one.
+        # Nothing is shifted in the right camera's own frame: P's baseline term is for points in
+        # the left one's.
         shift = 0.0 if side == "left" else told.P[3] / points[:, 2]
         np.testing.assert_allclose(flat[:, 0] / flat[:, 2] - shift, rectified[:, 0], atol=0.02)
         np.testing.assert_allclose(flat[:, 1] / flat[:, 2], rectified[:, 1], atol=0.02)
@@ -89,7 +89,7 @@ def test_the_level_frame_has_the_floor_at_zero_and_the_base_on_it() -> None:
     np.testing.assert_allclose(
         (T_level_camera @ frames["camera", "base"]).translation[2], 0.0, atol=1e-9
     )
-    # Without a pose nothing is said of where the camera is.
+    # Without a pose nothing is published about where the camera is.
     lost = poses(decoded(topics.TRANSFORMS, cameras.transforms(None, 7)))
     assert ("world", "camera") not in lost
 
@@ -123,7 +123,7 @@ def test_the_edges_of_a_box_are_points_for_tools_that_show_no_boxes() -> None:
     one, other = np.array_split(packed["at"].astype(float), 2)
     np.testing.assert_array_equal(one, other)
     local = Pose.from_quaternion(quarter, place).inverse().apply(one) / size
-    # On an edge two of three coordinates are at the border.
+    # On an edge two of the three coordinates are at the border.
     at_border = np.isclose(np.abs(local), 0.5, atol=1e-5)
     assert (at_border.sum(axis=1) >= 2).all()
     assert (np.abs(local) < 0.5 + 1e-5).all()

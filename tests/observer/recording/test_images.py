@@ -1,4 +1,4 @@
-"""Images as Foxglove's messages, against Foxglove's own package."""
+"""Images as Foxglove messages, compared with Foxglove's own package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded local maps beside the frames: how long each counts, and where the robot is in it."""
+"""Recorded local maps alongside the frames: how long each counts, and the robot's place in it."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_the_robot_is_where_it_was_at_each_frame(write: Write) -> None:
         ahead = [frame.time - recording.frames[2].time for frame in recording.frames]
     assert 4 not in maps
     assert maps[2].robot == pytest.approx(ROBOT)
-    # The lines tell of 0.1 m/s along the optical axis, which is tilted a little.
+    # The lines report 0.1 m/s along the optical axis, which is tilted slightly.
     x, y, yaw = ROBOT
     way = 0.1 * ahead[6]
     expected = (x + way * math.cos(yaw), y + way * math.sin(yaw), yaw)

@@ -1,4 +1,4 @@
-"""What is written is read back: every kind of message, its schema, its times, its images."""
+"""What is written is read back: every type of message, its schema, its times, its images."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def local_map(frame: StereoFrame) -> LocalMapPayload:
 
 
 def everything(writer: RecordingWriter, frames: tuple[StereoFrame, ...], line: Any) -> None:
-    """One message of each kind and more."""
+    """Write at least one message of each type."""
     at = frames[0].received
     values = {"tracking.gate": 3.5, "one_camera.height_m": 0.3}
     writer.parameters(ParameterRevision(revision=1, values=values), at)
@@ -96,7 +96,7 @@ def test_all_that_was_written_is_read(
         assert list(recording.local_maps()) == [local_map(frame) for frame in frames[:4]]
         assert [s.reason for s in recording.skipped()] == ["000004.png is damaged"]
         assert [i.kind for i in recording.incidents()] == ["guard stop"]
-        # Read under the names of today.
+        # Old parameter names are read as today's.
         values = {"tracking.gate": 3.5, "monocular.height_m": 0.3}
         assert recording.parameter_revisions()[0].values == values
         assert recording.truth() is None
@@ -132,7 +132,7 @@ def test_every_message_keeps_to_the_schema_that_stands_in_the_file(
 
 
 def problem(value: Any, schema: dict[str, Any]) -> str | None:
-    """What breaks the schema: a validator of just what our schemas use."""
+    """Return what violates the schema; covers only the keywords that our schemas use."""
     kinds: dict[str, Any] = {
         "object": dict, "array": list, "string": str, "boolean": bool, "integer": int,
         "number": (int, float),
@@ -165,7 +165,7 @@ def problem(value: Any, schema: dict[str, Any]) -> str | None:
 
 
 def for_foxglove(schema: dict[str, Any]) -> None:
-    """What the parsers of Foxglove and Lichtblick demand of each property."""
+    """Check what the parsers of Foxglove and Lichtblick demand of each property."""
     assert schema["type"] == "object"
     for part in schema["properties"].values():
         kind = part["type"]
@@ -230,7 +230,7 @@ def test_times_go_on_when_the_wall_clock_jumps(
     facts: Callable[..., RunFacts],
     line: Any,
 ) -> None:
-    """Fault 12: an hour back, an hour forth, and messages that come late."""
+    """Fault 12: jumps of an hour back and forth, and messages that arrive late."""
     writer = RecordingWriter(tmp_path / "recording.mcap", facts("none"))
     real = time.time_ns
     for k, frame in enumerate(frames[:8]):

@@ -1,4 +1,4 @@
-"""A recording observed once more gives the run's results, to the last digit."""
+"""A replayed recording gives the run's results, to the last digit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
 from observer.types import Observation, StereoFrame
 
-# Position of the first frame -> what is changed with it, and where the run began a new segment.
+# Frame index -> parameters changed from there on; the run begins a segment at NEW_SEGMENT.
 CHANGES: dict[int, dict[str, Any]] = {
     0: {},
     9: {"flow.residual_threshold_px": 1.7, "ego_motion.ransac_iterations": 150},
@@ -29,7 +29,7 @@ NEW_SEGMENT = 5
 
 
 def comparable(observation: Observation) -> dict[str, Any]:
-    """All of its results: without what depends on the clock."""
+    """Return all of its results except those that depend on the clock."""
     line = {**observation_line(observation, tentative=True)}
     line.pop("timings_ms")
     return line
@@ -39,7 +39,7 @@ def comparable(observation: Observation) -> dict[str, Any]:
 def live(
     tmp_path_factory: pytest.TempPathFactory, lab: OpenedSource, frames: tuple[StereoFrame, ...]
 ) -> tuple[Path, list[dict[str, Any]]]:
-    """A run that is recorded while parameters change, and its results."""
+    """Record a run while parameters change; return its path and results."""
     path = tmp_path_factory.mktemp("run") / "recording.mcap"
     source, mount = lab.source, lab.source.info.mount
     writer = RecordingWriter(path, _facts(lab))
@@ -95,7 +95,7 @@ def test_a_lossless_recording_gives_the_runs_obstacles_to_the_last_digit(
     replayed = list(map(comparable, replay(source, replay_revisions(source.recording))))
     source.close()
     assert replayed == results
-    # It is not by seeing nothing that they agree.
+    # They do not agree just because nothing was seen.
     assert sum(len(line["obstacles"]) for line in results) > 5
     assert {line["segment"] for line in results} == {0, 1, 2}
     assert {line["parameters_revision"] for line in results} == set(CHANGES)

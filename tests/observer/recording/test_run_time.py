@@ -1,4 +1,4 @@
-"""The run's clock and length, which page, chart and report share."""
+"""The run's clock and length, shared by page, chart and report."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_gap_of_a_live_camera_counts_with_the_same_engine_and_with_another() -
     for reopened in (False, True):
         clock = RunTime()
         _added(clock, 50.0, 16, 100.0)
-        # The camera's clock goes on; the host took a little longer.
+        # The camera's clock continues; the host took a little longer.
         assert clock.add(54.0, 104.3, reopened=reopened) == 54.0
         assert clock.duration_s == pytest.approx(4.0)
 

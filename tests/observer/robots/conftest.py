@@ -37,7 +37,7 @@ class Driven:
     def until(
         self, reached: Callable[[RobotReport], object], timeout_s: float = 8.0
     ) -> RobotReport:
-        """The first report that is as wanted."""
+        """Return the first report that satisfies the condition."""
         return wait_for_report(self.robot, reached, timeout_s)
 
     def connect(self) -> RobotReport:
@@ -49,7 +49,7 @@ class Driven:
         self.until(lambda report: report.motors_enabled)
 
     def drive(self, seconds: float, speed_mps: float = 0.3, turn_rate_radps: float = 0.0) -> None:
-        """As a drive loop does."""
+        """Send a velocity repeatedly, as a drive loop does."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.robot.drive(speed_mps, turn_rate_radps)
@@ -58,7 +58,7 @@ class Driven:
     def drive_until(
         self, reached: Callable[[RobotReport], object], timeout_s: float = 5.0
     ) -> RobotReport:
-        """Ask for 0.3 m/s on and on."""
+        """Ask for 0.3 m/s until the condition holds."""
         until = time.monotonic() + timeout_s
         while time.monotonic() < until:
             self.robot.drive(0.3, 0.0)
@@ -68,7 +68,7 @@ class Driven:
         pytest.fail(f"it never came to that: {self.robot.report()}")
 
     def heard(self, since: float = float("-inf")) -> list[tuple[int, int | bytes | None]]:
-        """Numbers and arguments of what arrived."""
+        """Return numbers and arguments of the commands that arrived."""
         return [(each.number, each.argument) for each in self.there.log.since(since)]
 
 
@@ -85,9 +85,9 @@ def wait_for_report(
 
 @pytest.fixture
 def driven(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Driven]]:
-    """Gives a driver connected to an emulated robot: over TCP, or a pseudo terminal.
+    """Connect a driver to an emulated robot over TCP or a pseudo terminal.
 
-    It listens and says goodbye for a shorter time than it does in the field.
+    Its timeouts for listening and closing are shorter than in the field.
 
     ``there``: the emulated robot, driven as ``model``; else one of that model is made.
     ``serving``: keywords of ``serve_pty``. ``driving``: keywords of ``Pioneer``.
@@ -117,10 +117,10 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Driven]]:
 
 
 class ScriptedPeer:
-    """A TCP server that does as it is told with each connection.
+    """A TCP server that runs a script on each connection.
 
     Attributes:
-        port: as ``Pioneer`` takes it. connections: that came.
+        port: as ``Pioneer`` takes it. connections: those accepted.
     """
 
     def __init__(self, script: Callable[[socket.socket], None]) -> None:
@@ -151,7 +151,7 @@ class ScriptedPeer:
 
 @pytest.fixture
 def scripted() -> Iterator[Callable[[Callable[[socket.socket], None]], ScriptedPeer]]:
-    """Gives a peer of ``script(connection)``."""
+    """Start a peer that runs ``script(connection)``."""
     with ExitStack() as stack:
 
         def make(script: Callable[[socket.socket], None]) -> ScriptedPeer:
@@ -164,7 +164,7 @@ def scripted() -> Iterator[Callable[[Callable[[socket.socket], None]], ScriptedP
 
 @pytest.fixture
 def piloted() -> Iterator[Callable[..., Pioneer]]:
-    """Gives a driver at any port."""
+    """Start a driver on any port."""
     with ExitStack() as stack:
 
         def make(port: str, model: str | None = None, **driving: Any) -> Pioneer:
@@ -177,13 +177,13 @@ def piloted() -> Iterator[Callable[..., Pioneer]]:
 
 @pytest.fixture
 def until() -> Callable[..., RobotReport]:
-    """Gives ``wait_for_report(robot, reached, timeout_s)``."""
+    """Return ``wait_for_report(robot, reached, timeout_s)``."""
     return wait_for_report
 
 
 @pytest.fixture
 def robot(free_port: int) -> Iterator[ExternalRobot]:
-    """A robot of one's own as we see it: nobody has connected yet."""
+    """A custom robot as our side sees it: nobody has connected yet."""
     robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
     until_it_holds(lambda: robot.report().phase is RobotPhase.WAITING)
     yield robot
@@ -192,7 +192,7 @@ def robot(free_port: int) -> Iterator[ExternalRobot]:
 
 @pytest.fixture
 def wire(free_port: int) -> Iterator[Wire]:
-    """Between ``robot`` and its client."""
+    """A wire between ``robot`` and its client."""
     wire = Wire(free_port)
     yield wire
     wire.close()

@@ -1,4 +1,4 @@
-"""Damages streams of packets and counts what still comes through as something else.
+"""Damage streams of packets and count what is received as something else.
 
 python tests/observer/robots/fuzz.py [PACKETS] [--noise 0.01]
 """
@@ -30,14 +30,14 @@ _COMMANDS_A_SESSION = 10
 
 @dataclasses.dataclass
 class Tally:
-    """What a fuzz came to.
+    """The result of fuzzing packets.
 
     Attributes:
         sent: packets. whole: received as sent. lost: never received. altered: received with a
-            right checksum but unlike every packet sent: what 16 bits of checksum let through.
+            valid checksum but unlike every packet sent: what a 16-bit checksum lets through.
         misread: altered ones that are taken for a status packet, or for a velocity or ENABLE
-            other than was sent. raised: anything raised that is no refusal.
-        seconds: it took.
+            other than was sent. raised: any exception other than a refusal.
+        seconds: duration.
     """
 
     sent: int = 0
@@ -54,14 +54,14 @@ class Tally:
 
 @dataclasses.dataclass
 class RobotTally:
-    """What a fuzz of a robot came to.
+    """The result of fuzzing a robot.
 
     Attributes:
-        sent: commands. obeyed: by the robot, of those. unsent: obeyed, and nowhere in the bytes.
+        sent: commands. obeyed: those the robot obeyed. unsent: obeyed, but not in the bytes at all.
         unasked: sessions in which the wheels turned without a command to. deaf: sessions in which
-            a valid command behind the noise was not obeyed. restless: sessions in which noise
-            alone kept the robot going for longer than its watchdog. raised: anything raised.
-        seconds: it took.
+            a valid command after the noise was not obeyed. restless: sessions in which noise
+            alone kept the robot going for longer than its watchdog. raised: any exception.
+        seconds: duration.
     """
 
     sent: int = 0
@@ -78,7 +78,7 @@ class RobotTally:
 
 
 def some_status(rng: random.Random) -> bytes:
-    """A status packet as a moving robot sends it."""
+    """Return a status packet as a moving robot sends it."""
     sonar = [(rng.randrange(16), rng.randrange(100, 5001)) for _ in range(rng.randrange(9))]
     tail = bytes(5) + struct.pack("<HBhHhbB", 126, 0, rng.randrange(-300, 300), 0, 0, 30, 80)
     return (
@@ -103,14 +103,14 @@ def some_status(rng: random.Random) -> bytes:
 
 
 def some_command(rng: random.Random) -> bytes:
-    """What a driver sends, mostly velocities."""
+    """Return a command such as a driver sends, mostly velocities."""
     number = rng.choice((Command.VEL, Command.RVEL, Command.VEL, Command.RVEL, Command.STOP))
     argument = None if number is Command.STOP else rng.randrange(-500, 501)
     return command(number, argument)[3:-2]
 
 
 def any_command(rng: random.Random) -> bytes:
-    """Any number with any argument, few of which a driver sends."""
+    """Return any number with any argument, few of which a driver sends."""
     number = rng.choice((*(each for each in Command if each is not Command.CLOSE), *range(256)))
     argument: int | bytes | None = rng.randrange(-32768, 65536)
     match rng.randrange(4):
@@ -122,14 +122,14 @@ def any_command(rng: random.Random) -> bytes:
 
 
 def still_command(rng: random.Random) -> bytes:
-    """Anything but what may turn the wheels."""
+    """Return any command except those that may turn the wheels."""
     while (made := any_command(rng))[0] in MOTIONS:
         pass
     return made
 
 
 def damaged(stream: bytes, noise: float, rng: random.Random) -> bytes:
-    """Replace, drop, double and insert bytes, each byte with the probability ``noise``."""
+    """Replace, drop, duplicate and insert bytes, each byte with probability ``noise``."""
     made = bytearray()
     for each in stream:
         if rng.random() >= noise:
@@ -149,7 +149,7 @@ def damaged(stream: bytes, noise: float, rng: random.Random) -> bytes:
 
 
 def read_status(payload: bytes) -> bool:
-    """Whether a driver would take it for a status packet."""
+    """Return whether a driver would accept it as a status packet."""
     if not is_status(payload):
         return False
     try:
@@ -160,7 +160,7 @@ def read_status(payload: bytes) -> bool:
 
 
 def read_velocity(payload: bytes) -> bool:
-    """Whether a robot would take it for a velocity or for switching its motors."""
+    """Return whether a robot would accept it as a velocity or as switching its motors."""
     try:
         return decode_command(payload).number in _VELOCITIES
     except ValueError:
@@ -174,7 +174,7 @@ def fuzz(
     noise: float = 0.01,
     seed: int = 0,
 ) -> Tally:
-    """Send so many packets through noise in arbitrary pieces, and compare what arrives."""
+    """Send ``count`` packets through noise in arbitrary pieces, and compare what arrives."""
     rng, tally, parser = random.Random(seed), Tally(), PacketParser()
     began = time.perf_counter()
     while tally.sent < count:
@@ -204,7 +204,7 @@ def fuzz(
 
 
 def packets_in(stream: bytes) -> list[bytes]:
-    """The payload of every span that is a packet, wherever it begins; no parser's state counts."""
+    """Return the payload of every span that is a packet, at any offset and in any parser state."""
     found = []
     at = -1
     while (at := stream.find(b"\xfa\xfb", at + 1)) >= 0:
@@ -219,7 +219,7 @@ def packets_in(stream: bytes) -> list[bytes]:
 
 
 def numbers_in(stream: bytes) -> set[int]:
-    """Numbers of all commands that somebody may find in the stream."""
+    """Return the numbers of all commands that any parser could find in the stream."""
     return {payload[0] for payload in packets_in(stream)}
 
 
@@ -246,7 +246,7 @@ def fuzz_robot(
 
 
 class _Session:
-    """A robot that is sent bytes while time passes."""
+    """A robot that receives bytes while time passes."""
 
     def __init__(self) -> None:
         self.robot = EmulatedRobot("p3dx-sh")
@@ -261,7 +261,7 @@ class _Session:
             self.robot.tick(self.now)
 
     def trickle(self, stream: bytes, longest_s: float, rng: random.Random) -> None:
-        """In pieces, with pauses between them."""
+        """Send the stream in pieces, with pauses between them."""
         at = 0
         while at < len(stream):
             size = rng.randrange(1, 60)
@@ -270,7 +270,7 @@ class _Session:
             self.wait(rng.choice((0.0, 0.0, 0.02, longest_s)))
 
     def resume(self) -> None:
-        """What a driver says after trouble on the line."""
+        """Send what a driver sends after trouble on the line."""
         self.wait(0.2)
         self.say((b"" if self.robot.is_open else OPENING) + STARTING)
 
@@ -299,7 +299,7 @@ def _fuzz_session(
     session.resume()
     last = [(each.number, each.argument) for each in log.since()[-2:]]
     tally.deaf += last != [(Command.ENABLE, 1), (Command.VEL, 200)] or not robot.motors_enabled
-    # From here on nothing valid comes, however much comes.
+    # From here on nothing valid is sent, only garbage.
     until = session.now + 2 * WATCHDOG_S
     while session.now < until:
         garbage = rng.randbytes(rng.randrange(200))

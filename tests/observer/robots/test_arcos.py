@@ -1,4 +1,4 @@
-"""Bytes to packets and back, over any split, garbage and damage."""
+"""Bytes to packets and back, with any splitting, garbage and damage."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_command_is_read_as_it_was_made(number: int, argument: int | bytes | N
 
 
 PAYLOADS = st.lists(st.binary(min_size=1, max_size=253), min_size=1, max_size=6)
-# Garbage that cannot begin a packet: the header's first byte is missing in it.
+# Garbage that cannot begin a packet: it lacks the header's first byte.
 GARBAGE = st.binary(max_size=30).map(lambda data: data.replace(b"\xfa", b"\x00"))
 
 

@@ -1,4 +1,4 @@
-"""The reply to CONFIG, whole and cut off anywhere."""
+"""The reply to CONFIG, complete and cut off anywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damaged bytes of robots: packets, settings and lines are read or refused."""
+"""Damaged bytes from robots: packets, settings and lines are read or refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damaged streams in a small number; ``fuzz.py`` itself runs a million."""
+"""A small number of damaged streams; ``fuzz.py`` itself runs a million."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import pytest
 _PACKETS = int(os.environ.get("FUZZED_PACKETS", "10000"))
 # A session takes a thousand times as long as a packet.
 _SESSIONS = max(1, _PACKETS // 1000)
-# Two damaged bytes in one column of 16 bit words cancel out with the probability 1/255; a
-# packet of 9 bytes with 1 % noise has such a pair about once in 10^5.
+# Two damaged bytes in one column of the 16-bit words cancel with probability 1/255; a
+# 9-byte packet with 1 % noise has such a pair about once in 10^5.
 _LET_THROUGH = 1e-4
 
 
@@ -48,7 +48,7 @@ def test_without_noise_all_arrives(fuzzing: ModuleType) -> None:
     assert (tally.whole, tally.lost, tally.altered) == (1000, 0, 0)
 
 
-# Commands that go through, commands of which few do, and noise with hardly any.
+# Commands that get through, commands of which few do, and noise with hardly any.
 @pytest.mark.parametrize("make", ["any_command", "still_command", "some_status"])
 @pytest.mark.parametrize("noise", [0.01, 0.2])
 def test_a_robot_outlasts_noise_obeys_no_noise_and_listens_behind_it(
@@ -58,7 +58,7 @@ def test_a_robot_outlasts_noise_obeys_no_noise_and_listens_behind_it(
     sys.stdout.write(f"{make}: {tally}\n")
     assert (tally.raised, tally.unsent, tally.unasked) == (0, 0, 0)
     assert (tally.deaf, tally.restless) == (0, 0)
-    # Only packets that hold commands count; a status packet mostly is none that can be read.
+    # Only packets with commands count; few status packets can be read as one.
     assert tally.obeyed > 0.05 * tally.sent or make == "some_status"
 
 

@@ -1,4 +1,4 @@
-"""Coming into a session, whatever the robot or the last client does."""
+"""Opening a session, whatever the robot or the previous client does."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ STANDSTILL_THEN_CLOSE = [(29, None), (11, 0), (21, 0), (4, 0), (2, None)]
 
 @pytest.fixture
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second of waiting for SYNC is a tenth."""
+    """Shorten the wait for SYNC to a tenth of a second."""
     monkeypatch.setattr(handshake, "_SYNC_S", 0.1)
 
 
 class Heard:
-    """Reads commands, each with what is answered to it.
+    """Reads commands and sends the answer to each.
 
     Attributes:
         commands: numbers and arguments of all connections, in order.
-        first: how many of them came by the first connection; None while it is open.
+        first: how many of them came on the first connection; None while it is open.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class Heard:
         self.first: int | None = None
 
     def serve(self, connection: socket.socket, answer: Callable[[int, int], bytes]) -> None:
-        """Until the end. ``answer``: to a command's number, and how often it came so far."""
+        """Serve until it ends. ``answer``: given a command's number and how often it has come."""
         try:
             self._read(connection, answer)
         finally:
@@ -64,7 +64,7 @@ def heard() -> Heard:
 def answered(
     scripted: Callable[..., Any], piloted: Callable[..., Any], heard: Heard
 ) -> Callable[..., Any]:
-    """Gives a driver at a port where ``heard`` answers so."""
+    """Return a driver on a port where ``heard`` answers like this."""
     return lambda answer: piloted(scripted(lambda connection: heard.serve(connection, answer)).port)
 
 
@@ -81,7 +81,7 @@ def test_a_robot_comes_at_once_and_no_motor_is_on(driven: Callable[..., Any]) ->
     assert report.trouble is report.fault is None
     numbers = [number for number, _ in it.heard()]
     assert numbers[:4] == [0, 1, 2, 1]
-    # A standstill before PULSE, which would set a robot in motion that its watchdog stopped.
+    # Stand still before PULSE, which would restart a robot that its watchdog stopped.
     at = numbers.index(29)
     assert it.heard()[at : at + 4] == [(29, None), (11, 0), (21, 0), (4, 0)]
     assert at < numbers.index(int(Command.CONFIG))
@@ -121,7 +121,7 @@ def test_what_is_not_understood_starts_it_anew(
     answered: Callable[..., Any], until: Callable[..., Any], heard: Heard
 ) -> None:
     def answer(number: int, time_: int) -> bytes:
-        # In the middle of it, with the echo of SYNC 1 late behind.
+        # Mid-session, with the echo of SYNC 1 arriving late after it.
         return packet(b"\xff") + command(1) if (number, time_) == (1, 1) else echo(number)
 
     until(answered(answer), lambda report: report.name == "Robby")
@@ -140,7 +140,7 @@ def test_it_gives_up_tells_why_and_tries_again_by_itself(
     monkeypatch.setattr(pioneer, "_PAUSE_S", 0.1)
     robot = answered(lambda *_: nonsense)
     report = until(robot, lambda report: report.phase is RobotPhase.WAITING)
-    # The last of them may still be on its way.
+    # The last command may still be in transit.
     until(robot, lambda _: heard.first is not None)
     tries = [number for number, _ in heard.commands[: heard.first]].count(0)
     if nonsense:
@@ -149,7 +149,7 @@ def test_it_gives_up_tells_why_and_tries_again_by_itself(
     else:
         assert tries == 5
         assert "check that it is switched on" in report.trouble
-        # After two in silence.
+        # After two silent tries.
         assert heard.commands[:7] == [(0, None), (0, None), *STANDSTILL_THEN_CLOSE]
     assert report.fault is None
     until(robot, lambda _: len(heard.commands) > heard.first)
@@ -171,7 +171,7 @@ def test_a_robot_that_was_switched_off_comes_once_it_is_on(
 def test_silence_on_a_serial_line_is_told_to_close_at_every_rate(
     driven: Callable[..., Any],
 ) -> None:
-    # It was left at 57600 baud, in a session; at 9600 both hear garbage.
+    # It was left in a session at 57600 baud; at 9600 both sides receive garbage.
     there = EmulatedRobot("p3dx-sh", now=time.monotonic())
     there.begin_session(time.monotonic())
     there.baud = 57600
@@ -194,7 +194,7 @@ def test_a_higher_rate_is_agreed_on_and_given_back(driven: Callable[..., Any]) -
 
 
 class Stubborn(EmulatedRobot):
-    """Knows HOSTBAUD as little as some serial adapters do a higher rate."""
+    """Ignores HOSTBAUD, as some serial adapters do not know a higher rate."""
 
     @property
     def baud(self) -> int:

@@ -1,4 +1,4 @@
-"""Wheel odometry: numbers that go around, jumps, and a square of 10 m."""
+"""Wheel odometry: counters that wrap, jumps, and a square of 10 m."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ DT = 0.1
 
 
 class Firmware:
-    """Tells a true place as a robot does: in whole units, 15 bits, of its own axes.
+    """Reports a true position as a robot does: in whole units, 15 bits, in its own axes.
 
-    ``x``, ``y``, ``yaw``: true, metres and radians, in the firmware's axes.
+    ``x``, ``y``, ``yaw``: true values, metres and radians, in the firmware's axes.
     """
 
     def __init__(self, spec: RobotSpec, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> None:
@@ -91,7 +91,7 @@ def test_numbers_set_to_zero_are_no_drive() -> None:
     before = odometry.add(*robot.told(), 0.1)
     assert odometry.add(0, 0, 0, 0.2) == before
     assert odometry.jumps == 1
-    # It goes on from there, in the same axes of ours.
+    # It continues from there, in our unchanged axes.
     after = odometry.add(100, 0, 0, 0.3)
     assert math.dist((after.x, after.y), (before.x, before.y)) == pytest.approx(0.1)
     assert after.y == pytest.approx(0.0, abs=0.001)

@@ -104,7 +104,7 @@ def test_zero_is_on_the_wire_at_once(driven: Drivens) -> None:
             assert it.heard(since)[:4] == [E_STOP, (11, 0), (21, 0), (4, 0)]
             it.arm()
     sys.stdout.write(f"zero after being asked for: worst {worst * 1000:.1f} ms\n")
-    # Asked for by a loop of 20 ms after at most 250 ms, it must be there within 300.
+    # A 20 ms loop asks for it after at most 250 ms; it must be there within 300.
     assert worst < 0.03 + 0.1
 
 
@@ -156,7 +156,7 @@ def test_a_fault_stops_it_and_latches(
     sys.stdout.write(f"E_STOP {after * 1000:.1f} ms after the packet of {words}\n")
     assert after < 0.2
     assert (4, 0) in it.heard(began)
-    # Gone by itself is not forgiven, and forgiven is not switched on.
+    # A cause that goes away does not clear the fault, and clearing does not enable the motors.
     setattr(it.there.faults, name, good)
     it.drive(0.15)
     assert words in it.robot.report().fault
@@ -211,7 +211,7 @@ def test_silence_is_warned_of_then_a_fault_then_a_lost_robot(
 
 
 def test_after_an_outage_the_first_that_is_heard_is_no_velocity(driven: Drivens) -> None:
-    """The firmware stopped by itself; at any next command it would take its velocity up again."""
+    """The firmware stopped by itself; any next command would make it resume its velocity."""
     it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), watchdog_s=0.4))
     it.arm()
     it.drive(0.2)
@@ -287,7 +287,7 @@ def test_a_strange_line_is_none_of_its_business(driven: Drivens, faults: dict[st
 
 
 def test_what_it_says_wrongly_or_worse_is_no_fault(driven: Drivens) -> None:
-    """No bumpers are fitted, the sonar's count is false, and the battery is weak."""
+    """No bumpers are fitted, the sonar count is wrong, and the battery is weak."""
     it = driven("amigo-sh")
     it.arm()
     it.until(lambda report: len(report.sonars) == 8)
@@ -345,11 +345,11 @@ def test_closing_says_goodbye_and_is_quick(
 
 
 class TamperedPort:
-    """A real port, whose writes may be lost and whose reads may fail.
+    """A real port whose writes may be lost and whose reads may fail.
 
     Attributes:
-        lose: commands that are lost on their way, each once. broken: whether reading fails as no
-            port does.
+        lose: commands that are lost in transit, each once. broken: whether reading fails in a
+            way that no port does.
     """
 
     def __init__(self, text: str) -> None:
@@ -374,7 +374,7 @@ class TamperedPort:
 
 @pytest.fixture
 def tampered(driven: Drivens, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, TamperedPort]:
-    """An armed robot, and the port it is driven by."""
+    """An armed robot, and the port it is driven through."""
     ports: list[TamperedPort] = []
 
     def opened(text: str) -> TamperedPort:

@@ -1,4 +1,4 @@
-"""What comes through the real doors of an emulated robot: it lives, stands, and listens again."""
+"""Damaged input through an emulated robot's real ports: it survives, stands, and listens again."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from . import fuzz
 ENABLE, VEL = command(Command.ENABLE, 1), command(Command.VEL, 200)
 STREAM = b"".join((VEL, command(Command.RVEL, -30), command(Command.CONFIG),
                    command(Command.SETO), packet(bytes(range(50, 90)))))  # fmt: skip
-# A packet that announces more than comes, one without data, and a flood of beginnings.
+# A packet that announces more than arrives, one without data, and a flood of headers.
 PIECES = (VEL, VEL[:-1], ENABLE, b"\xfa", b"\xfa\xfb", b"\xfa\xfb\xff", b"\xfa\xfb\0",
           b"\xfa\xfb\xff" * 300, b"\x03\x04\x11\x13\x1a\x1c")  # fmt: skip
-# More than a packet may be interrupted for.
+# Seconds: longer than a packet may be interrupted for.
 PAUSE_S = 0.2
 
 
 class Door:
-    """The client's end of a served robot, whose time passes only as it is told to.
+    """The client's end of a served robot, whose clock advances only when told to.
 
     Attributes:
         served: the robot's end.
@@ -55,7 +55,7 @@ class Door:
         return self.served.robot
 
     def connect(self) -> None:
-        """Connect as soon as the robot takes clients; it closes its port to more than one."""
+        """Connect as soon as the robot accepts clients; it closes its port to a second one."""
         port = self.served.port
         if self._tcp:
             host, number = port.removeprefix("socket://").split(":")
@@ -70,7 +70,7 @@ class Door:
         self._write = lambda data: os.write(fd, data)
 
     def vanish(self) -> None:
-        """Go without a word, as a program that is killed with bytes unread."""
+        """Disconnect without a goodbye, like a program killed with unread bytes."""
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self._line.close()
         until(lambda: not self.served.connected)
@@ -80,21 +80,21 @@ class Door:
         self.served.close()
 
     def say(self, data: bytes) -> None:
-        """Write all of it; the robot reads it while no time passes."""
+        """Write all of it; the robot reads it while its clock stands."""
         at = 0
         while at < len(data):
-            # A pseudo terminal takes 4096 bytes at once.
+            # A pseudo terminal takes at most 4096 bytes at once.
             self._write(data[at : at + 1024])
             at += 1024
 
     def wait(self, seconds: float) -> None:
-        """Let time pass; the robot has lived through it afterwards."""
+        """Let time pass, and return once the robot has caught up."""
         for _ in range(max(1, round(seconds / PAUSE_S))):
             self._now += PAUSE_S
             until(lambda: self.robot._moved >= self._now or not self.served._thread.is_alive())
 
     def understood(self) -> None:
-        """Return once a command behind all that was said is obeyed."""
+        """Return once a command after everything sent has been obeyed."""
         self._tries += 1
         mark = (Command.SONAR, 0x4000 + self._tries % 0x2000)
         self.say(command(*mark))
@@ -108,7 +108,7 @@ class Door:
         until(marked)
 
     def open(self) -> None:
-        """Have a session with the motors on, and the wheels standing."""
+        """Have a session with the motors on and the wheels standing."""
         if not self.robot.is_open:
             self.say(fuzz.OPENING)
         self.say(command(Command.ENABLE, 0) + ENABLE)
@@ -124,7 +124,7 @@ Value = TypeVar("Value")
 
 
 def until(reached: Callable[[], Value], seconds: float = 60.0) -> Value:
-    """Return what is reached, which must not be false."""
+    """Return the first truthy result of ``reached``."""
     deadline = time.monotonic() + seconds
     while not (value := reached()):
         assert time.monotonic() < deadline, "it never came to that"
@@ -164,7 +164,7 @@ def test_garbage_neither_ends_it_nor_turns_its_wheels(
     door.understood()
     asked = fuzz.numbers_in(content) & set(fuzz.MOTIONS)
     assert asked or door.robot.odometry == before
-    # What is valid is obeyed again.
+    # Valid commands are obeyed again.
     door.open()
     before = door.robot.odometry
     door.say(VEL)
@@ -187,7 +187,7 @@ def test_a_command_may_be_split_anywhere_but_not_for_long(door: Door, paused: bo
 
 
 def _gone_by(door: Door) -> bool:
-    """What was said has been read, and it was too long ago to go on with."""
+    """Wait until everything sent has been read and is too old to be continued."""
     time.sleep(0.02)
     door.wait(3 * PAUSE_S)
     return True

@@ -1,4 +1,4 @@
-"""The least of all limits, and velocities within them."""
+"""The smallest of all limits, and velocities within them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults that latch, the battery's mean, and when a robot may move, by times that are told."""
+"""Faults that latch, the battery's mean, and when a robot may move, on a simulated clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of ports that are no ports: refused in a sentence, and not even opened."""
+"""Names of things that are not ports: refused in a sentence, and not even opened."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from observer.robots.serial_port import PortLost, open_port
 
 @pytest.fixture
 def others(tmp_path: Path) -> Iterator[dict[str, Path]]:
-    """A path of each kind."""
+    """Return one path of each kind."""
     paths = {name: tmp_path / name.split()[-1] for name in KINDS}
     paths["a file"].write_bytes(b"settings")
     paths["a folder"].mkdir()
@@ -47,7 +47,7 @@ def test_other_devices_are_no_serial_ports(path: str) -> None:
 
 
 def test_what_is_refused_is_not_opened(others: dict[str, Path]) -> None:
-    # Who opens a file as a port locks it.
+    # Opening a file as a port locks it.
     file, pipe = others["a file"], others["a named pipe"]
     before = file.stat()
     with file.open("rb") as held:
@@ -62,7 +62,7 @@ def test_what_is_refused_is_not_opened(others: dict[str, Path]) -> None:
             open_port(str(pipe))
         poll = select.poll()
         poll.register(reader)
-        # It would hang up if anybody had been at the other end.
+        # It would report a hang-up if the other end had ever been opened.
         assert poll.poll(0) == []
     finally:
         os.close(reader)

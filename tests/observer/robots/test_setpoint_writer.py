@@ -1,4 +1,4 @@
-"""What goes out of a port, in which order and when."""
+"""What is written to a port, in which order and when."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VEL, RVEL, STOP = int(Command.VEL), int(Command.RVEL), int(Command.STOP)
 
 
 class Wire:
-    """A port of which one sees what was written when.
+    """A port that records what was written and when.
 
     Attributes:
         written: (host's monotonic clock, bytes) of each write.
@@ -52,7 +52,7 @@ class Wire:
         self._cut = True
 
     def commands(self, since: float = 0.0) -> list[tuple[int, int | bytes | None]]:
-        """One for each write: each must be one whole command."""
+        """Return one command per write; each write must be one complete command."""
         found = []
         for at, data in list(self.written):
             (payload,) = PacketParser().feed(data)
@@ -94,7 +94,7 @@ def test_a_velocity_is_two_commands_and_told_again(writing: Writing) -> None:
     hold(writer, (300, -20), 0.6)
     told = wire.commands()
     moving = told[told.index((RVEL, -20)) :]
-    # It turns as it shall before it is faster, from then on in the other order.
+    # It turns before it speeds up; from then on the order alternates.
     assert moving[:4] == [(RVEL, -20), (VEL, 300), (VEL, 300), (RVEL, -20)]
     assert 4 <= moving.count((VEL, 300)) <= 8
     assert writer.sent is not None
@@ -137,7 +137,7 @@ def test_what_nobody_repeats_becomes_zero(writing: Writing) -> None:
     zero = next(at for at, data in wire.written if at > since and data == command(VEL, 0))
     assert zero - since < SETPOINT_FRESH_S + 0.1
     assert (VEL, 300) not in told[told.index((VEL, 0)) :]
-    # Standing is told on and on as well, or the firmware's watchdog would run out.
+    # Zero is repeated as well, or the firmware's watchdog would expire.
     assert told[told.index((VEL, 0)) :].count((VEL, 0)) >= 2
 
 
@@ -149,7 +149,7 @@ def test_halting_goes_before_all_that_waits(writing: Writing) -> None:
     writer.halt(command(Command.E_STOP), command(Command.ENABLE, 0))
     time.sleep(RESEND_S * 2.5)
     told = wire.commands(since)
-    # One that was on its way when it came may be first.
+    # A command in transit at that moment may come first.
     at = told.index((int(Command.E_STOP), None))
     assert at <= 1
     assert told[at + 1] == (int(Command.ENABLE), 0)
@@ -203,7 +203,7 @@ def test_a_process_that_stood_still_begins_with_a_standstill(writing: Writing) -
     ahead = [0.0]
     wire, writer = writing(clock=lambda: time.monotonic() + ahead[0])
     hold(writer, (300, 0), 0.15)
-    # As if the process had been stopped for 3 s: the clock is all it sees of that.
+    # As if the process had been stopped for 3 s: it notices only by the clock.
     ahead[0] = 3.0
     since = time.monotonic()
     time.sleep(0.2)
@@ -229,7 +229,7 @@ def test_a_stuck_port_holds_up_nobody() -> None:
     port = open_port(os.ttyname(slave))
     writer = SetpointWriter(port, time.monotonic)
     try:
-        # Nobody reads at the other end; a pseudo terminal keeps some kilobytes.
+        # Nobody reads at the other end; a pseudo terminal buffers some kilobytes.
         writer.send(*[command(Command.SONAR, bytes(200))] * 100)
         longest, until = 0.0, time.monotonic() + 4.0
         while writer.broken is None and time.monotonic() < until:

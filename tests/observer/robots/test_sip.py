@@ -54,7 +54,7 @@ def test_the_manual_packet() -> None:
     status = decode_status(MANUAL, P3DX)
     assert status.battery_v == 14.4
     assert status.stalled == (False, False)
-    # The word is fefe: all bumper bits are set and none is fitted.
+    # The word is fefe: all bumper bits are set, but none is fitted.
     assert status.front_bumpers == status.rear_bumpers == ()
     assert status.ranges_m == {4: None, 7: None}
     assert status.charging is status.temperature_c is None

@@ -1,4 +1,4 @@
-"""A square of 10 m, driven by an emulated robot, as its status packets tell it."""
+"""A square of 10 m, driven by an emulated robot, as reported in its status packets."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ TICK_S = 0.01
 
 
 class Square:
-    """Drives without a clock, and keeps how far the sum is from the emulator's truth.
+    """Drives on a simulated clock, and tracks how far odometry is from the emulator's truth.
 
     Attributes:
-        worst_m, worst_rad: so far. wraps: how often X or Y went around.
+        worst_m, worst_rad: largest errors so far. wraps: how often X or Y wrapped.
     """
 
     def __init__(self, model: str) -> None:
@@ -34,7 +34,7 @@ class Square:
         self._raw: tuple[int, int] | None = None
         self.robot.begin_session(0.0)
         self.tell(command(Command.ENABLE, 1), command(Command.SETA, 1000))
-        # The sum begins with the first packet, where it still stands.
+        # Odometry begins with the first packet, while it still stands.
         self._stand()
 
     def tell(self, *commands: bytes) -> None:
@@ -42,7 +42,7 @@ class Square:
             self.robot.receive(each, self.now)
 
     def tick(self) -> tuple[float, float, float]:
-        """One step; where it truly is."""
+        """Advance one step and return the true pose."""
         self.now += TICK_S
         sent = self.robot.tick(self.now)
         truth = self.robot.odometry

@@ -1,4 +1,4 @@
-"""Textures are painted once for all tests here; by their contract equal materials look equal."""
+"""Textures are painted once for all tests here; equal materials are guaranteed to look equal."""
 
 from __future__ import annotations
 

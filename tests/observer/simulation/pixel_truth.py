@@ -11,23 +11,23 @@ from observer.simulation.world import World
 
 
 def left_rays(world: World) -> Float64Array:
-    """The rays (H, W, 2) of the left image's pixels before rectification."""
+    """Return the rays (H, W, 2) of the left image's pixels before rectification."""
     c = world.true_calibration
     return undistorted_rays(c.width, c.height, c.K1, c.D1)
 
 
 def left_hits(world: World, time: float) -> Hits:
-    """What the rays of the left image's pixels meet."""
+    """Return what the rays of the left image's pixels hit."""
     return cast(world, world.T_room_left(time).inverse(), left_rays(world), time)
 
 
 def render_depth(world: World, time: float) -> Float64Array:
-    """(H, W) metres along the left camera's z."""
+    """Return (H, W) metres along the left camera's z."""
     return np.asarray(1 / left_hits(world, time).inverse_depth, dtype=np.float64)
 
 
 def true_flow(world: World, t0: float, t1: float) -> Float64Array:
-    """The optical flow (H, W, 2) in pixels of the left image from t0 to t1.
+    """Return the optical flow (H, W, 2) in pixels of the left image from t0 to t1.
 
     Points may be hidden or outside the image at t1; points behind the camera at t1 give NaN.
     """

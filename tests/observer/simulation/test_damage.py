@@ -1,4 +1,4 @@
-"""Damaged scenarios: a scenario within its bounds or one sentence, however its YAML is written."""
+"""Damaged scenarios: one within its bounds or a one-sentence error, however the YAML is written."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FILES = tuple(
     _folder().joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     for name in ("lab", "crossing", "calibration", "vibrating")
 )
-# Nine lists of nine of the one before: a billion words, if each were written out.
+# Each of nine lists holds the previous one nine times: a billion words if expanded.
 LAUGHS = "".join(
     f"l{k}: &l{k} [{', '.join([f'*l{k - 1}'] * 9)}]\n" if k else 'l0: &l0 ["ha"]\n'
     for k in range(10)

@@ -52,7 +52,7 @@ def test_a_table_is_a_closed_slab_on_four_legs() -> None:
                 if np.allclose(a, d) and np.allclose(b, c)
             ]  # fmt: skip
             assert back == [k]
-        # Outwards, whichever side it is.
+        # The normal points outward on every side.
         assert facet.normal @ (facet.vertices.mean(axis=0) - slab.sphere[0]) > 0
     for leg in legs:
         heights = np.concatenate([facet.vertices for facet in leg.facets])[:, 2]
@@ -65,12 +65,12 @@ def test_a_table_is_flat_of_tone_and_the_room_shows_between_its_legs() -> None:
     image = StereoImager(scene).clean(LEFT, 0.0)
     table = left_hits(scene, 0.0).body == scene.bodies[0].id
     _, counts = np.unique(image[core(table)], axis=0, return_counts=True)
-    # Slab and legs from one or two sides, and the underside; all else is where they meet.
+    # Slab and legs from one or two sides, and the underside; the rest are their borders.
     assert np.sort(counts)[-8:].sum() > 0.9 * counts.sum()
     rows, columns = np.nonzero(table)
     window = np.s_[rows.min() : rows.max(), columns.min() : columns.max()]
     assert 0.1 < table[window].mean() < 0.6
-    # The camera looks at the underside from below: it rises away from the horizon.
+    # The camera is below the underside, which rises away from the horizon.
     depth = render_depth(scene, 0.0)
     underside = np.isclose(0.4 - left_rays(scene)[..., 1] * depth, 0.71, atol=1e-6) & table
     assert underside.sum() > 300
@@ -110,7 +110,7 @@ def test_bare_walls_are_without_texture_and_end_at_a_ceiling_of_another_tone() -
     wall, ceiling = above & (points[..., 2] < 2.55), above & (points[..., 2] > 2.6 - 1e-6)
     assert core(wall).sum() > 500
     assert ceiling.sum() > 3000
-    # Nothing but light within a wall.
+    # Within a wall only the lighting varies.
     assert np.percentile(np.abs(np.diff(gray, axis=1))[core(wall)[:, 1:]], 95) <= 2
     edge = ceiling[:-4] & wall[4:]
     assert edge.any(axis=0).mean() > 0.3

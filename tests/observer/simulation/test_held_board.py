@@ -1,4 +1,4 @@
-"""A board in a person's hands: where truth says it is, it is seen."""
+"""A board held by a person: it is seen where the truth says it is."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ def turned_deg(a: Pose, b: Pose) -> float:
 def test_poses_are_what_the_scenario_says() -> None:
     here = World(scenario_from_text(ABOVE, "two"))
     first, second = (here.board_pose(t) for t in here.board.motion.held_at)
-    # Corner 0 is the upper left one, half of 8 by 5 squares of 25 mm from the centre.
+    # Corner 0 is the upper left one: half of 8 by 5 squares of 25 mm from the centre.
     assert first.translation == pytest.approx([0.06 - 0.1, -0.0625, 0.5], abs=1e-12)
     assert first.rotation == pytest.approx(np.eye(3), abs=1e-12)
     centre = np.array([0.1, 0.0625, 0])
     assert second.apply(centre) == pytest.approx([0.02, 0.03, 0.6], abs=1e-12)
-    # A positive turn about the camera's x takes the lower edge away from it.
+    # A positive turn about the camera's x moves the lower edge away from it.
     down = second.rotate(np.array([0, 1.0, 0]))
     assert down[2] == pytest.approx(math.cos(math.radians(25)) * math.sin(math.radians(20)))
 
@@ -86,7 +86,7 @@ def test_the_motion_closes_and_never_jumps(name: str) -> None:
     steps = np.arange(-3, math.ceil(2 * motion.period_s * 60)) / 60
     poses = [motion.pose(motion.period_s + t) for t in steps]
     for a, b in pairwise(poses):
-        # Nobody throws the board: below 3 m/s and 250 degrees a second.
+        # Nobody throws the board: it stays below 3 m/s and 250 degrees a second.
         assert np.linalg.norm(b.translation - a.translation) < 3 / 60
         assert turned_deg(a, b) < 250 / 60
 
@@ -135,7 +135,7 @@ def test_nine_of_ten_held_poses_are_whole_in_both_images(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [0, 1, 7])
 def test_one_pass_fills_the_bars_of_ros_from_what_both_cameras_see(seed: int) -> None:
-    """X, Y, size and skew as ROS's camera_calibration measures them; ranges 0.7 0.7 0.4 0.5."""
+    """X, Y, size and skew as in ROS's camera_calibration, with ranges 0.7, 0.7, 0.4 and 0.5."""
     here = world("calibration", seed)
     c, board = here.true_calibration, here.board.board
     samples: list[list[np.ndarray]] = [[], []]
@@ -151,7 +151,7 @@ def test_one_pass_fills_the_bars_of_ros_from_what_both_cameras_see(seed: int) ->
         assert (high[:2] - low[:2] >= 0.7).all()
         assert high[2] >= 0.4
         assert high[3] >= 0.5
-        # Corners in all nine ninths of the image.
+        # Corners lie in all nine cells of a 3 by 3 grid.
         px = np.concatenate(corners[side])
         ninths = np.unique((px // [640 / 3, 480 / 3]).astype(int), axis=0)
         assert len(ninths) == 9
@@ -255,7 +255,7 @@ def test_the_kept_background_changes_no_pixel() -> None:
     for side in (LEFT, RIGHT):
         for t in (0.4, 1.2):
             keeps.clean(side, t)
-        # The first picture of its side is drawn anew from the walls on.
+        # The first image of each side is drawn from scratch, walls included.
         first = StereoImager(world()).clean(side, 7.9)
         assert np.array_equal(first, keeps.clean(side, 7.9))
 
@@ -275,7 +275,7 @@ def test_depth_and_flow_know_of_the_board() -> None:
     here = World(scenario_from_text(ABOVE, "two"))
     hits = left_hits(here, 0.4).body == BOARD
     assert render_depth(here, 0.4)[hits] == pytest.approx(0.5)
-    # 12 by 9 squares with the margin, 25 mm, at 0.5 m; the lens shrinks it a little.
+    # 12 by 9 squares of 25 mm with the margin, at 0.5 m; the lens shrinks it a little.
     assert hits.sum() == pytest.approx(12 * 9 * (0.025 / 0.5 * 532.6) ** 2, rel=0.09)
     flow = true_flow(here, 0.4, 1.15)
     corner = corners_px(here.true_calibration, here.board_pose(0.4), np.zeros((1, 3)))[0][0]

@@ -1,4 +1,4 @@
-"""The cameras' faults, each measured on the images it makes."""
+"""The cameras' faults, each measured on the images they produce."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def world_with(name: str = "lateral", **faults: Any) -> World:
 
 
 def gray(image: np.ndarray) -> np.ndarray:
-    """Grey values that are not rounded."""
+    """Return unrounded grey values."""
     return image.astype(float) @ np.array([0.114, 0.587, 0.299])
 
 
@@ -48,7 +48,7 @@ def test_noise_has_the_stated_strength_and_is_independent() -> None:
     for a in range(4):
         for b in range(a):
             assert abs(np.corrcoef(noise[a].ravel(), noise[b].ravel())[0, 1]) < 0.02
-    # White: neighbouring pixels know nothing of each other.
+    # White noise: neighbouring pixels are independent.
     assert abs(np.corrcoef(noise[0][:, 1:].ravel(), noise[0][:, :-1].ravel())[0, 1]) < 0.02
 
 
@@ -61,7 +61,7 @@ def test_the_right_camera_is_brighter_by_the_gain() -> None:
 def test_flicker_changes_the_brightness_over_time() -> None:
     world = world_with("static_turning", flicker={"amplitude": 0.1, "hz": 2.0})
     imager, steady = StereoImager(world), StereoImager(world_with("static_turning"))
-    # A quarter and three quarters of the period: the brightest and the darkest instant.
+    # At a quarter and three quarters of the period: brightest and darkest.
     for t, factor in ((0.125, 1.1), (0.375, 0.9)):
         ratio = gray(imager.pair(0, t)[0]).mean() / gray(steady.pair(0, t)[0]).mean()
         assert ratio == pytest.approx(factor, abs=0.01)
@@ -105,7 +105,7 @@ def test_blur_and_exposure_smear() -> None:
     exposed = StereoImager(world_with("rotating", exposure_s=0.04)).clean(LEFT, 1.0)
     gradient = [np.abs(np.diff(gray(i), axis=1)).mean() for i in (sharp, exposed)]
     across = [np.abs(np.diff(gray(i), axis=0)).mean() for i in (sharp, exposed)]
-    # The camera turns about the vertical axis: what smears is the horizontal direction.
+    # The camera turns about the vertical axis, so the blur is horizontal.
     assert gradient[1] < 0.75 * gradient[0]
     assert gradient[1] / gradient[0] < 0.9 * across[1] / across[0]
 
@@ -150,7 +150,7 @@ def test_a_rolling_shutter_reads_each_row_at_its_own_time() -> None:
     steady = StereoImager(world_with("rotating"))
     image = gray(rolling.clean(LEFT, 1.0))
     for row in (8, 120, 248):
-        # Rows are read in strips of 16; this is the instant of the strip's middle.
+        # Rows are read in strips of 16; this is the time of the strip's middle.
         strip = slice(row // 16 * 16, row // 16 * 16 + 16)
         instant = 1.0 + readout * ((strip.start + 7.5) / 255 - 0.5)
         assert np.array_equal(image[strip], gray(steady.clean(LEFT, instant))[strip])
@@ -158,7 +158,7 @@ def test_a_rolling_shutter_reads_each_row_at_its_own_time() -> None:
 
 
 def test_a_distorted_tilted_rig_is_rectified_by_its_calibration() -> None:
-    """Rows agree after rectification with the calibration handed out, and not before."""
+    """Rows agree after rectification with the published calibration, and not before."""
     world = World(
         load_scenario("distorted_tilted").model_copy(
             update={"faults": load_scenario("distorted_tilted").faults.model_copy(
@@ -213,7 +213,7 @@ def test_same_seed_same_digits_and_other_seed_other_picture(
         return images
 
     first, other = frames(3), frames(4)
-    # Tests share what is painted; this world paints by itself.
+    # Tests share painted textures; this world paints its own.
     monkeypatch.setattr(rendering, "paint", paint)
     again = frames(3)
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
@@ -242,7 +242,7 @@ def test_two_frames_have_different_noise() -> None:
 
 @pytest.mark.parametrize("name", BENCHMARK)
 def test_a_third_of_every_benchmark_scene_is_without_texture(name: str) -> None:
-    """Measured on the images: windows of 7 pixels whose contrast drowns in the noise."""
+    """Measured on the images: 7-pixel windows whose contrast drowns in the noise."""
     scenario = load_scenario(name)
     for seed in (0, 4):
         world = World(scenario, seed)

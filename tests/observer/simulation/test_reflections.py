@@ -1,4 +1,4 @@
-"""What a glossy floor reflects, against mirrored geometry."""
+"""What a glossy floor reflects, checked against mirrored geometry."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_reflected_corners_lie_where_the_mirrored_world_puts_them(extra: str, si
     )[0].reshape(-1, 2)  # fmt: skip
     inside = (expected > 12).all(axis=1) & (expected < np.array([500, 244])).all(axis=1)
     assert inside.sum() > 40
-    # What the floor itself looks like is taken out, and the reflection made as bright as the board.
+    # Subtract the floor's own appearance, and scale the reflection to the board's brightness.
     view = View(512, 256, c.K1[0, 0], c.K1[1, 1], c.K1[0, 2], c.K1[1, 2], (0, 256))
     share = reflectance(view, (0, 0, 512, 256), T_room_camera.rotation, 1.0)[..., None]
     floor = (1 - share) * clean(world(extra, gloss=0.0), side)
@@ -89,11 +89,11 @@ def test_only_the_floor_reflects_and_it_shows_whoever_moves() -> None:
     points = scene.T_room_left(t).apply(points / hits.inverse_depth[..., None])
     floor = (points[..., 2] < 1e-6).astype(np.uint8)
     wide, narrow = (f(floor, np.ones((3, 3))) > 0 for f in (cv2.dilate, cv2.erode))
-    # But for pixels that a limb covers in part.
+    # Except for pixels that a limb covers in part.
     assert np.abs(glossy - matt)[~wide].max() <= 5
     assert (glossy != matt)[~wide].mean() < 0.001
     assert (np.abs(glossy - matt)[narrow].max(axis=1) > 2).mean() > 0.5
-    # Through the mirrored camera the ray caster says whose reflection is where.
+    # Ray casting from the mirrored camera tells whose reflection is where.
     view = View(512, 256, 1.0, 1.0, 0.0, 127.5, (0, 256))
     _, T_room_mirror = mirrored(view, scene.T_room_left(t), (0, 256))
     seen = cast(scene, T_room_mirror.inverse(), rays * [1, -1], t).body
@@ -107,7 +107,7 @@ def test_only_the_floor_reflects_and_it_shows_whoever_moves() -> None:
 
 def test_the_floor_mirrors_most_at_grazing_angles_and_as_its_gloss_says() -> None:
     view = View(101, 101, 100.0, 100.0, 50.0, 50.0, (0, 101))
-    # R_room_camera of cameras that look straight down, and along the room's x.
+    # R_room_camera of cameras that look straight down and along the room's x.
     down = np.diag([1.0, -1.0, -1.0])
     ahead = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     straight = reflectance(view, (0, 0, 101, 101), down, 1.0)
@@ -129,7 +129,7 @@ def test_rows_drawn_by_themselves_reflect_as_in_the_whole() -> None:
         for first in range(0, 256, step):
             view = View(512, 256, f, f, 255.5, 127.5, (first, first + step))
             renderer.draw(view, scene.T_room_left(2.0), 2.0, image)
-    # As on a matt floor, a few pixels round otherwise.
+    # As on a matt floor, a few pixels round differently.
     assert np.abs(whole.astype(int) - strips).max() <= 1
     assert (whole != strips).mean() < 0.001
 

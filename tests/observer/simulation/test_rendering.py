@@ -1,4 +1,4 @@
-"""The pictures against geometry that is known by construction."""
+"""The images against geometry that is known by construction."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ objects:
   - {kind: poster, wall: front, along_m: 0.06, height_m: 0.6, size: [2.0, 1.0],
      design: checkerboard}
 """
-# Where the checkerboard's wall stands, less the gap by which a poster hangs in front of it.
+# The checkerboard's wall, less the gap between a poster and its wall.
 WALL_X = 4 - 0.004
 
 
@@ -39,7 +39,7 @@ def gray(world: World, side: int, time: float) -> np.ndarray:
 
 
 def inner_corners() -> np.ndarray:
-    """(N, 3) the corners of the checkerboard's squares, room frame."""
+    """Return (N, 3) corners of the checkerboard's squares, room frame."""
     ys = 0.06 + 1.0 - 0.1 * np.arange(1, 20)
     zs = 0.6 + 0.5 - 0.1 * np.arange(1, 10)
     y, z = np.meshgrid(ys, zs)
@@ -55,7 +55,7 @@ def projected(world: World, T_room_camera: Pose, points: np.ndarray) -> np.ndarr
 
 
 def refined(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    # On sharp edges cornerSubPix itself is off by 0.1 px; on softened ones it is not.
+    # cornerSubPix is off by 0.1 px on sharp edges, but not on softened ones.
     image = cv2.GaussianBlur(image, (0, 0), 1.2)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 1e-4)
     start = pixels.astype(np.float32).reshape(-1, 1, 2)
@@ -83,7 +83,7 @@ def test_drawn_corners_lie_where_geometry_puts_them(extra: str, side: int) -> No
     error = np.linalg.norm(found - expected[inside], axis=1)
     assert np.median(error) < 0.05
     assert error.max() < 0.2
-    # No common shift: a half-pixel convention gone wrong would be 0.5.
+    # No common shift: a wrong half-pixel convention would give 0.5.
     assert np.abs((found - expected[inside]).mean(axis=0)).max() < 0.03
 
 
@@ -114,7 +114,7 @@ def test_the_right_image_is_the_left_one_shifted_by_the_disparity() -> None:
     disparity = f * baseline / render_depth(world, t)
     v, u = np.mgrid[0:256, 0:512].astype(np.float32)
     shifted = cv2.remap(right, (u - disparity).astype(np.float32), v, cv2.INTER_LINEAR)
-    # Occlusions and edges differ; nearly all the rest must agree to a few grey levels.
+    # Occlusions and edges differ; nearly all other pixels must agree to a few grey levels.
     inner = (u - disparity > 2) & (u < 500)
     difference = np.abs(left.astype(float) - shifted)[inner]
     assert np.median(difference) <= 2
@@ -136,7 +136,7 @@ def test_true_flow_carries_one_image_into_the_next() -> None:
     robot = left_hits(world, t0).body == world.obstacles[0].id
     robot = cv2.erode(robot.astype(np.uint8), np.ones((5, 5))) > 0
     assert robot.sum() > 1500
-    # The robot is measured by itself: it moves otherwise than what is behind it.
+    # The robot is measured separately, because it moves differently from its background.
     assert np.abs(flow[robot, 0]).mean() > 8
     for mask in (robot, np.s_[10:246, 10:502]):
         difference = np.abs(before.astype(float) - fetched)[mask]
@@ -195,7 +195,7 @@ def test_nothing_is_left_unpainted() -> None:
             for side in (LEFT, RIGHT):
                 image = imager.clean(side, t)
                 assert image.max(axis=2).mean() > 60
-            # Black holes: hardly a pixel of the room's surfaces is darker than this.
+            # No black holes: hardly a pixel of the room's surfaces is darker than this.
             room = left_hits(world, t).body == ROOM
             assert (imager.clean(LEFT, t)[room].max(axis=1) > 12).mean() > 0.999
 
@@ -217,7 +217,7 @@ def test_something_close_to_the_lens_is_cut_at_the_near_plane() -> None:
 
 
 def test_distant_texture_does_not_shimmer() -> None:
-    """A camera that creeps on by a millimetre must not change the picture by much."""
+    """A camera that moves by a millimetre must not change the image much."""
     world = World(clean_lab(robots=()))
     imager = StereoImager(world)
     a = imager.clean(LEFT, 5.0).astype(int)
@@ -227,7 +227,7 @@ def test_distant_texture_does_not_shimmer() -> None:
 
 
 def test_a_frame_is_drawn_quickly(capsys: pytest.CaptureFixture[str]) -> None:
-    """The aim is 12 ms on one free core; here only a gross slowdown fails."""
+    """The target is 12 ms on one free core; only a gross slowdown fails here."""
     world = World(load_scenario("lab"))
     imager = StereoImager(world)
     imager.pair(0, 0.0)

@@ -1,4 +1,4 @@
-"""Scenarios: the built-in ones, their variation by seed, and one sentence for what is wrong."""
+"""Scenarios: the built-in ones, their variation by seed, and one-sentence errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ REQUIRED = {
 
 UNCALIBRATED = ("calibration", "calibration_charuco", "webcams")
 SHORT_BASELINE = ("people_short_baseline",)
-# Not counted by the benchmark.
+# Not part of the benchmark.
 FOR_SHOWING = ("lab", "drive", *UNCALIBRATED)
 
 MINIMAL = """
@@ -88,7 +88,7 @@ def test_the_lab_is_written_out_without_an_end_that_shows() -> None:
     duration = world.scenario.duration_s
     for body in (world.observer, *world.obstacles):
         a, b = body.motion.state(0.0), body.motion.state(duration)
-        # A jump at the seam below what a frame moves is not seen.
+        # A jump at the seam smaller than the motion between frames is not visible.
         assert math.hypot(a.x - b.x, a.y - b.y) < 0.03, body.name
         turned = math.remainder(a.heading - b.heading, 2 * math.pi)
         assert abs(turned) < math.radians(2), body.name

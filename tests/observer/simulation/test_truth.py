@@ -50,7 +50,7 @@ def truth_of(text: str) -> SimulatedTruth:
 def test_positions_and_headings_in_the_cameras_axes() -> None:
     observer, robot = truth_of(PLAIN + AHEAD).bodies(0.0)
     assert (observer.role, robot.role) == ("observer", "obstacle")
-    # The left camera is 0.1 m before and 0.06 m left of the observer's centre, 0.4 m up.
+    # The left camera is 0.1 m ahead and 0.06 m left of the observer's centre, 0.4 m up.
     assert robot.position == pytest.approx([0, 0.4 - 0.15, 2.9], abs=1e-12)
     assert observer.position == pytest.approx([0.06, 0.4 - 0.075, -0.1], abs=1e-12)
     assert robot.yaw == pytest.approx(0)
@@ -77,13 +77,13 @@ def test_the_camera_pose_agrees_with_the_observer() -> None:
     world = World(load_scenario("turning"))
     truth = SimulatedTruth(world)
     assert truth.camera_pose(0.0).matrix == pytest.approx(np.eye(4), abs=1e-12)
-    # What stands still stays where it is, seen through the moving camera.
+    # A static point stays where it is, seen through the moving camera.
     fixed = world.posters[0].vertices[0]
     first = world.T_room_left(0.0).inverse().apply(fixed)
     for t in (1.0, 4.5):
         seen = world.T_room_left(t).inverse().apply(fixed)
         assert truth.camera_pose(t).apply(seen) == pytest.approx(first, abs=1e-9)
-    # The camera keeps its place on the observer.
+    # The camera is fixed to the observer.
     offset = [truth.camera_pose(t).inverse().apply(truth.bodies(t)[0].position) for t in (0.0, 3.3)]
     assert offset[0] == pytest.approx(offset[1], abs=1e-9)
 
@@ -118,7 +118,7 @@ def test_a_distorted_rigs_world_is_the_rectified_camera() -> None:
 def test_visible_share_by_construction() -> None:
     world = World(scenario_from_text(PLAIN + AHEAD, "plain"))
     assert share(world) == 1.0
-    # Half of it outside the image: its centre lies on the left edge's ray.
+    # Half of it is outside the image: its centre lies on the left edge's ray.
     edge = math.tan(math.radians(30)) * 2.9
     half = AHEAD.replace("y: 0.06", f"y: {0.06 + edge}").replace(
         "size: [0.5, 0.4, 0.3]", "size: [0.02, 0.4, 0.237]"
@@ -150,7 +150,7 @@ def test_visible_share_agrees_with_counted_pixels() -> None:
 
 
 def bodies_in_the_rectified_image(world: World, time: float) -> NDArray[np.int64]:
-    """(H, W) the body that each pixel of the rectified left image shows."""
+    """Return (H, W) the body shown by each pixel of the rectified left image."""
     c, true = world.calibration, world.true_calibration
     raw = np.stack(np.meshgrid(np.arange(c.width), np.arange(c.height)), axis=-1).astype(float)
     if not c.is_rectified:
@@ -174,9 +174,9 @@ def box_around(mask: ArrayLike) -> Float64Array:
      "people_near", "people_standing", "people_carrying"],
 )  # fmt: skip
 def test_the_box_encloses_the_pixels_that_show_a_body(name: str) -> None:
-    """In the rectified image, behind others and at its border, to about 2 px or 3 % of its side.
+    """In the rectified image, occluded or at the border, to about 2 px or 3 % of the side.
 
-    Slivers that are hardly wider than a pixel may be within the box or not.
+    Slivers hardly wider than a pixel may be inside the box or not.
     """
     world = World(load_scenario(name), 5)
     compared = 0
@@ -206,7 +206,7 @@ def test_the_box_by_construction() -> None:
     assert 0.9 < (u1 - u0) / (0.4 / 2.65 * focal) <= 1.0
     assert (u0 + u1) / 2 == pytest.approx(255.5, abs=0.3)
     assert v1 < 127.5 + 0.4 / 2.65 * focal
-    # A crate before its left half hides it there.
+    # A crate in front of its left half hides that half.
     crate = "objects:\n  - {kind: crate, x: 1.5, y: 0.56, size: [0.2, 1.0, 1.2]}\n"
     (half,) = visible_parts(World(scenario_from_text(PLAIN + AHEAD + crate, "half")), 0.0).values()
     assert half.box_px is not None
@@ -222,7 +222,7 @@ def test_the_observer_has_no_box_and_robots_are_told_from_people() -> None:
 
 
 def test_truth_lies_inside_what_the_images_show() -> None:
-    """The depth at the robot's pixels, put into the world, fills the robot's box."""
+    """The depth at the robot's pixels, transformed to the world, fills the robot's box."""
     world = World(load_scenario("lab"))
     truth = SimulatedTruth(world)
     t = 3.0
@@ -316,7 +316,7 @@ def test_export_of_cameras_that_nobody_calibrated_brings_no_calibration(tmp_path
     assert export_stereo_folder(str(scenario), 0, tmp_path / "out") == 3
     written = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert written == ["left", "right", "times.txt", "truth.csv"]
-    # The board is no obstacle: the observer alone is in the truth.
+    # The board is not an obstacle: the truth holds the observer alone.
     assert {b.role for b in CsvTruth(tmp_path / "out" / "truth.csv").bodies(0.0)} == {"observer"}
 
 

@@ -1,4 +1,4 @@
-"""Bodies of which hardly anything is in front of the camera."""
+"""Bodies of which hardly any part is in front of the camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded stereo made by construction: each pair's images tell its number and side."""
+"""Synthetic recorded stereo: each pair's images encode its number and side."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MakeImage = Callable[..., Image]
 
 
 def marked_image(number: int, side: str, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Image:
-    """Noise whose mean level is 40 + 4 * number, 20 more on the right; survives compression."""
+    """Return noise of mean 40 + 4 * number, plus 20 on the right; it survives compression."""
     width, height = size
     noise = np.random.default_rng(number).integers(-20, 21, (height, width))
     level = 40 + 4 * number + (20 if side == "right" else 0)
@@ -31,7 +31,7 @@ def write_image(path: Path, image: Image) -> None:
 
 @pytest.fixture
 def make_image() -> MakeImage:
-    """Gives ``marked_image(number, side, size)``."""
+    """Return ``marked_image(number, side, size)``."""
     return marked_image
 
 

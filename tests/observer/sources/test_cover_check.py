@@ -1,4 +1,4 @@
-"""Which lens a hand covers: of images with texture whose brightness is known."""
+"""Which lens a hand covers, tested on textured images of known brightness."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def seen(gain: float = 1.0, seed: int = 0) -> np.ndarray:
 
 
 def dark(seed: int = 0) -> np.ndarray:
-    """A hand before the lens: what is left is noise."""
+    """A hand over the lens: only noise is left."""
     return np.clip(np.random.default_rng(seed).normal(6, 2, SCENE.shape), 0, 255).astype(np.uint8)
 
 
 def glowing() -> np.ndarray:
-    """A lit hand, and a camera that opens up: bright as before, but nothing is to be seen."""
+    """A lit hand and automatic exposure: as bright as before, but without detail."""
     return np.full(SCENE.shape, 115, np.uint8)
 
 
@@ -46,7 +46,7 @@ def test_the_covered_side_is_told(side: str, cover: object) -> None:
         assert check.answer is None or k >= 3
         check.look(left, right)
     assert check.answer == side
-    # The hand is taken away, and it was the answer still.
+    # The answer stands after the hand is taken away.
     for k in range(10):
         check.look(seen(seed=k), seen(seed=k))
     assert check.answer == side
@@ -64,7 +64,7 @@ def test_colour_images_are_judged_alike() -> None:
 
 def test_flickering_light_is_no_answer() -> None:
     check = CoverCheck()
-    # 40 % up and down twice a second at 15 frames a second, each camera in its own phase.
+    # 40 % up and down twice a second at 15 frames a second, with a different phase per camera.
     phases = np.arange(120) * 2 * np.pi * 2 / 15
     pairs = [(1 + 0.4 * np.sin(a), 1 + 0.4 * np.sin(a + 1.0)) for a in phases]
     for k, (left, right) in enumerate(pairs):
@@ -94,7 +94,7 @@ def test_nobody_is_told_who_did_not_ask() -> None:
     for k in range(10):
         check.look(dark(k), seen(seed=k))
     assert (check.asked, check.answer) == (False, None)
-    # Asked while it is covered: that is how it always was.
+    # Already covered when asked: that counts as its normal state.
     check.ask()
     for k in range(10):
         check.look(dark(k), seen(seed=k))

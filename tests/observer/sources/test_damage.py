@@ -49,7 +49,7 @@ distortion_coefficients: [0, 0, 0, 0]
 KITTI = "".join(f"P{i}: 70 0 32 {-38 * (i % 2)} 0 70 24 0 0 0 1 0\n" for i in range(2))
 
 Layout = tuple[tuple[str, str], dict[str, str]]
-# Folders of the images, and the files that tell of them.
+# Image folders, and the files that describe them.
 LAYOUTS: dict[str, Layout] = {
     "stereo folder": (("left", "right"), {"times.txt": TIMES}),
     "KITTI odometry": (("image_0", "image_1"), {"times.txt": TIMES, "calib.txt": KITTI}),
@@ -110,7 +110,7 @@ def test_damaged_tables_are_refused_or_frames_are_in_order(
 
 
 def assert_in_order(source: Source, most: int = 200) -> None:
-    """Play the source to its end, and hold what it delivers to what a source is."""
+    """Play the source to its end, and check that its frames are valid and in order."""
     size, times = (source.info.height, source.info.width), []
     for _ in range(most):
         frame = source.read()
@@ -130,7 +130,7 @@ def assert_in_order(source: Source, most: int = 200) -> None:
 
 @pytest.fixture(scope="module")
 def videos(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Files of six frames by the ending of their name, and bare images one behind the other."""
+    """Return files of six frames by their extension, and the bare images concatenated."""
     folder = tmp_path_factory.mktemp("videos")
     images = [np.hstack([image(k, "left"), image(k, "right")]) for k in range(6)]
     made = {"mjpeg": b"".join(map(jpeg, images))}
@@ -155,7 +155,7 @@ def test_a_damaged_video_is_refused_or_plays_in_order(
     whole.write_bytes(videos[ending])
     samples = [videos[ending]]
     if ending == "mjpeg":
-        # A whole image of another size among the others.
+        # A complete image of another size among the others.
         at = videos[ending].rindex(b"\xff\xd8\xff")
         other = jpeg(image(0, "left", (32, 48)))
         samples.append(videos[ending][:at] + other + videos[ending][at:])

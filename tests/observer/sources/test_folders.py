@@ -38,7 +38,7 @@ def reasons(source: Source) -> dict[int, str]:
 
 
 def number_of(frame: StereoFrame) -> int:
-    """The number that ``marked_image`` wrote into the pair; fails where left is not left."""
+    """Return the number that ``marked_image`` encoded; fail if left and right are swapped."""
     left, right = frame.left.mean(), frame.right.mean()
     assert right - left == pytest.approx(20, abs=1)
     return round((left - 40) / 4)
@@ -161,7 +161,7 @@ def test_times_that_do_not_rise_cost_their_own_frames(
     source = open_folder(stereo_folder)
     found = reasons(source)
     assert len(found) == 5 - kept
-    # Of two equal times either may go.
+    # Either of two equal times may be skipped.
     assert set(found) <= skipped | {k - 1 for k in skipped if times[k] == times[k - 1]}
     assert all("is not between those of the neighbouring frames" in r for r in found.values())
     source.rewind()

@@ -1,4 +1,4 @@
-"""Video files: two of them or one side by side, made here, whole and damaged."""
+"""Video files, two or one side by side, made here, whole and damaged."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from observer.types import Image, StereoFrame
 
 RATE = 12.5
 WIDTH, HEIGHT = 64, 48
-# Codec and container: stamps from the container, from an index, and lossless.
+# Codec and container: timestamps from the container, from an index, and lossless.
 KINDS = [("MJPG", "avi"), ("mp4v", "mp4"), ("FFV1", "mkv")]
 
 
@@ -160,7 +160,7 @@ def test_a_cut_off_video_says_how_much_is_missing(tmp_path: Path) -> None:
     source = open_video(str(path))
     assert source.info.frame_count == 30
     assert len(played(source)) == 30
-    # The header of an AVI comes first and still announces all frames.
+    # The header of an AVI comes first, so it still announces all frames.
     path.write_bytes(content[: len(content) // 2])
     seen = played(open_video(str(path)))
     assert isinstance(seen[-1], SkippedFrame)
@@ -171,7 +171,7 @@ def test_a_cut_off_video_says_how_much_is_missing(tmp_path: Path) -> None:
 def test_a_video_whose_frames_are_not_rising_in_time_is_counted_by_its_rate(
     tmp_path: Path,
 ) -> None:
-    # A raw MJPEG stream has neither index nor stamps.
+    # A raw MJPEG stream has neither an index nor timestamps.
     path = tmp_path / "both.mjpeg"
     pairs = (np.hstack([image(k, "left"), image(k, "right")]) for k in range(8))
     path.write_bytes(b"".join(map(jpeg, pairs)))

@@ -95,7 +95,7 @@ def test_round_trip_of_any_numbers(
     kind: Kind | None,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    # A cell is trimmed, and a file holds no lone surrogates and one kind of line end.
+    # Cells are trimmed, and a file has no lone surrogates and one kind of line end.
     name = name.encode("utf-8", "ignore").decode().replace("\r", "").replace("\0", "").strip()
     if box is not None:
         (u0, u1), (v0, v1) = sorted(box[::2]), sorted(box[1::2])
@@ -127,7 +127,7 @@ def test_values_between_frames_are_interpolated(tmp_path: Path) -> None:
     (between,) = truth.bodies(0.025)
     assert between.position[0] == pytest.approx(0.25)
     assert between.visible == pytest.approx(0.3)
-    # The short way round, over pi.
+    # The short way round, across pi.
     assert math.remainder(between.yaw - 3.1, 2 * math.pi) == pytest.approx(
         0.25 * (2 * math.pi - 6.2)
     )

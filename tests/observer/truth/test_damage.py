@@ -1,4 +1,4 @@
-"""Damaged truth.csv: samples in order and finite, or one sentence; and what is written is read."""
+"""Damaged truth.csv: finite samples in order, or one sentence; and what is written is read."""
 
 from __future__ import annotations
 

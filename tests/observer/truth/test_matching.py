@@ -1,4 +1,4 @@
-"""Truth beside what was reported, by bodies whose places are chosen here."""
+"""Truth matched to reports, with bodies at chosen places."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_the_observer_itself_is_told_of_but_never_matched() -> None:
 
 
 def test_truth_is_put_into_the_world_of_the_segment() -> None:
-    # The segment began when the camera stood at x = 2 and looked along the world's +x.
+    # The segment began with the camera at x = 2, looking along the world's +x.
     there = Pose.from_rotvec([0, np.pi / 2, 0], [2.0, 0, 0])
     matcher = TruthMatcher(Bodies(body(1, [5.0, 0, 0]), T_world_camera=there))
     entries = matcher.match(observation(obstacle(3, [0.1, 0, 3.0]), segment=2), 9.0)

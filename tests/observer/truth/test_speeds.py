@@ -1,4 +1,4 @@
-"""Velocities from positions: exact for what they model, absent where something is missing."""
+"""Velocities from positions: exact for the modelled motion, absent where data is missing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NUMBERS = st.floats(-5, 5)
 
 
 def parabola(times: Float64Array, *, seed: int = 0) -> tuple[Float64Array, Float64Array]:
-    """Positions and velocities of constant acceleration."""
+    """Return positions and velocities of constant acceleration."""
     a, b, c = np.random.default_rng(seed).uniform(-2, 2, (3, 3))
     t = times[:, None]
     return a + b * t + c * t**2, b + 2 * c * t

@@ -1,4 +1,4 @@
-"""People of the navigation benchmark: alike for equal seeds, apart from each other, never stuck."""
+"""People of the navigation benchmark: equal for equal seeds, kept apart, and never stuck."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def crowd(seed: int = 1, *, kind: bool = False, density: float = DENSITY) -> Cro
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A minute of N people about a robot that stands in the middle.
+    """A minute of N people around a robot that stands in the middle.
 
     Attributes:
         position: (T, N, 2). velocity: (T, N, 2). radius_m: (N,).
@@ -78,7 +78,7 @@ def walk(request: pytest.FixtureRequest) -> Walk:
 
 
 def overlap(position: Float64Array, radius_m: Float64Array) -> Float64Array:
-    """How far each body (N,) reaches into another, metres; below 0 where it touches none."""
+    """Return how far each body (N,) overlaps another, metres; below 0 where it touches none."""
     away = position[:, None] - position[None]
     gap = np.hypot(away[..., 0], away[..., 1]) - radius_m[:, None] - radius_m
     np.fill_diagonal(gap, np.inf)
@@ -150,25 +150,25 @@ def test_bodies_hardly_overlap(walk: Walk) -> None:
 def test_people_keep_moving_for_a_minute(walk: Walk) -> None:
     assert np.median(walk.speed) > 0.5
     assert np.median(walk.speed[-100:]) > 0.5
-    # Nobody is stuck: within 20 s everybody gets somewhere else.
+    # Nobody is stuck: within 20 s everybody has moved elsewhere.
     went = walk.position[200:] - walk.position[:-200]
     assert np.hypot(went[..., 0], went[..., 1]).max(axis=0).min() > 2.0
 
 
 def test_velocity_is_that_of_the_positions(hard: Walk) -> None:
     mean = (hard.position[1:] - hard.position[:-1]) / DT
-    # The velocity is of the last half of a step.
+    # The velocity is that of the second half of a step.
     assert np.median(np.abs(mean - hard.velocity[1:])) < 0.05
     assert hard.speed.max() <= 1.8 + 1e-9
 
 
 def test_people_stop_and_go(walk: Walk) -> None:
     stands = walk.speed < 0.05
-    # For 1 s at a stretch.
+    # For at least 1 s at a stretch.
     long = np.lib.stride_tricks.sliding_window_view(stands, 10, axis=0).all(axis=-1)
     paused = long.any(axis=0)
     assert paused.mean() > 0.3
-    # And everybody who stood still walks again, but for who has just stopped.
+    # Everybody who stood still walks again, except those who have just stopped.
     assert (walk.speed[-50:].max(axis=0) > 0.3).mean() > 0.9
 
 
@@ -180,7 +180,7 @@ def test_hard_people_run_into_the_robot_and_kind_ones_avoid_it(hard: Walk, kind:
 
 
 def test_kind_people_avoid_the_robot_where_it_is_now() -> None:
-    """It comes to a place where nobody has seen it before."""
+    """It appears where nobody has seen it before."""
     people = crowd(3, kind=True)
     robot = (3.0, 2.5, 0.0, 0.0, ROBOT_RADIUS)
     for _ in range(50):
@@ -190,7 +190,7 @@ def test_kind_people_avoid_the_robot_where_it_is_now() -> None:
         people.step(DT, robot)
         away = people.people.position - robot[:2]
         clear = np.hypot(away[:, 0], away[:, 1]) - people.people.radius_m - ROBOT_RADIUS
-        # Whoever was there when it appeared may have gone by then.
+        # People who were there when it appeared need time to leave.
         if k > 20:
             nearest.append(clear.min())
     assert min(nearest) > -0.05

@@ -1,4 +1,4 @@
-"""What an eye tells is judged by where everybody is."""
+"""An eye's reports are judged against where everybody is."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from observer.evaluation.navigation.perceived import in_view
 from observer.guard.sight import SeenObstacle, Sight
 from observer.types import Status
 
-# The robot is at (2, 5) and looks to the left: along y.
+# The robot is at (2, 5) and looks left, along y.
 POSE = np.array([2.0, 5.0, np.pi / 2])
-# One walks across 3 m ahead, one 4 m ahead and 1 m to the left stands.
+# One person walks across 3 m ahead; one stands 4 m ahead and 1 m to the left.
 PEOPLE = People(
     np.array([4, 7]),
     np.array([(2.0, 8.0), (1.0, 9.0)]),
@@ -36,7 +36,7 @@ def test_who_walks_in_view_for_long_is_to_be_found() -> None:
     for _ in range(2):
         check.look(sight(), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
-    # Not in the first half second; who stands is never due.
+    # Nothing is due in the first half second, and a standing person never is.
     assert (found.frames, found.usable, found.due, found.found) == (12, 12, 6, 4)
     assert (found.false, found.surplus) == (0, 0)
     assert found.velocity_errors == pytest.approx([0.0] * 20, abs=1e-12)

@@ -1,4 +1,4 @@
-"""The imaged eye sees the people where the crowd has them, and they walk as it has them walk."""
+"""The imaged eye sees people where the crowd places them, walking as the crowd moves them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ START = (2.0, 5.0)
 
 
 def steps(*rows: tuple[float, float, float, float], count: int = 60) -> list[People]:
-    """Everybody from x, y with a velocity vx, vy, every 0.1 s."""
+    """Return steps of people who start at x, y with velocity vx, vy, one every 0.1 s."""
     values = np.array(rows).reshape(-1, 4)
     place, velocity = values[:, :2], values[:, 2:]
     number, radius = np.arange(len(values)), np.full(len(values), 0.22)
@@ -51,7 +51,7 @@ def test_whoever_stands_keeps_facing_where_they_walked() -> None:
     headings = [walk.state(0.1 * k).heading for k in range(59)]
     assert headings[:39] == pytest.approx([math.pi / 2] * 39)
     assert math.cos(headings[-1] + math.pi / 2) > 0.98
-    # They turn rather than jump.
+    # They turn gradually.
     assert max(abs(b - a) for a, b in itertools.pairwise(headings)) < 1.2
 
 

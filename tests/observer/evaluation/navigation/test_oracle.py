@@ -1,4 +1,4 @@
-"""The oracle is no slower than anybody, and nothing stands in its way that will have left."""
+"""The oracle is no slower than any driver, and people who will have left do not block it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LIMITS = GuardParameters()
 
 
 class Scripted:
-    """Crowd whose places are told: (x, y, vx, vy) of each."""
+    """A crowd with prescribed places and velocities: (x, y, vx, vy) of each."""
 
     def __init__(self, *rows: tuple[float, float, float, float]) -> None:
         self._rows = np.array(rows, np.float64).reshape(-1, 4)
@@ -47,16 +47,16 @@ def test_alone_it_takes_the_free_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_whoever_has_left_in_time_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Two metres before the robot on its way, and gone across when it comes.
+    # On the robot's path two metres ahead, but gone by the time it arrives.
     assert answer(monkeypatch, (4.0, 5.0, 0.0, 1.0)) == pytest.approx(answer(monkeypatch))
 
 
 def test_it_goes_round_whoever_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     wall = [(7.0, y, 0.0, 0.0) for y in np.arange(0.0, 7.0, 0.4).tolist()]
-    # Past the end of a wall at (7, 6.4), 0.46 m to keep: two legs of at least 5.34 m.
+    # Past the end of a wall at (7, 6.4) with 0.46 m clearance: two legs of at least 5.34 m.
     way = 2 * np.hypot(5.0, 6.4 + 0.46 - 5.0) - 0.25
     least = way / LIMITS.speed_max_mps + free_time_s(LIMITS) - 9.75 / LIMITS.speed_max_mps
-    # It grows an octagon, so it may be up to 8 % faster.
+    # It grows an octagon, so its time may be up to 8 % shorter.
     assert 0.92 * least <= answer(monkeypatch, *wall) <= least + 0.3
 
 
@@ -72,5 +72,5 @@ def test_no_run_is_faster() -> None:
     driven = run(Case("planner", 0.03, False, 1e-3, 5), AllParameters())
     assert best is not None
     assert driven.reached
-    # Of the runs the time ends with the step in which the goal is reached.
+    # A run's time includes the whole step in which the goal is reached.
     assert best <= driven.time_s + 0.1

@@ -1,4 +1,4 @@
-"""The replaced observer errs as it was told to, and sees nothing through bodies."""
+"""The simulated observer errs by the given amounts, and does not see through bodies."""
 
 from __future__ import annotations
 
@@ -91,10 +91,10 @@ def test_sonars_of_an_array_fire_one_after_the_other() -> None:
     for k in range(40):
         heard = ring.listen(people(), ROOM, POSE, 0.1 * k)
         new.append({each.index for each in heard if each.received == 0.1 * k})
-    # Every 40 ms one of each array: 25 of each in a second, so 2 or 3 in a packet.
+    # Each array fires a sonar every 40 ms: 25 per second each, so 2 or 3 per packet.
     assert {len(each) for each in new[1:]} == {4, 6}
     assert sum(map(len, new[10:20])) == 50
-    # Both arrays at once, each sonar again after 0.3 or 0.4 s.
+    # Both arrays fire at once; each sonar fires again after 0.3 or 0.4 s.
     assert all({(k + 8) % 16 for k in each} == each for each in new)
     left = [k for k, each in enumerate(new) if 0 in each]
     assert {b - a for a, b in itertools.pairwise(left)} <= {3, 4}

@@ -1,4 +1,4 @@
-"""Sums, table and figure of the navigation benchmark, from runs made up."""
+"""Sums, table and figure of the navigation benchmark, from made-up runs."""
 
 from __future__ import annotations
 
@@ -129,6 +129,6 @@ def test_processes_give_what_one_gives() -> None:
     choice = Choice(1, (0.02,), (False,), (1e-3,), 7)
     seen: list[tuple[int, int | None]] = []
     alone = measure(choice, 1, lambda done, total: seen.append((done, total)))
-    # Both drivers, the walk and the oracle.
+    # Both drivers, the walk and the oracle make four steps.
     assert seen == [(k, 4) for k in range(5)]
     assert measure(choice, 2, lambda *_: None) == alone

@@ -1,4 +1,4 @@
-"""Runs through crowds: equal seeds, equal runs; an empty room takes the free time."""
+"""Runs through crowds: equal seeds give equal runs; an empty room takes the free time."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_an_empty_hall_is_driven_through_by_images() -> None:
     result = run(Case("planner", 0.0, False, 1e-3, 1, "images"), PARAMETERS)
     assert result.reached
     assert result.time_s < 1.2 * free_time_s(LIMITS)
-    # Before the first pair of frames nothing is known.
+    # Nothing is known before the first pair of frames.
     assert sum(result.stops.values()) <= 2
 
 

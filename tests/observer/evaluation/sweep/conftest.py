@@ -17,14 +17,14 @@ from observer.simulation.export import export_stereo_folder
 from observer.truth.csv_file import TruthSample
 from observer.types import StereoFrame
 
-# Enough that obstacles are found: they count from 0.6 s on, at 15 frames a second.
+# Seconds: long enough to find obstacles, which count from 0.6 s on, at 15 frames a second.
 SECONDS = 1.2
 RECORDED = 15
 
 
 @pytest.fixture(scope="session")
 def sources(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
-    """A stereo folder, and a recording of its first frames: painting another world is long."""
+    """Make a stereo folder and record its first frames; painting a second world would take long."""
     home = tmp_path_factory.mktemp("sweep")
     scenario = home / "short.yaml"
     scenario.write_text(f"based_on: lateral\nduration_s: {SECONDS}\n")
@@ -64,7 +64,7 @@ def _record(folder: Path, path: Path) -> None:
 
 @pytest.fixture
 def copied(sources: tuple[str, str], tmp_path: Path) -> Callable[..., str]:
-    """Makes a copy of the stereo folder, without one of its files; gives its path."""
+    """Copy the stereo folder without one of its files and return its path."""
 
     def copy(name: str, without: str = "") -> str:
         folder = tmp_path / name

@@ -27,7 +27,7 @@ GRID = grid_from_text(
     "set: {guard.speed_max_mps: 1}\nnavigation.berth_m: [0.1, 0.2, 0.4]", "grid.yaml", driving=True
 )
 CROWD = SweepCrowd("crowd:hard:0.1", 0.1, False, 2)
-# By combination: time ratio and contacts per metre.
+# Combination number -> (time ratio, contacts per metre).
 DRIVEN = {1: (1.5, 0.02), 2: (1.2, 0.02), 3: (2.0, 0.0)}
 
 
@@ -80,7 +80,7 @@ def test_a_crowd_is_read_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
     for spec in ("crowd:", "crowd:soft:0.1", "crowd:hard:many", "crowd:hard:2", "crowd:hard:-0.1"):
         with pytest.raises(InputError, match="is no crowd; give crowd:hard:DENSITY"):
             sweep_crowd(spec)
-    # Later seeds belong to the benchmark.
+    # Later seeds are reserved for the benchmark.
     with pytest.raises(InputError, match="at most 900 runs"):
         sweep_crowd("crowd:hard:0.1", 901)
     monkeypatch.setattr(crowds, "crowd_missing", lambda: "a crowd needs the package jupedsim")
@@ -154,7 +154,7 @@ def test_a_sweep_over_crowds_is_kept_and_gone_on_with(tmp_path: Path) -> None:
     slow, fast = (row.figures["time_ratio"] for row in made.result.rows)
     assert slow is not None
     assert fast is not None
-    # Measured by the same clock. Of a single run the luck of meeting somebody decides.
+    # Both use the same clock. In a single run, chance encounters matter more than anything else.
     assert fast < 0.8 * slow
     again = SweepRun(plan, TaskStore(tmp_path))
     assert again.kept == 2

@@ -1,4 +1,4 @@
-"""Grids of parameters: read strictly, counted before they are built, drawn by lot."""
+"""Grids of parameters: parsed strictly, counted before they are built, sampled at random."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ranking, tables and figure of a sweep that is made up."""
+"""Ranking, tables and figure of a made-up sweep."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def outcome(mota: float | None, cost: float | None, recall: float | None = None)
     )
 
 
-# By combination, over the sources a and b.
+# Combination number -> outcomes on the sources a and b.
 OUTCOMES = {
     1: (outcome(0.5, 1.0, 0.2), outcome(0.7, 1.2, 0.4)),
     2: (outcome(0.9, 3.0, 0.1), outcome(0.9, 3.2, 0.1)),
@@ -64,7 +64,7 @@ def test_the_best_mean_is_first_and_the_front_is_beaten_by_nobody(sweep: Sweep) 
     assert [(r.combination.number, r.rank) for r in ranked] == [(2, 1), (1, 2), (4, 3), (3, None)]
     assert ranked[1].means["mota"] == pytest.approx(0.6)
     assert ranked[1].cost == pytest.approx(1.1)
-    # The last but one is worse and dearer than the second.
+    # The third is both worse and more expensive than the second.
     assert [r.best for r in ranked] == [True, True, False, False]
     assert [r.judged for r in ranked] == [2, 2, 2, 1]
 

@@ -1,4 +1,4 @@
-"""A sweep over a folder and a recording, on a cluster within this process."""
+"""A sweep over a folder and a recording, on a cluster in this process."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from observer.parameters import preset
 from observer.types import StereoFrame
 
 HERE = ClusterChoice(processes=False)
-# Whoever asks it for anything fails.
+# Any request to it fails.
 NOWHERE = ClusterChoice("tcp://127.0.0.1:9")
 GRID = "evidence.radius_px: [26, 60]"
 GATE_M = 0.5
@@ -77,7 +77,7 @@ def test_it_finds_what_a_benchmark_finds_and_goes_on_where_it_was(
             assert row.source.extent == f"{expected.frames} frames"
             assert row.outcome.cost_ratio is not None
             if row.combination.parameters == default:
-                # Against itself, on the same frames, on a machine that others use.
+                # Compared with itself on the same frames, but the machine is shared.
                 assert 0.5 < row.outcome.cost_ratio < 2
     assert any((row.figures["matched"] or 0) > 0 for row in result.rows)
 
@@ -85,7 +85,7 @@ def test_it_finds_what_a_benchmark_finds_and_goes_on_where_it_was(
 def test_a_failed_task_is_told_and_tried_again(
     sources: tuple[str, str], copied: Callable[..., str], tmp_path: Path
 ) -> None:
-    # Written anew, so that no cache takes it for the other folder.
+    # Written again, so that no cache confuses it with the other folder.
     folder = Path(copied("gone"))
     plan = plan_of((str(folder), sources[1]), "evidence.radius_px: [26]")
     shutil.move(folder, tmp_path / "elsewhere")
@@ -172,7 +172,7 @@ def test_a_source_is_read_once_unless_it_is_too_large(
     assert len(opened) == 2
     opened.clear()
     size = 6 * 2 * 512 * 256 * 3
-    # Room for one of them only: the other one makes way.
+    # There is room for only one source, so each evicts the other.
     narrow = FrameCache(size)
     for _ in range(2):
         assert times(narrow, one) == first
@@ -181,7 +181,7 @@ def test_a_source_is_read_once_unless_it_is_too_large(
     opened.clear()
     none = FrameCache(0)
     assert times(none, one) == times(none, one) == first
-    # Once to find out, and then each time.
+    # Opened once to find out that it does not fit, then again each time.
     assert len(opened) == 3
 
 

@@ -1,4 +1,4 @@
-"""Both sides of a robot of one's own, and what is between them."""
+"""Both ends of a custom robot's connection, and the wire between them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from observer.robots.network.robot import ExternalRobot
 
 
 def until(condition: Callable[[], Any], within_s: float = 5.0) -> float:
-    """Seconds until it holds; fails if it does not."""
+    """Return the seconds until the condition holds; fail if it does not."""
     began = time.monotonic()
     while not condition():
         assert time.monotonic() - began < within_s
@@ -33,7 +33,7 @@ def tell(sentence: str) -> None:
 
 @contextmanager
 def reporting(port: int, **more: Any) -> Iterator[ExternalClient]:
-    """A client that says every 20 ms how its robot, which stands, is."""
+    """A client that reports every 20 ms that its robot stands."""
     client = ExternalClient("127.0.0.1", port, **more)
     client.connect()
     ending = threading.Event()
@@ -58,7 +58,7 @@ def reporting(port: int, **more: Any) -> Iterator[ExternalClient]:
 
 @contextmanager
 def driving(robot: ExternalRobot, client: ExternalClient) -> Iterator[None]:
-    """Armed, and 0.3 m/s asked for every 20 ms as the drive loop does."""
+    """Arm the robot and ask for 0.3 m/s every 20 ms, as the drive loop does."""
     until(lambda: robot.report().received is not None)
     robot.clear()
     robot.enable()
@@ -79,7 +79,7 @@ def driving(robot: ExternalRobot, client: ExternalClient) -> Iterator[None]:
 
 
 class Wire:
-    """Between both sides: passes on what they say, until it is held back or cut."""
+    """The wire between both ends: forwards their data until it is held back or cut."""
 
     def __init__(self, port: int) -> None:
         self._target = port
@@ -112,7 +112,7 @@ class Wire:
                         return
 
     def reset(self) -> None:
-        """Both connections end without a goodbye, as by a crash."""
+        """End both connections without a goodbye, as in a crash."""
         self._ending.set()
         self._thread.join()
         for each in self._pair:
@@ -128,7 +128,7 @@ class Wire:
 
 
 class RawRobot:
-    """Says whatever a test wants."""
+    """A robot that sends whatever a test wants."""
 
     HELLO: dict[str, Any] = {  # noqa: RUF012
         "type": "hello", "protocol": 1, "name": "raw", "limits": external_client.LIMITS,
@@ -155,7 +155,7 @@ class RawRobot:
         return json.loads(line) if line else None
 
     def last(self) -> dict[str, Any] | None:
-        """What was said before the connection ended."""
+        """Return the last message before the connection ended."""
         last = None
         while (message := self.next()) is not None:
             last = message

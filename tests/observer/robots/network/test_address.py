@@ -1,4 +1,4 @@
-"""A robot of one's own over real TCP: our side, the reference client, and what is between them."""
+"""A custom robot over real TCP: our side, the reference client, and the wire between them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_what_the_robot_says_is_reported_and_what_is_driven_is_permitted(
             assert (permit.speed_mps, permit.turn_rate_radps, permit.stop) == (0.3, 0.1, False)
             assert robot.drive(7.0, 0.0).speed_mps == 0.5
             until(lambda: robot.report().motors_enabled)
-        # Nobody drives on.
+        # Nobody drives any more.
         until(lambda: client.permitted().speed_mps == 0)
         assert client.permitted().reason == "no speed has been requested"
         assert not client.permitted().stop
@@ -71,7 +71,7 @@ def test_a_stop_does_not_wait_for_the_next_permit(robot: ExternalRobot, free_por
                 robot.stop()
                 took.append(until(lambda: client.permitted().reason == "stopped"))
     tell(f"20 stops: median {1e3 * statistics.median(took):.1f}, worst {1e3 * max(took):.1f} ms")
-    # Permits are 50 ms apart, so that it would be half of that.
+    # Seconds: permits are 50 ms apart, so waiting for the next would take half of that.
     assert statistics.median(took) < 0.015
 
 
@@ -79,7 +79,7 @@ def test_a_stop_does_not_wait_for_the_next_permit(robot: ExternalRobot, free_por
     ("stall_s", "faults"),
     [
         (0.6, ["no odometry received for 0.5 s"]),
-        # A busy machine makes the stall longer than it was meant to be.
+        # On a busy machine the stall may be longer than intended.
         (0.35, ["its motors switched off by themselves", "no odometry received for 0.5 s"]),
     ],
 )
@@ -91,7 +91,7 @@ def test_a_link_that_stalls_stops_the_robot_and_its_recovery_does_not_move_it(
         began = time.monotonic()
         stopped = until(lambda: client.permitted().stop)
         tell(f"stopped {1000 * stopped:.0f} ms after the link stalled")
-        # What was said last may be 50 ms old.
+        # The last permit before the stall may already be 50 ms old.
         assert 0.15 < stopped < 1.0
         assert client.permitted().reason == "no permit for 250 ms"
         time.sleep(max(0.0, began + stall_s - time.monotonic()))
@@ -102,7 +102,7 @@ def test_a_link_that_stalls_stops_the_robot_and_its_recovery_does_not_move_it(
         while time.monotonic() < deadline:
             assert client.permitted().speed_mps == 0
             time.sleep(0.001)
-        # All is well again, and yet it stands until somebody clears and arms it.
+        # The link has recovered, but the robot stands until somebody clears and arms it.
         assert client.permitted().reason == robot.report().fault
         assert robot.report().fault in faults
         robot.clear()
@@ -157,7 +157,7 @@ def test_replayed_messages_change_nothing(robot: ExternalRobot, free_port: int) 
     for sequence in (1, 2, 3):
         raw.odometry(sequence, x=sequence)
     until(lambda: robot.report().counters["packets"] == 3)
-    # Only replays from here on: they are no sign of life.
+    # Only replayed packets from here on; they do not count as a sign of life.
     while robot.report().fault is None:
         raw.odometry(2, x=50.0, time=began)
         time.sleep(0.02)

@@ -1,4 +1,4 @@
-"""The reference client of a robot of one's own."""
+"""The reference client of a custom robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_demo_drives_and_comes_back_after_a_loss(
         client.close()
         until(lambda: robot.report().fault is not None)
         until(lambda: robot.report().phase is RobotPhase.CONNECTED)
-        # It came back by itself, and stands.
+        # It reconnected by itself, and stands.
         until(lambda: robot.report().speed_mps == 0)
         assert client.permitted().speed_mps == 0
     thread.join()
@@ -44,7 +44,7 @@ def test_the_reference_client_needs_nothing_but_python(
     robot: ExternalRobot, free_port: int
 ) -> None:
     file = Path(external_client.__file__)
-    # Isolated and without site-packages: nothing of ours can be imported.
+    # Isolated and without site-packages, so it cannot import any of our code.
     command = [sys.executable, "-I", "-S", str(file), "--demo", "127.0.0.1", str(free_port)]
     with subprocess.Popen(
         [*command, "--name", "alone"], stdout=subprocess.PIPE, stderr=subprocess.PIPE

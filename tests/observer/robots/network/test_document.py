@@ -1,4 +1,4 @@
-"""What EXTERNAL.md says of a robot of one's own is true of the real one."""
+"""What EXTERNAL.md says about a custom robot matches the real one."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_the_example_is_driven_and_stops(document: str, free_port: int) -> None:
         except ExternalClientError as error:
             ended.append(str(error))
         finally:
-            # As the end of its process would do.
+            # As happens when its process ends.
             names["client"].close()
 
     robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
@@ -105,7 +105,7 @@ def test_the_messages_are_those_that_are_spoken(document: str) -> None:
     assert json.loads(welcome) == json.loads(welcome_line(PERMIT_INTERVAL_S, EXPIRES_S))
     ours = permit_line(Permit(0.2, 0.0, False, "1.2 m before an obstacle"), 392, 5021.7, EXPIRES_S)
     assert json.loads(permit) == json.loads(ours)
-    # Every key has its line in the table, apart from those that the units explain.
+    # Every key has a row in the table, except those that the units explain.
     explained = set(re.findall(r"`(\w+)`", "".join(re.findall(r"^\| (`.*?) \|", document, re.M))))
     plain = {"type", "protocol", "name", "speed_mps", "turn_rate_radps", "interval_ms"}
     for line in lines:

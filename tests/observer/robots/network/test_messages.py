@@ -1,4 +1,4 @@
-"""Lines of a robot of one's own: what is taken, and that nothing else does harm."""
+"""Lines of a custom robot: what is accepted, and that nothing else does harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is refused at the port of a robot of one's own, and where we listen."""
+"""Which clients the port of a custom robot refuses, and where it listens."""
 
 from __future__ import annotations
 

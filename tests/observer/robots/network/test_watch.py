@@ -1,4 +1,4 @@
-"""What a robot of one's own says or does not say: faults, permits, odometry; time is told."""
+"""What a custom robot sends or fails to send: faults, permits, odometry; on a simulated clock."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ STEP_S = 0.05
 
 
 class Scene:
-    """A robot that says every 50 ms how it is, on a clock 1000 s ahead of ours.
+    """A robot that reports every 50 ms, on a clock 1000 s ahead of ours.
 
     Attributes:
-        obeys: its motors follow what is permitted. speaks, confirms: whether it does.
-        late_s: how long what it says is on its way.
+        obeys: its motors follow the permits. speaks, confirms: whether it does so.
+        late_s: delay of its messages.
     """
 
     def __init__(self, model: str | None = None, hello: Hello = HELLO) -> None:
@@ -142,7 +142,7 @@ def test_permits_that_are_not_confirmed_are_a_fault() -> None:
 
 
 def test_odometry_that_waited_on_its_way_is_as_old_as_it_is() -> None:
-    """A link that falls behind delivers often enough, but tells nothing of now."""
+    """A link that falls behind delivers often enough, but only old data."""
     scene = driving()
     while scene.late_s < 0.6:
         assert scene.late_s > 0.4 or scene.fault is None
@@ -193,7 +193,7 @@ def test_motors_that_go_off_by_themselves_or_stay_off_are_a_fault() -> None:
 
 
 def test_arming_again_at_once_is_not_taken_for_motors_that_went_off() -> None:
-    """The robot's answer to the disarming comes after the arming."""
+    """The robot's answer to the disarming arrives after the arming."""
     scene = driving()
     scene.watch.disable()
     late = scene.odometry(enabled=False)
@@ -238,7 +238,7 @@ def test_odometry_is_summed_up_from_wherever_the_robot_counts() -> None:
     place = scene.watch.report(scene.now, 0.25).odometry
     assert place is not None
     assert (place.x, place.y, place.yaw) == pytest.approx((1, 0, math.pi / 2))
-    # The next connection counts from elsewhere, and its heading goes once round.
+    # The next connection has another origin, and its heading wraps.
     scene.watch.lost("away")
     scene.watch.connected(HELLO, scene.now)
     for x, yaw in ((-3, math.pi - 0.1), (-4, -math.pi + 0.1)):

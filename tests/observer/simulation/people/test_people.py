@@ -1,4 +1,4 @@
-"""People of the simulated lab: their steps, their outline, and what a camera sees of them."""
+"""People of the simulated lab: their steps, their outline, and how a camera sees them."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_ray_meets_an_ellipsoid_where_it_lies_on_its_surface(seed: int) -> Non
     points = np.stack([x, y, np.ones_like(x)], axis=1)[hit] / inverse[hit, None]
     length = np.linalg.norm((points - centre) @ axes / semi, axis=1)
     assert length == pytest.approx(1.0, abs=1e-6)
-    # Nothing of it lies outside the bounds of its outline.
+    # No part of it lies outside the bounds of its outline.
     x0, y0, x1, y1 = outline.bounds
     assert ((x[hit] >= x0) & (x[hit] <= x1) & (y[hit] >= y0) & (y[hit] <= y1)).all()
 
@@ -82,7 +82,7 @@ def test_one_foot_stands_on_the_floor_while_the_body_moves_on(speed: float) -> N
         assert soles == pytest.approx(0.0, abs=0.02)
         moved = low[1][standing, 0] - low[0][standing, 0]
         slides.append(moved / step + speed)
-    # In the body's frame a standing foot goes backwards as fast as the body goes on.
+    # In the body's frame a standing foot moves backward as fast as the body moves forward.
     assert abs(np.median(slides)) < 0.35 * speed
 
 
@@ -120,7 +120,7 @@ def test_scenarios_know_every_pattern_and_tone() -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_person_is_drawn_where_the_rays_meet_them(scene: str) -> None:
-    """Where an image with people differs from one without is where rays say that people are."""
+    """Images with and without people differ exactly where rays hit people."""
     scenario = load_scenario(scene)
     world = World(scenario, seed=1)
     empty = World(scenario.model_copy(update={"people": ()}), seed=1)
@@ -133,7 +133,7 @@ def test_a_person_is_drawn_where_the_rays_meet_them(scene: str) -> None:
     people = {body.id for body in world.bodies if body.person is not None}
     hit = np.isin(left_hits(world, time).body, list(people))
     assert hit.sum() > 500
-    # A tone may happen to be the background's, and a shadow lies beside the feet.
+    # A tone may match the background, and a shadow lies beside the feet.
     assert (drawn & hit).sum() > 0.85 * hit.sum()
     beside = cv2.dilate(hit.astype(np.uint8), np.ones((5, 5), np.uint8)) == 0
     horizon = world.scenario.camera.height // 2

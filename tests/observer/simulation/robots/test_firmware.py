@@ -1,4 +1,4 @@
-"""The emulated firmware by its bytes, against the protocol's own tables; no port and no clock."""
+"""The emulated firmware's bytes, checked against the protocol's own tables; no port, no clock."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TICK_S = 0.01
 
 
 class Talk:
-    """A client that talks to a robot while time passes as it says."""
+    """A client that talks to a robot and controls the clock."""
 
     def __init__(self, robot: EmulatedRobot) -> None:
         self.robot = robot
@@ -30,11 +30,11 @@ class Talk:
         self._parser = PacketParser()
 
     def say(self, *packets: bytes) -> list[bytes]:
-        """What is answered at once."""
+        """Send packets and return the immediate answers."""
         return [one for each in packets for one in self._hear(self.robot.receive(each, self.now))]
 
     def wait(self, seconds: float) -> list[bytes]:
-        """What comes meanwhile."""
+        """Let time pass and return what arrives meanwhile."""
         heard: list[bytes] = []
         for _ in range(round(seconds / TICK_S)):
             self.now += TICK_S
@@ -42,7 +42,7 @@ class Talk:
         return heard
 
     def hold(self, seconds: float, *packets: bytes) -> list[bytes]:
-        """The same, with commands ten times a second."""
+        """The same, repeating commands ten times a second."""
         heard: list[bytes] = []
         for _ in range(round(seconds * 10)):
             heard += self.say(*packets) + self.wait(0.1)
@@ -68,7 +68,7 @@ def driving(model: str = "p3dx-sh", **more: object) -> Talk:
 
 
 def status(packet: bytes) -> dict[str, int]:
-    """By the table of offsets; those behind the sonar readings as far as they are there."""
+    """Decode by the table of offsets; fields after the sonar readings only if present."""
     assert packet[0] in (0x32, 0x33)
     names = ("x", "y", "th", "left", "right", "battery", "stall", "control", "flags", "compass")
     values = dict(zip(names, struct.unpack_from("<HHhhhBHhHB", packet, 1), strict=True))
@@ -98,7 +98,7 @@ def test_the_handshake_echoes_and_then_tells_names() -> None:
     [names] = talk.say(SYNC[2])
     assert names[0] == 2
     assert names[1:].split(b"\0")[1:] == [b"Pioneer", b"amigo-sh", b""]
-    # Nothing comes before OPEN, and then ten packets a second.
+    # Nothing is sent before OPEN, then ten packets a second.
     assert talk.wait(1) == []
     talk.say(command(Command.OPEN))
     assert len(talk.wait(2)) == pytest.approx(20, abs=1)
@@ -115,7 +115,7 @@ def test_out_of_order_or_repeated_synchronization_is_taken_as_far_as_it_goes() -
 def test_a_session_that_was_never_closed_goes_on_until_close() -> None:
     talk = opened()
     talk.robot.cut_off()
-    # To the next client the bytes of SYNC are PULSE, OPEN, CLOSE.
+    # In a session, the next client's SYNC bytes mean PULSE, OPEN, CLOSE.
     assert talk.say(SYNC[0]) == []
     assert {each[0] for each in talk.wait(0.5)} == {0x32}
     talk.say(command(Command.CLOSE))
@@ -157,7 +157,7 @@ def test_velocity_is_reached_by_the_acceleration_and_told_in_status() -> None:
     talk = opened()
     talk.say(ENABLE, command(Command.SETA, 500), command(Command.SETA, -250))
     talk.hold(0.3, VEL_200)
-    # 0.15 m/s by the ramp, less what inertia holds back.
+    # 0.15 m/s by the ramp, less the lag of inertia.
     assert 0.08 < talk.robot.speed_mps < 0.15
     heard = talk.hold(1.5, VEL_200)
     seen = newest(heard)
@@ -183,7 +183,7 @@ def test_backwards_and_e_stop_which_brakes_harder_than_stop() -> None:
     talk.say(E_STOP, command(Command.VEL, 0))
     talk.wait(0.3)
     assert talk.robot.speed_mps < 0.01
-    # It is not a latch.
+    # E_STOP does not latch.
     talk.hold(2, VEL_200)
     assert talk.robot.speed_mps == pytest.approx(0.2, abs=0.005)
 
@@ -208,7 +208,7 @@ def test_wheel_velocities_and_the_other_kind_exclude_each_other() -> None:
     # Left 5 and right 10, times 20 mm/s.
     seen = newest(talk.hold(1.5, command(Command.VEL2, 5 << 8 | 10)))
     assert (seen["left"], seen["right"]) == pytest.approx((100, 200), abs=2)
-    # -5 and -10: as an int16 and as the same bits without a sign.
+    # -5 and -10: as an int16, and as the same bits unsigned.
     bits = (-5 & 0xFF) << 8 | (-10 & 0xFF)
     for argument in (bits, bits - 0x10000):
         seen = newest(talk.hold(2, command(Command.VEL2, argument)))
@@ -240,7 +240,7 @@ def test_the_watchdog_stops_it_and_any_command_lets_it_go_on_as_before() -> None
     talk.say(SYNC[0])
     talk.wait(1.2)
     assert talk.robot.speed_mps == pytest.approx(0.2, abs=0.01)
-    # With zeros first it stays where it is.
+    # After STOP it stays where it is.
     talk.wait(3)
     talk.say(STOP, SYNC[0])
     talk.wait(1.5)
@@ -328,7 +328,7 @@ def test_encoders_are_told_once_or_with_every_status() -> None:
     assert 0x90 not in [each[0] for each in talk.hold(1, VEL_200)]
 
 
-# ---------------------------------------------------------------------- what it feels
+# ---------------------------------------------------------------------- sensing
 
 
 def walled() -> Surroundings:
@@ -343,7 +343,7 @@ def test_it_stalls_at_a_box_relaxes_and_tries_again_by_itself() -> None:
     assert stalls[0] == 0
     first = stalls.index(0x0101)
     assert newest(heard)["stall"] >> 9 == 0b11111
-    # While it is relaxed nothing changes; it has tried more than once.
+    # While the motors are relaxed nothing changes; it has tried more than once.
     assert stalls[first : first + 9] == [0x0101] * 9
     assert stalls[first:].count(0x0101) > 12
     assert talk.robot.vehicle.state.x == pytest.approx(1.0 - 0.511 / 2, abs=0.005)
@@ -361,7 +361,7 @@ def test_sonar_tells_only_what_is_new_and_everything_within_half_a_second() -> N
             index, value = struct.unpack_from("<BH", packet, 20 + 3 * k)
             ranges[index] = value
     assert sorted(ranges) == list(range(16))
-    # The box's face is 1 m ahead, sonar 3 sits at 166 mm and looks 10 degrees to the left.
+    # The box's face is 1 m ahead; sonar 3 sits at 166 mm and looks 10 degrees to the left.
     assert ranges[3] == pytest.approx(1000 - 166, abs=2)
     assert ranges[12] == 5000
     assert newest(talk.heard)["flags"] & 0b110 == 0b110
@@ -383,7 +383,7 @@ def test_bumpers_stall_the_motors_where_that_is_asked_for() -> None:
     assert newest(talk.hold(0.9, VEL_200))["left"] < 10
 
 
-# ---------------------------------------------------------------------- made wrong
+# ---------------------------------------------------------------------- injected faults
 
 
 def test_flags_battery_and_temperature_are_as_they_are_made() -> None:
@@ -451,7 +451,7 @@ def test_damaged_commands_do_nothing_and_cost_no_other() -> None:
     wrong = bytearray(VEL_200)
     wrong[5] ^= 0x40
     cut = VEL_200[:6]
-    # A count that promises more than comes holds the next command up, and no longer.
+    # A length that promises more bytes than arrive delays the next command, but only once.
     promising = b"\xfa\xfb\xc8" + VEL_MINUS_200
     assert talk.say(bytes(wrong), b"\xfa\xfa\xfb\x00", cut + STOP, promising) == []
     assert [each.number for each in talk.robot.log.since()][count:] == [Command.STOP]

@@ -1,4 +1,4 @@
-"""A served robot on real ports, TCP and a pseudo terminal, on a healthy line and on a bad one."""
+"""A served robot on real ports, TCP and pseudo terminal, on a healthy line and on a bad one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Robots = Serving[EmulatedRobot]
 
 
 class Client:
-    """What hears a robot: bytes, and how many packets were in them."""
+    """Receives from a robot: bytes, and how many packets were in them."""
 
     def __init__(self, write: Callable[[bytes], object], fd: int) -> None:
         self.write = write
@@ -33,7 +33,7 @@ class Client:
         self._fd = fd
 
     def hear(self, seconds: float) -> list[bytes]:
-        """All that comes within a time."""
+        """Return all packets that arrive within a time."""
         found: list[bytes] = []
         deadline = time.monotonic() + seconds
         while (rest := deadline - time.monotonic()) > 0:
@@ -41,13 +41,13 @@ class Client:
         return found
 
     def chunk(self, seconds: float) -> bytes:
-        """What comes at once, or nothing."""
+        """Return what arrives first, or nothing."""
         if not select.select([self._fd], [], [], seconds)[0]:
             return b""
         return os.read(self._fd, 4096)
 
     def until(self, kind: int, seconds: float = 10) -> bytes:
-        """The next packet of a kind."""
+        """Return the next packet of a type."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             for each in self.parser.feed(self.chunk(0.05)):
@@ -56,7 +56,7 @@ class Client:
         raise AssertionError(f"no packet of type {kind} within {seconds} s")
 
     def open(self) -> None:
-        """The handshake; leaves an open session."""
+        """Do the handshake and leave an open session."""
         for k, each in enumerate(SYNC):
             self.write(each)
             self.until(k)
@@ -77,7 +77,7 @@ def address(serving: Robots) -> tuple[str, int]:
 
 @contextmanager
 def client_of(serving: Robots) -> Iterator[Client]:
-    """Connected as soon as the one before is gone and the port is open."""
+    """Connect as soon as the previous client is gone and the port is open."""
     deadline = time.monotonic() + 10
     while True:
         with suppress(ConnectionRefusedError):
@@ -127,7 +127,7 @@ def test_a_second_client_is_refused_and_a_later_one_finds_the_session_open(
         client.hear(0.2)
     with client_of(served) as client:
         client.write(SYNC[0])
-        # Status packets during SYNC: nobody said CLOSE.
+        # Status packets arrive during SYNC, because nobody sent CLOSE.
         client.until(0x32)
         client.write(command(Command.CLOSE))
         client.open()

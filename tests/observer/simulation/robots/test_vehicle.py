@@ -1,4 +1,4 @@
-"""The machine: ramps, contact, wheels that count with errors, sonar; truth by geometry."""
+"""The vehicle: ramps, contact, imperfect wheel odometry, sonar; checked by geometry."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def test_it_follows_its_ramp_with_inertia_and_arrives() -> None:
         one.advance(0.01, EMPTY)
         seen.append(one.state.vx)
     assert seen == sorted(seen)
-    # Half a second on a ramp of 0.5 m/s^2: behind it by what a lag of 0.08 s holds back.
+    # Half a second into a ramp of 0.5 m/s^2, less what a lag of 0.08 s holds back.
     assert seen[49] == pytest.approx(0.25 - 0.5 * 0.08, abs=0.01)
     assert seen[-1] == pytest.approx(0.5, abs=1e-3)
-    # The way of the ramp, less the lag's.
+    # The distance of the ramp, less that of the lag.
     assert one.state.x == pytest.approx(0.5 - 0.5 * 0.08 + 0.5 * 1.0 - 0.25, abs=0.02)
 
 
@@ -52,7 +52,7 @@ def test_it_goes_round_a_circle_and_both_odometries_come_home() -> None:
     assert after[0].heading - before[0].heading == pytest.approx(2 * math.pi, abs=1e-3)
     assert (after[1].x, after[1].y) == pytest.approx((after[0].x, after[0].y), abs=1e-9)
     left, right = (getattr(after[1], n) - getattr(before[1], n) for n in ("left_m", "right_m"))
-    # Of the half track that the model's own factor stands for.
+    # With the half track width that the model's own factor implies.
     assert right - left == pytest.approx(2 * 2 * math.pi / (1000 * P3DX.wheel_turn), abs=1e-3)
 
 
@@ -106,7 +106,7 @@ def test_it_stops_at_what_is_in_its_way_and_stalls_while_it_pushes(around: Surro
     wheels = one.wheels()
     assert wheels.stalled == (True, True)
     assert (wheels.front_bumpers, wheels.rear_bumpers) == (31, 0)
-    # Wheels that are held do not count.
+    # Blocked wheels do not count.
     assert wheels.x == pytest.approx(one.state.x, abs=1e-9)
     one.drive = asked()
     one.advance(0.1, around)
@@ -134,7 +134,7 @@ def test_outlines_overlap_by_the_least_way_out() -> None:
     assert one.depth(Outline.of_box(1.9, 0, 0, 2, 1)) == pytest.approx(0.1)
     assert one.depth(Outline.of_box(0.5, 0.8, 0, 2, 1)) == pytest.approx(0.2)
     assert one.depth(Outline.of_box(2.1, 0, 0, 2, 1)) == 0
-    # Corner to corner, their axes' boxes overlap and they do not.
+    # Corner to corner: their axis-aligned boxes overlap, but they do not.
     assert one.depth(Outline.of_box(1.6, 1.1, math.pi / 4, 1, 1)) == 0
 
 
@@ -148,23 +148,23 @@ ROOM = (-2.0, 4.0, -3.0, 3.0)
         (Surroundings(ROOM), SonarPose(0, 0.1, math.pi / 2), 2.9),
         (Surroundings((-9, 9, -9, 9)), SonarPose(0, 0, 0), None),
         (EMPTY, SonarPose(0, 0, 0), None),
-        # The wall is hit at right angles only within the cone: 20 degrees off, 15 of them help.
+        # The wall's normal is 20 degrees off, of which the cone covers 15.
         (
             Surroundings(ROOM),
             SonarPose(0, 0, math.radians(20)),
             4 / math.cos(math.radians(5)),
         ),
-        # A post that is thinner than any ray's distance from the next.
+        # A post thinner than the spacing of any rays.
         (Surroundings(outlines=(Outline.of_box(3, 0.41, 0, 0.01, 0.01),)), SonarPose(0, 0, 0),
          math.hypot(2.995, 0.405)),
-        # Beside the cone by a little: 15 degrees at 3 m are 0.80 m.
+        # Just outside the cone: 15 degrees at 3 m are 0.80 m.
         (Surroundings(outlines=(Outline.of_box(3, 0.85, 0, 0.02, 0.02),)), SonarPose(0, 0, 0),
          None),
-        # Across the whole cone, its ends outside, and before a wall.
+        # Across the whole cone with both ends outside, in front of a wall.
         (Surroundings(ROOM, (Outline.of_box(1.5, 0, 0, 0.2, 4),)), SonarPose(0, 0, 0), 1.4),
-        # Behind it nothing counts.
+        # Nothing behind the sonar counts.
         (Surroundings(outlines=(Outline.of_box(-1, 0, 0, 0.2, 4),)), SonarPose(0, 0, 0), None),
-        # Nearer than it hears.
+        # Nearer than its minimum range.
         (Surroundings(outlines=(Outline.of_box(0.52, 0, 0, 1, 1),)), SonarPose(0, 0, 0), 0.05),
     ],
 )  # fmt: skip

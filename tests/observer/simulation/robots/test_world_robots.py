@@ -1,4 +1,4 @@
-"""Robots of a simulated world: the loop from a command's bytes to the next frame's picture."""
+"""Robots of a simulated world: the loop from a command's bytes to the next rendered frame."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Link:
         raise AssertionError("nothing of the kind came")
 
     def drain(self) -> list[bytes]:
-        """What has come until now."""
+        """Return what has arrived so far."""
         found: list[bytes] = []
         self._connection.setblocking(False)
         with suppress(BlockingIOError):
@@ -86,7 +86,7 @@ class Link:
 
 
 class Lab:
-    """A scene whose robots are served, and one client each."""
+    """A scene with served robots, and one client each."""
 
     def __init__(self, text: str = SCENE, seed: int = 0) -> None:
         self.world = World(scenario_from_text(text, "mine"), seed)
@@ -98,7 +98,7 @@ class Lab:
         self.time = -1.0
 
     def enable(self, role: Role) -> None:
-        """Motors on, as far as the world has heard of it."""
+        """Switch the motors on, and wait until the world has received it."""
         self.tell(role, Command.ENABLE, 1)
 
     def tell(self, role: Role, number: int, argument: int | None = None) -> None:
@@ -109,7 +109,7 @@ class Lab:
         while log.count == before:
             assert time.monotonic() < deadline, "the command did not arrive"
             time.sleep(0.001)
-        # The log is written behind what the command did.
+        # The log is written after the command took effect.
 
     def frames(self, seconds: float, speaking: Callable[[], None] = lambda: None) -> None:
         for _ in range(round(seconds * RATE)):
@@ -134,7 +134,7 @@ MakeLab = Callable[..., Lab]
 
 @pytest.fixture
 def make_lab() -> Iterator[MakeLab]:
-    """Labs that are closed behind the test, however it ends."""
+    """Labs that are closed after the test, however it ends."""
     with ExitStack() as stack:
         yield lambda *of_it, **named: stack.enter_context(closing(Lab(*of_it, **named)))
 
@@ -152,7 +152,7 @@ def holding(lab: Lab, role: Role, speed: int, turn_rate: int = 0) -> Callable[[]
     return say
 
 
-# ---------------------------------------------------------------------- before somebody drives
+# ---------------------------------------------------------------------- before anybody drives
 
 
 def test_nothing_runs_before_it_is_asked_for_and_every_world_has_its_own_name() -> None:
@@ -233,7 +233,7 @@ def test_it_is_driven_from_where_its_script_had_brought_it(lab: Lab) -> None:
     before, after = lab.state("obstacle", last), lab.state("obstacle")
     assert before == scripted[0]
     assert [lab.state("obstacle", last - k / 100) for k in range(3)] == scripted
-    # Continuous, and from now on it brakes: nobody asks for a velocity.
+    # The pose is continuous, and it brakes from now on, because nobody asks for a velocity.
     assert math.hypot(before.vx, before.vy) == pytest.approx(0.4)
     assert math.hypot(after.x - before.x, after.y - before.y) == pytest.approx(0.02, abs=2e-3)
     lab.frames(2.5, lambda: lab.tell("obstacle", Command.PULSE))
@@ -257,7 +257,7 @@ def test_a_velocity_moves_the_camera_truth_odometry_and_commanded_speed(lab: Lab
     drive = math.hypot(lab.odometry.x - wheels.x, lab.odometry.y - wheels.y)
     assert drive == pytest.approx(way, rel=0.06)
     assert np.abs(lab.left.astype(int) - first).mean() > 5
-    # The pose moves with it, and time 0 stays the world's origin.
+    # The pose moves with it, and time 0 remains the world's origin.
     moved = lab.truth.camera_pose(lab.time).translation
     assert np.hypot(*moved[[0, 2]]) > 0.2
     assert np.allclose(lab.truth.camera_pose(0.0).matrix, np.eye(4))
@@ -279,10 +279,10 @@ def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls(make_lab: Ma
     lab.tell("observer", Command.SETA, 2000)
     link, push = lab.links["observer"], holding(lab, "observer", 900)
     lab.frames(3.0, push)
-    # Stalled, and every sonar has fired since.
+    # It has stalled, and every sonar has fired since.
     time.sleep(0.6)
     link.drain()
-    # Or it stops pushing, where a busy machine made that sleep longer.
+    # On a busy machine the sleep takes longer and it stops pushing, so push again.
     push()
     packet = link.hear(lambda each: each[0] in (0x32, 0x33) and each[12] & 1 == 1)
     assert packet[13] & 1 == 1
@@ -294,7 +294,7 @@ def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls(make_lab: Ma
             at = 20 + 3 * k
             ranges[packet[at]] = int.from_bytes(packet[at + 1 : at + 3], "little")
     assert ranges[2] < 60
-    # To the left it looks at the wall at right angles.
+    # The left sonar faces the wall at right angles.
     assert ranges[0] == pytest.approx(2000 - 100, abs=2)
     assert ranges[6] > 1500
 
@@ -323,7 +323,7 @@ def test_frames_make_the_time_and_not_the_clock(lab: Lab) -> None:
     place = lab.state("observer")
     link = lab.links["observer"]
     moving = time.monotonic()
-    # Paused: it stays where it is and its wheels stand, though it is told to drive.
+    # While paused it stays where it is and its wheels stand, though it is told to drive.
     while time.monotonic() < moving + 0.8:
         holding(lab, "observer", 300)()
         time.sleep(0.02)
@@ -377,7 +377,7 @@ def test_rewound_they_stand_at_their_start_again_with_motors_off(lab: Lab) -> No
         assert np.array_equal(body.position, expected.position)
         assert body.id == before.id
     assert not np.array_equal(driven[0].position, truth[0].position)
-    # And they may be driven once more.
+    # They can be driven again.
     lab.enable("observer")
     lab.frames(1.0, holding(lab, "observer", 300))
     assert lab.truth.bodies(lab.time)[0].speed > 0.2

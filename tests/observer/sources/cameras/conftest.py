@@ -1,4 +1,4 @@
-"""Cameras that follow a script, for the tests of what they deliver and of their faults."""
+"""Scripted cameras for tests of normal delivery and of faults."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .watching import Watch, grabbers
 
 @pytest.fixture(autouse=True)
 def _found_by_the_cameras_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a camera's process find ``scripted_camera``."""
+    """Let a camera's process import ``scripted_camera``."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
 
 

@@ -1,4 +1,4 @@
-"""A machine's file system as far as cameras stand in it: /dev, /sys, /proc and /etc/group."""
+"""The parts of a machine's file system about cameras: /dev, /sys, /proc and /etc/group."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ CONTROLLER = "0000:00:14.0"
 
 
 class FakeMachine:
-    """Built below ``root``, piece by piece."""
+    """A machine built below ``root``, piece by piece."""
 
     def __init__(self, root: Path, group_number: int | None = None) -> None:
         self.root = root
-        # Whom files made by a test belong to; tests cannot give them away.
+        # The group that owns files made by a test; tests cannot change it.
         self.group = os.getgid() if group_number is None else group_number
         (root / "dev").mkdir(parents=True)
         (root / "etc").mkdir()
@@ -34,7 +34,7 @@ class FakeMachine:
         name: str = "HD Webcam",
         index: int = 0,
     ) -> Path:
-        """A node of a camera on USB with all its names; returns its file."""
+        """Make a node of a USB camera with all its names; return its file."""
         node = self.root / "dev" / f"video{number}"
         node.touch()
         device = self.root / f"sys/devices/pci0000:00/{controller}/usb{bus}" / port
@@ -47,14 +47,14 @@ class FakeMachine:
         (node_class / "device").symlink_to(os.path.relpath(device / f"{port}:1.0", node_class))
         usb = port.partition("-")[2]
         self._link("by-path", f"pci-{controller}-usb-0:{usb}:1.0-video-index{index}", node)
-        # Newer systems give a second name of this kind.
+        # Newer systems add a second name of this kind.
         self._link("by-path", f"pci-{controller}-usbv2-0:{usb}:1.0-video-index{index}", node)
         if by_id:
             self._link("by-id", f"usb-{by_id}-video-index{index}", node)
         return node
 
     def process(self, number: int, name: str, *opened: str, parent: int = 1) -> None:
-        """A process that has files open, by their names on this machine."""
+        """Make a process that has files open, by their names on this machine."""
         folder = self.root / "proc" / str(number)
         (folder / "fd").mkdir(parents=True)
         (folder / "comm").write_text(f"{name}\n")

@@ -1,7 +1,7 @@
-"""Video devices at the kernel's door: tables that answer its requests with its own bytes.
+"""Fake video devices at the kernel interface: tables that answer requests in raw bytes.
 
-Nothing here uses the layout under test: requests and offsets are written out as the 64-bit
-kernel's header has them.
+Nothing here uses the layout under test: requests and offsets are written out as in the
+64-bit kernel's header.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FOCUS, AUTO_FOCUS = 0x9A090A, 0x9A090C
 
 @dataclass
 class FakeControl:
-    """One control; ``moved`` maps a value that is set to the one that is taken."""
+    """One control; ``moved`` maps a requested value to the one the device takes."""
 
     kind: int
     name: str
@@ -48,8 +48,8 @@ class FakeCamera:
     Attributes:
         formats: four characters -> size -> intervals as (numerator, denominator); an interval
             list that is a pair of tuples of 3 is a range.
-        governed: automatic -> (values by which it is off, what it governs).
-        old_driver: no device_caps, no NEXT flag. repeats: names its last control for ever.
+        governed: automatic control -> (values that turn it off, the control it governs).
+        old_driver: no device_caps, no NEXT flag. repeats: lists its last control forever.
         fails: number of a request -> errno.
     """
 
@@ -77,8 +77,8 @@ class FakeCamera:
 
 
 def webcam(card: str = "HD Webcam", bus: str = "usb-0000:00:14.0-1") -> FakeCamera:
-    """As most webcams are: automatic exposure by aperture priority, focus fixed, no automatic gain
-    by name."""
+    """Return a typical webcam: exposure automatic by aperture priority, fixed focus, and no
+    control named automatic gain."""
     return FakeCamera(
         card=card,
         bus=bus,
@@ -112,13 +112,13 @@ def webcam(card: str = "HD Webcam", bus: str = "usb-0000:00:14.0-1") -> FakeCame
 
 
 def metadata_node() -> FakeCamera:
-    """The second node of a webcam."""
+    """Return the second node of a webcam."""
     return FakeCamera(capabilities=METADATA)
 
 
 @dataclass
 class FakeKernel:
-    """Answers for the cameras that ``at`` maps from a node's name, as in ``video0``."""
+    """Answers for cameras; ``at`` maps node names, as in ``video0``, to them."""
 
     at: dict[str, FakeCamera]
     denied: set[str] = field(default_factory=set)
@@ -272,7 +272,7 @@ def _set_control(kernel: FakeKernel, camera: FakeCamera, bytes_: memoryview) -> 
     if control.kind in (MENU, INTEGER_MENU) and value not in control.menu:
         raise _error(errno.EINVAL)
     kernel.was_set.append((number, value))
-    # As the kernel does: out of range is clamped, in silence.
+    # Like the kernel, silently clamp a value out of range.
     if not camera.flags_of(number) & INACTIVE:
         control.value = control.moved(max(control.low, min(control.high, value)))
 

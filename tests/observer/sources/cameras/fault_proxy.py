@@ -1,4 +1,4 @@
-"""A TCP proxy that does to a stream what bad networks do."""
+"""A TCP proxy that treats a stream as bad networks do."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ class _Link:
 
 
 class FaultProxy:
-    """Forwards a port of 127.0.0.1 to another and injects faults; use it as a context.
+    """Forwards a port of 127.0.0.1 to another and injects faults; use it as a context manager.
 
     Attributes:
         port: to connect to.
-        target: port of the server; another one holds for new connections.
+        target: port of the server; changing it affects new connections.
         stalled: True keeps connections, but forwards nothing.
         refused: True closes the listening port, so that connections are refused.
-        delay_s: what comes from the server is held so long.
-        corrupted: this part of the server's bytes is replaced by chance.
+        delay_s: how long data from the server is held back.
+        corrupted: share of the server's bytes that is replaced at random.
     """
 
     def __init__(self, target: int) -> None:
@@ -76,7 +76,7 @@ class FaultProxy:
             self._refused = refused
 
     def cut(self, *, reset: bool = False) -> None:
-        """End all connections, by an end of stream or by a reset."""
+        """End all connections, with an end of stream or a reset."""
         with self._lock:
             for link in self._links:
                 if reset:
@@ -86,7 +86,7 @@ class FaultProxy:
             self._links.clear()
 
     def heal(self) -> None:
-        """As at the beginning."""
+        """Remove all faults."""
         self.stalled, self.delay_s, self.corrupted, self.refused = False, 0.0, 0.0, False
 
     def _run(self) -> None:

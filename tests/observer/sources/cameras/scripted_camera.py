@@ -1,9 +1,9 @@
-"""A camera that does what a file says, run by the real camera process in place of OpenCV.
+"""A camera scripted by a file, run by the real camera process in place of OpenCV.
 
 The file is JSON, read before each frame: ``mode`` (below), ``size`` [width, height], ``rate``,
-``phase`` (part of a period by which frames come later than the host's whole periods), ``stamps``
-(``exposure``, ``standing`` or ``none``), ``late`` (part of a period by which each fifth frame
-comes later still) and ``decoding_s`` (how long it takes to decode a frame).
+``phase`` (fraction of a period by which frames come after the host's whole periods), ``stamps``
+(``exposure``, ``standing`` or ``none``), ``late`` (fraction of a period by which every fifth
+frame is delayed further) and ``decoding_s`` (how long it takes to decode a frame).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ USUAL = {"mode": "good", "size": [64, 48], "rate": 30.0, "phase": 0.0, "stamps":
 class ScriptedCapture:
     """Implements ``Capture``.
 
-    Modes: ``good``; ``hang in grab`` and ``hang in retrieve``, in a native call that also keeps
-    the interpreter; ``no image``; ``frozen``; ``twice`` (each image), or in turn with it
+    Modes: ``good``; ``hang in grab`` and ``hang in retrieve``, in a native call that also holds
+    the GIL; ``no image``; ``frozen``; ``twice`` (each image), or alternating with it
     ``twice, later``; ``black`` (repeats too); ``gone`` (each grab fails
     at once); ``raise``; ``die``; ``busy`` (cannot be opened); ``hang in opening``.
     """
@@ -64,7 +64,7 @@ class ScriptedCapture:
         period = 1.0 / script["rate"]
         number = math.floor(time.monotonic() / period - script["phase"]) + 1
         if number * period <= self._grabbed:
-            # By rounding, at the very instant of the last one.
+            # Rounding gave the time of the last frame again.
             number += 1
         self._grabbed = number * period
         late = script.get("late", 0.0) if number % 5 == 0 else 0.0
@@ -103,7 +103,7 @@ class ScriptedCapture:
         time.sleep(script.get("decoding_s", 0.0))
         if mode == "black":
             return np.zeros((height, width, 3), np.uint8)
-        # One noise, shifted from frame to frame: quick to make, and never the same twice.
+        # One noise image, shifted per frame: quick to make, and never the same twice.
         if self._noise is None or self._noise.shape != (height, width, 3):
             noise = np.random.default_rng(1).integers(0, 200, (height, width, 3))
             self._noise = noise.astype(np.uint8)
@@ -112,20 +112,20 @@ class ScriptedCapture:
             mode, number
         )
         image = np.roll(self._noise, shift, axis=1)
-        # The left half is even, the right half odd: tells the halves of a side-by-side image.
+        # Make the left half even and the right half odd, to identify the halves side by side.
         image[:, : width // 2] &= 0xFE
         image[:, width // 2 :] |= 1
         return image
 
 
 def write_script(path: Path, **changes: object) -> None:
-    """Have the camera of this file behave so from its next frame on; atomically."""
+    """Make this file's camera behave so from its next frame on; written atomically."""
     new = path.with_suffix(".new")
     new.write_text(json.dumps({**USUAL, **changes}))
     new.replace(path)
 
 
 def scripted_spec(*paths: Path, settings: CameraSettings | None = None) -> CamerasSpec:
-    """The spec of cameras that these files govern."""
+    """Return the spec of cameras that these files control."""
     targets = tuple(CameraTarget(str(path), path.name, network=False) for path in paths)
     return CamerasSpec("camera:scripted", targets, settings or CameraSettings())

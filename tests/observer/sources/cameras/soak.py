@@ -1,10 +1,10 @@
-"""Minutes of random cuts and stalls, by hand: what is left of them at the end.
+"""A soak test run by hand: minutes of random cuts and stalls, then a check for leaks.
 
     python -m tests.observer.sources.cameras.soak --minutes 10
 
-Two real streams come through a proxy each, which stalls, cuts, resets, corrupts, refuses and
-delays them by chance. Descriptors, threads, processes and memory of the reading process are told
-each half minute and at the end; it fails where any of them grew.
+Two real streams pass through a proxy each, which stalls, cuts, resets, corrupts, refuses and
+delays them at random. It prints the reading process's descriptors, threads, processes and
+memory every half minute and at the end, and fails if any of them grew.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def soak(seconds: float, seed: int = 1, size: str = "320x240") -> bool:
-    """Run it; False where descriptors, threads, processes or memory grew."""
+    """Run it; return False if descriptors, threads, processes or memory grew."""
     process = psutil.Process()
     with (
         VideoServer(size) as left_server,
@@ -111,7 +111,7 @@ def soak(seconds: float, seed: int = 1, size: str = "320x240") -> bool:
 
 
 class _Faults:
-    """One fault at a time on one of the lines or both, healed after a while."""
+    """One fault at a time on one or both lines, healed after a while."""
 
     def __init__(self, lines: list[FaultProxy], chance: random.Random) -> None:
         self._lines = lines
@@ -156,7 +156,7 @@ class _Faults:
 
 
 def _descriptors(process: psutil.Process) -> int:
-    # Those of the streams that the test's own servers and proxies hold come and go.
+    # Of sockets count only listening ones: those of the test's own servers come and go.
     return sum(1 for each in process.net_connections() if each.status == "LISTEN") + sum(
         1 for fd in _links() if not fd.startswith("socket:")
     )

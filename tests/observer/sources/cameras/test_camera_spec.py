@@ -1,4 +1,4 @@
-"""Which cameras a text names, and what may be set on them."""
+"""Which cameras a text names, and which settings they accept."""
 
 from __future__ import annotations
 

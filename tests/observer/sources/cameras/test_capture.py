@@ -1,4 +1,4 @@
-"""How OpenCV is asked for a device, with a stand-in for the device that OpenCV would open."""
+"""How OpenCV is asked for a device, with a stand-in for the opened device."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from observer.types import Image
 
 
 class StandIn:
-    """What DeviceCapture uses of cv2.VideoCapture."""
+    """The part of cv2.VideoCapture that DeviceCapture uses."""
 
     opened: ClassVar[list[tuple[object, ...]]] = []
     works: ClassVar[bool] = True

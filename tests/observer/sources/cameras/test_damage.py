@@ -1,4 +1,4 @@
-"""Damaged streams of network cameras: images and troubles in a sentence, never a hang."""
+"""Damaged streams of network cameras: images and one-sentence troubles, never a hang."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PIECES = (
     b"Content-Type: text/html\r\n", b"--b\r\n", b"--b--\r\n", b"\r\n\r\n", b"\xff\xd8", b"\xff\xd9",
     b"\xff\xc0\x00\x11\x08\xff\xff\xff\xff", b"#EXTM3U\n", b"RIFF", b"ID3",
 )  # fmt: skip
-# Of reads that end as soon as the server hangs up; FFmpeg's own limit is 5 s.
+# Seconds, for reads that end as soon as the server hangs up; FFmpeg's own limit is 5 s.
 LONGEST_S = 8.0
 
 
@@ -56,10 +56,10 @@ STREAM = HEAD + b"".join(GOOD)
 
 
 class DamagedCamera(socketserver.ThreadingTCPServer):
-    """A camera at a port of its own that answers any request; a context.
+    """A camera on its own port that answers any request; a context manager.
 
     Attributes:
-        content: sent to whoever asks, before the connection is closed. None: good images at
+        content: sent to each client before its connection is closed. None: good images at
             50 per second without an end.
         between: sent once between two of these.
     """
@@ -73,7 +73,7 @@ class DamagedCamera(socketserver.ThreadingTCPServer):
         self.url = f"http://127.0.0.1:{self.server_address[1]}/video"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A client that leaves is no error here."""
+        """Ignore a client that disconnects."""
 
 
 class Answer(socketserver.StreamRequestHandler):
@@ -107,7 +107,7 @@ def camera() -> Iterator[DamagedCamera]:
 
 
 def played(url: str) -> int:
-    """Read the stream to its end, and hold what comes to what images are; return their number."""
+    """Read the stream to its end, check the images and return their number."""
     began, count = time.monotonic(), 0
     capture = NetworkCapture(url)
     while capture.grab():
@@ -174,7 +174,7 @@ def test_a_part_without_an_end_is_told_and_got_over(camera: DamagedCamera) -> No
 
 
 def endless() -> Iterator[bytes]:
-    """A part that says it is longer than all memory, for as long as anybody takes it."""
+    """Yield a part that claims to exceed all memory, for as long as anybody reads it."""
     yield b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: 2000000000\r\n\r\n"
     end = time.monotonic() + 20.0
     while time.monotonic() < end:

@@ -1,4 +1,4 @@
-"""Pairs that are decoded while the observer works, by cameras that do what a test says."""
+"""Pairs decoded while the observer works, from scripted cameras."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LATE_S = 0.05
 
 
 def tend_for(source: CameraSource, seconds: float) -> float:
-    """Work with a look at the cameras between; the median look, seconds."""
+    """Tend the cameras while working; return the median duration of a call, seconds."""
     looks, until = [], time.monotonic() + seconds
     while (began := time.monotonic()) < until:
         source.tend()
@@ -31,7 +31,7 @@ def tend_for(source: CameraSource, seconds: float) -> float:
 
 
 def read_while_stopped(source: CameraSource) -> StereoFrame | NoFrame:
-    """What a read gives while no camera process can do anything."""
+    """Read while no camera process can run."""
     children = grabbers()
     for child in children:
         child.send_signal(signal.SIGSTOP)
@@ -44,7 +44,7 @@ def read_while_stopped(source: CameraSource) -> StereoFrame | NoFrame:
 
 @pytest.mark.parametrize("tended", [False, True])
 def test_a_tended_pair_is_there_without_its_cameras(watch: Watch, tended: bool) -> None:
-    # A newer pair may just have come when the cameras were stopped; then that one is waited for.
+    # A newer pair may have arrived just before the stop; then the read waits for that one.
     for _ in range(12 if tended else 3):
         watch.read_frames(2)
         if tended:
@@ -79,7 +79,7 @@ def test_a_pair_that_became_old_gives_way(watch: Watch) -> None:
     watch.read_frames(5)
     for _ in range(3):
         tend_for(watch.source, 3 * PERIOD_S)
-        # Nobody looks after the cameras for so long: what was decoded is no news any more.
+        # Not tended for this long, so the decoded pair is out of date.
         time.sleep(10 * PERIOD_S)
         asked = time.monotonic()
         watch.read_frames(1)

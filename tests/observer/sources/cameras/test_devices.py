@@ -1,4 +1,4 @@
-"""Listing the cameras of a machine, and what stands in their way."""
+"""Listing a machine's cameras, and what prevents their use."""
 
 from __future__ import annotations
 

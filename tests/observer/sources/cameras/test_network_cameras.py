@@ -1,4 +1,4 @@
-"""Network cameras: real streams of ffmpeg over real sockets, with a bad network between."""
+"""Network cameras: real ffmpeg streams over real sockets, through a bad network."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .fault_proxy import FaultProxy
 from .video_server import VideoServer, need_ffmpeg, url_of
 from .watching import Watch, grabbers
 
-# What the promise leaves to the machine: two cores that others use as well.
+# Seconds: allowance for a slow machine, two cores shared with others.
 LATE_S = 0.06
 
 
 def tell(measured: str) -> None:
-    """What was measured, for those who run it with -s."""
+    """Print a measurement, shown when run with -s."""
     sys.stdout.write(f"{measured}\n")
 
 
@@ -101,7 +101,7 @@ def test_faults_of_the_network_are_told_in_time_and_get_over(
             back[fault] = watch.frames[-1].received - healed
             assert watch.frames[-1].index > before.index
             if fault == "short stall":
-                # What it held up is thrown away: images come at the pace of the camera again.
+                # The backlog is discarded: images come at the camera's pace again.
                 count = len(watch.frames)
                 watch.read_frames(12)
                 steps = np.diff([frame.time for frame in watch.frames[count:]])
@@ -123,7 +123,7 @@ def test_faults_of_the_network_are_told_in_time_and_get_over(
     assert max(back.values()) < 5.0, watch.troubles
     times = [frame.time for frame in watch.frames]
     assert times == sorted(set(times))
-    # Starting a process anew may take long on a busy machine, after the fault was told.
+    # Restarting a process after the fault was reported may take long on a busy machine.
     assert watch.longest_read_s < LIVE_PATIENCE_S + 4 * LATE_S
     assert report.reopened >= 4
     assert report.cameras[1].trouble is None
@@ -167,11 +167,11 @@ def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> 
             report = source.report()
             assert report.skew_median_s is not None
             assert report.skew_p95_s is not None
-            # Half a frame as measured, which a busy machine makes a little longer.
+            # Half a frame as measured, a little more on a busy machine.
             assert 0.0 <= report.skew_median_s <= report.skew_p95_s <= 0.55 / rate
             dropped = report.dropped
-            # More than half a frame later than before: a pair has lost its partner, unless the
-            # left image gave way to a newer one before the right one came.
+            # More than half a frame later than before: a pair has lost its partner, unless a newer
+            # left image replaced the old one before the right one came.
             step = 0
             while source.report().dropped == dropped and step < 10:
                 step += 1

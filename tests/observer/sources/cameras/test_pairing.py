@@ -1,4 +1,4 @@
-"""Which images belong together, and which frames are fresh: by arrays and numbers alone."""
+"""Which images form a pair, and which frames are fresh: with arrays and numbers only."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ def test_the_period_is_what_was_measured() -> None:
 
 def test_frames_held_up_by_a_stall_are_old() -> None:
     backlog = Backlog()
-    # At the start, what was buffered while the stream was looked at.
+    # Frames buffered while the stream was opened.
     assert [backlog.holds(0.001 * index, T) for index in range(4)] == [True] * 4
     at_pace = [backlog.holds(0.003 + T * (1 + index), T) for index in range(10)]
     assert not any(at_pace)
-    # One late frame is no stall; two lost ones are.
+    # One late frame is not a stall; two lost ones are.
     assert not backlog.holds(0.003 + T * 12.2, T)
     burst = 0.003 + T * 16
     assert [backlog.holds(burst + 0.001 * index, T) for index in range(4)] == [True] * 4
@@ -121,7 +121,7 @@ def test_messages_come_as_they_went_and_notices_fit_into_an_atomic_write() -> No
 
 
 def _plug_in(root: Path, node: str, bus: int, port: str, speed: str) -> str:
-    """A video device in a file system of ours, as the kernel shows it."""
+    """Add a video device to a fake file system, as the kernel shows it."""
     usb = root / f"sys/devices/pci0000:00/0000:00:14.0/usb{bus}/{port}"
     interface = usb / f"{port}:1.0"
     interface.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Pairs of cameras that do what a test says, behind the real process."""
+"""Pairs from scripted cameras, behind the real camera process."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from .scripted_camera import OPENER, scripted_spec, write_script
 from .watching import Watch, grabbers
 
 PERIOD_S = 1 / 30
-# What the promise leaves to the machine: two cores that others use as well.
+# Seconds: allowance for a slow machine, two cores shared with others.
 LATE_S = 0.05
 
 
 def tell(measured: str) -> None:
-    """What was measured, for those who run it with -s."""
+    """Print a measurement, shown when run with -s."""
     sys.stdout.write(f"{measured}\n")
 
 
@@ -133,7 +133,7 @@ def test_cameras_that_repeat_in_turn_still_deliver(watch: Watch, left: Path, rig
     time.sleep(3 * PERIOD_S)
     began = time.monotonic()
     watch.read_frames(15)
-    # Every second pair; a machine that does other things as well may miss some.
+    # Every second pair; a busy machine may miss some.
     assert time.monotonic() - began < 3 * 15 * 2 * PERIOD_S
     assert watch.troubles == []
 
@@ -142,7 +142,7 @@ def test_pairs_further_apart_than_half_a_frame_are_dropped_and_counted(
     watch: Watch, right: Path
 ) -> None:
     watch.read_frames(5)
-    # Each fifth frame of the right camera is 0.2 + 0.6 of a frame behind.
+    # Every fifth frame of the right camera is 0.2 + 0.6 of a frame behind.
     write_script(right, phase=0.2, late=0.6)
     time.sleep(2 * PERIOD_S)
     start = watch.frames[-1].index
@@ -267,7 +267,7 @@ def test_a_file_that_is_no_camera_is_refused_by_its_own_process(tmp_path: Path) 
 
 
 def test_camera_processes_end_with_the_one_that_was_killed(left: Path, right: Path) -> None:
-    """A parent of its own that is killed: its cameras must not keep the devices."""
+    """A separate parent process is killed: its cameras must not keep the devices."""
     code = (
         f"from observer.sources.cameras.source import CameraSource\n"
         f"from observer.sources.cameras.spec import CamerasSpec, CameraTarget\n"

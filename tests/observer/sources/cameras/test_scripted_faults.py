@@ -1,4 +1,4 @@
-"""Faults of a camera: told by name and in time, and got over; by cameras that follow a script."""
+"""Faults of a scripted camera: reported by name and in time, and recovered from."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from observer.sources.contract import LIVE_PATIENCE_S
 from .scripted_camera import write_script
 from .watching import Watch, grabbers
 
-# What the promise leaves to the machine: two cores that others use as well.
+# Seconds: allowance for a slow machine, two cores shared with others.
 LATE_S = 0.05
 
 
 def tell(measured: str) -> None:
-    """What was measured, for those who run it with -s."""
+    """Print a measurement, shown when run with -s."""
     sys.stdout.write(f"{measured}\n")
 
 
 @pytest.mark.parametrize(
     ("mode", "words", "borne_s"),
     [
-        # Those that may pass by themselves are borne for a second before it is opened again.
+        # Faults that may pass by themselves are tolerated for a second before it is reopened.
         ("hang in grab", "no longer sends images", 1.2),
         ("hang in retrieve", "no longer sends images", 1.2),
         ("no image", "sends images that cannot be decoded", 1.2),
@@ -62,7 +62,7 @@ def test_a_fault_is_told_by_name_in_time_and_gets_over(
     assert report.reopened >= 1
     assert [each.trouble for each in report.cameras] == [None, None]
     assert len(grabbers()) == 2
-    # Starting a process anew may take long on a busy machine, after the fault was told.
+    # Restarting a process after the fault was reported may take long on a busy machine.
     assert watch.longest_read_s < LIVE_PATIENCE_S + 4 * LATE_S
 
 

@@ -1,4 +1,4 @@
-"""Questions to a device, answered with the kernel's bytes."""
+"""Queries to a device, answered with the kernel's bytes."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ class WindowSize(ctypes.Structure):
 
 
 def test_what_the_real_kernel_answers_arrives_in_the_structure() -> None:
-    # A terminal, for want of a camera: the way of an answer is the same.
+    # A terminal, because there is no camera; the answer takes the same path.
     ours, theirs = os.openpty()
     try:
         os.close(theirs)

@@ -1,4 +1,4 @@
-"""Every size, offset, request and number against the kernel's header, by the machine's compiler."""
+"""Every size, offset, request and number, checked against the kernel's header by a compiler."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from observer.sources.cameras.v4l2 import layout
 
 STRUCTURES: dict[str, tuple[type[ctypes.Structure], dict[str, str]]] = {
-    # Kernel's name: (ours, {field of ours: field of the kernel's} where they differ).
+    # Kernel's name: (ours, {our field: the kernel's field} where they differ).
     "v4l2_capability": (layout.Capability, {}),
     "v4l2_fmtdesc": (layout.FormatDescription, {}),
     "v4l2_pix_format": (layout.PixelFormat, {}),
@@ -88,7 +88,7 @@ NUMBERS = {
 
 @pytest.fixture(scope="module")
 def header(tmp_path_factory: pytest.TempPathFactory) -> dict[str, int]:
-    """What the compiler says: ``sizeof X``, ``X.field``, ``sizeof X.field``, names of numbers."""
+    """Return what the compiler says: ``sizeof X``, ``X.field``, ``sizeof X.field``, constants."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler on this machine")

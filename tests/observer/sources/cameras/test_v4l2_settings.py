@@ -1,4 +1,4 @@
-"""Setting a camera: what it takes is told, what it does not take is refused in words."""
+"""Setting a camera: values it takes are reported, others are refused with a reason."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from .fake_v4l2 import (
 
 
 class Bench:
-    """One camera on a machine, and what settings do to it."""
+    """One camera on a machine, and the effect of settings on it."""
 
     def __init__(self, root: Path) -> None:
         self.machine = FakeMachine(root)

@@ -1,4 +1,4 @@
-"""Video servers on loopback whose streams ffmpeg makes: HTTP (MJPEG, MPEG-TS) and RTSP."""
+"""Video servers on loopback with streams from ffmpeg: HTTP (MJPEG, MPEG-TS) and RTSP."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SLOWEST_START_S = 10.0
 
 
 def need_ffmpeg() -> str:
-    """The path of ffmpeg; leaves the test out without it, and fails it in CI."""
+    """Return the path of ffmpeg; without it, skip the test, or fail it in CI."""
     path = shutil.which("ffmpeg")
     if path is None:
         missing = "no ffmpeg on this machine: make system"
@@ -31,7 +31,7 @@ def need_ffmpeg() -> str:
 
 
 def ffmpeg_command(size: str, rate: float, *output: str) -> list[str]:
-    """A moving test picture with a camera's noise, at its real pace."""
+    """Return the command for a moving test image with camera noise, in real time."""
     picture = f"testsrc2=size={size}:rate={rate:g},noise=alls=20:allf=t"
     return [
         *(need_ffmpeg(), "-hide_banner", "-loglevel", "error", "-nostdin", "-re"),
@@ -45,11 +45,11 @@ class _Server(socketserver.ThreadingTCPServer):
     block_on_close = True
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A client that leaves is no error here."""
+        """Ignore a client that disconnects."""
 
 
 class VideoServer:
-    """Serves a stream to any number of clients, each from an ffmpeg of its own; a context.
+    """Serves a stream to any number of clients, each with its own ffmpeg; a context manager.
 
     Args:
         size: as in ``320x240``. rate: frames per second.
@@ -87,12 +87,12 @@ class VideoServer:
         return url_of(self.port, self._kind)
 
     def stop(self) -> None:
-        """End all streams, as a camera that is switched off."""
+        """End all streams, like a camera that is switched off."""
         for encoder in self._encoders:
             encoder.kill()
 
     def resize(self, size: str) -> None:
-        """Go on with images of another size, in the same streams."""
+        """Continue with images of another size, in the same streams."""
         self._size = size
         self.stop()
 
@@ -120,11 +120,11 @@ class VideoServer:
         while size != self._size:
             size = self._size
             with self._encode("pipe:1", stdout=handler.connection.fileno()) as encoder:
-                # ffmpeg ends by itself when nobody takes what it writes.
+                # ffmpeg exits by itself when nobody reads its output.
                 encoder.wait()
 
     def _serve_rtsp(self, handler: socketserver.StreamRequestHandler) -> None:
-        """The least of RFC 2326 that a player over TCP needs; ffmpeg's packets are passed on."""
+        """Serve the least of RFC 2326 that a player over TCP needs; forward ffmpeg's packets."""
         with (
             tempfile.TemporaryDirectory() as folder,
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as packets,
@@ -142,12 +142,12 @@ class VideoServer:
 
 
 def url_of(port: int, kind: str = "mjpeg") -> str:
-    """The address of such a stream at a port, which may be a proxy's."""
+    """Return the address of such a stream at a port, which may be a proxy's."""
     return f"{'rtsp' if kind == 'rtsp' else 'http'}://127.0.0.1:{port}/video"
 
 
 def _negotiate(handler: socketserver.StreamRequestHandler, sdp: Path) -> bool:
-    """Answer until PLAY; False where the client leaves before."""
+    """Answer until PLAY; return False if the client leaves before."""
     while line := handler.rfile.readline():
         method, address, _ = line.decode().split()
         headers = {}

@@ -1,4 +1,4 @@
-"""Reads a live source as the engine does, and keeps what came when."""
+"""Reads a live source as the engine does, and records what came when."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from observer.types import StereoFrame
 
 
 class Watch:
-    """Reads a source; remembers the frames, the troubles and the longest read.
+    """Reads a source; records the frames, the troubles and the longest read.
 
     Attributes:
-        frames: all that came. troubles: (host's monotonic clock, sentence) at each change to it.
-        longest_read_s: of all reads.
+        frames: all received. troubles: (host's monotonic clock, sentence) at each change.
+        longest_read_s: over all reads.
     """
 
     def __init__(self, source: CameraSource) -> None:
@@ -53,13 +53,13 @@ class Watch:
             self.read()
 
     def read_frames(self, count: int) -> None:
-        """So many more frames."""
+        """Read this many more frames."""
         wanted = len(self.frames) + count
         self.read_until(lambda: len(self.frames) >= wanted)
 
     def trouble_after(self, words: str) -> float:
-        """Read until a trouble with these words; seconds from the last frame's reception to the
-        first trouble after it."""
+        """Read until a trouble with these words; return the seconds from the last frame's reception
+        to the first trouble after it."""
         start = len(self.troubles)
         self.read_until(lambda: any(words in said for _, said in self.troubles[start:]))
         last = self.frames[-1].received
@@ -67,11 +67,11 @@ class Watch:
 
 
 def grabbers() -> list[psutil.Process]:
-    """The camera processes of this one, dead ones not waited for included."""
+    """Return the camera processes of this process, including zombies."""
     found = []
     for child in psutil.Process().children(recursive=True):
         try:
-            # A dead one tells its name only; a video server waits for its own ffmpeg when it can.
+            # A zombie has only a name; a video server reaps its own ffmpeg when it can.
             is_dead = child.status() == psutil.STATUS_ZOMBIE and child.name() != "ffmpeg"
             if is_dead or any(
                 "observer.sources.cameras.grabber" in each for each in child.cmdline()

@@ -1,4 +1,4 @@
-"""A room with two robots, known exactly: what the observer writes and what motion capture sees."""
+"""A room with two robots, known exactly: the observer's lines and the motion capture."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.motion_capture import Capture, Trajectory
 
 MOUNT = CameraMount(0.4, np.radians(8), 0.1, 0.05)
-# The camera on the markers' body: these are askew on the robot and not above its axle.
+# The camera on the marker body: the markers are askew on the robot and not above its axle.
 T_BODY_BASE = Pose.from_rotvec([0, 0, 0.6], [0.12, -0.08, -0.2])
 
 
 def to_source(time: TimeOffset, times: Float64Array) -> Float64Array:
-    """Truth's times on the source's clock, as ``TimeOffset`` describes it."""
+    """Convert truth's times to the source's clock, as ``TimeOffset`` describes it."""
     return times + time.offset_s + 1e-6 * time.drift_ppm * (times - time.reference_s)
 
 
@@ -32,7 +32,7 @@ def turn_z(angles: Float64Array) -> Float64Array:
 
 
 def observer_path(t: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Base (N, 3) and heading: waits, drives an arc, waits, drives on."""
+    """Return base (N, 3) and heading: waits, drives an arc, waits, drives on."""
     speed = 0.15 * (np.clip(t - 3, 0, 1) - np.clip(t - 14, 0, 1) + np.clip(t - 19, 0, 1))
     rate = 0.12 * (np.clip(t - 5, 0, 1) - np.clip(t - 11, 0, 1))
     dt = np.diff(t, prepend=t[0])
@@ -42,9 +42,9 @@ def observer_path(t: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 
 def obstacle_path(t: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Centre (N, 3) and heading: to and fro with stops, turning round between."""
+    """Return centre (N, 3) and heading: to and fro with stops, turning round between."""
     way = 0.35 * (np.clip(t - 2, 0, 5) - np.clip(t - 10, 0, 5.7) + np.clip(t - 20, 0, 4.1))
-    # Rounded, as robots gain speed.
+    # Smoothed, because robots accelerate gradually.
     kernel = np.ones(400) / 400
     way = np.convolve(np.pad(way, 200, mode="edge"), kernel, "same")[200:-200]
     turned = np.pi * (np.clip((t - 8) / 1.5, 0, 1) + np.clip((t - 17) / 1.5, 0, 1))
@@ -73,7 +73,7 @@ def make_room(
     observer: bool = True,
     drift_ppm: float = 0.0,
 ) -> Room:
-    """One capture and one run of 26 s at 15 frames a second."""
+    """Make one capture and one run of 26 s at 15 frames a second."""
     rng = np.random.default_rng(seed)
     fine = np.arange(0, 26, 1e-3)
     base, heading = observer_path(fine)
@@ -84,7 +84,7 @@ def make_room(
         index = np.clip(np.rint(t * 1000).astype(int), 0, len(fine) - 1)
         return np.asarray(values[index])
 
-    # What the observer sees; a new segment begins where the camera then is.
+    # The observer's view; a new segment's world is the camera's pose where it begins.
     times = np.arange(0, 25.8, 1 / 15)
     T_lab_cameras = [
         Pose(turn_z(np.array([h]))[0], p) @ MOUNT.T_base_camera
@@ -99,7 +99,7 @@ def make_room(
         lines.append(
             _line(k, float(t), segment, pose, T_world_lab.apply(at(place, times)[k]), rng, noise)
         )
-    # What motion capture sees.
+    # The motion capture's view.
     own = np.arange(0, 25.9, 0.01) - offset + rng.uniform(0, 0.01)
     src = own + offset + 1e-6 * drift_ppm * (own - own.mean())
     origin = np.array([0.06, -0.2, 0.1])
@@ -144,7 +144,7 @@ def _line(
             "position": camera.tolist(),
             "orientation_wxyz": pose.quaternion_wxyz.tolist(),
         },
-        # For its first second nobody knows it.
+        # It is unknown for the first second.
         "obstacles": [obstacle] if time > 1 else [],
     }
 

@@ -1,4 +1,4 @@
-"""A whole run and a whole capture, planted: clocks, room, camera, tracks, truth."""
+"""A whole run and a whole capture with planted clocks, room, camera, tracks and truth."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_everything_planted_is_found(room: Any, found: Alignment) -> None:
             assert truth.speed("P3DX", time) == pytest.approx(body.speed)
     assert len(places) > 150
     assert np.median(places) < 0.05
-    # Outside the quick turns, in which the markers swing about the centre.
+    # Except in quick turns, when the markers swing about the centre.
     assert np.median(np.abs(speeds)) < 0.01
     camera = truth.camera_pose(10.0)
     assert camera is not None
@@ -98,7 +98,7 @@ def test_without_the_observer_the_obstacles_tell_the_room(rooms: Rooms, mount: C
     truth = AlignedTruth(room.capture, found)
     assert truth.camera_pose(10.0) is None
     (body,) = truth.bodies(11.0)
-    # Nothing tells the markers' place on the obstacle from the room's, but for its one turn.
+    # Only its one turn separates the markers' place on the obstacle from the room's pose.
     assert np.linalg.norm(body.position - room.centre(11.0)) < 0.5
 
 
@@ -106,7 +106,7 @@ def test_an_obstacle_that_drives_like_the_camera_is_not_taken_for_the_observer(
     room: Any, mount: CameraMount
 ) -> None:
     amigo = room.capture.bodies["Amigo"]
-    # The same starts and stops, three times as fast.
+    # It starts and stops at the same times, but three times as fast.
     twin = Trajectory("twin", amigo.times, 3 * amigo.positions)
     bodies = {"P3DX": room.capture.bodies["P3DX"], "twin": twin}
     found = align(
@@ -133,7 +133,7 @@ def test_each_segment_has_its_own_world(rooms: Rooms, mount: CameraMount) -> Non
 
 def test_speeds_are_compared_where_the_room_cannot_be_told(rooms: Rooms) -> None:
     room = rooms(3, observer=False)
-    # Positions are unknown where the camera's pose is; speeds of two frames are not.
+    # Positions are unknown without a camera pose; speeds from two frames are not.
     lines = []
     for line in room.lines:
         entries = [
@@ -205,7 +205,7 @@ def test_online_it_says_when_it_is_not_yet_aligned(room: Any, mount: CameraMount
             until += 1
         online.add_pieces(pieces(samples[taken:until]))
         taken = until
-        # The caller may ask less often than every two seconds, never gets more.
+        # A caller may ask less often than every two seconds, and never gets more.
         if line["frame"] % 60 == 59 and online.solve():
             tried += 1
         if first is None and isinstance(online.state, Alignment):

@@ -1,4 +1,4 @@
-"""Where the camera sits on its body, as far as the drive tells."""
+"""Where the camera sits on its body, as far as the drive determines it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UP = T_WORLD_ROOM.rotation[:, 2]
 def poses(
     heading: Float64Array, place: Float64Array, lean: float = 0.0, seed: int = 0
 ) -> tuple[Float64Array, Float64Array]:
-    """Camera and body poses (N, 4, 4), with the noise of visual odometry and motion capture."""
+    """Return camera and body poses (N, 4, 4), with noise of visual odometry and motion capture."""
     rng = np.random.default_rng(seed)
     camera, body = [], []
     for k, (h, p) in enumerate(zip(heading, place, strict=True)):
@@ -34,7 +34,7 @@ def poses(
 
 
 def arc() -> tuple[Float64Array, Float64Array]:
-    """First to the left, then to the right: a circle alone would leave its middle's turn open."""
+    """Turn left, then right: a single circle would leave the rotation about its centre open."""
     h = np.r_[np.linspace(0, 1.2, 75), np.linspace(1.2, -0.2, 75)]
     return h, np.cumsum(0.015 * np.column_stack([np.cos(h), np.sin(h)]), axis=0)
 

@@ -1,4 +1,4 @@
-"""The camera on its body as a person types it in."""
+"""The camera on its body, as typed in by a person."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_what_was_typed_in_is_what_the_room_is_placed_by(rooms: Any) -> None:
     choices = AlignmentChoices(roles={"Amigo": "observer"}, T_body_camera=typed)
     found = align(ObservedRun.of_lines(room.lines), room.capture, choices)
     assert found.T_body_camera is not None
-    # Also its height, which motion over a floor does not tell.
+    # Including its height, which motion on a floor does not determine.
     np.testing.assert_allclose(found.T_body_camera.matrix, typed.matrix, atol=0.02)
     apart = found.T_world_room[0].inverse() @ room.T_world_room
     assert np.linalg.norm(apart.translation) < 0.05

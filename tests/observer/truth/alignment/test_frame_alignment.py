@@ -1,4 +1,4 @@
-"""A rigid motion is found in spite of outliers, and refused where the points do not tell it."""
+"""A rigid motion is found despite outliers, and refused where the points do not determine it."""
 
 from __future__ import annotations
 

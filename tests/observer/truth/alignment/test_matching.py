@@ -1,4 +1,4 @@
-"""Tracks find their bodies by where they are; a person knows better."""
+"""Tracks are matched to bodies by position; a person's choice overrides it."""
 
 from __future__ import annotations
 

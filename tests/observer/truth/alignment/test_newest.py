@@ -1,4 +1,4 @@
-"""Clocks by arrivals, and what is told of motion capture right after it was measured."""
+"""Clocks from arrivals, and motion capture reported right after it was measured."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SAME = ClockFit(0.0, 0.0, 0.0, 1, 0.0, 1.0)
 
 
 def samples_of(room: Any) -> list[BodySample]:
-    """In order of arrival, on the room's own clock."""
+    """Return samples in order of arrival, on the room's own clock."""
     told = [
         BodySample(name, float(t), float(t), p if np.isfinite(p).all() else None,
                    R if np.isfinite(R).all() else None)
@@ -42,7 +42,7 @@ def found(room: Any, mount: Any) -> Alignment:
 def told_at(
     room: Any, found: Alignment, time: float, *, until: float | None = None, at_least: float = -9.0
 ) -> dict[str, TimedBody]:
-    """What is told of ``time`` where samples have come up to ``until``, both the source's clock."""
+    """Return the bodies at ``time`` given samples up to ``until``, both on the source's clock."""
     newest = NewestTruth()
     limit = (time if until is None else until) - room.offset
     newest.add(s for s in samples_of(room) if at_least - room.offset <= s.time <= limit)
@@ -51,7 +51,7 @@ def told_at(
 
 
 def test_clocks_are_chained_both_ways() -> None:
-    # The server began a thousand seconds before the host and is slow, the source ten behind.
+    # The server started 1000 s before the host and is slow; the source started 10 s after it.
     server = ClockFit(-1000.0, 50.0, 0.0, 100, 1500.0, 60.0)
     source = ClockFit(10.0, -20.0, 0.0, 100, 480.0, 60.0)
     clocks = LiveClocks(server, source)
@@ -70,13 +70,13 @@ def test_a_source_that_stands_still_has_another_clock() -> None:
     fit = clock.fit()
     assert fit is not None
     assert fit.to_host(4.0) == pytest.approx(504.0, abs=0.003)
-    # A hesitation that it makes up for is none.
+    # A delay that it catches up on is not a restart.
     assert not any(clock.add(8 + k / 15, 508.0 + max(k / 15, 0.8)) for k in range(40))
     # A pause of two seconds is.
     later = [clock.add(11 + k / 15, 513.0 + k / 15) for k in range(45)]
     assert sum(later) == 1
     fit = clock.fit()
-    # Begun anew at the earliest when it can be told from a hesitation.
+    # It restarts only once the pause can be told from a delay.
     assert fit is None or fit.to_host(12.0) == pytest.approx(514.0, abs=0.01)
     assert clock.add(3.0, 520.0)
 
@@ -100,7 +100,7 @@ def test_bodies_are_told_as_they_are_measured(room: Any, found: Alignment) -> No
 
 def test_samples_that_are_still_on_their_way_are_not_made_up(room: Any, found: Alignment) -> None:
     told = told_at(room, found, 10.0, until=9.97)["P3DX"]
-    # Three samples behind it, at 100 Hz.
+    # It lags by three samples, at 100 Hz.
     assert 9.90 < told.time < 9.95
     assert told.body.speed == pytest.approx(room.speed(told.time), abs=0.06)
     assert told_at(room, found, 10.0, until=9.85) == {}
@@ -108,7 +108,7 @@ def test_samples_that_are_still_on_their_way_are_not_made_up(room: Any, found: A
     newest.add(s for s in samples_of(room) if s.time <= 9.9 - room.offset)
     clocks, T = LiveClocks(SAME, SAME), found.T_world_room[0]
     assert len(newest.bodies(found, clocks, T, 9.9)) == 2
-    # The next frame comes before anything new: no instant is told a second time.
+    # The next frame comes before any new sample: no instant is reported twice.
     assert newest.bodies(found, clocks, T, 9.92) == ()
 
 
@@ -117,7 +117,7 @@ def test_a_gap_stays_a_gap(room: Any, found: Alignment) -> None:
     lost = body.times[~body.seen]
     middle = float(to_source(found.time, lost[12:13])[0])
     assert "P3DX" not in told_at(room, found, middle, until=middle + 0.2)
-    # The very same where the server falls silent, and speaks again.
+    # Likewise when the server falls silent and resumes.
     for time, there in ((10.0, True), (10.2, False), (10.5, False), (10.7, True)):
         newest = NewestTruth()
         for sample in samples_of(room):

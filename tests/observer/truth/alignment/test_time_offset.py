@@ -1,4 +1,4 @@
-"""Offsets that were planted are found, with a sigma that keeps its word, or refused."""
+"""Planted offsets are found, with an honest sigma, or refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .conftest import to_source
 
 
 def drive(t: Float64Array, seed: int) -> Float64Array:
-    """A robot's speed, m/s: ramps of a second between speeds that it keeps for some seconds."""
+    """Return a robot's speed, m/s: one-second ramps between speeds held for some seconds."""
     rng = np.random.default_rng(seed)
     knots, speeds = [-100.0], [0.0]
     now = rng.uniform(1, 3)
@@ -38,14 +38,14 @@ def curves(
     drift_ppm: float = 0.0,
     base: float = 0.0,
 ) -> tuple[SpeedCurve, SpeedCurve]:
-    """Seen at 10 frames a second with noise, and truth at 100 Hz with gaps."""
+    """Return the observed curve at 10 frames a second with noise, and truth at 100 Hz with gaps."""
     rng = np.random.default_rng(1000 + seed)
     seen_at = np.arange(0, duration, 0.1) + 0.05
     values = np.abs(drive(seen_at, seed) + rng.normal(0, noise, len(seen_at)))
     values[rng.random(len(values)) < 0.03] += 0.5
     own = np.arange(0, duration, 0.01) + rng.uniform(0, 0.01)
     source = own + 1e-6 * drift_ppm * (own - duration / 2)
-    # As smoothed speeds err: slowly.
+    # Smoothed speeds have slowly varying errors.
     wander = np.convolve(rng.normal(0, 0.003, len(own)), np.ones(11) / 11, "same")
     true = drive(source, seed) + wander
     for start in rng.integers(0, len(own), 4):
@@ -53,7 +53,7 @@ def curves(
     return SpeedCurve.of(seen_at, values, noise), SpeedCurve.of(own - offset + base, true, 0.003)
 
 
-# As vision errs at 10 frames a second, one speed in thirty being false by half a metre a second.
+# Errors as in vision at 10 frames a second: one speed in thirty is wrong by 0.5 m/s.
 @pytest.mark.parametrize(("noise", "worst_median"), [(0.02, 0.005), (0.05, 0.015)])
 def test_planted_offsets_are_found_within_the_stated_sigma(
     noise: float, worst_median: float, record_property: Callable[[str, object], None]

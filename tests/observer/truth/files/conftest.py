@@ -1,4 +1,4 @@
-"""Files of motion capture made of known motion, written as Vicon's programs write them."""
+"""Motion-capture files of known motion, written as Vicon's programs write them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Read = Callable[..., Capture]
 
 
 def cells(row: Float64Array) -> str:
-    """Six digits, as Vicon writes them; gaps are empty."""
+    """Format with six digits, as Vicon does; gaps are empty."""
     return ",".join("" if np.isnan(value) else f"{value:.6g}" for value in row)
 
 
@@ -32,9 +32,9 @@ def tracker_csv(
     prefix: str = "Global Angle ",
     first: int = 1,
 ) -> str:
-    """A file of Tracker of angles (N, 3) and places (N, 3) by name, in the file's units.
+    """Return a Tracker file of angles (N, 3) and positions (N, 3) by name, in the file's units.
 
-    With all of its peculiarities: a byte order mark, CRLF, a cell too many in the third row, an
+    It has all the quirks: a byte order mark, CRLF, one cell too many in the third row, an
     empty line at the end.
     """
     count = len(next(iter(bodies.values()))[0])
@@ -53,7 +53,7 @@ def tracker_csv(
 
 
 def nexus_csv(markers: Mapping[str, Float64Array], *, unit: str = "mm", rate: str = "100") -> str:
-    """A section Trajectories of places (N, 3) by name, in the file's unit."""
+    """Return a section Trajectories of positions (N, 3) by name, in the file's unit."""
     count = len(next(iter(markers.values())))
     rows = [
         "Trajectories",
@@ -74,14 +74,14 @@ DEVICES = (
 
 
 def places(count: int, *, seed: int = 0) -> Float64Array:
-    """(N, 3) millimetres about a room, rounded as a file holds them."""
+    """Return (N, 3) millimetres within a room, rounded as in a file."""
     drawn = np.random.default_rng(seed).uniform(-3000, 3000, (count, 3))
     return np.array([[float(f"{value:.6g}") for value in row] for row in drawn])
 
 
 @pytest.fixture
 def read(tmp_path: Path) -> Read:
-    """Reads a text or bytes as a file of a name that tells nothing."""
+    """Read a text or bytes as a file whose name tells nothing."""
 
     def read_content(content: str | bytes, **choices: object) -> Capture:
         path = tmp_path / "upload"

@@ -1,4 +1,4 @@
-"""Helical or Euler angles: what is found out, and what is asked."""
+"""Helical or Euler angles: what is detected, and what the user is asked."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ANGLE = st.floats(-3.1, 3.1)
 
 
 def driving(turn_rad: float, body: Rotation | None = None, *, seed: int = 0) -> Rotation:
-    """A robot that turns on a floor, tilting by 1 deg or so; ``body`` is how its axes lie."""
+    """Return a robot turning on a floor, tilting by 1 deg or so; ``body`` rotates its axes."""
     yaw = np.linspace(0, turn_rad, 500)[:, None]
     tilt = np.random.default_rng(seed).normal(0, 0.01, (500, 2))
     rotvec = np.column_stack([tilt, np.zeros(500)])
@@ -26,7 +26,7 @@ def driving(turn_rad: float, body: Rotation | None = None, *, seed: int = 0) -> 
 
 
 def continuous(turned: Rotation) -> Float64Array:
-    """Rotation vectors as Tracker writes them: on through half a turn, up to a whole one."""
+    """Return rotation vectors as Tracker writes them: continuous past half, up to a full turn."""
     vectors = turned.as_rotvec()
     for k in range(1, len(vectors)):
         length = np.linalg.norm(vectors[k])
@@ -73,7 +73,7 @@ def test_a_body_with_axes_of_its_own_tells_by_its_tilt(reading: AngleReading, se
 
 @pytest.mark.parametrize("reading", ["helical", "euler_xyz"])
 def test_an_upright_robot_is_read_the_same_either_way(reading: AngleReading) -> None:
-    # To and fro, across the place at which Euler angles jump from half a turn to minus half.
+    # To and fro, across the point where Euler angles jump from half a turn to minus half.
     turned = driving(2.9)
     angles = turned.as_rotvec() if reading == "helical" else turned.as_euler("XYZ")
     found, _ = find_reading("file", {"robot": angles})

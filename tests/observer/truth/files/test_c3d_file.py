@@ -1,4 +1,4 @@
-"""C3D files of known markers, and what is said where they are damaged or cannot be read."""
+"""C3D files of known markers, and the errors for damaged or unreadable ones."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from observer.truth.files.recognition import read_capture
 from .conftest import Read, places
 
 COUNT = 40
-# Of the number of markers: its name, the next one's place, two bytes, no dimensions.
+# The number of markers: name, offset of the next parameter, two bytes, no dimensions.
 USED = b"USED\x1e\0\2\0"
 
 
 def c3d_file(
     markers: dict[str, Float64Array], *, unit: str = "mm", scale: float = -1.0, first: int = 1
 ) -> bytes:
-    """Places (N, 3) in the file's unit by label, gaps NaN; integers where the scale is positive."""
+    """Return a file of positions (N, 3) by label, gaps NaN; integers if the scale is positive."""
     writer = c3d.Writer(point_rate=100.0, point_scale=scale, point_units=unit)
     writer.set_point_labels(list(markers))
     writer.set_start_frame(first)
@@ -41,7 +41,7 @@ def c3d_file(
         warnings.simplefilter("ignore")
         writer.write(file)
     content = bytearray(file.getvalue())
-    # The package's writer has the higher word of large numbers wrong.
+    # The package writes the high word of large numbers wrongly.
     for title, frame in ((b"START", first), (b"END", first + len(together) - 1)):
         at = content.index(b"ACTUAL_" + title + b"_FIELD") + len(title) + 18
         content[at : at + 4] = struct.pack("<I", frame)
@@ -107,7 +107,7 @@ def test_refuses_a_file_that_is_cut_off(read: Read) -> None:
 
 def test_refuses_a_file_of_an_unknown_processor(read: Read) -> None:
     damaged = bytearray(WHOLE)
-    # The parameters' header begins in the second block; its fourth byte is the processor.
+    # The parameter header starts in the second block; its fourth byte is the processor.
     damaged[512 + 3] = 99
     with pytest.raises(TruthError, match="C3D file is damaged"):
         read(bytes(damaged))

@@ -1,5 +1,5 @@
-"""Damaged truth files of every kind: what is read is finite and in order, or one sentence says why
-not."""
+"""Damaged truth files of every kind: what is read is finite and in order, or one sentence says
+why not."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .test_c3d_file import WHOLE as C3D
 from .test_recognition import FILES, PIECES
 
 MEANT = tuple(piece.encode() for piece in PIECES)
-# Heads of them: the whole files are large, and damage in the middle of a table is like any other.
+# Bytes: only the head, because the files are large and damage inside a table is all alike.
 WILD_BYTES = 6000
 
 
 def hold(path: Path, content: bytes, rate_hz: float | None = 100.0) -> None:
-    """Read the file, and hold what is read to what motion capture is."""
+    """Read the file, and check that the result is valid motion capture."""
     path.write_bytes(content)
     read_or_refused(lambda: file_kind(path), TruthError)
     capture = read_or_refused(lambda: read_capture(path, rate_hz=rate_hz), TruthError)

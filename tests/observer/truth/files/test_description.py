@@ -1,4 +1,4 @@
-"""What an upload answers."""
+"""The answer to an upload."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .conftest import Read, nexus_csv
 
 
 def test_describes_what_was_understood(read: Read) -> None:
-    # 0.5 m/s along x, 100 Hz, 2 s; half of the time not seen.
+    # 0.5 m/s along x, 100 Hz, 2 s; unseen half of the time.
     run = np.zeros((201, 3))
     run[:, 0] = 5.0 * np.arange(201)
     lost = run + 100

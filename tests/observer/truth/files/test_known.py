@@ -1,4 +1,4 @@
-"""Motion capture formats are declared once, and whoever lists them lists all."""
+"""Motion-capture formats are declared once, and every list of them is complete."""
 
 from __future__ import annotations
 

@@ -37,10 +37,10 @@ def text(
     ids: Sequence[str] = NAMES,
     titled: bool = True,
 ) -> str:
-    """A file of three frames, in the last of which the body was not seen.
+    """Return a file of three frames; the body is not seen in the last.
 
     Args:
-        titled: the rows of the header begin with what they hold, as from version 1.23 on.
+        titled: whether header rows begin with a title, as from version 1.23 on.
     """
     lines = [head, ""]
     for title, row in (("Type", types), ("Name", names), ("ID", ids), ("", KINDS)):
@@ -53,7 +53,7 @@ def text(
 
 
 def poses(*bodies: tuple[str, str], turn: str, rows: Sequence[str], head: str = HEAD) -> str:
-    """A file of bodies by name and id, of whose rotations the axes are told, and of rows."""
+    """Return a file of bodies by name and id, with the given rotation columns and rows."""
     lines = [head, ""]
     columns = [
         (name, told, kind, axis)
@@ -79,7 +79,7 @@ def test_reads_rigid_bodies_with_z_upwards(read: Read, titled: bool) -> None:
     assert list(capture.bodies) == ["drone"]
     body = capture.bodies["drone"]
     assert body.times.tolist() == [0.0, 0.01, 0.02]
-    # What was y is z now, and what was z points back.
+    # Motive's y becomes z, and its z points backward.
     np.testing.assert_allclose(body.positions[0], [1.0, -3.0, 2.0])
     assert body.seen.tolist() == [True, True, False]
     assert body.rotations is not None
@@ -106,7 +106,7 @@ def test_reads_angles_about_the_axes_of_the_body_in_the_order_that_is_named(
     degrees = TURNED.as_euler(order, degrees=True)  # type: ignore[call-overload]
     rows = []
     for number in range(2):
-        # Columns are in the order X, Y, Z, whatever the order of the turns.
+        # Columns are in the order X, Y, Z, whatever the rotation order.
         angles = [float(degrees[number, order.index(axis)]) for axis in "XYZ"]
         cells = (number / 100, *angles, *(float(v) for v in 1e3 * PLACES[number]))
         rows.append(",".join(map(repr, (number, *cells))))

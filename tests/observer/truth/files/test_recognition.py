@@ -1,4 +1,4 @@
-"""Files are recognised by what is in them, and nothing that is in them does harm."""
+"""Files are recognised by their content, and no content does harm."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ KINDS = (
     "vicon csv", "vicon csv", "plain csv", "plain csv", "tum", "motive csv", "motive csv",
     "plain csv",
 )  # fmt: skip
-# What means something to one of the readers.
+# Pieces that mean something to one of the readers.
 PIECES = (
     "Objects", "Trajectories", "Segments", "Devices", "Model Outputs", "Frame", "Sub Frame", "RX",
     "RY", "RZ", "RW", "TX", "TY", "TZ", "X", "Y", "Z", "mm", "rad", "deg", "100", "0", "1", "2",

@@ -1,4 +1,4 @@
-"""Plain CSV and TUM: samples with times of their own."""
+"""Plain CSV and TUM: samples with their own timestamps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vicon's CSV files: what is read of them, and how what is wrong is named."""
+"""Vicon's CSV files: what is read from them, and how errors are named."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from observer.errors import TruthError
 from .conftest import BOM, DEVICES, Read, nexus_csv, places, tracker_csv
 
 COUNT = 30
-# Tilted too far for one another's angles.
+# Tilted too far for either kind of angle to pass as the other.
 TURNED = Rotation.from_euler("z", np.linspace(0, 3, COUNT)[:, None]) * Rotation.from_euler("x", 0.6)
 HELICAL = TURNED.as_rotvec()
 EULER = TURNED.as_euler("XYZ")
@@ -173,7 +173,7 @@ def test_refuses_a_file_without_samples(read: Read) -> None:
 
 
 def test_reads_a_long_file_in_a_few_seconds(read: Read) -> None:
-    # A tenth of 30 minutes of 10 bodies at 100 Hz; the whole takes 3 s.
+    # A tenth of 30 minutes of 10 bodies at 100 Hz; a full file takes 3 s.
     count = 18_000
     row = ",".join(f"{value:.6g}" for value in np.concatenate([HELICAL[5], places(1)[0]]))
     header = tracker_csv({f"robot {k}": (HELICAL[:1], places(1)) for k in range(10)})

@@ -14,7 +14,7 @@ from observer.truth.motion_capture import Capture
 from observer.truth.speeds import smoothed_velocity
 
 GAPS = 305
-# The box lies on a table until the person takes it up.
+# The box lies on a table until the person picks it up.
 STILL = slice(0, 80)
 
 

@@ -1,4 +1,4 @@
-"""Stamps and arrivals of a server, simulated."""
+"""Simulated timestamps and arrivals of a server."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def arrivals(
     started: float = 1000.0,
     stamped_to_s: float = 0.0,
 ) -> tuple[Float64Array, Float64Array]:
-    """Stamps and arrivals, (N,) seconds each, of a server that is fast by ``drift_ppm``.
+    """Return timestamps and arrivals, (N,) seconds each, of a server fast by ``drift_ppm``.
 
-    Delays as in a laboratory's network: 0.4 ms at least, 0.9 ms more in the mean (of three steps,
-    so that hardly one is as quick as can be), one message in fifty held for up to 30 ms, and twice
-    0.3 s in which all wait; nothing overtakes. Stamps may be cut to ``stamped_to_s``.
+    Delays as in a lab network: at least 0.4 ms, plus 0.9 ms on average (a sum of three terms,
+    so that the minimum is rare), one message in fifty held for up to 30 ms, and two pauses of
+    0.3 s in which all wait; nothing overtakes. Stamps may be truncated to ``stamped_to_s``.
     """
     rng = np.random.default_rng(seed)
     sent = started + np.arange(int(duration_s * rate_hz)) / rate_hz

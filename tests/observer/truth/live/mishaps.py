@@ -1,4 +1,4 @@
-"""What goes wrong between a motion-capture server and us, and a stream that suffers it."""
+"""Faults between a motion-capture server and us, and a stream that suffers them."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Mishaps:
         offset_s: the server's clock minus the host's at ``since``. drift_ppm: how much faster it
             runs. since: host's monotonic clock.
         delay_s: of every message. jitter_s: mean of what comes on top, exponentially distributed.
-        drop: share of messages that never leave. unseen: share of poses that come as all zeros.
-        repeat: poses come exactly as before. millimetres: what should be metres comes as mm.
+        drop: share of messages that are never sent. unseen: share of poses sent as all zeros.
+        repeat: poses repeat exactly. millimetres: send mm instead of metres.
         tick_hz: stamps count at this rate instead of seconds; None: seconds.
     """
 
@@ -40,14 +40,14 @@ class Mishaps:
     tick_hz: float | None = None
 
     def stamp(self, now: float) -> float:
-        """What the server's clock shows, seconds or ticks."""
+        """Return what the server's clock shows, seconds or ticks."""
         seconds = now + self.offset_s + self.drift_ppm * 1e-6 * (now - self.since)
         return seconds if self.tick_hz is None else float(round(seconds * self.tick_hz))
 
 
 @dataclass(frozen=True)
 class Sent:
-    """One body's pose on its way. numbers: x y z qx qy qz qw, metres."""
+    """One body's pose in transit. numbers: x y z qx qy qz qw, metres."""
 
     name: str
     frame: int
@@ -60,7 +60,7 @@ class Stream:
 
     Args:
         poses: bodies at the host's monotonic clock; None: not seen.
-        send: is given what is due, all of one instant together.
+        send: is called with everything due at one instant.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Stream:
         self._thread.start()
 
     def stop(self) -> None:
-        """Fails where the stream had failed."""
+        """Stop; raise any error the stream had."""
         self._ending.set()
         self._thread.join()
         if self.trouble is not None:
@@ -104,13 +104,13 @@ class Stream:
         while not self._ending.is_set():
             now = time.monotonic()
             if now >= tick:
-                # Cameras expose when they are due, however late this machine comes to tell of it.
+                # Cameras expose on schedule, however late this machine sends.
                 due, tick = tick, max(tick + self._interval, now - 1.0)
                 frame += max(1, round((tick - due) / self._interval))
                 if self._random.random() >= self._mishaps.drop:
                     jitter = self._mishaps.jitter_s
                     extra = self._random.expovariate(1 / jitter) if jitter else 0.0
-                    # One connection: nothing overtakes.
+                    # A single connection: nothing overtakes.
                     latest_due = max(latest_due, now + self._mishaps.delay_s + extra)
                     heapq.heappush(waiting, (latest_due, next(order), self._sample(due, frame)))
             while waiting and waiting[0][0] <= now:

@@ -2,9 +2,9 @@
 
     .venv/bin/python -m tests.observer.truth.live.stream_scenario vrpn --port 3883
 
-streams the true bodies of ``simulated:lab`` at 100 Hz in a room frame with z up, turned and shifted
-against the observer's world, by a clock of its own. It says in one line of JSON what was planted,
-then what may go wrong can be asked for on standard input, one word a line: ``drop`` (connections),
+streams the true bodies of ``simulated:lab`` at 100 Hz in a room frame with z up, rotated and
+shifted against the observer's world, on its own clock. It prints what was planted as one line
+of JSON, then takes faults from standard input, one command a line: ``drop`` (connections),
 ``silence`` and ``speak``, ``unseen SHARE``, ``jump SECONDS``, ``quit``.
 """
 
@@ -29,15 +29,15 @@ from .vrpn_server import VrpnServer
 
 
 def planted_room(yaw_rad: float, shift: Sequence[float]) -> Pose:
-    """``T_mocap_room`` of the simulator's room, z up in both."""
+    """Return ``T_mocap_room`` of the simulator's room, z up in both."""
     c, s = float(np.cos(yaw_rad)), float(np.sin(yaw_rad))
     return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array(shift))
 
 
 def scenario_poses(world: World, started: float, T_mocap_room: Pose) -> Poses:
-    """The bodies of a world whose time 0 was at ``started`` on the host's monotonic clock.
+    """Return the bodies of a world whose time 0 was at ``started`` on the host's monotonic clock.
 
-    A body's origin is its centre, as ``TrueBody.position``; it looks along its own x.
+    A body's origin is its centre, as in ``TrueBody.position``; it looks along its own x.
     """
     bodies = (world.observer, *world.obstacles)
 
@@ -72,7 +72,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Until standard input ends or says ``quit``."""
+    """Run until standard input ends or says ``quit``."""
     given = _arguments()
     world = World(load_scenario(given.scenario))
     started = time.monotonic() if given.start is None else given.start

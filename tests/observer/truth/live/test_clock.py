@@ -1,4 +1,4 @@
-"""A server's clock against ours: offset and drift from stamps and arrivals alone."""
+"""A server's clock against ours: offset and drift from timestamps and arrivals alone."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_planted_drift_is_found_within_20_ppm_over_60_s(
         stamps, received = arrivals(seed, 60.0, drift_ppm=planted, stamped_to_s=stamped_to_s)
         fit = fitted(stamps, received)
         assert fit.drift_ppm is not None
-        # The server is fast, so that host minus server falls.
+        # The server runs fast, so host minus server decreases.
         worst_ppm = max(worst_ppm, abs(fit.drift_ppm + planted))
         sent = 1000.0 + np.arange(len(stamps)) / 100
         exact = sent + 1.7e9 + planted * 1e-6 * (sent - 1000)

@@ -1,4 +1,4 @@
-"""Damaged streams of live truth, from the wire to the samples: finite and rising, or left out."""
+"""Damaged streams of live truth, from wire to samples: finite and rising, or left out."""
 
 from __future__ import annotations
 

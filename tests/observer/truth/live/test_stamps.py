@@ -1,4 +1,4 @@
-"""Stamps made into seconds that rise, whatever the server's clock does."""
+"""Timestamps converted to rising seconds, whatever the server's clock does."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .arrivals import arrivals
 
 
 class Read:
-    """What a reader made of stamps."""
+    """What a reader made of the timestamps."""
 
     def __init__(self, *, counts: bool = False) -> None:
         self.notices: list[tuple[str, str]] = []
@@ -88,7 +88,7 @@ def test_a_single_wrong_stamp_changes_nothing(where: int, wrong_s: float, tick_h
     read.feed(stamps * tick_hz, received)
     assert read.notices == usual.notices
     times = {each.item: each.time for each in read.timed}
-    # While it is not known yet what the stamps are, those before a wrong one go with it.
+    # Until the unit of the stamps is known, those before a wrong one are dropped with it.
     assert len(times) >= 999 - (where if where < 210 else 0)
     for each in usual.timed:
         if each.item in times and each.item != where:
@@ -144,7 +144,7 @@ def test_a_clock_that_is_set_is_noticed_and_taken_on(jump_s: float) -> None:
     (told,) = re.findall(r"by ([0-9.e+]+) s", read.notices[0][1])
     assert float(told) == pytest.approx(abs(jump_s), abs=0.03, rel=0.01)
     late = np.array([each.received - each.time for each in read.timed])
-    # The clocks' relation is what it was before.
+    # The clocks are related as before.
     assert abs(late[-500:].min() - late[:1000].min()) < 1e-3
     assert (np.diff(read.times) > 0).all()
 

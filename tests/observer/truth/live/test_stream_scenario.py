@@ -1,4 +1,4 @@
-"""The scenario's bodies as a motion-capture system of their own would see them."""
+"""The scenario's bodies as a separate motion-capture system would see them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_the_program_streams_the_true_bodies_by_its_own_clock(repository: Path) 
     assert {each.name for each in told} == set(planted["bodies"])
     errors = []
     for each in told[::7]:
-        # The planted clock, turned round.
+        # The planted clock, inverted.
         at = (each.time - planted["offset_s"] - planted["start"]) / (1 + 100e-6)
         (body,) = [found for found in truth.bodies(at) if found.name == each.name]
         assert each.position is not None

@@ -1,4 +1,4 @@
-"""Vicon's datagrams at a real port."""
+"""Vicon's datagrams on a real port."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_objects_come_in_metres_at_times_counted_in_frames(udp_port: int) -> Non
         assert each.position is not None
         assert each.rotation is not None
         if each.name == "Robot":
-            # It looks away from the origin.
+            # It faces away from the origin.
             x, y = each.rotation[:2, 0]
             assert each.position == pytest.approx([x, y, 0.2], abs=1e-4)
             assert each.rotation @ [0, 0, 1] == pytest.approx([0, 0, 1])
@@ -78,7 +78,7 @@ def test_objects_come_in_metres_at_times_counted_in_frames(udp_port: int) -> Non
             assert each.position[[0, 2]] == pytest.approx([2, 0.1], abs=1e-4)
             assert each.rotation == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]))
     robot = [each.time for each in told if each.name == "Robot"]
-    # 100 Hz, and a datagram that was lost is a frame that is not there.
+    # At 100 Hz, each lost datagram is a missing frame.
     assert np.diff(robot) == pytest.approx(0.01 * np.round(np.diff(robot) / 0.01))
 
 

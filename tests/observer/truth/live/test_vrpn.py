@@ -41,7 +41,7 @@ def split(data: bytes, cuts: list[int]) -> list[bytes]:
 
 
 def test_a_message_has_the_bytes_of_the_public_library() -> None:
-    # As marshall_message of vrpn_Connection.C lays them out, typed by hand.
+    # Typed by hand, as marshall_message of vrpn_Connection.C lays them out.
     assert COOKIE == b"vrpn: ver. 07.35  0\0\0\0\0\0"
     described = pack(describe(-1, 3, "Robot"), sequence=1)
     assert described == bytes.fromhex(

@@ -1,4 +1,4 @@
-"""A VRPN server over real TCP, as it should be and as it should not."""
+"""A VRPN server over real TCP, healthy and faulty."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 def circling(now: float) -> dict[str, Pose | None]:
-    """Two bodies, one turned by 90 degrees."""
+    """Return two bodies, one turned by 90 degrees."""
     c, s = float(np.cos(now)), float(np.sin(now))
     return {
         "Robot": Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0, 0, 1.0]]), np.array([c, s, 0.2])),
@@ -106,7 +106,7 @@ def test_every_sensor_of_every_sender_comes_with_its_pose(piece: int | None) -> 
         assert expected is not None
         assert each.position is not None
         assert each.rotation is not None
-        # Stamps hold microseconds.
+        # Stamps have microsecond resolution.
         assert each.position == pytest.approx(expected.translation, abs=1e-5)
         assert each.rotation == pytest.approx(expected.rotation, abs=1e-5)
         assert 0 <= each.received + planted.offset_s - each.time < 1
@@ -131,14 +131,14 @@ def test_the_clock_is_found_over_a_jittering_network() -> None:
         fit = until(capture, lambda r: r.clock and r.clock.span_s > 1.0).clock
         assert fit is not None
         now = time.monotonic()
-        # The smallest delay belongs to the offset.
+        # The offset includes the smallest delay.
         assert fit.to_host(now + planted.offset_s) - now == pytest.approx(0.005, abs=0.004)
 
 
 def test_a_thread_that_is_preempted_believes_in_nothing_from_the_future(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Between being told that there are data and having read them, others have the processor."""
+    """Other threads run between learning that there is data and having read it."""
     read, pauses = (
         vrpn_client.VrpnCapture._receive,
         iter(np.random.default_rng(3).exponential(0.02, 10_000).tolist()),
@@ -264,7 +264,7 @@ def test_a_server_that_sends_nothing_is_asked_and_then_given_up(
         report = until(capture, lambda r: r.state == "waiting" and r.trouble)
         assert "no poses received" in str(report.trouble)
         time.sleep(0.8)
-        # Its answers show that it lives.
+        # Its answers show that it is alive.
         assert capture.report().connections == 1
         assert "Robot" in server.pinged
         server.answers = False

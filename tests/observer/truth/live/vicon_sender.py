@@ -14,7 +14,7 @@ from .mishaps import Sent
 
 
 def pack_frame(frame: int, objects: Sequence[ViconObject], filling: int = 0) -> bytes:
-    """A datagram, padded with zeros to ``filling`` bytes as Vicon's fixed-size buffers are."""
+    """Return a datagram, zero-padded to ``filling`` bytes like Vicon's fixed-size buffers."""
     data = struct.pack("<IB", frame % 2**32, len(objects))
     for each in objects:
         data += struct.pack("<BH", 0, 72)
@@ -35,7 +35,7 @@ class ViconSender:
         self.frames_behind = 0
 
     def send(self, poses: list[Sent]) -> None:
-        """One instant's poses in one datagram."""
+        """Send one instant's poses in one datagram."""
         objects = []
         for each in poses:
             x, y, z, *quaternion = each.numbers

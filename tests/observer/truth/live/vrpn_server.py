@@ -1,4 +1,4 @@
-"""A VRPN server of trackers over real TCP, as the public library's, and its faults."""
+"""A VRPN server of trackers over real TCP, modelled on the public library's, and its faults."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from observer.truth.live.vrpn import (
 
 from .mishaps import Sent
 
-# As a real server's: numbers of types and senders are not ours, and others stand among them.
+# As on a real server: type and sender numbers differ from ours, with others in between.
 _TYPES = (
     "VRPN_Connection_Got_First_Connection",
     "VRPN_Connection_Got_Connection",
@@ -81,18 +81,18 @@ class VrpnServer:
 
     @property
     def clients(self) -> int:
-        """Those that are connected and greeted."""
+        """Return how many clients are connected and greeted."""
         with self._lock:
             return len(self._clients)
 
     def send(self, poses: list[Sent]) -> None:
-        """One instant's poses to every client."""
+        """Send one instant's poses to every client."""
         for each in poses:
             name, _, sensor = each.name.partition("/")
             self.say(POSE_TYPE, name, each.stamp, pose_body(int(sensor or 0), each.numbers))
 
     def say(self, type_: str, sender: str, stamp: float, body: bytes = b"") -> None:
-        """Any message to every client."""
+        """Send any message to every client."""
         seconds = int(stamp)
         micros = min(999_999, int((stamp - seconds) * 1e6))
         number = self._senders.index(sender)
@@ -100,14 +100,14 @@ class VrpnServer:
         self.raw(pack(message))
 
     def raw(self, data: bytes) -> None:
-        """Any bytes to every client."""
+        """Send any bytes to every client."""
         with self._lock:
             clients = tuple(self._clients)
         for client in clients:
             self._write(client, data)
 
     def drop_clients(self) -> None:
-        """End every connection; they may come again."""
+        """End every connection; clients may reconnect."""
         with self._lock:
             clients, self._clients = tuple(self._clients), []
         for client in clients:
@@ -146,7 +146,7 @@ class VrpnServer:
                     return
                 begin += data
             self.cookies.append(begin)
-            # A port for datagrams, in the place of the sender: clients need not answer it.
+            # A UDP port where the sender would be; clients need not answer it.
             self._write(client, pack(Message(0, 0, 40_000, -3, b"127.0.0.1\0")))
             for kind, names in ((-1, self._senders), (-2, _TYPES)):
                 for number, name in enumerate(names):
@@ -178,7 +178,7 @@ class VrpnServer:
 
     def _write(self, client: socket.socket, data: bytes) -> None:
         piece = self._piece or len(data)
-        # A client that is gone is noticed by whoever reads from it.
+        # The thread that reads from a client notices when it is gone.
         with contextlib.suppress(OSError):
             for begin in range(0, len(data), piece):
                 client.sendall(data[begin : begin + piece])
@@ -186,7 +186,7 @@ class VrpnServer:
 
 @contextlib.contextmanager
 def deaf_host() -> Iterator[int]:
-    """A port whose host takes no connection and refuses none, as one that is switched off."""
+    """A port that neither accepts nor refuses connections, like a host that is switched off."""
     with socket.socket() as full:
         full.bind(("127.0.0.1", 0))
         full.listen(0)
