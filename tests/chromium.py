@@ -1,4 +1,4 @@
-"""The system's Chromium for tests of the page, and what is done to pages in it."""
+"""The system's Chromium for tests of the page, and operations on its pages."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-# WebGL by the processor, where no graphics card is; no service of the browser's maker.
+# Software WebGL where there is no graphics card; no services of the browser's vendor.
 _OPTIONS = (
     "--no-sandbox",
     "--disable-gpu",
@@ -27,7 +27,7 @@ _HIDE = """(hidden) => {
 
 @contextmanager
 def launched(path: str) -> Iterator[Browser]:
-    """A Chromium without a window."""
+    """Launch a headless Chromium."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(_OPTIONS))
         try:
@@ -37,10 +37,10 @@ def launched(path: str) -> Iterator[Browser]:
 
 
 def without_viewer(page: Page) -> None:
-    """Without the 3D scene, which takes most of the time where there is no graphics card."""
+    """Leave out the 3D scene, which takes most of the time without a graphics card."""
     page.route("**/viewer/**", lambda route: route.fulfill(body=_BLANK, content_type="text/html"))
 
 
 def hide(page: Page, hidden: bool) -> None:
-    """As when another tab is chosen, and this one again; a browser without a window hides none."""
+    """Hide or show a page as if switching tabs, which a headless browser does not do itself."""
     page.evaluate(_HIDE, hidden)

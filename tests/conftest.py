@@ -1,4 +1,4 @@
-"""What every test gets: nothing left behind, a free port, the recorded data."""
+"""Common fixtures: nothing left behind, a free port, the recorded data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from app.runtime.environment import NATIVE_ENVIRONMENT
 
-# Read while numpy is imported: threads that spin beside small matrices cost half as much again.
+# Read when numpy is imported: spinning threads on small matrices would cost half as much again.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", NATIVE_ENVIRONMENT["OPENBLAS_NUM_THREADS"])
 
 import psutil
@@ -35,19 +35,18 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 SHARED_DATA = REPOSITORY.parent / "shared" / "data"
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
 
-# How long threads and processes may take to end after a test that ended them.
+# How long threads and processes may take to end after the test.
 _GRACE_S = 3.0
-# Of what test worlds share, in one test process.
+# Limit of the textures shared by test worlds in one test process.
 _TEXTURE_BYTES = 400_000_000
-# Python's own helper of shared memory and spawned processes lives until the interpreter ends.
+# Python's own helpers for shared memory and spawned processes live until the interpreter ends.
 _PYTHON_HELPERS = ("multiprocessing.resource_tracker", "multiprocessing.forkserver")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep our order of files among several processes; xdist begins with those of many tests.
+    """Keep our order of files with several processes; xdist starts with files of many tests.
 
-    In CI hypothesis tries the same few examples every time: new ones are sought where somebody
-    looks.
+    In CI hypothesis tries the same few examples every time; new ones are searched for locally.
     """
     if os.environ.get("CI"):
         settings.register_profile("ci", derandomize=True, max_examples=40)
@@ -55,15 +54,15 @@ def pytest_configure(config: pytest.Config) -> None:
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        # A shell's background job ignores it, and all that it starts, which tests do interrupt.
+        # A shell's background job and its children ignore it, but tests interrupt their children.
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what needs Chromium where there is none, but never in CI: there it must be.
+    """Skip tests that need Chromium if there is none, except in CI, which must have it.
 
-    Among several processes files with slow tests come first, so that none of them begins a long
-    one when the others have nothing left to do.
+    CI skips tests marked as patient. With several processes files with slow tests come first, so
+    that none is started when the other processes have nothing left to do.
     """
     if hasattr(config, "workerinput"):
         slow = {item.path for item in items if item.get_closest_marker("slow")}
@@ -82,7 +81,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def chromium() -> str | None:
-    """The path of the system's Chromium, if there is one."""
+    """Return the path of the system's Chromium, if there is one."""
     return next(filter(None, map(shutil.which, CHROMIUM_NAMES)), None)
 
 
@@ -96,13 +95,13 @@ def chromium_path() -> str:
 
 @pytest.fixture(scope="session")
 def launched_chromium(chromium_path: str) -> Callable[[], AbstractContextManager[Browser]]:
-    """``with launched_chromium() as browser``: the system's, without a window."""
+    """``with launched_chromium() as browser``: the system's Chromium, headless."""
     return lambda: launched(chromium_path)
 
 
 @pytest.fixture(scope="session")
 def launched_firefox() -> Callable[[Path], AbstractContextManager[firefox.Tab]]:
-    """``with launched_firefox(empty_folder) as tab``; without a Firefox the test is left out."""
+    """``with launched_firefox(empty_folder) as tab``; without a Firefox the test is skipped."""
     path = firefox.firefox()
     if path is None:
         pytest.skip("no Firefox on this machine, or no Xvfb: apt-get install firefox-esr xvfb")
@@ -133,7 +132,7 @@ def plant_ride() -> Callable[[Path, str, Path], None]:
 
 @pytest.fixture(scope="session")
 def no_process_left() -> Callable[[], AbstractContextManager[None]]:
-    """``with no_process_left()``: what is started within must be gone behind it."""
+    """``with no_process_left()``: processes started within must be gone afterwards."""
     return no_process_left_behind
 
 
@@ -145,7 +144,7 @@ def repository() -> Path:
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """The folder of recorded data beside the repository; the test is left out without it."""
+    """The folder of recorded data beside the repository; without it the test is skipped."""
     if not SHARED_DATA.is_dir():
         pytest.skip(f"recorded data is not here: {SHARED_DATA} is not a folder")
     return SHARED_DATA
@@ -153,7 +152,7 @@ def shared_data() -> Path:
 
 @pytest.fixture
 def free_port() -> int:
-    """A TCP port of 127.0.0.1 that nobody used a moment ago."""
+    """A TCP port of 127.0.0.1 that was free a moment ago."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
@@ -162,7 +161,7 @@ def free_port() -> int:
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """No test reads or writes what the person at this machine keeps."""
+    """Keep tests from reading or writing this machine's own data."""
     with pytest.MonkeyPatch.context() as patch:
         home = tmp_path_factory.mktemp("xdg")
         for name in ("XDG_DATA_HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
@@ -174,9 +173,9 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 
 @pytest.fixture(scope="session", autouse=True)
 def _surfaces_painted_once() -> Iterator[None]:
-    """Worlds of one test process share their textures: painting takes longer than a whole clip.
+    """Share textures among the worlds of a test process: painting takes longer than a whole clip.
 
-    A texture depends on nothing but its material and extent; worlds keep them by these as well.
+    A texture depends only on its material and extent; worlds cache them by these as well.
     """
     kept: OrderedDict[tuple[Material, tuple[float, float]], Texture] = OrderedDict()
     room = _TEXTURE_BYTES
@@ -201,7 +200,7 @@ def _surfaces_painted_once() -> Iterator[None]:
 
 
 def _size(texture: Texture) -> int:
-    """With the levels that are made of it later, half as large each as the one before."""
+    """Return the bytes of a texture including its later levels, each half as large as the last."""
     return 2 * texture.finest.image.nbytes
 
 
@@ -228,7 +227,7 @@ def _nothing_left_behind() -> Iterator[None]:
         time.sleep(0.02)
     for process in processes:
         process.kill()
-    # Or what is left of them fails whatever looks at its children later.
+    # Otherwise their remains would fail later tests that look at their children.
     psutil.wait_procs(processes, _GRACE_S)
     left = [f"process {each.pid} ({name})" for each, name in processes.items()]
     left += [f"thread {each.name}" for each in threads]
@@ -236,7 +235,7 @@ def _nothing_left_behind() -> Iterator[None]:
 
 
 def _children() -> dict[psutil.Process, str]:
-    """Living descendants of this process and what they run."""
+    """Return the living descendants of this process and what they run."""
     children: dict[psutil.Process, str] = {}
     if _childless():
         return children
@@ -253,9 +252,9 @@ def _children() -> dict[psutil.Process, str]:
 
 
 def _childless() -> bool:
-    """Whether there is surely no child; cheap, where psutil reads every process of the machine."""
+    """Return whether there is surely no child; cheap, whereas psutil reads every process."""
     try:
         return not any(each.read_bytes() for each in Path("/proc/self/task").glob("*/children"))
     except OSError:
-        # A thread that ended meanwhile, or no Linux.
+        # A thread ended meanwhile, or this is not Linux.
         return False

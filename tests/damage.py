@@ -1,8 +1,8 @@
-"""Valid files damaged as disks, editors, transfers and attackers damage them, for every parser.
+"""Valid files, damaged as by disks, editors, transfers and attackers, for every parser.
 
-A parser either returns something valid or refuses in one sentence with an error of its own, soon
-and without memory beyond its input; ``read_or_refused`` holds it to that. ``DAMAGE_EXAMPLES``
-tries so many examples of each property in place of the few of every day.
+A parser must either return something valid or refuse in one sentence with its own error, quickly
+and without excessive memory; ``read_or_refused`` checks that. ``DAMAGE_EXAMPLES`` sets the number
+of examples of each property instead of the few of ordinary runs.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from hypothesis import strategies as st
 
 Value = TypeVar("Value")
 
-# Numbers that mean trouble to whoever takes them for ordinary ones.
+# Numbers that cause trouble if taken for ordinary ones.
 NUMBERS = (
     b"nan", b"NaN", b".nan", b"inf", b"-inf", b".inf", b"-Infinity", b"1e308", b"-1e308", b"1e999",
     b"5e-324", b"0", b"-0", b"-1", b"1e-12", b"65536", b"2147483648", b"-2147483649",
     b"9007199254740993", b"18446744073709551616", b"9" * 400, b"9" * 5000, b"1_000", b"0x1f",
     b"1,5", b"--1", b"1e", b"+", b".", b"1.5.2", "٣".encode(), "²".encode(), "１".encode(),
 )  # fmt: skip
-# Pieces that end strings, lines or structures of one format or another.
+# Pieces that end strings, lines or structures in some format.
 PIECES = (
     b"", b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\xc3", b"\xed\xa0\x80", b"\r", b"\n", b"\r\n",
     b"\x1a", b"\x85", "\u2028".encode(), b" ", b"\t", b"\"", b"'", b",", b";", b":", b": ", b"=",
@@ -38,14 +38,14 @@ PIECES = (
     b"null", b"true", b"[" * 2000, b"{\"a\":" * 2000, b"- " * 400, b"<a>" * 400,
     b"2001-99-99", b"\xf0\x9f\xa4\x96",
 )  # fmt: skip
-# Values that a hand may put anywhere into JSON; Python's own reader takes each of them.
+# Values that may be put anywhere into JSON by hand; Python's own reader accepts all of them.
 JSON_VALUES: tuple[Any, ...] = (
     None, True, 0, -1, 1e-12, 2**63, 10**400, float("nan"), float("inf"), "", "x", "a\nb", "\0",
     "\ud800", "1e3", "9" * 5000, "0001-01-01T00:00:00+23:59", "9999-12-31T23:59:59-23:59",
     "2026-11-22T02:09:41", [], {}, [None], [[]], {"": None}, {"\ud800": "\ud800"}, [0.5, "x"],
 )  # fmt: skip
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
-# Far more than the honest sample needs; a machine under load may take a hundred times as long.
+# Far more than the valid sample needs; under load it may take a hundred times as long.
 _LONGEST_S = 5.0
 _LARGEST_BYTES = 300_000_000
 # A path of 4096 characters may be quoted whole.
@@ -53,7 +53,7 @@ _LONGEST_SENTENCE = 5000
 
 
 def examples(count: int) -> settings:
-    """Return the settings of a property that tries ``count`` examples every day."""
+    """Return the settings of a property that normally tries ``count`` examples."""
     given = os.environ.get("DAMAGE_EXAMPLES")
     return settings(
         max_examples=int(given) if given else count,
@@ -66,10 +66,10 @@ def examples(count: int) -> settings:
 def damaged(
     draw: st.DrawFn, samples: Sequence[bytes], pieces: Sequence[bytes] = (), most: int = 3
 ) -> bytes:
-    """Strategy of one of the samples with one to ``most`` damages.
+    """Strategy for one of the samples with one to ``most`` damages.
 
     Args:
-        pieces: that mean something to the parser, put in beside those that mean trouble to any.
+        pieces: meaningful to the parser, inserted in addition to those that trouble any parser.
     """
     content = draw(st.sampled_from(samples))
     for _ in range(draw(st.integers(1, most))):
@@ -79,17 +79,17 @@ def damaged(
 
 
 def hostile_bytes(pieces: Sequence[bytes] = ()) -> st.SearchStrategy[bytes]:
-    """Strategy of any bytes, and of what looks like the format but was never a file of it."""
+    """Strategy for arbitrary bytes, and for bytes that resemble the format."""
     known = st.sampled_from((*PIECES, *NUMBERS, *pieces))
     return st.binary(max_size=400) | st.lists(known, max_size=20).map(b"".join)
 
 
 @st.composite
 def damaged_json(draw: st.DrawFn, sample: Any, values: Sequence[Any] = ()) -> bytes:
-    """Strategy of JSON text of the sample, changed by hand: valid JSON of another meaning.
+    """Strategy for the sample as JSON text, changed as by hand: valid JSON of another meaning.
 
     Args:
-        values: put in beside those that mean trouble to any reader.
+        values: inserted in addition to those that trouble any reader.
     """
     whole = [copy.deepcopy(sample)]
     for _ in range(draw(st.integers(1, 2))):
@@ -104,21 +104,21 @@ def damaged_json(draw: st.DrawFn, sample: Any, values: Sequence[Any] = ()) -> by
 
 
 def damaged_text(samples: Sequence[str], pieces: Sequence[str] = ()) -> st.SearchStrategy[str]:
-    """Strategy of damaged text, for parsers of text; what is no UTF-8 becomes half surrogates."""
+    """Strategy for damaged text, for text parsers; invalid UTF-8 becomes lone surrogates."""
     encoded = damaged([each.encode() for each in samples], [each.encode() for each in pieces])
     return encoded.map(_as_text)
 
 
 def hostile_text(pieces: Sequence[str] = ()) -> st.SearchStrategy[str]:
-    """Strategy of any text, and of what looks like the format."""
+    """Strategy for arbitrary text, and for text that resembles the format."""
     return st.text(max_size=200) | hostile_bytes([each.encode() for each in pieces]).map(_as_text)
 
 
 def read_or_refused(read: Callable[[], Value], *errors: type[Exception]) -> Value | None:
-    """Return what is read, or None where it is refused; fail for anything in between.
+    """Return what is read, or None if it is refused; fail for anything in between.
 
     Args:
-        errors: the package's own, one of which a refusal must be.
+        errors: the package's own errors; a refusal must be one of them.
     """
     began, memory = time.process_time(), _peak_bytes()
     value: Value | None = None
@@ -141,7 +141,7 @@ def assert_one_sentence(message: str) -> None:
 
 
 def _place(draw: st.DrawFn, whole: list[Any]) -> tuple[Any, Any]:
-    """Return the holder and the key of a value within; one level is as likely as the next."""
+    """Return the holder and the key of a random value within, at any level."""
     holder: Any = whole
     while True:
         keys = list(holder) if isinstance(holder, dict) else list(range(len(holder)))

@@ -1,8 +1,8 @@
-"""The system's Firefox for tests of the page, spoken to by WebDriver BiDi over its websocket.
+"""The system's Firefox for tests of the page, controlled by WebDriver BiDi over its websocket.
 
-Playwright drives only a Firefox of its own making, so this is the little that tests need of one.
-Without a window Firefox has no WebGL (bugzilla.mozilla.org 1375585), so its window is on a screen
-that nobody sees: Xvfb.
+Playwright drives only its own build of Firefox, so this is the little that the tests need.
+Headless Firefox has no WebGL (bugzilla.mozilla.org 1375585), so its window is on a virtual screen:
+Xvfb.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ FIREFOX_NAMES = ("firefox-esr", "firefox")
 _START_S = 60.0
 _ANSWER_S = 60.0
 _STOP_S = 10.0
-# WebGL by the processor, where no graphics card is; nothing asked of the browser's maker, beside
-# what a browser that is driven leaves out by itself.
+# Software WebGL where there is no graphics card; no requests to the browser's vendor, in addition
+# to what an automated browser switches off by itself.
 _PREFERENCES = {
     "webgl.force-enabled": True,
     "browser.aboutwelcome.enabled": False,
@@ -44,7 +44,7 @@ _EVENTS = ("log.entryAdded", "network.beforeRequestSent")
 
 
 def firefox() -> str | None:
-    """The path of the system's Firefox, if there is one and a screen for it."""
+    """Return the path of the system's Firefox, if there is one and a screen for it."""
     found = next(filter(None, map(shutil.which, FIREFOX_NAMES)), None)
     return found if shutil.which("Xvfb") else None
 
@@ -53,8 +53,8 @@ class Tab:
     """A page in Firefox.
 
     Attributes:
-        errors: what its console was told as an error, and errors that nothing caught.
-        requested: the addresses that it asked for.
+        errors: errors logged to its console, and uncaught errors.
+        requested: the addresses requested.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -67,10 +67,10 @@ class Tab:
         self._context = self.ask("browsingContext.getTree")["contexts"][0]["context"]
 
     def ask(self, method: str, **parameters: Any) -> Any:
-        """Send one command and return its result; what the page tells meanwhile is kept.
+        """Send one command and return its result; events of the page meanwhile are stored.
 
         Raises:
-            AssertionError: Firefox answers that it could not do so. TimeoutError: it does not
+            AssertionError: Firefox reports an error. TimeoutError: it does not
                 answer.
         """
         self._last += 1
@@ -93,7 +93,7 @@ class Tab:
             self.errors.append(f"{told['text']} {frames[0].get('url', '')}".strip())
 
     def open(self, address: str, width: int, height: int) -> None:
-        """Load an address in a window of so many pixels."""
+        """Load an address in a window of the given size, pixels."""
         size = {"width": width, "height": height}
         self.ask("browsingContext.setViewport", context=self._context, viewport=size)
         self.ask("browsingContext.navigate", context=self._context, url=address, wait="complete")
@@ -105,10 +105,10 @@ class Tab:
         return next(found, None)
 
     def evaluate(self, function: str, *arguments: Any, context: str | None = None) -> Any:
-        """Call a JavaScript function with values of JSON, and return its value of JSON.
+        """Call a JavaScript function with JSON values, and return its JSON value.
 
         Args:
-            context: of a frame; otherwise it is called in the page.
+            context: of a frame; by default the page's.
 
         Raises:
             AssertionError: it throws.
@@ -132,7 +132,7 @@ class Tab:
         context: str | None = None,
         within_s: float = 30.0,
     ) -> Any:
-        """Call a function until what it returns is true; return it."""
+        """Call a function until it returns something true; return that."""
         deadline = time.monotonic() + within_s
         while not (value := self.evaluate(function, *arguments, context=context)):
             assert time.monotonic() < deadline, f"not within {within_s} s: {function} {arguments}"
@@ -140,7 +140,7 @@ class Tab:
         return value
 
     def click(self, selector: str) -> None:
-        """Press the mouse in the middle of the first element that a selector finds."""
+        """Click in the middle of the first element that a selector finds."""
         place = self.evaluate(
             """(selector) => {
               const element = document.querySelector(selector);
@@ -155,7 +155,7 @@ class Tab:
         self._perform(type="pointer", id="mouse", actions=[moves, *presses])
 
     def press(self, *keys: str) -> None:
-        """Press and release keys one after the other: characters, or WebDriver's codes."""
+        """Press and release keys one after another: characters, or WebDriver's codes."""
         strokes = [
             {"type": kind, "value": key} for key in keys for kind in ("keyDown", "keyUp")
         ]  # fmt: skip
@@ -165,17 +165,17 @@ class Tab:
         self.ask("input.performActions", context=self._context, actions=[source])
 
     def keep_picture(self, path: Path) -> None:
-        """Write what is seen of the page as a PNG."""
+        """Write the visible part of the page as a PNG."""
         picture = self.ask("browsingContext.captureScreenshot", context=self._context)
         path.write_bytes(base64.b64decode(picture["data"]))
 
 
 @contextmanager
 def launched(path: str, profile: Path) -> Iterator[Tab]:
-    """A Firefox on a screen of its own, and its only tab.
+    """Launch a Firefox on a screen of its own; yield its only tab.
 
     Args:
-        profile: an empty folder for all that it writes.
+        profile: an empty folder for everything it writes.
     """
     preferences = [f"user_pref({json.dumps(k)}, {json.dumps(v)});" for k, v in _PREFERENCES.items()]
     (profile / "user.js").write_text("\n".join(preferences))
@@ -199,14 +199,14 @@ def launched(path: str, profile: Path) -> Iterator[Tab]:
 
 @contextmanager
 def _screen() -> Iterator[str]:
-    """The name of a display that is drawn nowhere."""
+    """Yield the name of a virtual display."""
     command = ["Xvfb", "-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"]
     with (
         subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process,
         ended_after(process, _STOP_S),
     ):
         assert process.stdout is not None
-        # It says its number once it is ready; nothing where it ended.
+        # It prints its number once it is ready, or nothing if it ended.
         number = process.stdout.readline().decode().strip()
         assert number, "Xvfb did not start"
         yield f":{number}"

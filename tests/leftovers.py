@@ -12,7 +12,7 @@ _GRACE_S = 3.0
 
 @contextmanager
 def no_process_left_behind() -> Iterator[None]:
-    """Fail where a process that was started within is not gone a moment behind it."""
+    """Fail if a process started within is not gone a moment afterwards."""
     before = set(psutil.Process().children(recursive=True))
     yield
     left = [each for each in psutil.Process().children(recursive=True) if each not in before]

@@ -1,4 +1,4 @@
-"""A PostgreSQL server of the tests' own, from the system's packages: private and small."""
+"""A small private PostgreSQL server for the tests, from the system's packages."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ MISSING = "no PostgreSQL server on this machine: make system"
 
 _START_S = 30.0
 _PR_SET_PDEATHSIG = 1
-# What a test writes need not survive a power cut.
+# Test data need not survive a power cut.
 _FORGETFUL = (
     "fsync=off", "synchronous_commit=off", "full_page_writes=off", "shared_buffers=16MB",
     "max_connections=40", "autovacuum=off", "listen_addresses=", "log_min_messages=fatal",
 )  # fmt: skip
-# Text is ordered otherwise than SQLite orders it, so that nobody relies on either.
+# Text is sorted differently from SQLite, so that nothing relies on either order.
 _LOCALES = (["--locale-provider=icu", "--icu-locale=en", "--locale=C.UTF-8"], ["--locale=C"])
 
 
 class CannotStart(Exception):
-    """One sentence says why there is no server."""
+    """There is no server; the message is one sentence saying why."""
 
 
 @dataclass
 class PrivateServer:
-    """Reached over a socket in its own folder.
+    """A server reached over a socket in its own folder.
 
     Attributes:
-        folder: all that it is. bin: its programmes. user: who runs it.
+        folder: everything it stores. bin: its programs. user: who runs it.
     """
 
     folder: Path
@@ -47,18 +47,18 @@ class PrivateServer:
     process: subprocess.Popen[bytes] | None = None
 
     def url(self, database: str) -> str:
-        """As a person gives it to ``--database``."""
+        """Return the URL of a database, as for ``--database``."""
         return f"postgresql://observer@/{database}?host={self.folder}"
 
     def start(self) -> None:
-        """Returns when it answers."""
+        """Start the server; return when it answers."""
         command = [str(self.bin / "postgres"), "-D", str(self.folder / "data")]
         command += ["-k", str(self.folder)]
         for each in _FORGETFUL:
             command += ["-c", each]
         log = (self.folder / "log").open("ab")
         with log:
-            # What runs between fork and exec makes system calls only, so threads do no harm.
+            # The code between fork and exec makes only system calls, so threads do no harm.
             self.process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=self.folder,
                 env=_ENVIRONMENT, preexec_fn=_as_user_until_the_parent_dies(self.user),  # noqa: PLW1509
@@ -73,7 +73,7 @@ class PrivateServer:
             time.sleep(0.05)
 
     def stop(self) -> None:
-        """At once: nobody needs what it holds."""
+        """Stop it at once: its data are not needed."""
         if self.process is not None and self.process.poll() is None:
             self.process.send_signal(signal.SIGQUIT)
             try:
@@ -83,7 +83,7 @@ class PrivateServer:
                 self.process.wait()
 
     def run(self, statement: str, database: str = "postgres") -> str:
-        """One statement by psql; what it prints without any decoration."""
+        """Run one statement by psql; return its undecorated output."""
         command = [str(self.bin / "psql"), "-h", str(self.folder), "-U", "observer", "-AtqX"]
         done = subprocess.run(
             [*command, "-v", "ON_ERROR_STOP=1", "-d", database, "-c", statement],
@@ -101,14 +101,14 @@ _ENVIRONMENT = {
 
 @contextmanager
 def private_server() -> Iterator[PrivateServer]:
-    """A new one, gone in the end with all it held.
+    """Run a new server, which is removed afterwards with all its data.
 
     Raises:
-        CannotStart: there is none on this machine, or nobody to run it as.
+        CannotStart: it is not installed on this machine, or there is no user to run it as.
     """
     bin = _programmes()
     user = _user()
-    # Not below pytest's folder, which is this user's alone; a socket's path must be short as well.
+    # Not below pytest's folder, which only this user can access; a socket path must also be short.
     folder = Path(tempfile.mkdtemp(prefix="observer-pg-"))
     try:
         if user:
@@ -125,7 +125,7 @@ def private_server() -> Iterator[PrivateServer]:
 
 
 def _programmes() -> Path:
-    """Debian keeps them apart from the path, by version."""
+    """Return the folder of its programs; Debian keeps them off the path, by version."""
     folders = sorted(Path("/usr/lib/postgresql").glob("*/bin"), key=_version, reverse=True)
     on_path = shutil.which("initdb")
     folders += [Path(on_path).resolve().parent] if on_path else []
@@ -143,7 +143,7 @@ def _version(folder: Path) -> float:
 
 
 def _user() -> dict[str, Any]:
-    """PostgreSQL refuses to be run by root; empty where we are somebody else."""
+    """Return the user to run it as, since it refuses root; empty if we are not root."""
     if os.getuid() != 0:
         return {}
     for name in ("postgres", "nobody"):
@@ -174,7 +174,7 @@ def _initialise(bin: Path, folder: Path, user: dict[str, Any]) -> None:
 
 
 def _as_user_until_the_parent_dies(user: dict[str, Any]) -> Callable[[], None]:
-    """A killed test leaves no server behind: Linux ends it with its parent."""
+    """Return a function that makes Linux end the server with its parent, even if that is killed."""
     prctl = getattr(ctypes.CDLL(None), "prctl", None)
 
     def prepare() -> None:
@@ -182,7 +182,7 @@ def _as_user_until_the_parent_dies(user: dict[str, Any]) -> Callable[[], None]:
             os.setgroups([])
             os.setgid(user["group"])
             os.setuid(user["user"])
-        # Behind the change of user, which takes it back.
+        # After the change of user, which would reset it.
         if prctl is not None:
             prctl(_PR_SET_PDEATHSIG, signal.SIGQUIT, 0, 0, 0)
 

@@ -1,12 +1,12 @@
-"""Compare what the observer finds before and after a change, to the last digit.
+"""Compare the observer's results before and after a change, to the last digit.
 
     python tests/same_observations.py record DIR [--frames N] [--seeds 4] [--jobs 2]
     python tests/same_observations.py compare BEFORE AFTER
 
-``record`` observes every benchmark scenario with every seed by each of the methods and writes one
-file of JSON lines for each, without timings. ``compare`` names the first line that differs in each
-file, and exits with 1 if any does. Parameters are given by presets and by names that both
-sides of the comparison know, so that the script also runs in a checkout of an older revision.
+``record`` observes every benchmark scenario with every seed and every method, and writes a file
+of JSON lines for each, without timings. ``compare`` prints the first differing line of each file,
+and exits with 1 if there is any. Parameters are given by presets and names known to both sides of
+the comparison, so that the script also runs in a checkout of an older revision.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MODELS = {
     "homography": ("paper", {"ego_motion.model": "homography", "features.detector": "orb"}),
     "monocular": ("default", {"ego_motion.model": "monocular"}),
 }
-# Names of older revisions, for the sake of recording one.
+# Names used by older revisions, for recording these.
 OLDER = {"monocular": "one_camera"}
 
 

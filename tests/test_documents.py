@@ -1,4 +1,4 @@
-"""Documents name only what exists, and the documentation is whole and stands for itself."""
+"""Documents refer only to what exists, and the documentation is complete and self-contained."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ PAGES = REPOSITORY / "docs" / "pages"
 DOCUMENTS = ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md", "SECURITY.md", "docker/README.md")
 ALL = [*DOCUMENTS, *sorted(str(page.relative_to(REPOSITORY)) for page in PAGES.glob("*.md"))]
 ROOMS = "app|observer|static|tests|tools|docker|docs|notebooks"
-# A build makes it; it may be absent here.
+# Made by a build, so it may be absent here.
 MADE = {"docs/site"}
-# Beside the documentation on the same server.
+# Served next to the documentation by the same server.
 SERVED = {"/docs", "/openapi.json"}
 README_LINES = 200
 PAPER = "A Hybrid Approach for Dynamic Observer to Detect and Track Dynamic Obstacles"
@@ -58,7 +58,7 @@ def test_the_readme_is_short() -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_link_between_documents_leads_somewhere(document: str) -> None:
-    """Those of the documentation's own pages are checked as it is built."""
+    """Links within the documentation are checked when it is built."""
     folder = (REPOSITORY / document).parent
     for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", (REPOSITORY / document).read_text()):
         path, _, anchor = target.partition("#")
@@ -75,7 +75,7 @@ def _anchors(document: Path) -> set[str]:
 
 @pytest.mark.parametrize("document", ALL)
 def test_every_command_that_is_shown_is_taken(document: str) -> None:
-    """By name, with every option that stands behind it."""
+    """Checks the names of commands and every option that follows."""
     targets = set(re.findall(r"^([a-z-]+):", (REPOSITORY / "Makefile").read_text(), re.MULTILINE))
     for code in _code((REPOSITORY / document).read_text()):
         for name, rest in re.findall(r"dynamic-observer ([a-z][a-z-]*)([^#|&;]*)", code):
@@ -89,7 +89,7 @@ def test_every_command_that_is_shown_is_taken(document: str) -> None:
 
 
 def _code(text: str) -> Iterator[str]:
-    """Yield the blocks of code, continued lines joined, and what stands between backticks."""
+    """Yield the lines of code blocks, continued lines joined, and the text between backticks."""
     for block in re.findall(r"^ *```\w*\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
         yield from re.sub(r"\\\n\s*", " ", block).splitlines()
     yield from re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
@@ -97,7 +97,7 @@ def _code(text: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("document", [name for name in ALL if name.startswith(("README", "docs"))])
 def test_every_label_that_is_named_is_on_the_page(document: str) -> None:
-    """A label is written in italics and whole, as it stands on the page: *Start run*."""
+    """A label is written in italics and in full, as on the page: *Start run*."""
     assert _wrong_labels((REPOSITORY / document).read_text()) == []
 
 
@@ -110,9 +110,9 @@ def test_a_label_that_is_not_on_the_page_would_be_found() -> None:
 
 
 def _wrong_labels(text: str) -> list[str]:
-    """Return the labels in a document that do not stand on the page in these letters.
+    """Return the labels in a document that are not on the page in this spelling.
 
-    What is not capitalized is only stressed, unless it is a label that is written otherwise.
+    Text in lower case is only emphasized, unless it is a label that is spelled differently.
     """
     shown = _labels()
     lower = {label.lower() for label in shown}
@@ -127,18 +127,18 @@ def _wrong_labels(text: str) -> list[str]:
 
 @cache
 def _labels() -> set[str]:
-    """Return what stands on the page: its texts, and the titles of parameters and layers."""
+    """Return the labels on the page: its texts, and the titles of parameters and layers."""
     titles = {entry["title"] for entry in AllParameters.declared()}
     titles |= {layer.title for layer in LAYERS.values()}
     return titles | {text for place, text in visible() if place.startswith("static")}
 
 
 def test_every_sentence_to_look_up_is_one_that_is_said() -> None:
-    """``…`` stands for what varies; each part between is looked for."""
+    """``…`` stands for a variable part; each part between is searched for."""
     rows = re.findall(r"^\| `(.+?)` \|", (PAGES / "troubleshooting.md").read_text(), re.MULTILINE)
     assert len(rows) > 30
     words = _words("observer/**/*.py", "app/**/*.py", "tools/**/*.py", "Makefile")
-    # Texts that are written on several lines, and figures put into them.
+    # Join texts written on several lines, and replace inserted values.
     words = re.sub(r"\"\s+f?\"", "", words)
     words = re.sub(r"{[^{}]*}", "…", words)
     missing = [
@@ -157,7 +157,7 @@ def _words(*patterns: str) -> str:
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The documentation as it is built now. What leads nowhere in its own links ends the build."""
+    """The documentation, freshly built. A broken link within it fails the build."""
     folder = tmp_path_factory.mktemp("documentation") / "site"
     done = subprocess.run(
         [sys.executable, "-m", "tools.docs", str(folder)],
@@ -172,7 +172,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class _Page(HTMLParser):
-    """What a page links to, what it loads and which places it has."""
+    """What a page links to, what it loads, and its anchors."""
 
     def __init__(self, page: Path) -> None:
         super().__init__()
@@ -189,7 +189,7 @@ class _Page(HTMLParser):
         elif "href" in given:
             self.loads.append(given["href"])
         self.loads += [given[name] for name in ("src", "data", "poster") if given.get(name)]
-        # Otherwise a picture in another resolution could come from elsewhere.
+        # Otherwise an image in another resolution could come from elsewhere.
         assert "srcset" not in given
 
 
@@ -200,7 +200,7 @@ def pages(site: Path) -> dict[Path, _Page]:
 
 def test_every_page_is_in_the_site(site: Path, pages: dict[Path, _Page]) -> None:
     assert {page.stem for page in PAGES.glob("*.md")} <= {page.stem for page in pages}
-    # Of a site that has an address.
+    # Files that only a site with an address needs.
     assert not list(site.glob("sitemap*")) + list(site.glob("404.html"))
 
 
@@ -242,7 +242,7 @@ def test_the_references_are_complete(site: Path) -> None:
 
 
 def test_the_accuracy_table_says_how_it_was_made() -> None:
-    """The command stands right above it, so that whoever measures again replaces both."""
+    """The command is right above the table, so that a new measurement replaces both."""
     text = (PAGES / "accuracy.md").read_text()
     assert re.search(
         r"dynamic-observer benchmark --seeds \d+ --frames \d+\n```\n\n\| figure at", text

@@ -1,6 +1,6 @@
-"""What a person can read uses the words of the glossary, and none that it says to avoid.
+"""User-visible texts use the words of the glossary and none that it says to avoid.
 
-Which texts are read is told in ``visible_words``.
+``visible_words`` defines which texts are checked.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from app.contract.glossary import DEVELOPER_TEXT, GLOSSARY, UNIDIOMATIC
 
 from .visible_words import REPOSITORY, Text, page_texts, python_texts, script_texts, visible
 
-# For developers, who ask for routes by name.
+# For developers, who use routes by name.
 OF_ROUTES = ("app/contract/", "app/http/", "tools/docs/")
 AVOIDED = [(pattern, term.name) for term in GLOSSARY for pattern in term.avoided] + [
     (pattern, "plain English") for pattern in (*UNIDIOMATIC, *DEVELOPER_TEXT)
@@ -21,7 +21,7 @@ AVOIDED = [(pattern, term.name) for term in GLOSSARY for pattern in term.avoided
 
 
 def found(pattern: str, texts: list[Text]) -> list[str]:
-    """Return the texts in which a pattern stands, with their places."""
+    """Return the texts that match a pattern, with their places."""
     wanted = re.compile(pattern, re.IGNORECASE)
     return [f"{place}: {text}" for place, text in texts if wanted.search(text)]
 

@@ -1,6 +1,6 @@
-"""What a person can read: the texts in the page's modules, in its HTML, and in the Python code.
+"""User-visible texts: those in the page's modules, in its HTML, and in the Python code.
 
-Sentences, labels and helps; names that machines read (keys, fields, paths) are no texts.
+Sentences, labels and help; names for machines (keys, fields, paths) do not count.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[1]
-# The words that are avoided, and statements for databases.
+# Files with the avoided words themselves or with database statements.
 NO_TEXTS = (
     "app/storage/migrations",
     "app/contract/glossary.py",
@@ -24,9 +24,9 @@ Text = tuple[str, str]
 
 
 def python_texts(source: str) -> Iterator[tuple[int, str]]:
-    """Yield the line and content of each text in Python code but documentation.
+    """Yield the line and content of each text in Python code, except docstrings.
 
-    A value that is put in at run time is an ellipsis.
+    A value inserted at run time becomes an ellipsis.
     """
     tree = ast.parse(source)
     said: set[ast.AST] = set()
@@ -49,7 +49,7 @@ def python_texts(source: str) -> Iterator[tuple[int, str]]:
 
 
 def script_texts(source: str) -> Iterator[tuple[int, str]]:
-    """Yield the line and content of each text in JavaScript: with a blank, or capitalized."""
+    """Yield the line and content of each text in JavaScript: with a space, or capitalized."""
     token = re.compile(
         r"/\*.*?\*/|//[^\n]*"
         r"|(?P<text>\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'|`(?:\\.|[^`\\])*`)",
@@ -96,7 +96,7 @@ READERS = {".py": python_texts, ".js": script_texts, ".html": page_texts}
 
 @cache
 def visible() -> list[Text]:
-    """Return the place and content of everything that a person can read."""
+    """Return the place and content of every user-visible text."""
     files = [
         *(
             file

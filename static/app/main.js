@@ -1,8 +1,8 @@
 /**
- * The page's start: one hub, and every part attached to it.
+ * Entry point of the page: one hub, with every part attached to it.
  *
- * What the live page shows at first is imported here, and all that stops robots. Everything else is
- * loaded after the first painted frame: each module that comes before it delays it.
+ * Only what the live page shows at first and everything that stops robots is imported here. The
+ * rest is loaded after the first painted frame, since every module before it delays that frame.
  */
 
 import "./driving/stop-bar.js";
@@ -37,7 +37,7 @@ const hub = new Hub((hub) => new Driver(hub));
 const later = new Later(hub, {
   "observer-speed-chart": () => import("./chart/speed-chart.js"),
   "observer-parameters": () => import("./parameters/parameter-form.js"),
-  // The most modules of all, one press away.
+  // It has the most modules and is one click away.
   [HISTORY]: () => import("./history/history-view.js"),
   "observer-source-picker": () => import("./sources/source-picker.js"),
   "observer-live-truth": () => import("./sources/live-truth.js"),
@@ -58,20 +58,20 @@ for (const element of document.querySelectorAll("[data-part]")) {
   if (element instanceof Part) element.attach(hub);
 }
 hub.addEventListener("status", () => {
-  // Here or by another page, or because the server was started for it.
+  // Started here, by another page, or because the server was started to calibrate.
   if (hub.status?.calibrating || hub.status?.to_calibrate) void later.load(WIZARD);
 });
 hub.addEventListener("calibrate", () => {
-  // It did not hear it.
+  // The wizard was not loaded yet and missed the event.
   if (!later.has(WIZARD)) void later.load(WIZARD).then((there) => there && hub.tell("calibrate"));
 });
 window.addEventListener("hashchange", () => isAway() && void later.load(HISTORY));
 hub.start();
-// Whoever opens the page there is not shown the live parts first.
+// Do not show the live parts first if the page is opened at another view.
 if (isAway()) await later.load(HISTORY);
 document.body.removeAttribute("data-starting");
 
-/** Say whether the address names what takes the place of the live parts. */
+/** Return whether the address names a view that replaces the live parts. */
 function isAway() {
   return placeOf(location.hash).view !== "none";
 }

@@ -1,4 +1,4 @@
-"""Findings of axe-core, which checks pages against WCAG, in a page as it stands."""
+"""Findings of axe-core, which checks pages against WCAG, in the current state of a page."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from playwright.sync_api import Page
 
 _SCRIPT = Path(__file__).resolve().parents[2] / "static" / "node_modules" / "axe-core/axe.min.js"
 _LIBRARY = "() => window.axe === undefined"
-# Every rule of WCAG 2.0 to 2.2, levels A and AA, and of good practice.
+# All rules of WCAG 2.0 to 2.2, levels A and AA, and best practices.
 _RULES = {
     "type": "tag",
     "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
 }
 _COLOURS = {"type": "rule", "values": ["color-contrast"]}
-# Findings of every grade. What is inside a frame is viser's; the frame itself is the page's.
+# Findings of any severity. The content of frames is viser's; the frame itself is the page's.
 _RUN = """async (runOnly) => {
   const options = { runOnly, resultTypes: ["violations"], iframes: false };
   const { violations, passes } = await axe.run(document, options);
@@ -28,22 +28,22 @@ _RUN = """async (runOnly) => {
     ].join("\\n    ")));
   return [passes.length, found];
 }"""
-# Far fewer would mean that it looked at an empty page.
+# Far fewer passed rules would mean that it looked at an empty page.
 _LEAST_PASSED = 15
 
 
 def findings(page: Page, *, colours: bool = False) -> list[str]:
-    """Return what axe finds in a page as it stands, a paragraph for each element at fault.
+    """Return what axe finds in the current state of a page, a paragraph for each faulty element.
 
     Args:
-        colours: whether only the contrast of texts is looked at.
+        colours: whether only the contrast of texts is checked.
     """
     if page.evaluate(_LIBRARY):
         if not _SCRIPT.is_file():
             pytest.fail(
                 "axe-core is missing: .venv/bin/python tools/packaging/frontend.py development"
             )
-        # Not as an element of the page, whose policy lets no such script in.
+        # Not as an element of the page, whose content security policy forbids such scripts.
         page.evaluate(_SCRIPT.read_text(encoding="utf-8"))
     passed, found = page.evaluate(_RUN, _COLOURS if colours else _RULES)
     assert passed >= (1 if colours else _LEAST_PASSED), (

@@ -27,14 +27,14 @@ from playwright.sync_api import Browser, Locator, Page
 ARTEFACTS = Path(__file__).resolve().parents[2] / "artefacts"
 DESKTOP = {"width": 1440, "height": 900}
 
-# What fixtures give; arguments as described there.
+# Types of the fixtures; their arguments are described there.
 Json = dict[str, Any]
 OpenPanel = Callable[..., Page]
 Eventually = Callable[..., Any]
 KeepPicture = Callable[[Page, str], None]
 Pixels = Callable[..., NDArray[np.uint8]]
 
-# Parts that stand out to the right of the window, but for those that scroll by themselves.
+# Elements beyond the right edge of the window, except those that scroll by themselves.
 TOO_WIDE = """() => [...document.querySelectorAll("body *")]
   .filter((e) => !e.closest(".scroll-x, [role=tablist], .visually-hidden, .uplot"))
   .map((e) => [e, e.getBoundingClientRect()])
@@ -44,16 +44,16 @@ TOO_WIDE = """() => [...document.querySelectorAll("body *")]
 
 _LOOKS = ("light", "dark", "phone")
 _START_S = 40.0
-# By a process of the lowest priority.
+# The comparison runs in a process of the lowest priority.
 _COMPARED_S = 120.0
 _STOP_S = 10.0
 _REFUSED = re.compile(r"the server responded with a status of 4(09|22)")
-# What a page that loses its server cannot help but say.
+# Console errors that a page inevitably logs when it loses its server.
 _LOST = re.compile(r"WebSocket connection to .* failed|net::ERR_")
 
 
 def looks(*in_ci: str, of: Sequence[str] = _LOOKS) -> list[Any]:
-    """Values of a parameter; CI, whose time is short, takes only those that are named."""
+    """Return the values of a parameter; CI, short of time, uses only those in ``in_ci``."""
     patient = pytest.mark.patient
     return [look if look in in_ci else pytest.param(look, marks=patient) for look in of]
 
@@ -82,10 +82,10 @@ class Server:
 def _nothing_left_behind(
     no_process_left: Callable[[], AbstractContextManager[None]],
 ) -> Iterator[None]:
-    """In place of the check after every test: server and browser outlive the single test.
+    """Replace the check after every test: server and browser outlive the single test.
 
-    They start and end children as they like (renderers, a new engine), so it is only after the
-    last test of the page that nothing may be left.
+    They start and end child processes at any time (renderers, a new engine), so only after the last
+    test of the page must nothing be left.
     """
     with no_process_left():
         yield
@@ -95,7 +95,7 @@ def _nothing_left_behind(
 def server(
     tmp_path_factory: pytest.TempPathFactory, _nothing_left_behind: None
 ) -> Iterator[Server]:
-    """A real server on the simulated lab, started as a person starts it."""
+    """A real server on the simulated lab, started as a user starts it."""
     folder = tmp_path_factory.mktemp("served")
     output = folder / "output.txt"
     command = [
@@ -154,10 +154,10 @@ def open_panel(
 ) -> Iterator[OpenPanel]:
     """Open the panel in a page of its own, signed in, with live data arriving.
 
-    Arguments of what it gives: ``viewer`` False leaves the 3D scene out, which takes most of the
-    time on a machine without a graphics card; ``refusals`` allows the server to refuse values,
-    ``losses`` that it is not there; ``script`` is run in the page before its own; anything else
-    goes to the browser's context.
+    Arguments of the returned function: ``viewer`` False leaves out the 3D scene, which takes most
+    of the time on a machine without a graphics card; ``refusals`` tolerates values refused by the
+    server, ``losses`` a lost server; ``script`` runs in the page before its own scripts; anything
+    else goes to the browser context.
     """
     opened: list[tuple[Page, list[str], bool, bool]] = []
 
@@ -184,7 +184,7 @@ def open_panel(
     yield open_one
     for page, *_ in opened:
         page.context.close()
-    # A stop outlives its page, and takes the room of the tour's offer from the next one.
+    # A stop outlives its page and would hide the tour's offer in the next one.
     server.api.post("/api/robots/reset")
     for _, troubles, refusals, losses in opened:
         left = [
@@ -197,7 +197,7 @@ def open_panel(
 
 
 def _watch(page: Page, link: str) -> list[str]:
-    """A list that grows by one line for every error and every request to somewhere else."""
+    """Return a list that gains a line for every error and every request to another host."""
     troubles: list[str] = []
     host = link.split("/")[2]
     inside = (f"http://{host}/", f"ws://{host}/", "data:", "blob:", f"blob:http://{host}/")
@@ -222,7 +222,7 @@ def _watch(page: Page, link: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def two_runs(server: Server) -> Iterator[list[str]]:
-    """Runs of the same frames by the two methods, as compared last; none is left behind."""
+    """Runs of the same frames by the two methods, from a comparison; none is left behind."""
     server.api.post("/api/comparison/cancel")
     wanted = {"source": "simulated:people", "seconds": 1}
     server.api.post("/api/comparison", json=wanted).raise_for_status()
@@ -237,7 +237,7 @@ def two_runs(server: Server) -> Iterator[list[str]]:
 
 @pytest.fixture
 def keep_picture() -> KeepPicture:
-    """Keep a screenshot under ``artefacts/``, for people to look at."""
+    """Save a screenshot under ``artefacts/`` for people to look at."""
 
     def keep(page: Page, name: str) -> None:
         ARTEFACTS.mkdir(exist_ok=True)
@@ -248,7 +248,7 @@ def keep_picture() -> KeepPicture:
 
 @pytest.fixture
 def pixels() -> Pixels:
-    """What is seen of an element, (H, W, 3)."""
+    """Return the visible pixels of an element, (H, W, 3)."""
 
     def take(element: Locator) -> NDArray[np.uint8]:
         picture = cv2.imdecode(np.frombuffer(element.screenshot(), np.uint8), cv2.IMREAD_COLOR)
@@ -259,10 +259,10 @@ def pixels() -> Pixels:
 
 @pytest.fixture
 def wait_for_scene(pixels: Pixels, eventually: Eventually) -> Callable[[Page], None]:
-    """Wait until the 3D scene is drawn: many different colours, not one ground.
+    """Wait until the 3D scene is drawn: many different colours, not just the background.
 
-    Without a graphics card its shaders are compiled once, for seconds in which the page stands
-    still: they are over when it draws its next frame.
+    Without a graphics card compiling its shaders blocks the page for seconds, once: that is over
+    when the page draws its next frame.
     """
 
     def is_drawn(page: Page) -> bool:
@@ -280,7 +280,7 @@ def wait_for_scene(pixels: Pixels, eventually: Eventually) -> Callable[[Page], N
 
 @pytest.fixture
 def eventually() -> Eventually:
-    """Ask until the answer is true, or ``until`` says that it is as wanted; returns it."""
+    """Ask until the answer is true, or ``until`` accepts it; return the answer."""
 
     def wait(
         ask: Callable[[], Any], within_s: float = 10.0, until: Callable[[Any], bool] = bool

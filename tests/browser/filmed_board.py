@@ -1,4 +1,4 @@
-"""Two webcams on the network before a person with a chessboard: simulated images over real HTTP."""
+"""Two network webcams filming a person with a chessboard: simulated images over real HTTP."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from observer.simulation.world import World
 from observer.vision.rectification import Rectification
 
 _RATE_HZ = 12.0
-# A camera never delivers the same image twice: the noise of the next one is drawn from a stock.
+# A camera never delivers the same image twice: each gets noise from a precomputed pool.
 _NOISE = 1.5
 _SHIFT_PX = 997
 _HEAD = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=next\r\n\r\n"
@@ -26,7 +26,7 @@ _HEAD = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=ne
 
 @dataclass(frozen=True, eq=False)
 class _Filmed:
-    """What both cameras see, each (480, 640, 3)."""
+    """Images of both cameras, each (480, 640, 3)."""
 
     left: NDArray[np.uint8]
     right: NDArray[np.uint8]
@@ -38,14 +38,14 @@ class _Server(socketserver.ThreadingTCPServer):
     block_on_close = True
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A client that leaves is no error here."""
+        """Ignore the error: a client that disconnects is normal here."""
 
 
 class FilmedBoard:
-    """Serves ``left`` and ``right`` as MJPEG until it is left; a context.
+    """Serves ``left`` and ``right`` as MJPEG; a context manager.
 
-    The person holds the board in one pose until ``next_pose``, and puts it away in the end; then
-    the cameras see the lab, of which every distance is known.
+    The person holds the board in one pose until ``next_pose`` and finally puts it away; then the
+    cameras see the lab, in which every distance is known.
     """
 
     def __init__(self) -> None:
@@ -91,12 +91,12 @@ class FilmedBoard:
 
     @property
     def spec(self) -> str:
-        """Both cameras as a person types them."""
+        """Both cameras as a user types them."""
         port = self._server.server_address[1]
         return ",".join(f"http://127.0.0.1:{port}/{side}" for side in ("left", "right"))
 
     def next_pose(self) -> None:
-        """Hold the board elsewhere; after the last pose comes the first."""
+        """Hold the board in the next pose; after the last comes the first."""
         self._pose = (self._pose + 1) % len(self._poses)
         self._now = self._poses[self._pose]
 
@@ -104,10 +104,10 @@ class FilmedBoard:
         self._now = self._empty
 
     def distance_m(self, found: StereoCalibration, u: float, v: float) -> float:
-        """How far is truly, metres from the left lens, what a tape is held to in the lab.
+        """Return the true distance of a place in the lab from the left lens, m, as for a tape.
 
         Args:
-            found: the calibration to be judged. u, v: pixel of the left image that it rectifies.
+            found: the calibration under test. u, v: pixel of the left image rectified by it.
         """
         rectification = Rectification(found)
         camera = rectification.camera

@@ -1,4 +1,4 @@
-"""Steps of sending the observer to a goal on the page."""
+"""Steps for sending the observer to a goal on the page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DRIVEN_S = 90.0
 
 
 def open_source(server: Server, source: str) -> None:
-    """Open it; the engine may be starting."""
+    """Open a source, retrying while the engine is starting."""
     deadline = time.monotonic() + 60.0
     while not server.api.put("/api/source", json={"source": source}).is_success:
         assert time.monotonic() < deadline, source
@@ -37,7 +37,7 @@ def arm_observer(page: Page) -> bool:
     """Arm the observer if it is not; return whether a goal can be sent."""
     arm = page.get_by_role("button", name="Arm", exact=True)
     if arm.is_visible() and arm.is_enabled():
-        # Unless it changes meanwhile.
+        # The button may change meanwhile.
         with contextlib.suppress(Error):
             arm.click(timeout=2000)
         page.wait_for_timeout(300)
@@ -45,9 +45,9 @@ def arm_observer(page: Page) -> bool:
 
 
 def until_driving(page: Page, send: Callable[[], object]) -> None:
-    """Send it until it drives to the goal.
+    """Send the observer until it drives to the goal.
 
-    A busy machine shows a frame too late now and then: that ends the drive, and it is sent again.
+    On a busy machine a frame is occasionally late, which ends the drive: it is then sent again.
     """
     deadline = time.monotonic() + DRIVEN_S
     giving_up = goal_section(page).get_by_role("button", name="Cancel goal")

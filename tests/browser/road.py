@@ -1,4 +1,4 @@
-"""A network between the page and the server that does as a test wants."""
+"""A network between page and server that the test controls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .witness import TRIES, Witness
 
 
 class Road:
-    """The drive socket's way through the test, which can delay both directions or lose all."""
+    """Routes the drive socket through the test, which can delay both directions or drop all."""
 
     def __init__(self, page: Page) -> None:
         self.delay_s = 0.0
@@ -35,7 +35,7 @@ class Road:
             self._waiting.append((time.monotonic() + self.delay_s, send))
 
     def go_on(self, for_s: float, until: Callable[[], bool] = lambda: False) -> bool:
-        """Let messages pass; whether it came to what was waited for."""
+        """Let messages pass; return whether ``until`` came true in time."""
         end = time.monotonic() + for_s
         while time.monotonic() < end:
             while self._waiting and self._waiting[0][0] <= time.monotonic():
@@ -46,7 +46,7 @@ class Road:
         return False
 
     def drive(self, witness: Witness) -> None:
-        """Hold a key until it moves."""
+        """Hold a key until the robot moves."""
         for _ in range(TRIES):
             self._page.keyboard.down("w")
             if self.go_on(1.5, lambda: witness.moves):

@@ -1,4 +1,4 @@
-"""axe finds nothing, of any grade, in any state of the page: live, past, dialogs and wizard."""
+"""axe finds nothing of any severity in any state of the page: live, runs, dialogs, wizard."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .conftest import Eventually, OpenPanel, Server, looks
 
 _MADE_MS = 120_000
 _TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
-# Without animations: half-way through one, colours are between others.
+# Without animations: half-way through one, colours are blended.
 _LOOKS: dict[str, dict[str, Any]] = {
     "light": {},
     "dark": {"color_scheme": "dark"},
     "phone": {"viewport": {"width": 360, "height": 780}, "has_touch": True},
 }
-# Whatever is folded, unfolded: what is inside is seen, too.
+# Expand everything that is collapsed, so that its content is checked too.
 _UNFOLD = """() => {
   for (const each of document.querySelectorAll("details"))
     if (each.checkVisibility()) each.open = true;
@@ -29,9 +29,9 @@ _UNFOLD = """() => {
 
 
 class _Look:
-    """A page that is looked at in one state after another; all that is found is told at once.
+    """A page checked in one state after another; all findings are reported together.
 
-    Dark differs from light by its colours alone.
+    Dark differs from light only in its colours.
     """
 
     def __init__(self, page: Page, name: str) -> None:
@@ -52,7 +52,7 @@ class _Look:
 
     @contextmanager
     def opened(self, state: str) -> Iterator[None]:
-        """What is opened within is looked at, and closed by Escape."""
+        """Check what is opened within, then close it with Escape."""
         yield
         self.page.wait_for_timeout(100)
         self(state)
@@ -72,7 +72,7 @@ class _Look:
 
 @pytest.fixture
 def look(server: Server, open_panel: OpenPanel, request: pytest.FixtureRequest) -> Iterator[_Look]:
-    """A page with live data, which pauses: the work of it would be waited for."""
+    """A page with live data, paused, since processing would slow the checks down."""
     page = open_panel(refusals=True, reduced_motion="reduce", **_LOOKS[request.param])
     server.api.post("/api/playback", json={"paused": True}).raise_for_status()
     page.wait_for_selector('html[data-freshness="held"]')
@@ -184,7 +184,7 @@ def test_wizard(server: Server, look: _Look, eventually: Eventually) -> None:
             page.get_by_role("button", name="Exit").click()
             expect(page.get_by_role("dialog")).to_be_visible()
     finally:
-        # It would ask for pictures of views that are gone.
+        # It would request pictures of views that no longer exist.
         page.goto("about:blank")
         server.api.delete("/api/calibrating")
         server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()

@@ -1,4 +1,4 @@
-"""Any pixel can be asked why it counts as what it does, and every obstacle says why."""
+"""One can ask about any pixel why it is classified as it is, and every obstacle says why."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Standing = Callable[..., tuple[Page, Json]]
 
 @pytest.fixture
 def standing(server: Server, open_panel: OpenPanel, eventually: Eventually) -> Iterator[Standing]:
-    """A page whose picture stands, and a pixel of it that moves."""
+    """A page with a paused picture, and a moving pixel in it."""
 
     def open_one(**options: Any) -> tuple[Page, Json]:
         eventually(lambda: server.get("/status")["source"], 30)
-        # Other tests may have left the playback as they liked.
+        # Other tests may have left the playback paused.
         server.api.post("/api/playback", json={"paused": False}).raise_for_status()
         page = open_panel(**options)
         found = None
@@ -42,11 +42,11 @@ def standing(server: Server, open_panel: OpenPanel, eventually: Eventually) -> I
 
 
 def _pixel(server: Server, wanted: Callable[[Json], bool]) -> Json | None:
-    """The answer at a pixel of which, and around which, the answers are such; None if nowhere."""
+    """Return the answer for a pixel where it and its surroundings are as wanted, or None."""
     camera = server.get("/status")["camera"]
     for v in range(_STEP_PX, camera["height"], _STEP_PX):
         for u in range(_STEP_PX, camera["width"], _STEP_PX):
-            # A click may miss by a pixel, so its surroundings must be of the same.
+            # A click may miss by a pixel, so the surroundings must qualify, too.
             around = [(u, v), (u - 2, v - 2), (u + 2, v - 2), (u - 2, v + 2), (u + 2, v + 2)]
             answers = (server.get(f"/pixel?u={x}&v={y}") for x, y in around)
             if all(map(wanted, answers)):
@@ -56,7 +56,7 @@ def _pixel(server: Server, wanted: Callable[[Json], bool]) -> Json | None:
 
 
 def _with_titles(server: Server, words: str) -> str:
-    """The words with each parameter named as its field is."""
+    """Return the words with each parameter named as in its field."""
     for entry in server.get("/parameters/schema"):
         group = entry["group"].replace("_", " ").replace("klt", "KLT").replace("ego ", "ego-")
         title = f"{entry['title']} ({group[:1].upper()}{group[1:]})"
@@ -85,7 +85,7 @@ def test_a_click_on_the_picture_is_answered(
     _click(page, told["u"], told["v"], camera)
     card = page.locator(".answer")
     expect(card.locator(".verdict-chip")).to_have_text("Moving")
-    # A click hits a pixel of the picture as it is shown, which may be smaller.
+    # The picture may be scaled down, so a click cannot hit every pixel exactly.
     where = card.locator(".answer-head .figure")
     expect(where).to_have_text(re.compile(r"Pixel \d+, \d+ · frame \d+"))
     u, v, frame = (int(n) for n in re.findall(r"\d+", where.inner_text()))
@@ -99,7 +99,7 @@ def test_a_click_on_the_picture_is_answered(
     expect(card).to_contain_text(f"Obstacle {same['obstacle']['id']}")
     speed = card.locator("dl div", has=page.locator("dt", has_text=re.compile("^Speed$")))
     mps = same["numbers"]["speed_mps"]
-    # Where no point is near, only the body's depth segment tells that it moves.
+    # If no point is near, the pixel counts as moving only by the body's depth segment.
     expect(speed.locator("dd")).to_have_text([] if mps is None else [f"{mps:.2f} m/s"])
     mark = page.locator(".pixel-mark").bounding_box()
     picture = page.locator(".pixel-pick").bounding_box()

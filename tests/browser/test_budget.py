@@ -1,8 +1,8 @@
-"""The page's budget: weight, stillness while data flows, time to be usable, and latency.
+"""The page's budget: weight, layout stability while data flows, time until usable, latency.
 
-What is measured is printed, for those who run it with -s on a quiet machine. The bounds of times
-are wide: this shall pass beside other tests, and fail where the page got several times slower. Only
-where somebody waits for the figures is what is wanted tried for again: CI's are never those.
+The measurements are printed for those who run it with -s on a quiet machine. The time limits are
+wide: the tests shall pass next to other tests, and fail if the page has become several times
+slower. The wanted values are retried only outside CI, whose machines never reach them.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from playwright.sync_api import Page
 from .conftest import DESKTOP, Eventually, OpenPanel, Server
 
 _PHONE = {"width": 390, "height": 844}
-# Of all that the page loads to be usable, but for the 3D scene.
+# Everything the page loads to become usable, except the 3D scene.
 _WEIGHT_BYTES = 500_000
 _FLOWING_MS = 8000
-# Wanted on a quiet machine of two cores.
+# Wanted on a quiet machine with two cores.
 _USABLE_WANTED_S = 2.0
 _LATENCY_WANTED_MS = 100.0
 _USABLE_WITHIN_S = 10.0
 _LATENCY_MEDIAN_MS, _LATENCY_P95_MS = 500.0, 2000.0
 _TRIES = 1 if os.environ.get("CI") else 3
 
-# Notes every layout shift that no key or click explains, and when live data was first shown.
+# Record every layout shift not caused by a key or click, and when live data was first shown.
 _WATCH = """() => {
   performance.setResourceTimingBufferSize(2000);
   window.shifts = [];
@@ -47,7 +47,7 @@ _WATCH = """() => {
   };
   look();
 }"""
-# How long a press takes to be seen.
+# Time until the effect of a press is visible.
 _PRESS = """() => new Promise((done) => {
   const start = performance.now();
   document.querySelector(".menu-button").click();
@@ -55,7 +55,7 @@ _PRESS = """() => new Promise((done) => {
   requestAnimationFrame(() => requestAnimationFrame(() =>
     done(open ? performance.now() - start : Infinity)));
 })"""
-# Everything that this document loaded: kind, bytes over the network with headers, and unpacked.
+# Everything this document loaded: path, bytes over the network with headers, and unpacked.
 _LOADED = """() => [
   ...performance.getEntriesByType("navigation"),
   ...performance.getEntriesByType("resource"),
@@ -70,7 +70,7 @@ def _tell(measured: str) -> None:
 
 @pytest.fixture
 def open_watched(open_panel: OpenPanel) -> OpenPanel:
-    """Open the page as a browser does that was never here, watched from its first moment."""
+    """Open the page as in a browser's first visit, watched from the first moment."""
 
     def open_one(**options: Any) -> Page:
         page = open_panel(script=f"({_WATCH})()", **options)
@@ -82,7 +82,7 @@ def open_watched(open_panel: OpenPanel) -> OpenPanel:
 
 def test_weight(open_watched: OpenPanel) -> None:
     page = open_watched()
-    # What is asked for once the page is there.
+    # Include what is loaded after the page has appeared.
     page.wait_for_timeout(2000)
     loaded = page.evaluate(_LOADED)
     sent, plain = (sum(each[kind] for each in loaded) for kind in ("sent", "plain"))
@@ -101,7 +101,7 @@ def test_nothing_moves_while_data_flows(open_watched: OpenPanel, size: Any) -> N
     shifts = page.evaluate("window.shifts")
     _tell(f"cumulative layout shift {sum(each['value'] for each in shifts):.4f}")
     assert shifts == [], "\n".join(str(each) for each in shifts)
-    # Fails where the browser notes none.
+    # Make sure that the browser reports shifts at all.
     page.evaluate("document.querySelector('main').style.marginTop = '80px'")
     page.wait_for_function("() => window.shifts.length > 0")
 
@@ -124,13 +124,13 @@ def test_it_is_usable_soon(open_watched: OpenPanel, viewer: bool) -> None:
 def test_from_exposure_to_painted(
     server: Server, open_panel: OpenPanel, eventually: Eventually, viewer: bool
 ) -> None:
-    """A simulated frame is exposed at the moment it is played; the server counts from there until
-    the page has painted it and said so, on one clock.
+    """A simulated frame is exposed when it is played; the server measures from then until the page
+    has painted and acknowledged it, on a single clock.
     """
     open_panel(viewer=viewer).wait_for_timeout(1000)
     told: list[Any] = []
     for _ in range(_TRIES):
-        # It counts anew with another source.
+        # Opening a source restarts the statistics.
         server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
         told.append(eventually(lambda: (now := _latency(server))["count"] > 60 and now, 40))
         if told[-1]["p95"] < _LATENCY_WANTED_MS:

@@ -1,4 +1,4 @@
-"""Calibrating in the panel: the whole wizard by keyboard alone, and what came of it."""
+"""Calibrating in the panel: the whole wizard by keyboard alone, and its result."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from observer.vision.stereo import disparity_map
 
 from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
 
-# The entry of a calibration, and what its file says.
+# The entry of a calibration, and the content of its file.
 Made = tuple[Json, StereoCalibration]
 
 _NAME = "Two webcams by keyboard"
-# The same board in quick hands, which hold each of the 28 poses just long enough, and cameras of
-# 10 images/s: a third of the frames.
+# The same board, with each of the 28 poses held just long enough, and cameras at 10 images/s: a
+# third of the frames.
 _SCENARIO = """\
 based_on: calibration
 title: A chessboard in quick hands
@@ -42,8 +42,8 @@ duration_s: 22.4
 board: {hold_s: 0.5, move_s: 0.3}
 """
 
-# What has the focus: its name as a person hears it, a name for it as an element, whether the
-# focus is lost, and whether it is seen.
+# The focused element: its accessible name, an identity, whether there is a focus at all, and
+# whether it is visible.
 _FOCUS = """() => {
   const e = document.activeElement;
   if (!e || e === document.body) return ["", "", false, false];
@@ -58,18 +58,18 @@ _FOCUS = """() => {
 
 
 def _tell(measured: str) -> None:
-    """What was measured, for those who run it with -s."""
+    """Print a measurement for those who run it with -s."""
     sys.stdout.write(f"{measured}\n")
 
 
 class _Hands:
-    """A person without a mouse, to whom the focus is never lost and never unseen."""
+    """A user without a mouse, whose focus must never be lost or invisible."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
 
     def focus(self) -> tuple[str, str]:
-        """Name and identity of what has the focus; fails where that is nothing or not seen."""
+        """Return name and identity of the focused element; fail if none or hidden."""
         name, identity, held, seen = self._page.evaluate(_FOCUS)
         assert held, "the focus is lost"
         assert seen, f"the focus is not seen: {name!r}"
@@ -80,7 +80,7 @@ class _Hands:
             self._page.keyboard.press(key)
 
     def go(self, name: str, key: str = "Tab", most: int = 40) -> None:
-        """Press a key until what has the focus is called so."""
+        """Press a key until the element of this name has the focus."""
         passed = []
         for _ in range(most):
             self.press(key)
@@ -91,12 +91,12 @@ class _Hands:
         pytest.fail(f"{name!r} was not reached by {key}, but {passed}")
 
     def enter(self, text: str) -> None:
-        """Type over what a field holds."""
+        """Overwrite the text of a field."""
         self.press("Control+a")
         self._page.keyboard.type(text)
 
     def stands_at(self, name: str) -> None:
-        """Wait until the focus has come there by itself."""
+        """Wait until the focus has moved there by itself."""
         self._page.wait_for_function(
             "(name) => document.activeElement.textContent.trim().startsWith(name)", arg=name
         )
@@ -105,7 +105,7 @@ class _Hands:
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Two cameras that nobody has calibrated, and a person who shows them a board."""
+    """Two uncalibrated cameras, and a person who shows them a board."""
     path = tmp_path_factory.mktemp("scenario") / "held_board.yaml"
     path.write_text(_SCENARIO)
     return f"simulated:{path}"
@@ -116,7 +116,7 @@ def _now(server: Server) -> Any:
 
 
 def _hurry(server: Server, rate: float = 4.0) -> None:
-    """As fast as the machine can: the person's hands, not the pictures, are simulated slower."""
+    """Play the simulation faster, as far as the machine can."""
     server.api.post("/api/playback", json={"rate": rate}).raise_for_status()
 
 
@@ -126,7 +126,7 @@ def _play(server: Server, **change: Any) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def _as_before(server: Server) -> Iterator[None]:
-    """Other tests find the lab again, and no calibration."""
+    """Leave the lab open and no calibration for other tests."""
     yield
     server.api.delete("/api/calibrating")
     server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
@@ -136,7 +136,7 @@ def _as_before(server: Server) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def _nothing_is_calibrated(server: Server, eventually: Eventually) -> None:
-    """Also behind a test that failed half-way."""
+    """End calibrating, even if the previous test failed half-way."""
     eventually(lambda: server.get("/status")["source"], 40)
     if _now(server):
         server.api.delete("/api/calibrating").raise_for_status()
@@ -155,10 +155,10 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
 ) -> None:
     page = open_panel(refusals=True)
     hands = _Hands(page)
-    # The last part of the page that is loaded: nobody heads for a button before it is there.
+    # Wait for the last part of the page to load, so that the button is there.
     page.wait_for_function("() => customElements.get('observer-calibration-wizard')")
 
-    # To the side panel by the link that is there for it, to its tab, and in.
+    # To the side panel by the skip link, then to its tab, then into it.
     hands.go("Skip to settings")
     hands.press("Enter")
     hands.go("Parameters")
@@ -178,7 +178,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     assert _now(server)["board"]["square_mm"] == 25
     keep_picture(page, "calibrating-views")
 
-    # One by hand, and back; nothing is captured by itself meanwhile.
+    # Capture one view by hand and undo it; nothing is captured automatically meanwhile.
     hands.go("Capture automatically")
     hands.press("Space")
     eventually(lambda: _now(server)["automatic"] is False)
@@ -187,7 +187,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     before = len(_now(server)["views"])
 
     def captured() -> bool:
-        # Refused while one of the cameras does not see the board.
+        # Refused while either camera does not see the board.
         hands.press("Enter")
         page.wait_for_timeout(250)
         return len(_now(server)["views"]) > before
@@ -207,7 +207,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.press("Space")
     eventually(lambda: _now(server)["automatic"] is True)
 
-    # Status comes twelve times a second: the focus stays on one and the same element.
+    # The status arrives twelve times a second: the focus stays on the same element.
     hands.go("2 Views", "Shift+Tab")
     place = hands.focus()
     _hurry(server)
@@ -236,7 +236,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     )
     _tell(verdict.inner_text())
     expect(page.locator("observer-result-step")).to_contain_text(
-        # What a board that fills the picture makes of it is said, too.
+        # The effect of a board that fills the picture is reported, too.
         re.compile(
             r"Epipolar error \d\.\d\d px: matching points|squares of a board can cause false"
         )
@@ -265,7 +265,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.press("Enter")
     hands.go("Choose the image centre")
     hands.press("Enter")
-    # The mark is moved until it lies on something flat with texture.
+    # Move the mark until it is on a flat textured surface.
     said = dialog.locator(".tape-check [role=status]")
     for key in ["ArrowUp"] * 12 + ["ArrowLeft"] * 12:
         expect(said).not_to_be_empty()
@@ -294,7 +294,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
 
 @pytest.fixture
 def made(server: Server, source: str, eventually: Eventually) -> Made:
-    """The calibration that the keyboard made; where that test was left out, one made by REST."""
+    """The calibration made by keyboard, or, if that test was skipped, one made by REST."""
     found = [each for each in server.get("/calibrations") if each["name"] == _NAME]
     if not found:
         start = {"source": source, "square_mm": 25}
@@ -354,7 +354,7 @@ def test_depth_of_the_lab_with_it_is_right_at_three_metres(server: Server, made:
     v, u = np.nonzero(np.isfinite(disparity) & (disparity > 1))
     stated = np.linalg.norm(camera.triangulate(np.stack([u, v], -1), disparity[v, u]), axis=-1)
 
-    # The same places in the image as it was taken, of which the truth is known.
+    # The same places in the original image, for which the truth is known.
     straight = [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(len(u))]
     rays = np.stack(straight, -1) @ rectification.R_rectified_left
     taken = cv2.projectPoints(rays[:, None], np.zeros(3), np.zeros(3), found.K1, found.D1)[0]
@@ -372,7 +372,7 @@ def test_depth_of_the_lab_with_it_is_right_at_three_metres(server: Server, made:
     assert np.median(error) < 0.02
 
 
-# How often a screen reader is spoken to in three seconds, and whether what can be pressed stayed.
+# Announcements and word changes in three seconds, and whether the controls stayed in place.
 _CALM = """async () => {
   let spoken = 0;
   const status = document.querySelector("observer-capture-step .capture-main [role=status]");
@@ -401,7 +401,7 @@ def test_views_outlive_reloads_and_engines_and_are_seen_by_all(
     expect(other.get_by_role("heading", name="Calibrate: Views")).to_be_visible(timeout=20_000)
     _hurry(server)
     eventually(lambda: len(_now(server)["views"]) >= 2, 60)
-    # As calm as with a person's own hands.
+    # At real speed, as with a real person.
     _hurry(server, 1.0)
     spoken, shown, stayed = page.evaluate(_CALM)
     assert spoken <= 4
@@ -425,7 +425,7 @@ def test_views_outlive_reloads_and_engines_and_are_seen_by_all(
     assert [view["name"] for view in _now(server)["views"]][: len(names)] == names
     for each in (page, other):
         expect(each.locator(".view-list li b").nth(len(names) - 1)).to_have_text(names[-1])
-    # It goes on from there: the next view is another.
+    # It continues from there with further views.
     _hurry(server)
     eventually(lambda: len(_now(server)["views"]) > len(names), 60)
 

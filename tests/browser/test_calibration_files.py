@@ -1,4 +1,4 @@
-"""Calibrations of other tools in the panel: told before they are used, refused with a reason."""
+"""Calibrations of other tools in the panel: previewed before use, refused with a reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
 
 @pytest.fixture(scope="module", autouse=True)
 def _as_before(server: Server) -> Iterator[None]:
-    """Other tests find no calibration."""
+    """Leave no calibration for other tests."""
     yield
     for kept in server.get("/calibrations"):
         server.api.delete(f"/api/calibrations/{kept['id']}").raise_for_status()
@@ -64,7 +64,7 @@ projection_matrix:
 
 @pytest.fixture
 def camera(server: Server, eventually: Eventually) -> Any:
-    """The rectified pair of the lab, and no calibration kept."""
+    """The rectified pair of the lab, with no calibration stored."""
     eventually(lambda: server.get("/status")["source"], 40)
     status = server.get("/status")
     if status["source"]["spec"] != "simulated:lab" or status["calibration"]:
@@ -103,7 +103,7 @@ def test_files_of_other_tools_are_understood_before_they_are_used(
     preview.get_by_label("Name", exact=True).fill("Of Kalibr")
     page.get_by_role("button", name="Save", exact=True).click()
     expect(page.get_by_role("button", name="Preview calibration Of Kalibr")).to_be_visible()
-    # What was renamed had the focus, and its entry still has it.
+    # The renamed entry had the focus and still has it.
     page.wait_for_function(
         "() => document.activeElement.ariaLabel === 'Rename calibration Of Kalibr'", timeout=5_000
     )
@@ -145,7 +145,7 @@ def test_a_refused_file_names_the_key_and_the_reason(
     expect(error).to_contain_text("camchain.yaml not imported")
     expect(error).to_contain_text("T_cn_cnm1")
     assert server.get("/calibrations") == []
-    # The same file can be chosen again once it is corrected.
+    # The same file can be chosen again once corrected.
     _choose(page, camchain=_camchain(camera, _kalibr_baseline(camera)))
     expect(page.get_by_role("dialog")).to_contain_text("Kalibr")
     expect(error).to_be_empty()

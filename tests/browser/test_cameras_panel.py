@@ -1,6 +1,6 @@
-"""Cameras in the panel: those that are plugged in, those that nobody calibrated, those by network.
+"""Cameras in the panel: connected ones, uncalibrated ones, network cameras.
 
-The devices are made up at the REST interface's border; no camera is on a machine that tests.
+The devices are faked at the REST interface, as test machines have no cameras.
 """
 
 from __future__ import annotations
@@ -54,10 +54,10 @@ def _the_lab_before_and_after(server: Server, eventually: Eventually) -> Iterato
 
 @pytest.fixture
 def picker(open_panel: OpenPanel) -> Picker:
-    """The page at its sources, with such devices plugged in; what it asks to open is kept.
+    """Open the page at its sources with the given devices connected, recording what it opens.
 
-    What it gives takes the devices and the hints: the page, a list of sources that were asked
-    for, and the answer of the server, which may be changed.
+    The returned function takes the devices and the hints; it returns the page, a list of the
+    sources requested, and the server's answer, which the test may change.
     """
 
     def open_one(devices: list[Json], hints: Sequence[str] = ()) -> tuple[Page, list[str], Json]:
@@ -89,7 +89,7 @@ def test_the_chosen_cameras_and_settings_become_one_source(
     expect(box).to_contain_text("2 cameras are connected.")
     box.get_by_text("Left and right, image size, exposure").click()
     expect(box.locator(".warnings li")).to_have_text([_BUSY, _SHARED])
-    # Left and right are two cameras from the first; compressed images are what one bus carries.
+    # At first left and right are two different cameras, with compressed images to suit one bus.
     expect(box.get_by_label("Left camera")).to_have_value(_PORTS[0])
     expect(box.get_by_label("Right camera")).to_have_value(_PORTS[1])
     sizes = box.get_by_label("Size, format and rate")
@@ -103,7 +103,7 @@ def test_the_chosen_cameras_and_settings_become_one_source(
     box.get_by_label("Mains frequency, to avoid flicker").select_option("50")
     keep_picture(page, "cameras")
 
-    # Another camera is plugged in: what was chosen stays chosen.
+    # Another camera is connected: the choice stays.
     answer["cameras"] = [_device(0), _device(1), _device(3)]
     answer["hints"] = []
     page.get_by_role("button", name="Find cameras").click()
@@ -199,7 +199,7 @@ def test_cameras_that_nobody_calibrated_lead_to_the_wizard(
     page.get_by_role("button", name="Start with these cameras").click()
     expect(page.get_by_role("heading", name="Calibrate: Views")).to_be_focused(timeout=15_000)
     assert server.get("/status")["calibrating"]["source"] == "simulated:webcams"
-    # Nobody holds a board there, and that is said.
+    # Nobody holds a board there, and the page says so.
     expect(page.locator(".capture-words")).to_contain_text(re.compile("board|both", re.I))
     page.get_by_role("button", name="Exit").click()
     expect(page.locator("observer-calibration-wizard")).to_be_hidden()
@@ -208,7 +208,7 @@ def test_cameras_that_nobody_calibrated_lead_to_the_wizard(
 
 @pytest.fixture
 def video_server() -> Callable[..., Any]:
-    """The server of real video streams that the cameras' own tests use."""
+    """The server of real video streams used by the cameras' own tests."""
     tests = Path(__file__).resolve().parents[1]
     path = tests / "observer" / "sources" / "cameras" / "video_server.py"
     spec = importlib.util.spec_from_file_location("video_server_of_cameras", path)

@@ -1,7 +1,7 @@
-"""Driving by hand on the page: what holds, what lets go, and how soon the robot is told zero.
+"""Manual driving on the page: holding, releasing, and how soon the robot is sent zero.
 
-The robots are those of the simulated lab, driven by the very way of real ones. "Zero" is when the
-drive process says that it sends zero; it is asked all the time from another connection.
+The robots are simulated but driven by the same code as real ones. "Zero" is when the drive process
+reports that it sends zero; it is polled over another connection.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _BUSY = """() => void setTimeout(() => {
   const end = performance.now() + 1200;
   while (performance.now() < end);
 })"""
-# When the page asks for control, ms since the epoch.
+# Record when the page asks for control, ms since the epoch.
 _NOTE_WHEN_ASKED = """() => {
   const { send } = WebSocket.prototype;
   WebSocket.prototype.send = function (message) {
@@ -43,10 +43,10 @@ _ASK = """import("/static/app/shell/notice.js").then((notice) => {
 
 @pytest.fixture(scope="module")
 def room(server: Server) -> Iterator[Server]:
-    """The server on a simulated room in which there is space to drive."""
+    """The server on a simulated room with space to drive."""
     _until(lambda: _opened(server, "simulated:drive"))
     _until(lambda: _all_disarmed(server))
-    # The obstacle has no eyes: few frames leave the processor to the page and what it is to do.
+    # The obstacle needs no images: play slowly, to leave the processor to the page.
     _play(server, 0.2)
     yield server
     _until(lambda: _opened(server, "simulated:lab"))
@@ -61,7 +61,7 @@ def _until(is_so: Callable[[], bool], within_s: float = 60.0) -> None:
 
 
 def _opened(server: Server, source: str) -> bool:
-    """Whether it was; the engine may be starting."""
+    """Return whether the source was opened; the engine may still be starting."""
     if server.api.put("/api/source", json={"source": source}).is_success:
         return True
     time.sleep(3.0)
@@ -85,7 +85,7 @@ def _begin_at_rest(room: Server) -> None:
 
 @pytest.fixture
 def seat(open_panel: OpenPanel) -> Callable[..., Page]:
-    """A page on the robots' tab, the obstacle chosen; ``armed`` arms it as well."""
+    """A page on the robots' tab with the obstacle chosen; ``armed`` arms it as well."""
 
     def sit(
         *, armed: bool = True, before: Callable[[Page], object] = lambda _: None, **options: Any
@@ -94,7 +94,7 @@ def seat(open_panel: OpenPanel) -> Callable[..., Page]:
         before(page)
         page.get_by_role("tab", name="Robots").click()
         page.locator("input[name=drive-role][value=obstacle]").check(force=True)
-        # Slowly: it shall not come to a wall.
+        # Slowly, so that it does not reach a wall.
         page.locator("#drive-share").fill("5")
         if armed:
             _arm(page)
@@ -114,13 +114,13 @@ def _card(page: Page, role: str = "obstacle") -> Locator:
 
 
 def _open_run_options(page: Page) -> None:
-    """Have a field to type in: that of a run's name."""
+    """Open a field to type in: that of a run's name."""
     if not page.locator("#run-name").is_visible():
         page.get_by_role("button", name="Run options").click()
 
 
 def _press_pad(page: Page, right: float = 0.5, down: float = 0.15) -> None:
-    """Hold the pad at a place, 0 to 1 of its width and height."""
+    """Hold the pad at a position, 0 to 1 of its width and height."""
     box = page.locator(".drive-pad").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + right * box["width"], box["y"] + down * box["height"])
@@ -130,7 +130,7 @@ def _press_pad(page: Page, right: float = 0.5, down: float = 0.15) -> None:
 def _drive(
     page: Page, witness: Witness, press: Callable[[], object], let_go: Callable[[], object]
 ) -> None:
-    """Hold until it moves; again where a busy machine held the page up."""
+    """Hold until the robot moves; retry if a busy machine held up the page."""
     for _ in range(TRIES):
         start = time.monotonic()
         press()
@@ -165,7 +165,7 @@ def test_the_pad_drives_while_it_is_held(
                 "(pad, kind) => pad.dispatchEvent(new PointerEvent(kind, { pointerId: 1 }))", kind
             )
             report(f"pad at {kind}", witness.zero_after(start))
-            # Still pressed, but that was let go.
+            # Still pressed, but the hold was released.
             page.mouse.move(700, 500)
             witness.stays_zero(0.2)
             page.mouse.up()
@@ -190,7 +190,7 @@ def test_keys_drive_only_where_nobody_types(room: Server, seat: Callable[..., Pa
         witness.stays_zero(0.3)
         page.keyboard.up("w")
         expect(page.locator("#run-name")).to_have_value("w")
-        # What is held while a field is entered is let go.
+        # Entering a field releases what is held.
         page.locator(".drive-pad").focus()
         _drive(page, witness, lambda: page.keyboard.down("w"), lambda: page.keyboard.up("w"))
         start = time.monotonic()
@@ -218,7 +218,7 @@ def test_a_gamepad_drives_while_its_shoulder_button_is_held(
         start = time.monotonic()
         page.evaluate("fakePad.connected = false")
         report("gamepad disconnected", witness.zero_after(start))
-        # Found again with its button still held, it moves nothing.
+        # Reconnected with its button still held, it moves nothing.
         page.evaluate("fakePad.connected = true")
         page.evaluate("void window.dispatchEvent(new Event('gamepadconnected'))")
         witness.stays_zero(0.3)
@@ -248,7 +248,7 @@ def test_a_page_that_is_left_stops_the_robot(
         hide_page(page, True)
         report("page hidden", witness.zero_after(start))
         witness.stays_zero(0.3)
-        # Coming back restarts nothing, though the key is still down.
+        # Coming back does not restart it, though the key is still down.
         hide_page(page, False)
         witness.stays_zero(0.4)
         let_go()
@@ -281,9 +281,9 @@ def test_the_second_operator_takes_over_and_the_first_is_told(
         second.evaluate(_NOTE_WHEN_ASKED)
         second.get_by_role("button", name="Take control").evaluate("button => button.click()")
         asked = eventually(lambda: second.evaluate("window.askedAt ?? null")) / 1000
-        # Not from the click: the page may first have to connect.
+        # Not measured from the click, as the page may have to connect first.
         report("taken over", witness.zero_after(asked - time.time() + time.monotonic()))
-        # The first one's key is still down, and moves nothing.
+        # The first page's key is still down and moves nothing.
         witness.stays_zero(0.4)
         expect(_card(second)).to_contain_text("You have control")
         expect(_card(first)).not_to_contain_text("You have control")
@@ -292,7 +292,7 @@ def test_the_second_operator_takes_over_and_the_first_is_told(
         second.bring_to_front()
         _arm(second)
         _drive(second, witness, lambda: second.keyboard.down("w"), lambda: second.keyboard.up("w"))
-        # Whoever looks on may stop it.
+        # Any watcher may stop it.
         start = time.monotonic()
         first.locator("#stop-robots").evaluate("button => button.click()")
         report("stopped by somebody else", witness.zero_after(start))
@@ -321,7 +321,7 @@ def test_space_and_esc_stop_wherever_one_is(
                 expect(latched).to_be_visible()
                 keep_picture(page, "driving-stopped")
             reset()
-            # Nothing starts by itself; armed again, the key stops from within a field as well.
+            # Nothing starts by itself; once armed again, the key stops even from within a field.
             witness.stays_zero(0.2)
             _arm(page)
             expect(page.locator(".stop-keys")).to_contain_text("always stop")
@@ -331,7 +331,7 @@ def test_space_and_esc_stop_wherever_one_is(
             reset()
             expect(page.locator("#run-name")).to_have_value("")
             _arm(page)
-    # Over the wizard and a question too, by their own button.
+    # Also over the wizard and a question, by their own buttons.
     page.get_by_role("tab", name="Calibration").click()
     page.locator("observer-calibration button", has_text="Calibrate").first.click()
     expect(page.locator("observer-calibration-wizard")).to_be_visible()
@@ -411,7 +411,7 @@ def test_a_slow_link_stops_and_says_so(room: Server, seat: Callable[..., Page]) 
         road.delay_s = 0
         good = page.locator("observer-drive-pad .state-chip", has_text="Link good")
         assert road.go_on(8.0, good.is_visible)
-        # The link is good again and the key still down: nothing moves until it is pressed anew.
+        # The link is good again and the key still down: nothing moves until it is pressed again.
         road.go_on(0.4)
         assert not witness.moves
         page.keyboard.up("w")
@@ -460,7 +460,7 @@ def test_a_programme_runs_while_its_operator_is_there(
         page.get_by_role("button", name="Start Square of 2 m, obstacle").click()
         expect(page.locator(".programme-running progress")).to_be_visible()
         assert witness.first(True, time.monotonic(), 8.0) is not None
-        # Presence ends with the page being seen.
+        # Presence ends when the page is hidden.
         start = time.monotonic()
         hide_page(page, True)
         report("programme without its operator", witness.zero_after(start))
@@ -481,7 +481,7 @@ def test_a_check_outlasts_the_page_that_is_closed(
     expect(section.locator(".check-instruction")).to_contain_text("steps in front")
     page.get_by_role("button", name="Skip step").click()
     expect(section.locator(".check-now")).to_contain_text("step 2 of 2: Close the browser")
-    # It is not what the step is about, and is not taken.
+    # The step does not count this drive, as it does not end the way the step asks.
     page.locator("#drive-share").fill("40")
     _speed_up(page, room, "w")
     page.keyboard.press("Escape")
@@ -513,13 +513,13 @@ def test_a_check_outlasts_the_page_that_is_closed(
 
 
 def _speed_up(page: Page, server: Server, key: str) -> None:
-    """Hold a key until a check takes it for driving; again where the page was held up."""
+    """Hold a key until it counts as driving for a check; retry if the page was held up."""
     page.locator(".drive-pad").focus()
     for _ in range(TRIES):
         page.keyboard.down(key)
         end = time.monotonic() + 3.0
         while time.monotonic() < end:
-            # What still rolls, but is told zero already, is stopped by nothing any more.
+            # A robot that still rolls but is already sent zero cannot be stopped any more.
             robot = server.get("/robots")["robots"]["obstacle"]
             if abs(robot["report"]["speed_mps"] or 0.0) > 0.15 and robot["sent"]["speed_mps"]:
                 return

@@ -1,4 +1,4 @@
-"""Sharing a link, watching by one, the list of keys and the log, as a person uses them."""
+"""Sharing a link, watching through one, the list of keys and the log, as users do it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anyt
 def watching(
     server: Server, browser: Browser, leave_viewer_out: Callable[[Page], None]
 ) -> Iterator[Page]:
-    """The page as somebody sees it who came by a read-only link."""
+    """The page as seen through a read-only link."""
     context = browser.new_context()
     page = context.new_page()
     leave_viewer_out(page)
@@ -63,7 +63,7 @@ def test_a_link_is_shared(
     assert code.get_attribute("src") != before
     dialog.get_by_role("button", name="Copy").click()
     expect(dialog.get_by_role("button", name="Copied")).to_be_visible()
-    # No phone can open what only this computer can.
+    # A phone cannot open an address that works only on this computer.
     dialog.get_by_label("Address").select_option(label=f"{address} (this computer)")
     expect(code).to_be_hidden()
     dialog.get_by_role("button", name="Close").click()
@@ -93,7 +93,7 @@ def test_who_only_watches_is_told_once_and_changes_nothing(
     expect(form.locator('input[type="number"]:enabled, input[type="range"]:enabled')).to_have_count(
         0
     )
-    # What only looks stays.
+    # Harmless controls stay enabled.
     expect(form.locator("#parameter-search")).to_be_enabled()
     keep_picture(page, "watching-only")
     before = server.get("/parameters")["revision"]
@@ -107,7 +107,7 @@ def test_who_only_watches_is_told_once_and_changes_nothing(
     )
     assert answer == [403, WATCHING_ONLY]
     assert server.get("/parameters")["revision"] == before
-    # Everybody who sees something go wrong may stop the robots.
+    # Anyone who sees something go wrong may stop the robots.
     stop = page.locator("#stop-robots")
     expect(stop).to_be_enabled()
     from_menu(page, "Share")
@@ -156,7 +156,7 @@ def test_who_only_watches_can_press_nothing_that_acts_but_stop(
         expect(button).to_have_attribute("title", WATCHING_ONLY)
     expect(page.get_by_role("button", name="Delete run")).to_be_disabled()
     expect(view.get_by_label("Name", exact=True).last).to_be_disabled()
-    # What only looks goes on as for everybody.
+    # Harmless controls work as for everyone.
     expect(page.locator(".run-actions").get_by_role("button", name="Export")).to_be_enabled()
     expect(view.get_by_role("button", name="Play", exact=True)).to_be_enabled()
     view.get_by_role("button", name="Play", exact=True).click()
@@ -191,7 +191,7 @@ def test_a_link_is_revoked(
     expect(rows).to_have_count(1)
     watching.wait_for_url("**/sign-in#signed-out", timeout=5_000)
     assert server.api.get(before, headers={"Authorization": ""}).status_code == 401
-    # Links for operators are no business of this list.
+    # The list is not about links for operators.
     dialog.get_by_label("Operator").check()
     expect(dialog.get_by_role("region", name="Read-only links")).to_be_hidden()
 
@@ -217,7 +217,7 @@ def test_a_phone_shows_the_method_and_leads_to_its_parameters(open_panel: OpenPa
 def test_the_keys_are_listed(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:
     page = open_panel()
     dialog = page.get_by_role("dialog", name="Keyboard")
-    # In a field it is a letter like any other.
+    # In a field it is an ordinary character.
     page.get_by_role("tab", name="Parameters").click()
     field = page.locator("#parameter-search")
     field.press("?")
@@ -248,7 +248,7 @@ def test_what_happened_stays_readable(
     refused = server.api.post("/api/runs", json={"source": "simulated:lab"})
     assert refused.status_code == 409
     server.api.post(f"/api/runs/{run['id']}/stop")
-    # The newest first.
+    # Newest first.
     expect(log.get_by_role("listitem").first).to_contain_text('Run "logged" ended.')
     log.get_by_label("Only warnings and errors").check()
     expect(log.get_by_role("listitem").first).to_contain_text("Refused: ")

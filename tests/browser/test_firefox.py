@@ -1,4 +1,4 @@
-"""The panel in Firefox: it opens, is live, is operated, and its console stays empty."""
+"""The panel in Firefox: it opens, is live, can be operated, and its console stays empty."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from .conftest import ARTEFACTS, DESKTOP, Eventually, Server
 
 _PHONE = {"width": 390, "height": 844}
-# Modules are read and a scene is drawn by a processor that does all else as well.
+# One processor loads the modules, draws the scene and does everything else.
 _SLOW_S = 60.0
 _NAME = "ego_motion.ransac_threshold_px"
 _FIELD = "#parameter-ego_motion-ransac_threshold_px"
@@ -40,7 +40,7 @@ def tab(
 
 @pytest.fixture
 def lab(server: Server, eventually: Eventually) -> Iterator[Server]:
-    """The server as it begins, and its parameters again as they were."""
+    """The server in its initial state; its parameters are restored afterwards."""
     eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
     server.api.post("/api/playback", json={"paused": False}).raise_for_status()
     before = server.get("/parameters")["values"]
@@ -92,6 +92,6 @@ def test_the_panel_works_in_firefox(lab: Server, tab: Any, eventually: Eventuall
 
 
 def _choose_tab(tab: Any, name: str) -> None:
-    """Press a tab; what belongs to it is shown."""
+    """Press a tab and expect its panel to be shown."""
     tab.click(f"#tab-{name}")
     tab.wait_for(_SHOWN, name)

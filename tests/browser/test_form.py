@@ -10,10 +10,10 @@ from playwright.sync_api import Browser, Page, expect
 from .conftest import TOO_WIDE, KeepPicture, OpenPanel, Server
 
 _TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
-# More than any place of the page has.
+# More than any view of the page has.
 _MOST_STOPS = 250
 
-# Texts whose contrast against their ground is below WCAG AA.
+# Texts whose contrast to their background is below WCAG AA.
 _FAINT = """() => {
   const canvas = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
   const rgba = (colour) => {
@@ -77,7 +77,7 @@ def test_a_phone_shows_everything_without_scrolling_sideways(
     page = open_panel(viewer=True, viewport={"width": 360, "height": 780}, has_touch=True)
     wait_for_scene(page)
     keep_picture(page, "phone")
-    # It has been seen; what follows goes faster without.
+    # It has been checked; the rest runs faster without it.
     page.evaluate("document.querySelector('observer-scene iframe').remove()")
     for name in ("warped", "disparity"):
         page.locator(f"input[name=view][value={name}]").check()
@@ -86,13 +86,13 @@ def test_a_phone_shows_everything_without_scrolling_sideways(
         page.wait_for_timeout(150)
         assert page.evaluate("document.documentElement.scrollWidth") <= 360, tab
         assert page.evaluate(TOO_WIDE) == [], tab
-        # What stops the robots, and the tabs, never scroll away: the window does not scroll at all.
+        # The stop button and the tabs never scroll away: the window does not scroll at all.
         assert page.evaluate("document.documentElement.scrollHeight") <= 780, tab
         expect(page.locator("#stop-robots")).to_be_in_viewport()
         expect(page.get_by_role("tab", name="View")).to_be_in_viewport()
     page.get_by_role("tab", name="Parameters").click()
     keep_picture(page, "phone-parameters")
-    # Who drives sees where to.
+    # While driving, the user sees where to.
     page.get_by_role("tab", name="Robots").click()
     expect(page.locator("observer-live-view canvas").first).to_be_in_viewport()
     page.get_by_role("tab", name="View").click()
@@ -100,7 +100,7 @@ def test_a_phone_shows_everything_without_scrolling_sideways(
 
 
 def _darkness(page: Page) -> float:
-    """0 for a white ground, 1 for a black one."""
+    """Return 0 for a white background, 1 for a black one."""
     colour = page.evaluate("getComputedStyle(document.querySelector('#panel')).backgroundColor")
     channels = [float(part) for part in colour.strip("rgba()").split(",")[:3]]
     return 1 - sum(channels) / 765
@@ -162,7 +162,7 @@ def test_pages_of_the_past_and_the_wizard_go_by_keyboard(
 
 
 def _go_around(page: Page, where: str) -> None:
-    """Press Tab from the first control until it comes back there: each is reached and seen."""
+    """Press Tab from the first control until it returns there: each is reached and visible."""
     page.evaluate("for (const e of document.querySelectorAll('*')) delete e.dataset?.reached")
     page.locator(".skip-link").focus()
     reached = page.evaluate(_FOCUSED)[0]
@@ -178,7 +178,7 @@ def _go_around(page: Page, where: str) -> None:
 
 
 def test_signing_in_by_hand(server: Server, browser: Browser) -> None:
-    """Whoever comes without the link is asked for the token, and told where it is."""
+    """A user without the link is asked for the token and told where to find it."""
     context = browser.new_context()
     page = context.new_page()
     address, _, token = server.link.partition("?token=")

@@ -1,6 +1,6 @@
 """Sending the observer to a goal on the page: typed, and by a click on the floor of the scene.
 
-The observer is that of a simulated room, driven by the very way of a real one.
+The observer is simulated but driven by the same code as a real one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .goal_steps import (
 )
 from .witness import Witness
 
-# Drawn and looked at in time on slow machines too, where frames would come late and end the drive.
+# Simple enough for slow machines, where late frames would end the drive.
 _ROOM = """\
 based_on: drive
 title: A room to send the observer through
@@ -42,12 +42,12 @@ robots:
 texture: {robot: red}
 """
 _RATE = 0.6
-# So small that the processor draws several times a second, with the panel beside the scene.
+# Small enough to be drawn in software several times a second, with the panel beside the scene.
 _SMALL: ViewportSize = {"width": 980, "height": 620}
 _PHONE: ViewportSize = {"width": 390, "height": 844}
 _BASE = "/display/world/base"
 _MAP = "/display/world/map/cells"
-# Where a place seen from the robot is in the frame's window, px, by the viewer's own camera.
+# Position in the frame's window, px, of a place relative to the robot, by the viewer's camera.
 _PLACE = """([node, ahead, left]) => {
   const { camera, canvas, nodeRefFromName } = window.__viserMutable;
   const base = nodeRefFromName[node];
@@ -88,7 +88,7 @@ def test_the_observer_drives_to_a_typed_goal_until_it_is_given_up(
     expect(send).to_be_disabled()
     expect(section.locator(".missing")).to_have_text("First arm the observer.")
     keep_picture(page, "goal-unarmed")
-    # By keyboard: Enter in a field sends.
+    # By keyboard: Enter in a field sends the goal.
     ahead, error = section.get_by_label("Ahead (m)"), section.locator("#goal-error")
     ahead.fill("")
 
@@ -114,13 +114,13 @@ def test_the_observer_drives_to_a_typed_goal_until_it_is_given_up(
             told = f"{driving.inner_text()}\n{page.locator('.robot-why').inner_text()}"
             keep_picture(page, "goal-driving")
             start = time.monotonic()
-            # Unless it ended by itself meanwhile.
+            # It may have ended by itself meanwhile.
             with contextlib.suppress(Error):
                 driving.get_by_role("button", name="Cancel goal").click(timeout=2000)
             witness.zero_after(start)
             page.wait_for_timeout(300)
     expect(driving).to_be_hidden()
-    # The keyboard's place is not lost with the button.
+    # The focus is not lost with the button.
     expect(ahead).to_be_focused()
     assert re.search(r"\d m left · \d:\d\d", told)
     assert "Driving to a goal by itself." in told
@@ -173,7 +173,7 @@ def scene(
 
 
 def _viewer(page: Page) -> Frame:
-    # Playwright hears of frames only while it is asked something.
+    # Playwright learns of frames only while it is handling a call.
     page.evaluate("0")
     frame = page.frame(url=re.compile("/viewer/"))
     assert frame is not None
@@ -181,7 +181,7 @@ def _viewer(page: Page) -> Frame:
 
 
 def _place(page: Page, ahead: float, left: float) -> tuple[float, float]:
-    """Where a place seen from the robot is drawn in the page, px."""
+    """Return where a place relative to the robot is drawn in the page, px."""
     x, y = _viewer(page).evaluate(_PLACE, [_BASE, ahead, left])
     box = page.locator("observer-scene iframe").bounding_box()
     assert box is not None
@@ -207,7 +207,7 @@ def test_a_click_on_the_floor_is_the_goal_from_every_camera(
 ) -> None:
     page = on_robots_tab(scene())
     eventually(lambda: _viewer(page).evaluate(_READY, _BASE), 20)
-    # What moves the robot here is nobody: clicks are compared with where it stands.
+    # Nothing must move the robot here: clicks are compared with its position.
     room.api.post("/api/playback", json={"paused": True}).raise_for_status()
     page.wait_for_selector('html[data-freshness="held"]')
     section, words = goal_section(page), page.locator(".scene-pick")
@@ -216,7 +216,7 @@ def test_a_click_on_the_floor_is_the_goal_from_every_camera(
     for camera, place in places.items():
         page.get_by_role("radio", name=camera, exact=True).check(force=True)
         page.wait_for_timeout(1500)
-        # Without "Pick a goal" a click is none.
+        # Without "Pick a goal" a click has no effect.
         before = _entered(page)
         _click_floor(page, *place)
         page.wait_for_timeout(200)
@@ -231,7 +231,7 @@ def test_a_click_on_the_floor_is_the_goal_from_every_camera(
         expect(words).to_contain_text("Entered, not sent: ")
         expect(pick).to_be_visible()
         expect(page.get_by_role("radio", name=camera, exact=True)).to_be_checked()
-    # A press that turns the scene picks nothing; Esc ends it, and stops nobody where none is armed.
+    # A press that turns the scene picks nothing; Esc cancels, and stops nothing with none armed.
     pick.click()
     box = page.locator("observer-scene iframe").bounding_box()
     assert box is not None
@@ -278,12 +278,12 @@ def test_an_armed_observer_is_sent_by_the_click_at_once(
         _click_floor(page, 1.5, 0.4)
 
     until_driving(page, send)
-    # The robot that moves meanwhile is seen a little later than it is.
+    # The robot is moving, and its displayed position lags a little.
     assert math.dist(_entered(page), (1.5, 0.4)) < 0.25
     eventually(lambda: (room.get("/robots")["goal"] or {}).get("place"), 5)
     page.wait_for_timeout(1500)
     keep_picture(page, "goal-scene")
-    # While a robot is armed, Esc stops also where a goal is being picked.
+    # While a robot is armed, Esc stops it even while a goal is being picked.
     deadline = time.monotonic() + DRIVEN_S
     while room.get("/robots")["stopped"] is None:
         assert time.monotonic() < deadline
@@ -296,7 +296,7 @@ def test_an_armed_observer_is_sent_by_the_click_at_once(
 
 
 def _colour(pixels: Pixels, page: Page, ahead: float, left: float) -> tuple[float, ...]:
-    """Mean colour around a place on the floor as it is seen, blue, green and red."""
+    """Return the mean colour around a place on the floor as displayed: blue, green, red."""
     x, y = _viewer(page).evaluate(_PLACE, [_BASE, ahead, left])
     scene = pixels(page.locator("observer-scene iframe"))
     around = scene[round(y) - 4 : round(y) + 5, round(x) - 4 : round(x) + 5]
@@ -315,7 +315,7 @@ def test_the_local_map_is_seen_where_the_robot_saw_free_floor(
         layers.get_by_label(other).uncheck(force=True)
     send = goal_section(page).get_by_role("button", name="Drive there")
     deadline = time.monotonic() + DRIVEN_S
-    # What is seen in the last second of a drive stays while the playback is paused.
+    # The last second of a drive stays visible while the playback is paused.
     while not _viewer(page).evaluate(_READY, _MAP):
         assert time.monotonic() < deadline
         if arm_observer(page):
@@ -327,7 +327,7 @@ def test_the_local_map_is_seen_where_the_robot_saw_free_floor(
     seen = 1.8, 0.0
     blue, green, red = _colour(pixels, page, *seen)
     assert green > max(blue, red) + 8
-    # Beside the view it is unknown.
+    # Outside the field of view it is unknown.
     unknown = _colour(pixels, page, 0.7, 0.8)
     assert max(unknown) - min(unknown) < 8
     assert findings(page) == []

@@ -1,4 +1,4 @@
-"""What the page tells of a goal, and why on a click: as it is told, live, and in a recorded run."""
+"""What the page says about a goal and, on a click, why: faked, live, and in a recorded run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .axe import findings
 from .conftest import TOO_WIDE, KeepPicture, OpenPanel, Server, looks
 from .goal_steps import DRIVEN_S, goal_section, on_robots_tab, open_source, until_driving
 
-# Somebody goes to and fro across the way to a goal.
+# An obstacle moves back and forth across the path to the goal.
 _CROSSING = """\
 based_on: drive
 title: A room with somebody in the way
@@ -35,12 +35,12 @@ robots:
 texture: {robot: red}
 """
 _RATE = 0.6
-# So small that the goal's panel is in the picture.
+# Small enough that the goal's panel is in the picture.
 _SMALL: ViewportSize = {"width": 980, "height": 620}
 _DESKTOP: ViewportSize = {"width": 1440, "height": 900}
 _PHONE: ViewportSize = {"width": 390, "height": 844}
 _NARROWEST = 360
-# Have the page hear of this goal, as if the server had told of it.
+# Make the page receive this goal as if from the server.
 _TELL = """{
   const { parse } = JSON;
   JSON.parse = (text, ...more) => {
@@ -107,7 +107,7 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     )
     why, refused = driving.locator("observer-goal-why"), driving.locator(".refused-paths li")
     expect(why).to_be_hidden()
-    # By keyboard, after the button above it.
+    # By keyboard, starting from the button above it.
     driving.get_by_role("button", name="Cancel goal").focus()
     page.keyboard.press("Tab")
     page.keyboard.press("Enter")
@@ -133,7 +133,7 @@ def test_every_state_of_a_goal_is_told_to_everybody(
 
 @pytest.fixture
 def crossing(server: Server, tmp_path: Path) -> Iterator[Server]:
-    """Somebody is in the way; other tests find the lab again."""
+    """A scene with an obstacle in the way; the lab is opened again for other tests."""
     scenario = tmp_path / "crossing.yaml"
     scenario.write_text(_CROSSING)
     open_source(server, f"simulated:{scenario}")
@@ -159,7 +159,7 @@ def test_whoever_is_in_the_way_is_told_of_live_and_in_the_run(
     section = goal_section(page)
     section.get_by_label("Ahead (m)").fill("4.5")
     send = section.get_by_role("button", name="Drive there")
-    # Open before it is sent anywhere: a slow machine drives for moments only.
+    # Open before the goal is sent: on a slow machine the drive lasts only moments.
     section.locator("details", has=page.locator("observer-goal-why")).evaluate("e => e.open = true")
     run = crossing.api.post("/api/runs", json={"record": "none"}).json()["id"]
     refused = section.locator(".refused-paths li")
@@ -192,7 +192,7 @@ def test_whoever_is_in_the_way_is_told_of_live_and_in_the_run(
     told.scroll_into_view_if_needed()
     assert findings(page) == []
     keep_picture(page, "goal-run")
-    # The same for the second that is read in the chart.
+    # The same for the time read in the chart.
     slider.fill("0")
     expect(told).to_contain_text("s: no goal.")
     chart = page.locator("observer-run-chart .chart")

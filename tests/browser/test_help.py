@@ -1,4 +1,4 @@
-"""The documentation in a browser, under the policy that the server gives it."""
+"""The documentation in a browser, under the server's content security policy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .conftest import KeepPicture, OpenPanel, Server
 def test_it_is_read_and_searched_without_anything_from_elsewhere(
     open_panel: OpenPanel, server: Server, keep_picture: KeepPicture
 ) -> None:
-    """Whatever the policy refuses is an error on the console, which fails the test."""
+    """Anything the policy refuses is an error on the console, which fails the test."""
     page = open_panel()
     page.get_by_role("button", name="Menu").click()
     link = page.get_by_role("link", name="Help")
@@ -20,7 +20,7 @@ def test_it_is_read_and_searched_without_anything_from_elsewhere(
     keep_picture(page, "help")
     page.get_by_role("link", name="Accuracy").first.click()
     expect(page.get_by_role("cell", name="centre RMSE, m")).to_be_visible()
-    # Key by key: a search that is ready before the value is set listens to nothing but keys.
+    # Key by key: once the search is ready, it listens only to key events.
     page.get_by_role("textbox", name="Search").press_sequentially("vergence")
     expect(page.locator(".md-search-result__item").first).to_be_visible(timeout=20_000)
     keep_picture(page, "help-search")

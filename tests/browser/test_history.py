@@ -1,4 +1,4 @@
-"""Kept runs: found, described, seen frame by frame, compared with truth, re-run, brought back."""
+"""Stored runs: searched, labelled, played, compared with ground truth, re-run, restored."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from playwright.sync_api import expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
 
-# What the server makes of a recording is made by a process of the lowest priority.
+# The server processes recordings in a process of the lowest priority.
 _MADE_MS = 60_000
 
 
 def _kept(server: Server, eventually: Eventually, **more: str) -> Iterator[str]:
-    """A run of some frames; none is left behind."""
+    """Make a run of some frames; none is left behind."""
     started = server.api.post("/api/runs", json={"name": "ride", **more}).json()
     eventually(lambda: server.get(f"/runs/{started['id']}")["frames"] > 8, 30)
     server.api.post(f"/api/runs/{started['id']}/stop")
@@ -33,7 +33,7 @@ def kept_run(server: Server, eventually: Eventually) -> Iterator[str]:
 
 @pytest.fixture
 def bare_run(server: Server, eventually: Eventually) -> Iterator[str]:
-    """One without images."""
+    """A run without images."""
     yield from _kept(server, eventually, record="none")
 
 
@@ -53,7 +53,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
 ) -> None:
     plant_ride(_folder(server, bare_run), bare_run, tmp_path / "capture.csv")
     page = open_panel()
-    # What is live is not looked at here, and its work would be waited for.
+    # Live data are not needed here, and processing them would slow the test down.
     server.api.post("/api/playback", json={"paused": True})
     page.get_by_role("tab", name="Runs").click()
     page.get_by_role("link", name="All runs").click()
@@ -84,7 +84,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     truth.get_by_label("Tilt, °").fill("10")
     truth.get_by_role("button", name="Align", exact=True).click()
     expect(truth).to_contain_text("x is missing. Fill in all six numbers or none.")
-    # As an alignment with the observer's body would have found it.
+    # As if found by an alignment with the observer's body.
     found = {"x_m": 0.078, "y_m": 0.0751234, "z_m": 0.2, "pan_deg": 0.2, "tilt_deg": 4.7219}
     place = truth.locator("observer-camera-on-body")
     place.evaluate("(e, found) => { e.found = found; }", found | {"roll_deg": 0})
@@ -102,7 +102,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(truth.locator(".figures")).to_contain_text(re.compile(r"1[12]\d\.\d ± \d\.\d ms"))
     errors = page.locator("observer-run .chart-errors")
     samples = int(errors.locator("tbody td").first.inner_text())
-    # Both curves lie on each other: by clocks that are 0.12 s apart they would miss by 0.03 m/s.
+    # Both curves coincide: clocks 0.12 s apart would make them differ by 0.03 m/s.
     assert float(errors.locator("tbody td").nth(2).inner_text()) < 0.015
     said = server.get(f"/runs/{bare_run}/chart")["choices"]["camera_on_body"]
     assert (said["x_m"], said["tilt_deg"]) == (0.25, 10)
@@ -151,7 +151,7 @@ def test_a_run_is_observed_again_and_compared(
     keep_picture(page, "compared")
     (again,) = (run for run in server.get("/history")["runs"] if run["rerun_of"])
     assert (again["rerun_of"], again["parameters"][name]) == (kept_run, 2.5)
-    # Neither the live source nor its parameters are others.
+    # Neither the live source nor its parameters have changed.
     assert server.get("/parameters")["values"][name] == before
     now = server.get("/status")
     assert now["source"] == live["source"]
@@ -192,7 +192,7 @@ def test_image_top_view_and_chart_of_a_run_show_one_instant(
     assert pixels(player.locator("canvas")).std() > 8
     expect(player.locator(".top-view .camera")).to_have_count(1)
 
-    # Pointed at the end of the chart, the last frame is seen; it stays when the pointer leaves.
+    # Pointing at the end of the chart shows the last frame, which stays when the pointer leaves.
     box = page.locator("observer-run-chart .u-over").bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] - 2, box["y"] + 40)
@@ -206,7 +206,7 @@ def test_image_top_view_and_chart_of_a_run_show_one_instant(
     seconds = server.get(f"/runs/{kept_run}/frames")["frames"][1]["plan"]["time"]
     expect(reading).to_contain_text(f"{seconds:.2f} s")
     keep_picture(page, "run-page")
-    # By keys in the chart, too.
+    # Also by keys in the chart.
     page.locator("observer-run-chart .chart").focus()
     for _ in range(10):
         page.keyboard.press("ArrowRight")
@@ -223,7 +223,7 @@ def test_the_frames_of_a_long_run_are_read_as_they_are_wanted(
 ) -> None:
     entries = server.get(f"/runs/{kept_run}/frames")["frames"]
     page = open_panel()
-    # As if a run had so many that only three of them are told at first.
+    # As if a run had so many frames that only three entries are sent at first.
     page.route(
         "**/frames?most=*",
         lambda route: route.continue_(url=route.request.url.partition("?")[0] + "?most=3"),
@@ -238,7 +238,7 @@ def test_the_frames_of_a_long_run_are_read_as_they_are_wanted(
     expect(place).to_contain_text(f"{entries[2]['plan']['time']:.2f} s · frame 3 / {len(entries)}")
     picture = player.get_by_role("img", name=f"Left image of frame {entries[2]['frame']} at")
     expect(picture).to_be_visible()
-    # From any frame it is one press to the method's steps on it.
+    # From any frame it is one click to the method's steps on it.
     player.get_by_role("link", name="See the method on this frame").click()
     expect(page).to_have_url(re.compile(rf"#steps/6\?source=run:{kept_run}&frame=2"))
     expect(page.locator("#steps-frame")).to_have_value("2", timeout=_MADE_MS)

@@ -1,4 +1,4 @@
-"""Runs and calibrations: kept, looked at, taken away again."""
+"""Runs and calibrations: stored, viewed, deleted."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_run_is_started_stopped_listed_and_deleted(
 
 
 def _calibration_of(camera: Json) -> bytes:
-    """The pair that is open, as an OpenCV file."""
+    """Return the calibration of the open pair as an OpenCV file."""
     matrix = [camera["fx"], 0, camera["cx"], 0, camera["fy"], camera["cy"], 0, 0, 1]
     writer = cv2.FileStorage(
         "", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML

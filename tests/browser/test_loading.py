@@ -1,4 +1,4 @@
-"""What is loaded after the first painted frame: what comes before it, and what is wanted early."""
+"""Loading after the first painted frame: what comes before it, and what is needed early."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from playwright.sync_api import Page, Route, expect
 from .conftest import DESKTOP, KeepPicture, OpenPanel, Server
 
 _PHONE = {"width": 390, "height": 844}
-# Held back until they are let go.
+# Modules to hold back.
 _HISTORY = "**/static/app/history/history-view.js"
 _WIZARD = "**/static/app/calibration/wizard.js"
 _CHART = "**/static/app/chart/speed-chart.js"
@@ -21,7 +21,7 @@ _LATER = "**/static/app/{calibration,chart,history,method}/**"
 
 
 def _hold(page: Page, pattern: str) -> Callable[[], None]:
-    """Hold back the modules of a pattern; what it gives lets them go."""
+    """Hold back the modules matching a pattern; the returned function releases them."""
     held: list[Route] = []
 
     def keep(route: Route) -> None:
@@ -89,7 +89,7 @@ def test_a_part_that_does_not_come_says_so_and_is_asked_for_again(open_panel: Op
     _reload(page)
     notice = page.get_by_text("Part of this page did not load.")
     expect(notice).to_be_visible()
-    # What fails again is said once.
+    # A repeated failure is reported only once.
     with page.expect_event("requestfailed"):
         page.get_by_role("tab", name="Robots").click()
         page.get_by_role("tab", name="Parameters").click()

@@ -11,14 +11,14 @@ from playwright.sync_api import Locator, Page, expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
-# The frames are observed by a process of the lowest priority.
+# The frames are processed by a process of the lowest priority.
 _MADE_MS = 120_000
 _PICTURES = """panes => panes.map(pane => pane.querySelector('canvas').toDataURL())"""
 
 
 @pytest.fixture(autouse=True)
 def _nothing_kept(server: Server) -> Iterator[None]:
-    """Start as a newcomer does, and leave nothing behind."""
+    """Cancel any comparison before the test, and leave nothing behind."""
     server.api.post("/api/comparison/cancel")
     yield
     server.api.post("/api/comparison/cancel")
@@ -40,7 +40,7 @@ def test_a_newcomer_sees_both_methods_on_the_same_frames(
     page.get_by_role("link", name="Compare", exact=True).click()
     view = page.locator("observer-methods")
     expect(page.locator("#history-title")).to_have_text("Compare methods")
-    # The first comparison begins by itself.
+    # The first comparison starts by itself.
     expect(view.get_by_role("progressbar")).to_be_visible(timeout=20_000)
     expect(view).to_contain_text("Comparing on people")
     view.get_by_role("button", name="Cancel").click()
@@ -51,7 +51,7 @@ def test_a_newcomer_sees_both_methods_on_the_same_frames(
     page.keyboard.press("Enter")
     expect(view.get_by_role("alert")).to_have_text("Seconds must be a number from 1 to 30.")
     view.get_by_label("Seconds").fill("2")
-    # What is live is not looked at here, and its work would be waited for.
+    # Live data are not needed here, and processing them would slow the test down.
     server.api.post("/api/playback", json={"paused": True})
     page.keyboard.press("Enter")
     expect(view.get_by_role("progressbar")).to_be_visible()
@@ -77,7 +77,7 @@ def test_a_newcomer_sees_both_methods_on_the_same_frames(
         page.keyboard.press("ArrowRight")
     page.keyboard.press("PageDown")
     _expect_frame(view, found, 14)
-    # The address leads to the same frame.
+    # The address points to the same frame.
     expect(page).to_have_url(re.compile("/14$"))
     page.reload()
     _expect_frame(view, found, 14)
@@ -92,14 +92,14 @@ def test_a_newcomer_sees_both_methods_on_the_same_frames(
     compared = page.locator("observer-run-compare")
     compared.get_by_role("link", name="Side by side").click(timeout=_MADE_MS)
     expect(conclusion).to_be_visible()
-    # Who comes back finds what was compared last.
+    # Coming back shows the last comparison.
     page.evaluate("location.hash = '#methods'")
     expect(conclusion).to_be_visible()
     expect(page).to_have_url(re.compile(rf"#methods/{paper['id']},{default['id']}$"))
 
 
 def _expect_frame(view: Locator, found: list[dict[str, Any]], position: int) -> None:
-    """Both halves show this frame, with what each method found in it and counted up to it."""
+    """Expect both halves to show this frame with each method's detections and counts."""
     expect(view.locator(".methods-place")).to_contain_text(f"{position + 1} / 30", timeout=20_000)
     panes = view.locator(".methods-pane")
     left, right = panes.evaluate_all(_PICTURES)
@@ -119,12 +119,12 @@ def test_runs_of_other_frames_are_not_put_side_by_side(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     ids = []
-    # Both begin with the scene; the other one goes on longer.
+    # The second run is longer than the first.
     for name, least in (("one", 5), ("two", 20)):
         run = server.api.post("/api/runs", json={"name": name}).json()["id"]
         eventually(lambda run=run, n=least: server.get(f"/runs/{run}")["frames"] > n, 30)
         server.api.post(f"/api/runs/{run}/stop")
-        # Until its recording is complete, its frames are refused.
+        # The frames are refused until the recording is complete.
         frames = f"/api/runs/{run}/frames"
         eventually(lambda path=frames: server.api.get(path).is_success, 60)
         ids.append(run)
@@ -150,7 +150,7 @@ def test_the_comparison_fits_a_phone(server: Server, open_panel: OpenPanel) -> N
 
 
 def _overflow(page: Page) -> list[str]:
-    """Parts of the view that reach beyond the window's width."""
+    """Return the parts of the view that exceed the window's width."""
     found: list[str] = page.evaluate(
         """() => [...document.querySelectorAll('observer-history *')]
         .filter(e => e.checkVisibility() && e.getBoundingClientRect().right > innerWidth + 1)

@@ -1,7 +1,7 @@
-"""Moments that people remember, each as one continuous way over the page.
+"""Memorable moments, each as one continuous path through the page.
 
-Others stand where their parts are tested: minute one's compare in ``test_methods``, any click
-answered in ``test_asking``, the truth that is laid over a run in ``test_history``.
+Others are where their parts are tested: the comparison in the first minute in ``test_methods``,
+any click answered in ``test_asking``, ground truth aligned with a run in ``test_history``.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from .conftest import Eventually, KeepPicture, OpenPanel, Server
 from .filmed_board import FilmedBoard
 from .witness import Witness
 
-# How long a person holds the board for a view that is not taken, because it is like another one.
+# How long the person holds the board if its view is not captured because it resembles another.
 _POSE_S = 2.0
 _VIEWS_S = 120.0
-# Drawn and looked at in time on slow machines too, where frames would come late and stop the robot.
+# Simple enough for slow machines, where late frames would stop the robot.
 _WALKER = """\
 based_on: people
 title: Somebody comes closer
@@ -51,7 +51,7 @@ _BY_SOMEBODY = re.compile(r"^Guard: (Slowed|Stopped): .*(obstacle \d+|an object 
 
 @pytest.fixture(autouse=True)
 def _the_lab_before_and_after(server: Server, eventually: Eventually) -> Iterator[None]:
-    """Other tests find the lab again, no calibration and no robot that drives."""
+    """Leave the lab open, no calibration and no robot driving."""
     eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
     yield
     server.api.delete("/api/calibrating")
@@ -74,7 +74,7 @@ def test_from_two_webcams_to_a_tape_check(
 ) -> None:
     page = open_panel(refusals=True)
     with FilmedBoard() as film:
-        # The two addresses, as they were read off both cameras.
+        # The two addresses, as read off the cameras.
         page.get_by_role("tab", name="Source").click()
         page.locator("#source-spec").fill(film.spec)
         page.keyboard.press("Enter")
@@ -114,7 +114,7 @@ def test_from_two_webcams_to_a_tape_check(
         expect(checks).to_have_count(1)
         expect(checks).to_contain_text("within the expected ±")
         keep_picture(page, "moment-webcams-4-tape")
-        # Held a fifth too far, the tape is not agreed with, and what may be wrong is said.
+        # A tape measurement a fifth too long disagrees, and the page says what may be wrong.
         dialog.get_by_label("Tape measurement, m").fill(f"{1.2 * true:.2f}")
         dialog.get_by_role("button", name="Compare").click()
         expect(checks).to_have_count(2)
@@ -123,7 +123,7 @@ def test_from_two_webcams_to_a_tape_check(
 
 
 def _show_board(page: Page, film: FilmedBoard) -> None:
-    """Hold the board in one pose after the other until the page says that it is enough."""
+    """Hold the board in one pose after another until the page says it has enough views."""
     taken, words = page.locator(".view-list li"), page.locator(".capture-words")
     deadline = time.monotonic() + _VIEWS_S
     while not re.search("enough views", words.inner_text(), re.I):
@@ -135,7 +135,7 @@ def _show_board(page: Page, film: FilmedBoard) -> None:
 
 
 def _choose_flat_place(dialog: Locator, page: Page) -> tuple[float, float]:
-    """The pixel that the mark was moved to until its distance was told."""
+    """Move the mark until a distance is shown; return its pixel."""
     said = dialog.locator(".tape-check [role=status]")
     dialog.get_by_role("button", name="Choose the image centre").click()
     canvas = dialog.locator("canvas")
@@ -168,7 +168,7 @@ def test_a_robot_gives_way_to_somebody_who_walks_and_says_why(
     page.get_by_role("tab", name="Robots").click()
     page.locator("input[name=drive-role][value=observer]").check(force=True)
     page.locator("#drive-share").fill("60")
-    # Fewer frames, of which a busy machine shows fewer too late.
+    # Fewer frames per second, so that fewer are late on a busy machine.
     server.api.post("/api/playback", json={"rate": _RATE}).raise_for_status()
     page.get_by_label("Residual").first.uncheck()
     _drive_until_held_back(page)
@@ -181,9 +181,9 @@ def test_a_robot_gives_way_to_somebody_who_walks_and_says_why(
 
 
 def _drive_until_held_back(page: Page) -> None:
-    """Hold the key until a person holds the robot back, and the page says so beside the pad.
+    """Hold the key until a person makes the guard hold the robot back, as shown beside the pad.
 
-    A busy machine shows a frame too late now and then: that stops it as well, and it is driven on.
+    On a busy machine a frame is occasionally late, which also stops the robot: then drive on.
     """
     deadline = time.monotonic() + _DRIVEN_S
     said: Counter[str] = Counter()

@@ -1,4 +1,4 @@
-"""Parameters: a change reaches the engine, a bad value does not, and every step has a way back."""
+"""Parameters: a change reaches the engine, a bad value does not, and every step can be undone."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_change_acts_on_the_next_frames_and_can_be_undone(
     eventually(lambda: server.get("/parameters")["values"][_NAME] == 3.2)
     revision = server.get("/parameters")["revision"]
     assert revision > before["revision"]
-    # "Applied" is said only once an observation carries the new revision.
+    # "Applied" appears only once an observation carries the new revision.
     frame = eventually(
         lambda: (now := server.get("/parameters"))["revision"] == revision and now["frame"]
     )
@@ -114,7 +114,7 @@ def test_the_eight_basic_ones_of_the_method_are_all_that_is_seen_at_first(
     expect(form.locator(f'observer-parameter[data-name="{basic[2]}"]')).to_be_visible()
     expect(shown).to_have_count(8)
     assert _names(shown) == basic
-    # All the others are in their groups, each once.
+    # All others are in their groups, each once.
     every = _names(form.locator("observer-parameters observer-parameter"))
     assert sorted(every) == sorted(entry["name"] for entry in server.get("/parameters/schema"))
 
@@ -140,7 +140,7 @@ def test_help_opens_over_the_page_by_keyboard_and_moves_nothing(server: Server, 
     # Elsewhere it stops the robots.
     assert server.get("/robots")["stopped"] is None
     expect(opener).to_be_focused()
-    # It is read beside the field without being opened.
+    # Screen readers get the help without opening it.
     expect(form.locator(_FIELD)).to_have_accessible_description(re.compile("reprojection error"))
 
 
@@ -199,7 +199,7 @@ def test_a_preset_is_saved_overwritten_and_deleted(
     form.get_by_role("button", name="Save preset").click()
     eventually(lambda: saved() == {"mine": 2.5})
     expect(chooser).to_have_value("mine")
-    # From now on it is what others differ from.
+    # From now on differences are relative to this preset.
     expect(_field(form, _NAME).locator(".changed-badge")).to_be_hidden()
     change("4")
     expect(_field(form, _NAME).locator(".changed-badge")).to_have_text("was 2.5")
@@ -287,14 +287,14 @@ def test_the_method_is_switched_in_the_header_and_changes_come_back_with_it(
     paper.check(force=True)
     eventually(lambda: server.get("/parameters")["based_on"] == "paper")
     values = server.get("/parameters")["values"]
-    # As published, but for what keeps robots from hitting anything.
+    # As published, except the parameters that keep robots from hitting anything.
     published = next(p["values"] for p in server.get("/presets") if p["name"] == "paper")
     assert {n for n in values if values[n] != published[n]} == {guard}
     assert values[guard] == 0.3
     notice = form.locator(".notice").last
     told = "Switched to paper. Kept for when you switch back: 1 change to default."
     expect(notice).to_contain_text(told)
-    # It is one step of undo.
+    # It is a single undo step.
     notice.get_by_role("button", name="Undo").click()
     eventually(lambda: server.get("/parameters")["values"]["ego_motion.model"] == "rigid")
     assert server.get("/parameters")["values"][_NAME] == 3.0
@@ -319,7 +319,7 @@ def test_presets_and_search(server: Server, form: Page, eventually: Eventually) 
     expect(shown.first).to_be_visible()
     assert 0 < shown.count() < form.locator("observer-parameter").count()
     form.locator("#parameter-search").fill("")
-    # What was opened to show what was found is closed again.
+    # Groups opened to show matches are closed again.
     expect(shown).to_have_count(8)
     form.get_by_role("button", name="Undo").click()
     eventually(lambda: server.get("/parameters")["preset"] == "default")

@@ -1,4 +1,4 @@
-"""What the page suggests as a robot's port; the devices are made up at the REST border."""
+"""What the page suggests as a robot's port; the devices are faked at the REST interface."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _a_robot(server: Server, eventually: Eventually) -> None:
 
 def _opened_form(page: Page) -> Locator:
     page.get_by_role("tab", name="Robots").click()
-    # By then the page has decided whether it opens the form by itself.
+    # By then the page has decided whether to open the form by itself.
     chip = page.locator(".role-card:has([value=observer]) .state-chip")
     expect(chip).not_to_have_text("No robot")
     form = page.locator("observer-robot-port")
@@ -58,7 +58,7 @@ def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(
     assert [value.partition(":")[0] for value in suggested[2:]] == [
         "socket", "external", "coppeliasim",
     ]  # fmt: skip
-    # Plugged out meanwhile.
+    # Unplugged meanwhile.
     ports.clear()
     look.click()
     expect(told).to_have_text("The server has no USB serial port.")
@@ -77,7 +77,7 @@ def test_a_key_is_kept_and_seen_no_more(server: Server, open_panel: OpenPanel) -
         port.press("Enter")
         expect(port).to_have_value(shown)
         assert key not in page.content()
-        # Another model, and the port as it is shown: the key stays.
+        # Another model with the port as shown: the key is kept.
         form.get_by_label("Model").select_option("p3dx")
         with page.expect_response("**/api/robots/observer/port") as answer:
             form.get_by_role("button", name="Connect").click()

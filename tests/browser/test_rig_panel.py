@@ -1,4 +1,4 @@
-"""How the cameras stand on their robot: typed into the panel, refused there, or estimated."""
+"""Camera extrinsics on the robot: typed into the panel, refused there, or estimated."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _unknown_before_and_after(server: Server, eventually: Eventually) -> Iterato
 
 @pytest.fixture
 def panel(open_panel: OpenPanel) -> Page:
-    """The page at its rig, where values may be refused."""
+    """The page at the rig panel, where values may be refused."""
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Calibration").click()
     return page
@@ -49,7 +49,7 @@ def test_what_is_typed_is_checked_and_levels_the_scene(
     height, tilt = rig.get_by_label("Height, m"), rig.get_by_label("Tilt, °")
     use = panel.get_by_role("button", name="Use this mount")
     tilt.fill("12.5")
-    # What is wrong is named, and has the focus.
+    # The wrong field is named and gets the focus.
     for typed, why in (("knee-high", "must be a number"), ("-3", "must be between 0.02 and 3")):
         height.fill(typed)
         use.click()
@@ -64,7 +64,7 @@ def test_what_is_typed_is_checked_and_levels_the_scene(
     expect(panel.locator(".notice")).to_contain_text("The mount is now in use", timeout=15_000)
     expect(panel.locator("#rig-error")).to_be_empty()
     expect(height).not_to_have_attribute("aria-invalid", "true")
-    # The lab knows how its camera stands; that is believed more than what was typed.
+    # The lab knows its camera pose, which takes precedence over typed values.
     assert server.get("/rig")["mount"]["height_m"] == {"value": 0.83, "sigma": None}
     assert _mount(server) == true
 
@@ -106,7 +106,7 @@ def test_the_floor_fills_in_what_it_tells_and_how_well(
     assert server.get("/rig")["mount"] == {}
     keep_picture(panel, "rig-floor")
 
-    # What is typed over an estimate is no estimate any more.
+    # An estimate overwritten by hand is no longer an estimate.
     rig.get_by_label("Roll, °").fill("0")
     expect(notes).to_have_count(2)
     panel.get_by_role("button", name="Use this mount").click()

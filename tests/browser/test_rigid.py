@@ -1,4 +1,4 @@
-"""Motion in space, the default, as the panel shows it; to the paper's model live, and back."""
+"""Rigid motion, the default model, in the panel; switching live to the paper's and back."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MOVES = re.compile(r"Obstacle (\d+) moves at (\d+\.\d\d) ± \d+\.\d\d m/s")
 
 @pytest.fixture(autouse=True)
 def _as_it_begins(server: Server, eventually: Eventually) -> Iterator[None]:
-    """Each test starts from, and leaves, the default and a playback that goes on."""
+    """Each test starts with, and leaves, the default preset and running playback."""
 
     def reset() -> None:
         defaults = next(p["values"] for p in server.get("/presets") if p["name"] == "default")
@@ -34,7 +34,7 @@ def _as_it_begins(server: Server, eventually: Eventually) -> Iterator[None]:
 
 @pytest.fixture
 def confirmed(server: Server, open_panel: OpenPanel) -> Confirmed:
-    """A page that stands at a confirmed obstacle, and the obstacle's number."""
+    """A page paused at a confirmed obstacle, and the obstacle's number."""
 
     def open_one(**options: Any) -> tuple[Page, int]:
         page = open_panel(**options)
@@ -56,7 +56,7 @@ def test_an_obstacle_is_confirmed_with_box_and_row(
     expect(row).to_contain_text(re.compile(rf"{number}\s*\d\.\d\d ± \d\.\d\d"))
     why = page.locator("observer-obstacles tr.why").first
     expect(why).to_contain_text(re.compile(r"Moving\. \d+ feature points on one rigid body"))
-    # The rectangle in the picture is pure yellow, the arrows of what moves are red.
+    # The rectangle in the picture is pure yellow, the arrows of moving points are red.
     for view, colour in (("left", (0, 235, 255)), ("residual", (60, 60, 255))):
         canvas = page.locator(f'observer-live-view[data-view="{view}"] canvas')
         near = abs(pixels(canvas).astype(int) - colour).max(axis=2) < 70
@@ -65,10 +65,10 @@ def test_an_obstacle_is_confirmed_with_box_and_row(
 
 
 def _stands_out(answer: dict[str, Any]) -> bool:
-    """Whether the pixel is on a moving point of an obstacle.
+    """Return whether the pixel is on a moving point of an obstacle.
 
-    What stands out beside an obstacle and is no point of it yet is told otherwise. Numbers that do
-    not apply are absent.
+    The answer differs for a significant pixel beside an obstacle that is not one of its points yet.
+    Numbers that do not apply are absent.
     """
     numbers = answer["numbers"]
     significance, threshold = (numbers.get(key) or 0 for key in ("significance", "threshold"))
@@ -86,7 +86,7 @@ def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confi
     of_it = [a for a in answers if a["obstacle"] and a["obstacle"]["id"] == number]
     points = [a for a in of_it if _stands_out(a)]
     assert points, [a["would_change"] for a in of_it]
-    # A click may land beside the pixel that was meant: the picture is shown smaller than it is.
+    # A click may miss the intended pixel, as the picture is scaled down.
     told = next(
         a
         for a in points
@@ -145,6 +145,6 @@ def test_the_model_is_changed_live_and_back(
         keep_picture(page, f"changed-to-{model}")
     expect(line).to_have_text(_MOVES, timeout=40_000)
     numbers.append(int(_MOVES.search(line.inner_text()).group(1)))
-    # Each change began a new segment, in which no number is used again.
+    # Each change started a new segment, and numbers are never reused.
     assert len(set(numbers)) == 3
     assert numbers == sorted(numbers)

@@ -1,4 +1,4 @@
-"""The 3D scene as each person has it: layers, camera, and the whole window for it."""
+"""The 3D scene as each user sets it: layers, camera, and enlarging it to the whole window."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from playwright.sync_api import Browser, Frame, Page, ViewportSize, expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
-# So small that the processor draws several times a second.
+# Small enough to be drawn in software several times a second.
 _SMALL: ViewportSize = {"width": 900, "height": 600}
 
 _SHOWN = """(node) => {
   const entry = window.__viserSceneTree?.getState()[node];
   return entry ? entry.effectiveVisibility : null;
 }"""
-# Eye and direction of view in the display's axes: ahead, left, up.
+# Eye and viewing direction in the display's axes: ahead, left, up.
 _LOOK = """() => {
   const { camera } = window.__viserMutable;
   const { elements: e } = camera.matrixWorld;
@@ -33,7 +33,7 @@ _NO_WEBGL = """{
   };
 }"""
 _DISPLAY = """() => [...window.__viserMutable.nodeRefFromName["/display"].matrixWorld.elements]"""
-# Turn robot and world by a quarter to the left, as if the server had sent it.
+# Turn robot and world a quarter turn to the left, as if sent by the server.
 _TURN = """() => {
   const { messageQueue, requestRender, nodePoseData } = window.__viserMutable;
   const name = "/display/world";
@@ -42,19 +42,19 @@ _TURN = """() => {
   messageQueue.push({ type: "SetOrientationMessage", name, owner: "", wxyz });
   requestRender();
 }"""
-# As if the server had sent it.
+# Remove a node, as if sent by the server.
 _REMOVE = """(name) => {
   const { messageQueue, requestRender } = window.__viserMutable;
   window.removed = (window.removed ?? 0) + 1;
   messageQueue.push({ type: "RemoveSceneNodeMessage", name, owner: "" });
   requestRender();
 }"""
-# The server hangs up on it.
+# The server closes the connection on this message.
 _INVALID_POSE = """() => window.__viserMutable.sendMessage({ type: "ViewerCameraMessage" })"""
 
 
 def _found(page: Page) -> Frame | None:
-    # Playwright hears of frames only while it is asked something.
+    # Playwright learns of frames only while it is handling a call.
     page.evaluate("0")
     return page.frame(url=re.compile("/viewer/"))
 
@@ -66,7 +66,7 @@ def _viewer(page: Page) -> Frame:
 
 
 def _shown(page: Page, layer: str) -> bool | None:
-    """None: it is not there, or the scene is not loaded yet."""
+    """Return whether a node is shown; None: it does not exist or the scene is not loaded yet."""
     frame = _found(page)
     if frame is None:
         return None
@@ -75,7 +75,7 @@ def _shown(page: Page, layer: str) -> bool | None:
 
 
 def _look(page: Page) -> Any:
-    """(3, 3): eye, direction and upper edge of the picture, in the display's axes."""
+    """Return eye, direction and up vector of the picture, (3, 3), in the display's axes."""
     eye, ahead, up = np.array(_viewer(page).evaluate(_LOOK))
     T = np.array(_viewer(page).evaluate(_DISPLAY)).reshape(4, 4).T
     rotation = T[:3, :3]
@@ -83,7 +83,7 @@ def _look(page: Page) -> Any:
 
 
 def _heading(page: Page) -> float:
-    """Horizontal direction of view, rad to the left."""
+    """Return the horizontal viewing direction, rad to the left."""
     _, ahead, _ = _look(page)
     return float(np.arctan2(ahead[1], ahead[0]))
 
@@ -117,12 +117,12 @@ def test_two_people_hide_different_layers(
     _layer(one, "cloud").uncheck(force=True)
     _layer(two, "boxes").uncheck(force=True)
     eventually(lambda: _shown(one, "cloud") is False and _shown(two, "boxes") is False)
-    # The label stands at the box.
+    # The label belongs to the box.
     assert _shown(two, "boxes/label_0") is False
     assert _shown(one, "cloud/points") is False
     for page, layers in ((one, ("boxes", "arrows", "trails")), (two, ("cloud", "truth"))):
         assert all(_shown(page, layer) for layer in layers)
-    # Also to the next page of the same browser.
+    # It also applies to the next page in the same browser.
     two.close()
     one.reload()
     eventually(lambda: _shown(one, "boxes"), 30)
@@ -140,7 +140,7 @@ def test_a_lost_link_is_renewed_without_loading_the_scene_again(
     _layer(page, "boxes").uncheck(force=True)
     eventually(lambda: _shown(page, "boxes") is False)
     viewer = _viewer(page)
-    # What the server sends only to a new link.
+    # The server sends this only on a new connection.
     viewer.evaluate(_REMOVE, "/display/world/truth")
     eventually(lambda: _shown(page, "truth") is None)
     viewer.evaluate(_INVALID_POSE)
@@ -170,7 +170,7 @@ def test_the_camera_follows_from_behind_and_from_above_until_a_hand_takes_it(
     keep_picture: KeepPicture,
 ) -> None:
     page = open_scene()
-    # What moves the robot here is the test alone.
+    # Only the test moves the robot here.
     server.api.post("/api/playback", json={"paused": True}).raise_for_status()
     page.wait_for_selector('html[data-freshness="held"]')
     follow = page.get_by_role("radio", name="Follow", exact=True)
@@ -182,7 +182,7 @@ def test_the_camera_follows_from_behind_and_from_above_until_a_hand_takes_it(
 
     page.get_by_role("radio", name="Top-down").check(force=True)
     eventually(lambda: _look(page)[1][2] < -0.99)
-    # The first heading is up in the picture, though the robot has turned.
+    # The initial heading is up in the picture, though the robot has turned.
     assert _look(page)[2][0] > 0.99
     assert _look(page)[0][2] > 5
     keep_picture(page, "scene-top-down")
@@ -238,14 +238,14 @@ def test_scene_and_views_take_the_window_and_esc_leads_back(
     assert image["y"] + image["height"] <= _SMALL["height"]
     view.locator(".pixel-pick").click(position={"x": 40, "y": image["height"] - 30})
     expect(view.locator(".answer")).to_be_visible()
-    # First the answer closes, then the view.
+    # Escape closes first the answer, then the enlarged view.
     page.keyboard.press("Escape")
     expect(view.locator(".answer")).to_be_hidden()
     expect(view).to_have_attribute("data-enlarged", "")
     page.keyboard.press("Escape")
     expect(larger).to_be_visible()
     eventually(lambda: abs(page.locator("main").evaluate("e => e.scrollTop") - scrolled) < 2)
-    # What takes the place of the live parts finds nothing over it.
+    # A view that replaces the live parts is not covered by an enlarged one.
     button.click()
     page.evaluate("location.hash = '#history'")
     expect(page.locator("body")).not_to_have_attribute("data-enlarged", re.compile(".*"))
@@ -254,7 +254,7 @@ def test_scene_and_views_take_the_window_and_esc_leads_back(
 def test_stop_is_reached_while_the_scene_is_made(
     open_panel: OpenPanel, wait_for_scene: Callable[[Page], None]
 ) -> None:
-    """Without a graphics card its shaders are compiled for seconds."""
+    """Without a graphics card compiling its shaders takes seconds."""
     page = open_panel(viewer=True, viewport=_SMALL)
     sent: list[float] = []
     page.on(
@@ -302,7 +302,7 @@ def test_until_something_is_drawn_the_scene_says_that_it_loads(
 def test_a_browser_without_webgl_says_so(
     browser: Browser, server: Server, keep_picture: KeepPicture
 ) -> None:
-    # Not by open_panel: viser's client fails, as it must.
+    # Not by open_panel, as viser's client is expected to fail.
     page = browser.new_page(viewport=_SMALL)
     page.add_init_script(_NO_WEBGL)
     page.goto(server.link)

@@ -1,4 +1,4 @@
-"""What stays where it is: header, stop button and panes, at every size and on every page."""
+"""The stable frame of the page: header, stop button and panes, at every size, in every view."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SIZES: tuple[ViewportSize, ...] = (
     {"width": 2560, "height": 1440},
 )
 _PLACES = ("#live", "#history", "#live")
-# How much more than the window there is to scroll to, across and down.
+# By how much the content exceeds the window, horizontally and vertically.
 _OVERFLOW = """() => {
   const { scrollWidth, scrollHeight } = document.documentElement;
   return [scrollWidth - innerWidth, scrollHeight - innerHeight];
@@ -26,7 +26,7 @@ _MAIN_OVERFLOW = """() => {
   const { scrollWidth, clientWidth } = document.querySelector("main");
   return [scrollWidth - clientWidth];
 }"""
-# The page may still be laying itself out.
+# The layout may still be settling.
 _SETTLED_S = 4.0
 
 
@@ -131,7 +131,7 @@ def test_panes_are_resized_and_closed_by_pointer_and_keys_and_remember_it(
     expect(page.locator("#panel")).to_be_hidden()
     page.get_by_role("button", name="Open the side panel").click()
     expect(page.locator("#panel")).to_be_visible()
-    # However far it is dragged, either side keeps its use.
+    # However far it is dragged, both sides stay usable.
     for _ in range(60):
         bar.press("ArrowRight")
     assert _width(page) > 150
@@ -153,7 +153,7 @@ def test_the_tour_goes_once_around_and_can_be_left(
     card.get_by_role("button", name="Done").click()
     expect(card).to_be_hidden()
     expect(page.locator("[data-toured]")).to_have_count(0)
-    # It is offered once; whoever wants it again finds it in the menu.
+    # It is offered once; later it is in the menu.
     page.reload()
     page.wait_for_selector('html[data-freshness="fresh"]')
     expect(page.get_by_role("button", name="Tour", exact=True)).to_be_hidden()

@@ -1,4 +1,4 @@
-"""Signing in and out as a person does it."""
+"""Signing in and out as users do it."""
 
 from __future__ import annotations
 
@@ -55,17 +55,17 @@ def test_signing_out_ends_both_tabs_and_the_token_signs_in_again(
     page.get_by_label("Token").fill(server.link.partition("?token=")[2])
     page.get_by_role("button", name="Sign in").click()
     expect(page.locator("observer-first-line")).to_be_visible()
-    # The other tab is let in without being asked.
+    # The other tab is let in without asking for the token.
     other_tab.goto("/".join([*server.link.split("/")[:3], "sign-in"]))
     expect(other_tab.locator("observer-first-line")).to_be_visible()
-    # As from another browser: these two are told at once.
+    # As from another browser: both tabs are signed out at once.
     assert server.api.delete("/api/sessions").is_success
     for each in (page, other_tab):
         each.wait_for_url(SIGNED_OUT)
 
 
 def test_a_link_on_another_site_signs_in(server: Server, context: BrowserContext) -> None:
-    """Browsers send no strict cookie where another site leads: the page asks again by itself."""
+    """Browsers omit strict cookies on links from other sites: the page retries by itself."""
     page = context.new_page()
     address = server.link.partition("?token=")[0]
     with _page_of_another_site(server.link, address) as url:
@@ -78,7 +78,7 @@ def test_a_link_on_another_site_signs_in(server: Server, context: BrowserContext
 
 @contextmanager
 def _page_of_another_site(link: str, address: str) -> Iterator[str]:
-    """localhost is another site than 127.0.0.1."""
+    """Serve a page from localhost, which is another site than 127.0.0.1."""
     body = f'<a id="with-token" href="{link}">a</a> <a id="without" href="{address}">b</a>'
 
     class Handler(BaseHTTPRequestHandler):

@@ -1,4 +1,4 @@
-"""Choosing a source: a field that suggests, tiles with pictures, and a board that comes along."""
+"""Choosing a source: the field with suggestions, tiles with pictures, a source's own board."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _the_lab_before_and_after(server: Server, eventually: Eventually) -> Iterato
 
 
 def _newcomers_sources(page: Page) -> Page:
-    """The picker as on a server on which nothing but the lab was opened yet."""
+    """Show the picker as on a server on which only the lab was ever opened."""
     page.route("**/api/sources", _without_recent)
     page.reload()
     page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
@@ -43,7 +43,7 @@ def _is_file_of_tests(spec: str) -> bool:
 
 
 def _without_recent(route: Route) -> None:
-    """Leave out what other tests opened: files of theirs, and the places of others."""
+    """Hide what other tests opened: their files, and the recent ranks of other sources."""
     try:
         answer = route.fetch()
     except Error:
@@ -61,7 +61,7 @@ def _spec(server: Server) -> str:
 
 
 def _show_all(page: Page) -> None:
-    """Unfold every group of tiles: what other tests opened may stand before what is looked for."""
+    """Expand every group of tiles: sources opened by other tests may come first."""
     more = page.get_by_role("button", name=re.compile(r"Show all \d+"))
     while more.count():
         more.first.click()
@@ -79,7 +79,7 @@ def test_a_newcomer_finds_lab_people_and_a_camera_with_their_pictures(
         tile = page.locator(".source", has=page.get_by_text(title, exact=True))
         expect(tile).to_be_in_viewport()
     before = page.locator("#sources-simulated").bounding_box()
-    # The server makes them once, when they are looked at.
+    # The server renders them once, when they are first viewed.
     page.wait_for_function(
         """() => [...document.querySelectorAll("#sources-simulated img")]
                  .every((image) => image.complete && image.naturalWidth === 256)""",
@@ -127,7 +127,7 @@ def test_the_field_suggests_by_keyboard(
     field.focus()
     page.keyboard.press("ArrowDown")
     expect(field).to_have_attribute("aria-expanded", "true")
-    # What was opened lately comes first.
+    # Recently opened sources come first.
     expect(options.first).to_contain_text("simulated:lab")
     expect(options.first).to_contain_text("Recent")
     expect(page.locator(_MARKED)).to_have_attribute("id", options.first.get_attribute("id"))
@@ -144,12 +144,12 @@ def test_the_field_suggests_by_keyboard(
     expect(page.locator(".notice")).to_contain_text("is open", timeout=15_000)
     assert _spec(server) == "simulated:people_across"
     expect(field).to_have_value("simulated:people_across")
-    # And from now on it is the first one.
+    # From now on it is the first one.
     page.keyboard.press("ArrowDown")
     expect(options.first).to_contain_text("simulated:people_across")
     page.keyboard.press("Escape")
 
-    # Whatever is typed may be opened, with no suggestion at all.
+    # Any typed source can be opened, even without a suggestion.
     field.fill("simulated:lab?seed=2")
     page.keyboard.press("Enter")
     expect(field).to_have_value("simulated:lab?seed=2")
@@ -175,7 +175,7 @@ def test_sources_that_arrive_late_are_suggested_for_what_was_typed(open_panel: O
     expect(options.first).to_contain_text("simulated:people_across")
     expect(field).to_have_attribute("aria-expanded", "true")
 
-    # What matched nothing for a while is suggested for again.
+    # Suggestions come back after a text without matches.
     field.fill("no such source")
     expect(field).to_have_attribute("aria-expanded", "false")
     field.fill("people across")
@@ -221,7 +221,7 @@ def test_what_cannot_be_opened_is_told_below_what_was_pressed(
     page.route("**/api/source", refuse)
     tile = page.locator('.source[data-spec="simulated:people"]')
     tile.click()
-    # It says that it is being opened; nothing else can be pressed meanwhile.
+    # The tile says that it is being opened; nothing else can be pressed meanwhile.
     expect(tile).to_have_attribute("aria-busy", "true")
     expect(tile).to_contain_text("Opening…")
     expect(page.locator('.source[data-spec="simulated:drive"]')).to_have_attribute(
@@ -238,7 +238,7 @@ def test_what_cannot_be_opened_is_told_below_what_was_pressed(
     assert json.loads(waiting[0].request.post_data or "")["source"] == "simulated:people"
     assert _spec(server) == "simulated:lab"
 
-    # The next one that is opened takes it away.
+    # Opening another one removes the error.
     page.unroute("**/api/source")
     tile.click()
     expect(error).to_be_hidden()
@@ -289,7 +289,7 @@ def test_a_scenario_with_a_board_opens_the_wizard_with_that_board(
         for entry in server.get("/sources")
         if entry["spec"] == "simulated:calibration"
     )
-    # Somebody has printed another one before.
+    # The user has printed another board before.
     page.get_by_role("tab", name="Calibration").click()
     page.get_by_role("button", name="Calibrate cameras").click()
     page.locator("#board-square").fill("30")
@@ -326,7 +326,7 @@ def test_a_scenario_with_a_board_opens_the_wizard_with_that_board(
     assert (begun["source"], begun["board"]["square_mm"]) == ("simulated:calibration", 25)
     server.api.delete("/api/calibrating").raise_for_status()
 
-    # The printed one comes back with other cameras.
+    # Other cameras bring back the printed board.
     page.get_by_role("tab", name="Calibration").click()
     page.get_by_role("button", name="Calibrate cameras").click()
     page.locator("#board-source").fill("camera:0,1")

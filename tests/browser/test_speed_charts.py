@@ -1,4 +1,4 @@
-"""Figure 17 on the page: live, of stored runs, several beside each other, and as files."""
+"""Figure 17 on the page: live, of stored runs, several side by side, and as files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHOW = """async (charts) => {
   if (!old) document.querySelector("main").prepend(chart);
   chart.show(charts);
 }"""
-# Ten seconds at 10 Hz: truth drops out from 4 to 5 s, and at 7 s another track is the body.
+# Ten seconds at 10 Hz: truth is missing from 4 to 5 s; at 7 s the body gets another track.
 _LIVE = """async () => {
   const { SpeedHistory } = await import("/static/app/chart/speed-history.js");
   const { gapsIn, joined, speedAt } = await import("/static/app/chart/speed-curves.js");
@@ -52,8 +52,8 @@ _LIVE = """async () => {
 
 
 def _stored(name: str, rerun_of: str | None = None, rmse: float = 0.02) -> dict[str, Any]:
-    """A body at 0.4 m/s: not measured from 4 to 5 s, truth is missing from 12 to 13 s, and the
-    track 3 becomes 5 at 8 s."""
+    """A body at 0.4 m/s: not measured from 4 to 5 s, truth missing from 12 to 13 s, and track 3
+    becomes track 5 at 8 s."""
     times = [round(0.1 * i, 3) for i in range(201)]
 
     def curve(kind: str, label: str, own: list[float], **more: Any) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def _read_middle(page: Page) -> str:
 
 
 def _is_ground(picture: np.ndarray, x: float, y: float) -> bool:
-    """Whether nothing is drawn around a place, shares of the picture's size."""
+    """Return whether nothing is drawn around a place, given in shares of the picture's size."""
     height, width = picture.shape[:2]
     row, column = round(y * height), round(x * width)
     around = picture[row - 2 : row + 3, column - 2 : column + 3].reshape(-1, 3).astype(int)
@@ -133,7 +133,7 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     assert _range(page) == (0, 20)
     keep_picture(page, "run-chart")
 
-    # The band is of 95 %, not of one standard deviation, and ends where nothing was measured.
+    # The band is 95 %, not one standard deviation, and ends where nothing was measured.
     page.mouse.move(5, 5)
     plot = pixels(chart.locator(".u-over"))
     within, outside = (1 - (_SPEED - factor * _STD) / _TOP for factor in (1.6, 2.4))
@@ -166,7 +166,7 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     assert math.isclose(np.diff(_range(page))[0], 10)
     page.keyboard.press("ArrowRight")
     expect(chart.locator(".chart-panel [role=status]")).to_contain_text("commanded 0.40")
-    # Shown anew, as while a run is going, what is zoomed into stays.
+    # Shown again, as while a run is in progress, it keeps its zoom.
     page.evaluate(_SHOW, [_stored("crossing")])
     assert math.isclose(np.diff(_range(page))[0], 10)
     expect(page.get_by_role("application")).to_be_focused()
@@ -185,7 +185,7 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     read = _read_middle(page)
     assert "crossing: Obstacle 5" in read
     assert "affine: Obstacle 5" in read
-    # Both are of one recording: what is not the observer's own is the same.
+    # Both are of one recording: curves not from the observer's estimates are shared.
     assert read.count("commanded") == 1
     chart.get_by_label("Commanded").uncheck()
     assert "commanded" not in _read_middle(page)
@@ -244,7 +244,7 @@ def test_what_is_seen_of_a_run_is_saved_in_two_clicks(
     server.api.post(f"/api/runs/{run}/stop").raise_for_status()
     page = open_panel()
     page.evaluate("run => { location.hash = `#history/${run}`; }", run)
-    # A process of its own makes it, with the lowest priority.
+    # It is made by a separate process of the lowest priority.
     chart = page.locator("observer-run-chart:visible")
     expect(chart.locator(".uplot")).to_be_visible(timeout=60_000)
     expect(chart.locator(".chart-errors tbody tr").first).to_contain_text("Whole run")

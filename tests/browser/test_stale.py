@@ -1,4 +1,4 @@
-"""Old data never looks new: every live part is marked, and recovers by itself."""
+"""Old data never look new: every live part is marked as stale and recovers by itself."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from playwright.sync_api import Page, expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
-# What an engine needs at least to start, and how long it is watched for being idle, seconds.
+# Seconds: least CPU time an engine needs to start, and how long it is watched for being idle.
 _READING_S = 0.4
 _IDLE_S = 0.6
 
-# Three dimensions are drawn by the processor here.
+# 3D is drawn in software here.
 _SMALL = {"width": 1000, "height": 640}
 
-# Keeps what a short state leaves no time to ask for.
+# Record states that are too short to poll.
 _REMEMBER = """() => {
   window.seen = [];
   const html = document.documentElement;
@@ -31,15 +31,15 @@ _REMEMBER = """() => {
 
 
 def _engines(server: Server) -> list[psutil.Process]:
-    """The engine and the one that stands by for it: without that, going on takes a while."""
+    """Return the engine and its standby, without which recovery takes a while."""
     children = server.process.children()
     return [each for each in children if "app.engine" in each.cmdline()]
 
 
 def _both_have_started(server: Server) -> bool:
-    """One that is struck while it starts is given half a minute to go on.
+    """Return whether both engines have started; one hit while starting gets half a minute.
 
-    It has started once it has read all its modules and does nothing more.
+    An engine has started once it has imported all its modules and is idle.
     """
     engines = _engines(server)
     if len(engines) < 2:
@@ -51,15 +51,15 @@ def _both_have_started(server: Server) -> bool:
 
 
 def _strike(server: Server, page: Page, eventually: Eventually, kind: signal.Signals) -> None:
-    """Strike both engines, and see the page say so and go on with the next."""
+    """Hit both engines with a signal; the page must say so and go on with the next engine."""
     eventually(lambda: _both_have_started(server), 30)
     engine = server.get("/status")["engine"]
     page.evaluate(_REMEMBER)
     for process in _engines(server):
         process.send_signal(kind)
     page.wait_for_function("() => window.seen.some(([state]) => state === 'stale')", timeout=5_000)
-    # Both were struck, so this is a start from nothing; how fast a stand-in takes over is tested
-    # with the supervisor.
+    # Both were hit, so this is a cold start; how fast a standby takes over is tested with the
+    # supervisor.
     eventually(lambda: server.get("/status")["engine"]["generation"] > engine["generation"], 20)
     expect(page.locator(".notice")).to_contain_text("restarted")
     page.wait_for_selector('html[data-freshness="fresh"]', timeout=20_000)
@@ -86,7 +86,7 @@ def test_everything_is_marked_while_the_server_is_silent(
     server.process.suspend()
     try:
         asked = time.monotonic()
-        # By a timer: without new data few frames of the page are drawn, and none is waited for.
+        # Poll by timer: without new data the page draws few frames.
         page.wait_for_function(
             "() => document.documentElement.dataset.freshness === 'stale'",
             polling=100,
@@ -94,7 +94,7 @@ def test_everything_is_marked_while_the_server_is_silent(
         )
         assert time.monotonic() - asked < 5
         expect(page.locator("observer-scene")).to_have_attribute("data-freshness", "stale")
-        # One sign in words, and all that is live without its colours.
+        # One message in words, and all live parts greyed out.
         expect(page.locator(".first-line-text")).to_contain_text("Stale: The server is not")
         expect(page.locator(".stale-mark:visible")).to_have_count(0)
         expect(page.locator("observer-live-view[data-freshness=stale]")).to_have_count(2)
@@ -102,14 +102,14 @@ def test_everything_is_marked_while_the_server_is_silent(
             opacity = page.locator(part).evaluate("e => getComputedStyle(e).opacity")
             assert float(opacity) < 0.7, part
         keep_picture(page, "stale")
-        # A stop that nobody confirms is not taken for one.
+        # An unconfirmed stop is not shown as a stop.
         page.locator("#stop-robots").click()
         expect(page.locator(".notice")).to_contain_text("does not confirm the stop")
     finally:
         server.process.resume()
     page.wait_for_selector('html[data-freshness="fresh"]', timeout=20_000)
     expect(page.locator(".first-line-text")).not_to_contain_text("Stale")
-    # It was waiting at the server's door.
+    # The stop request was still queued at the server.
     expect(page.locator(".stop-state")).to_contain_text("Stopped by", timeout=10_000)
     page.get_by_role("button", name="Reset", exact=True).first.click()
     expect(page.locator(".stop-latched")).to_be_hidden()
@@ -118,5 +118,5 @@ def test_everything_is_marked_while_the_server_is_silent(
 def test_the_page_says_that_the_engine_hangs_and_goes_on_with_the_next(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
-    # Last: until then another engine has come to stand by.
+    # Last, since by now another standby engine has started.
     _strike(server, open_panel(), eventually, signal.SIGSTOP)

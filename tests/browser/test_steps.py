@@ -9,14 +9,14 @@ from playwright.sync_api import Page, Route, expect
 
 from .conftest import KeepPicture, OpenPanel
 
-# A process of low priority observes and draws; the first time it has to be started.
+# A low-priority process computes and draws; the first time it has to start.
 _MADE_MS = 60_000
 _THRESHOLD = "flow.residual_threshold_px"
 _PHONE = {"width": 390, "height": 844}
 
 
 def _seen(page: Page) -> None:
-    """Wait until the picture of the present step is there."""
+    """Wait until the picture of the current step is loaded."""
     picture = page.locator("observer-steps .step-picture")
     expect(picture.locator("img")).to_be_visible(timeout=_MADE_MS)
     expect(picture).not_to_have_attribute("aria-busy", "true", timeout=_MADE_MS)
@@ -87,7 +87,7 @@ def test_a_page_that_waits_for_its_first_answer_says_so(open_panel: OpenPanel) -
 
 
 def test_an_answer_leaves_the_address_of_another_place_alone(open_panel: OpenPanel) -> None:
-    """Between going back and being told so, the address is that of the place that is left."""
+    """An answer may arrive after the address has changed but before the page is told."""
     waiting: list[Route] = []
 
     def hold(route: Route) -> None:
@@ -134,7 +134,7 @@ def test_a_parameter_changes_picture_and_numbers_but_nothing_that_is_live(
     assert f"p.{_THRESHOLD}=" in page.url
     expect(field.locator(".changed-badge")).to_be_visible()
     keep_picture(page, "steps-6")
-    # What is refused is said at the field, and everything else stays.
+    # A refusal is shown at the field, and everything else stays.
     src = image.get_attribute("src")
     number = field.locator("input[type=number]")
     number.fill("900")

@@ -41,10 +41,10 @@ def test_scene_views_and_first_line_show_the_moving_obstacle(
     assert page.locator("observer-speed-chart .uplot canvas").count() == 1
     keep_picture(page, "desktop-light")
 
-    # What was painted is acknowledged; the server measures the latency by it.
+    # Painted frames are acknowledged, from which the server measures the latency.
     eventually(lambda: server.get("/status")["latency_ms"]["count"] > 0)
     page.emulate_media(color_scheme="dark")
-    # For the picture only: the scene takes over the colours at its next frames.
+    # For the screenshot only: the scene adopts the colours in its next frames.
     page.wait_for_timeout(400)
     keep_picture(page, "desktop-dark")
 

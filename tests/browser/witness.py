@@ -1,4 +1,4 @@
-"""How soon a robot is told zero: asked of the server all the time, beside the page."""
+"""How soon a robot is sent zero: polls the server independently of the page."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import threading
 import time
 from typing import Any
 
-# How often something is held anew where a busy machine held the page up.
+# Number of attempts at holding a control, in case a busy machine holds up the page.
 TRIES = 5
 _WITHIN_S = 0.3
-# How long asking and being answered may take on a machine that does other things as well.
+# Allowance for the polling itself on a busy machine.
 _ASKING_S = 0.1
 _ASK_EVERY_S = 0.015
 
 
 class Witness:
-    """Asks the server again and again what goes to a robot."""
+    """Polls the server for the velocity sent to a robot."""
 
     def __init__(self, server: Any, role: str = "obstacle") -> None:
         self._api = server.api
@@ -40,7 +40,7 @@ class Witness:
         self._thread.join()
 
     def first(self, moves: bool, start: float, within_s: float) -> float | None:
-        """When it first was said to move, or not to, from ``start`` on."""
+        """Return when it was first reported as moving, or not, from ``start`` on."""
         while time.monotonic() < start + within_s:
             for at, said in tuple(self._said[-100:]):
                 if at >= start and said == moves:
@@ -53,7 +53,7 @@ class Witness:
         return bool(self._said) and self._said[-1][1]
 
     def zero_after(self, start: float) -> float:
-        """How long after ``start`` it was sent zero."""
+        """Return how long after ``start`` it was sent zero."""
         at = self.first(False, start, 3.0)
         assert at is not None, "it was not stopped"
         return at - start
@@ -65,6 +65,6 @@ class Witness:
 
 
 def report(what: str, *seconds: float) -> None:
-    """Print the worst, and hold that it is soon enough."""
+    """Print the worst delay and assert that it is short enough."""
     sys.stdout.write(f"\n{what}: zero after {1000 * max(seconds):.0f} ms at worst\n")
     assert max(seconds) <= _WITHIN_S + _ASKING_S, what

@@ -1,4 +1,4 @@
-"""A run that a real server recorded, and what the command line makes of it: made once for all."""
+"""A run recorded by a real server, and what the command line makes of it: made once for all."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import pytest
 from app.cli import main
 from app.client.server_process import running_server
 
-# By then the robot that drives about is a confirmed obstacle, and clouds were kept.
+# By then the moving robot is a confirmed obstacle, and clouds have been stored.
 FRAMES = 30
 
 
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """``recording.mcap`` with JPEG images, of a finished run on the simulated lab."""
+    """``recording.mcap`` with JPEG images of a finished run in the simulated lab."""
     path = tmp_path_factory.mktemp("clients") / "recording.mcap"
     with running_server("simulated:drive") as server:
         run = server.request("POST", "/api/runs", {"record": "jpeg"})["id"]
@@ -33,7 +33,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def command() -> Callable[..., None]:
-    """``command(*arguments)``: the command line in this process; it must succeed."""
+    """``command(*arguments)``: run the command line in this process; it must succeed."""
 
     def run(*arguments: str | Path) -> None:
         with pytest.raises(SystemExit) as left:
@@ -45,7 +45,7 @@ def command() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def lossless(recording: Path, command: Callable[..., None]) -> Path:
-    """The beginning of the run, observed once more and recorded with every pixel."""
+    """The beginning of the run, observed again and recorded losslessly."""
     path = recording.with_name("lossless.mcap")
     lines = recording.with_name("lossless.jsonl")
     command(

@@ -1,6 +1,6 @@
-"""What is written is read by software that nobody here wrote, as its users would use it.
+"""Files we write are read by third-party software, as its users would use it.
 
-One file: the run that all of it is about is recorded once for each test process.
+All in one file, as the run they use is recorded once per test process.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SECOND_NS = 1_000_000_000
 
 
 class Told(NamedTuple):
-    """Message of a recording, decoded as one of Foxglove's public types."""
+    """A message of a recording, decoded as one of Foxglove's public types."""
 
     topic: str
     log_time_ns: int
@@ -41,18 +41,18 @@ class Told(NamedTuple):
 
 
 def public_type(schema: str) -> Any:
-    """The published class of ``foxglove.NAME``."""
+    """Return the published class of ``foxglove.NAME``."""
     name = schema.removeprefix("foxglove.")
     return getattr(import_module(f"foxglove_schemas_protobuf.{name}_pb2"), name)
 
 
 def told_by(path: Path) -> Iterator[Told]:
-    """Every message in protobuf."""
+    """Yield every protobuf message."""
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
             if channel.message_encoding == "protobuf":
                 decoded = public_type(schema.name).FromString(message.data)
-                # The public type knows every field that was written.
+                # The public type knows every field written.
                 size = decoded.ByteSize()
                 decoded.DiscardUnknownFields()
                 assert size == decoded.ByteSize() == len(message.data), schema.name
@@ -61,7 +61,7 @@ def told_by(path: Path) -> Iterator[Told]:
 
 @pytest.fixture(scope="session")
 def told(recording: Path) -> dict[str, list[Told]]:
-    """The recording's messages in protobuf, by topic."""
+    """The recording's protobuf messages by topic."""
     found = defaultdict(list)
     for each in told_by(recording):
         found[each.topic].append(each)
@@ -73,7 +73,7 @@ def unit_quaternion(q: Any) -> bool:
 
 
 def points_of(cloud: Any) -> Any:
-    """A structured array by nothing but the fields that the message names."""
+    """Return a structured array using nothing but the fields named in the message."""
     kinds = {1: "u1", 7: "<f4"}
     layout = {
         "names": [field.name for field in cloud.fields],
@@ -111,7 +111,7 @@ def test_schemas_in_a_recording_are_those_that_foxglove_publishes(
                 public_type(own.name[:-6].replace("/", ".")).DESCRIPTOR.file.CopyToProto(public)
                 for message in own.message_type:
                     for field in message.field:
-                        # Of JSON; a compiler may leave it out, since it follows from the name.
+                        # Compilers may omit the JSON name, since it follows from the name.
                         field.ClearField("json_name")
                 assert list(own.message_type) == list(public.message_type), own.name
                 assert list(own.enum_type) == list(public.enum_type), own.name
@@ -183,7 +183,7 @@ def test_the_cloud_lies_on_the_image_of_its_time_in_the_images_colours(
     told: dict[str, list[Told]],
 ) -> None:
     camera = told["/camera/left/calibration"][0].message
-    # This camera's images are rectified as they are taken.
+    # This camera delivers rectified images.
     assert not np.any(camera.D)
     images = {each.stamp_ns: each.message.data for each in told["/camera/left/image"]}
     for each in told["/cloud"]:
@@ -197,7 +197,7 @@ def test_the_cloud_lies_on_the_image_of_its_time_in_the_images_colours(
         assert (v < camera.height).all()
         image = cv2.imdecode(np.frombuffer(images[each.stamp_ns], np.uint8), cv2.IMREAD_COLOR)
         colors = np.stack([points[name] for name in ("blue", "green", "red")], axis=1)
-        # Bodies have a colour of their own, and JPEG is not exact.
+        # Bodies have their own colour, and JPEG is lossy.
         assert np.median(np.abs(image[v, u].astype(int) - colors)) <= 4
 
 
@@ -228,7 +228,7 @@ def test_boxes_are_drawn_where_the_obstacles_are_and_their_edges_beside_them(
         for part, (centre, diagonal) in zip(
             np.split(xyz(points), max(1, len(boxes))), boxes, strict=False
         ):
-            # On average they are in the middle, and corners are half a diagonal from it.
+            # Their mean is the centre, and corners are half a diagonal away from it.
             assert np.allclose(part.mean(axis=0), centre, atol=1e-3)
             assert np.linalg.norm(part - centre, axis=1).max() == pytest.approx(diagonal / 2, 1e-3)
             drawn += 1
@@ -237,7 +237,7 @@ def test_boxes_are_drawn_where_the_obstacles_are_and_their_edges_beside_them(
 
 def test_our_own_messages_are_valid_by_the_schemas_in_the_file(recording: Path) -> None:
     def or_null(validator: Any, kinds: Any, value: Any, schema: Any) -> Iterator[Any]:
-        # As OpenAPI 3.0 has it; Lichtblick takes no list of types.
+        # As in OpenAPI 3.0; Lichtblick does not accept a list of types.
         if not (value is None and schema.get("nullable")):
             yield from Draft202012Validator.VALIDATORS["type"](validator, kinds, value, schema)
 
@@ -253,7 +253,7 @@ def test_our_own_messages_are_valid_by_the_schemas_in_the_file(recording: Path) 
                 validators[schema.id] = judge(told)
             validators[schema.id].validate(json.loads(message.data))
             seen.add(channel.topic)
-    # Those that only a server records are among them.
+    # This includes messages that only a server records.
     assert {"/run", "/frame", "/observation", "/ego_motion", "/robot", "/truth/matched"} <= seen
 
 
@@ -273,7 +273,7 @@ def tables(
 
 
 def asked(query: str, folder: Path) -> list[tuple[Any, ...]]:
-    """What DuckDB answers; tables in the query are files of the folder."""
+    """Return DuckDB's answer; tables in the query are files of the folder."""
     with duckdb.connect() as database:
         database.execute(f"SET file_search_path = '{folder}'")
         return database.execute(query).fetchall()
@@ -289,7 +289,7 @@ def test_duckdb_finds_every_table_with_its_types(tables: Path, recording: Path) 
             ]
             rows = asked(f"SELECT * FROM '{table.name}.parquet'", tables)
             assert rows == [tuple(row.values()) for row in table.rows(read)]
-            # Nobody sends the robot to a goal in this run.
+            # The robot has no goal in this run.
             assert rows or table.name in ("goal", "map"), table.name
 
 
@@ -351,7 +351,7 @@ def test_a_bag_of_a_run_deserialises_by_its_own_definitions_and_by_those_of_late
     command("export", recording, "--ros2", "--storage", storage, "--output", bag)
     stores = [get_typestore(each) for each in (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY)]
     counts: Counter[str] = Counter()
-    # Without a default: the definitions are those that stand in the bag.
+    # Without default types: the definitions come from the bag.
     with rosbags.AnyReader([bag]) as reader:
         for connection, at, data in reader.messages():
             message = reader.deserialize(data, connection.msgtype)

@@ -1,6 +1,7 @@
 """Rerun shows a recording: images in their cameras, clouds, frames and boxes.
 
-Its package takes half a gigabyte, so it is no part of the set-up: ``make clients-test`` brings it.
+Its package takes half a gigabyte, so it is not part of the set-up: ``make clients-test`` installs
+it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Row = dict[str, Any]
 
 
 def rows_of(path: Path) -> dict[str, list[Row]]:
-    """What Rerun makes of a recording: rows by entity, values by component, ``stamp`` in ns."""
+    """Return a recording as read by Rerun: rows by entity, values by component, ``stamp`` in ns."""
     found: dict[str, list[Row]] = defaultdict(list)
     for chunk in chunks.McapReader(path).stream():
         batch = chunk.to_record_batch()
@@ -44,13 +45,13 @@ def rows(recording: Path) -> dict[str, list[Row]]:
 
 
 def one(value: list[Any]) -> Any:
-    """The only instance of a component."""
+    """Return the only instance of a component."""
     (found,) = value
     return found
 
 
 def place(rows: dict[str, list[Row]], frame: str, stamp: int) -> tuple[Any, Any]:
-    """R and t of a frame in the root that Rerun knows, at an instant."""
+    """Return R and t of a frame in Rerun's root frame at a time."""
     R, t = np.eye(3), np.zeros(3)
     for _ in range(10):
         known = [
@@ -83,7 +84,7 @@ def test_images_stand_in_the_cameras_that_took_them(
         assert [row["stamp"] for row in images] == stamps
         blob = np.array(one(images[-1]["blob"]), np.uint8)
         assert np.array_equal(cv2.imdecode(blob, cv2.IMREAD_UNCHANGED), pixels)
-        # A pinhole's image plane is a frame of its own below the camera's.
+        # A pinhole's image plane has its own frame below the camera's.
         assert {one(row["frame"]) for row in images} == {one(camera["child_frame"])}
         assert one(camera["parent_frame"]) == f"camera_{side}"
         assert one(camera["resolution"]) == [pixels.shape[1], pixels.shape[0]]
@@ -98,7 +99,7 @@ def test_every_pixel_of_a_lossless_recording_is_shown(lossless: Path) -> None:
             left = read.pair(k)[0]
             told = one(row["format"])
             assert (told["width"], told["height"]) == left.shape[1::-1]
-            # RGB, or BGR as it is, or grey: as many bytes.
+            # RGB, BGR or grey: the number of bytes fits.
             buffer = np.array(one(row["buffer"]), np.uint8)
             assert np.array_equal(buffer, left.ravel())
 
@@ -110,7 +111,7 @@ def test_the_cloud_is_in_sight_of_the_camera_in_its_colours(rows: dict[str, list
         assert len(points) == len(row["colors"]) > 1000
         assert one(row["frame"]) == "camera"
         assert (points[:, 2] > 0.1).all()
-        # 0xRRGGBBAA: all are opaque, and not all of one colour.
+        # 0xRRGGBBAA: all are opaque, and not all have the same colour.
         assert {color & 0xFF for color in row["colors"]} == {0xFF}
         assert len(set(row["colors"])) > 100
 
@@ -135,7 +136,7 @@ def test_boxes_are_where_obstacles_and_true_bodies_are_in_the_room(
             boxes = np.split(points, max(1, len(places)))
             for box, centre in zip(boxes, places, strict=False):
                 assert np.allclose(box.mean(axis=0), centre, atol=1e-3)
-                # In the room, whose z is up, it stands about on the ground.
+                # In the room, whose z is up, it is roughly on the ground.
                 R, t = place(rows, "world", row["stamp"])
                 assert -0.3 < (box @ R.T + t)[:, 2].min() < 0.5
                 shown += 1

@@ -1,4 +1,4 @@
-"""The whole system before a robot that is emulated: cameras, server, operator, and a stopwatch."""
+"""Test bench for the whole system with an emulated robot: the server, retries and reports."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from typing import Any
 import httpx
 import psutil
 
-# How often a fault is tried; ``make faults`` takes 100.
+# How often each fault is tried; ``make faults`` uses 100.
 TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
-# Six seconds, on a machine that does nothing else.
+# It takes six seconds on an idle machine.
 _START_S = 120.0
 _STOP_S = 15.0
 
 
 class Refused(Exception):
-    """The server said no.
+    """The server refused a request.
 
     Attributes:
         status: of the answer.
@@ -38,10 +38,10 @@ class Refused(Exception):
 
 @dataclass
 class Server:
-    """A server as a person starts it.
+    """A server as a user starts it.
 
     Attributes:
-        process: the web process. link: signs a page in. port, token: of its page.
+        process: the web process. link: signs a browser in. port, token: of its page.
         api: a client for the REST interface, signed in.
     """
 
@@ -52,10 +52,10 @@ class Server:
     api: httpx.Client
 
     def request(self, method: str, path: str, body: Any = None, **more: Any) -> Any:
-        """One REST call below ``/api``; the decoded answer.
+        """Make a REST call below ``/api``; return the decoded answer.
 
         Raises:
-            Refused: it was answered with an error.
+            Refused: the answer is an error.
         """
         answer = self.api.request(method, f"/api{path}", json=body, **more)
         if not answer.is_success:
@@ -63,11 +63,11 @@ class Server:
         return answer.json() if answer.content else None
 
     def upload(self, path: str, name: str, content: bytes) -> Any:
-        """A file as a form sends it."""
+        """Upload a file as a form does."""
         return self.request("POST", path, files={"file": (name, content)})
 
     def robot(self, role: str = "observer") -> dict[str, Any]:
-        """The facts of one robot; empty where it has no port."""
+        """Return the facts of one robot; empty if it has no port."""
         facts: dict[str, Any] | None = self.request("GET", "/robots")["robots"][role]
         return facts or {}
 
@@ -76,10 +76,10 @@ class Server:
 def served(
     folder: Path, source: str, environment: Mapping[str, str] | None = None
 ) -> Iterator[Server]:
-    """A server on a free port with its data in ``folder``; gone in the end, however it fared.
+    """Run a server on a free port with its data in ``folder``; it is always ended afterwards.
 
     Args:
-        environment: of its processes, beside the own one.
+        environment: variables for its processes in addition to our own.
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "server.log"
@@ -96,7 +96,7 @@ def served(
         link = _wait_for_link(process, log)
         address, _, token = link.partition("/?token=")
         bearer = {"Authorization": f"Bearer {token}"}
-        # No connection outlives its answer: the server may be killed at any time.
+        # Do not keep connections alive: the server may be killed at any time.
         alone = httpx.Limits(max_keepalive_connections=0)
         with httpx.Client(
             base_url=address, headers=bearer, timeout=20, trust_env=False, limits=alone
@@ -129,15 +129,15 @@ def _wait_for_link(process: subprocess.Popen[bytes], log: Path) -> str:
 
 
 def tell(line: str) -> None:
-    """For the person who runs it (``pytest -s``)."""
+    """Print a line for whoever runs the tests (``pytest -s``)."""
     sys.stdout.write(f"\n{line}\n")
 
 
 def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 10.0) -> Any:
-    """Ask until the answer is true; the answer.
+    """Ask until the answer is true; return the answer.
 
     Raises:
-        AssertionError: it never was; ``what`` says what was waited for.
+        AssertionError: it never was true; ``what`` names what was awaited.
     """
     deadline = time.monotonic() + timeout_s
     while True:

@@ -1,4 +1,4 @@
-"""Two network cameras of a still room, which fail as cameras do, at a known instant."""
+"""Two network cameras in a still room, which fail as cameras do, at a known time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from observer.simulation.world import World
 from observer.types import Image
 
 RATE_HZ = 20.0
-# Each with noise of its own, so that a camera that repeats one is told from a room that is still.
+# Each with its own noise, to distinguish a frozen camera from a still room.
 _PICTURES = 12
 _QUALITY = 92
 _REMEMBERED = 400
@@ -27,7 +27,7 @@ _HEAD = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=f
 
 
 def still_world() -> World:
-    """The simulated lab with the observer parked and nobody else in it."""
+    """Return the simulated lab with the observer parked and nobody else in it."""
     lab = load_scenario("lab")
     parked = lab.observer.model_copy(update={"motion": None})
     return World(lab.model_copy(update={"robots": (), "observer": parked}))
@@ -35,12 +35,12 @@ def still_world() -> World:
 
 @dataclass
 class Misbehaviour:
-    """What a camera does beside delivering; changed at any time from any thread.
+    """How a camera misbehaves; may be changed at any time from any thread.
 
     Attributes:
-        unplugged: its streams end and nobody can connect. hangs: its streams stay and say nothing.
-        frozen: it repeats its last picture. every: it sends one picture in so many only.
-        image: it shows this instead, JPEG; None what it sees.
+        unplugged: its streams end and nobody can connect. hangs: its streams stay open but silent.
+        frozen: it repeats its last picture. every: it sends only every n-th picture.
+        image: JPEG that it sends instead; None: what it sees.
     """
 
     unplugged: bool = False
@@ -55,12 +55,12 @@ class _Server(socketserver.ThreadingTCPServer):
     daemon_threads = True
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A client that leaves is no error here."""
+        """Ignore the error: a client that disconnects is normal here."""
 
 
 @dataclass
 class Camera:
-    """One MJPEG camera at an own port; a context.
+    """An MJPEG camera on its own port; a context manager.
 
     Attributes:
         pictures: JPEG, played over and over at ``RATE_HZ``.
@@ -79,7 +79,7 @@ class Camera:
                     camera._serve(self)
 
         self._ends = False
-        # When pictures were sent that are as they should be.
+        # When good pictures were sent.
         self._good: deque[float] = deque([0.0], maxlen=_REMEMBERED)
         self._server = _Server(("127.0.0.1", 0), Handler)
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,))
@@ -90,11 +90,11 @@ class Camera:
 
     @property
     def good_at(self) -> float:
-        """Monotonic time at which the last picture that is as it should be was sent."""
+        """Monotonic time at which the last good picture was sent."""
         return self._good[-1]
 
     def good_before(self, time: float) -> float:
-        """The same of the last one until then, of those of the last seconds."""
+        """Return when the last good picture up to ``time`` was sent, within the last seconds."""
         return max(each for each in tuple(self._good) if each <= time)
 
     def __enter__(self) -> Camera:
@@ -108,7 +108,7 @@ class Camera:
         self._server.server_close()
 
     def behave(self) -> None:
-        """As at the beginning."""
+        """Stop misbehaving."""
         self.does = Misbehaviour()
 
     def _serve(self, handler: socketserver.StreamRequestHandler) -> None:
@@ -139,7 +139,7 @@ class Camera:
 
 
 def stereo_cameras(world: World) -> tuple[Camera, Camera, StereoCalibration]:
-    """Left, right and their true calibration; nothing runs yet."""
+    """Return left and right camera and their true calibration; nothing runs yet."""
     imager = StereoImager(world)
     pairs = [imager.pair(number, 0.0) for number in range(_PICTURES)]
     left, right = (Camera([jpeg(pair[side]) for pair in pairs]) for side in (0, 1))
@@ -147,12 +147,12 @@ def stereo_cameras(world: World) -> tuple[Camera, Camera, StereoCalibration]:
 
 
 def jpeg(image: Image) -> bytes:
-    """As a camera compresses."""
+    """Compress an image as a camera does."""
     return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
 
 
 def plain_picture(world: World, level: int) -> bytes:
-    """What a covered (0) or a blinded (255) lens shows, with a sensor's noise."""
+    """Return what a covered (0) or a blinded (255) lens shows, with sensor noise."""
     camera = world.scenario.camera
     noise = np.random.default_rng(level).integers(-2, 3, (camera.height, camera.width, 3))
     return jpeg(np.clip(level + noise, 0, 255).astype(np.uint8))

@@ -1,4 +1,4 @@
-"""Everything together, for the tests of one file."""
+"""The whole system, shared by the tests of one file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .web import CANARY, Web, living
 
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_left_behind() -> Iterator[None]:
-    """In place of the check after every test: the system outlives the single test."""
+    """Replace the check after every test: the system outlives the single test."""
     with no_process_left_behind():
         yield
 
@@ -31,7 +31,7 @@ def system(
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's folder, with a canary beside it."""
+    """The server's data folder, with a canary file beside it."""
     folder = tmp_path_factory.mktemp("web")
     (folder / "canary").write_text(CANARY)
     return folder / "data"
@@ -39,7 +39,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def web(data: Path, _nothing_left_behind: None) -> Iterator[Web]:
-    """A server of the simulated lab; the same processes serve in the end."""
+    """A server of the simulated lab; the same processes must still serve in the end."""
     with served(data, "simulated:lab") as server:
         web = Web(server)
 

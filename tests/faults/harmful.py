@@ -1,4 +1,4 @@
-"""What a server must refuse: archives, texts, numbers and paths that are made to do harm."""
+"""Malicious archives, texts, numbers and paths that a server must refuse."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BLOCK = bytes(1 << 20)
 
 
 def bomb() -> bytes:
-    """A zip archive of zeros."""
+    """Return a zip archive of zeros."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         with archive.open("left/1.png", "w", force_zip64=True) as entry:
@@ -25,7 +25,7 @@ def bomb() -> bytes:
 
 
 def nested(depth: int = 5) -> bytes:
-    """Archives within archives."""
+    """Return archives within archives."""
     content = b"x" * 1000
     for _ in range(depth):
         file = io.BytesIO()
@@ -37,7 +37,7 @@ def nested(depth: int = 5) -> bytes:
 
 
 def entry(name: str, content: str, mode: int = 0o100644) -> bytes:
-    """An archive with one entry."""
+    """Return an archive with one entry."""
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
         info = zipfile.ZipInfo(name)
@@ -56,7 +56,7 @@ ARCHIVES: dict[str, Callable[[], bytes]] = {
 
 # --- texts -------------------------------------------------------------------------------------
 
-# 9 levels of 9 references: 3 thousand million entries.
+# 9 levels of 9 references: more than 3 billion entries.
 YAML_BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"a{n}: &a{n} [{', '.join(9 * [f'*a{n - 1}'])}]\n" for n in range(1, 10)
 )
@@ -73,7 +73,7 @@ MALFORMED: dict[str, bytes] = {
     "list": b"[]",
     "text": b'"x"',
 }
-# To a WebSocket: text or bytes.
+# WebSocket messages, text or bytes.
 GARBAGE: dict[str, str | bytes] = {
     "no JSON": "garbage",
     "deep": "[" * 100_000,
@@ -82,8 +82,8 @@ GARBAGE: dict[str, str | bytes] = {
     "bytes": b"\x00\xff\x81garbage",
     "two megabytes": "x" * (2 << 20),
 }
-# Frames as they are on the wire, masked by zeros: broken UTF-8, an unknown kind, a reserved bit,
-# a length of 2**62 bytes.
+# Raw frames masked with zeros: broken UTF-8, an unknown opcode, a reserved bit, a length of 2**62
+# bytes.
 BROKEN_FRAMES: dict[str, bytes] = {
     "broken UTF-8": b"\x81\x82\x00\x00\x00\x00\xff\xfe",
     "unknown kind": b"\x83\x80\x00\x00\x00\x00",
@@ -93,15 +93,15 @@ BROKEN_FRAMES: dict[str, bytes] = {
 
 # --- numbers -----------------------------------------------------------------------------------
 
-# JSON as Python writes it.
+# Values in JSON as Python writes it.
 NO_NUMBERS = ("NaN", "Infinity", "-Infinity", "1e999", "-1e999", "true", '"2"', "[]", "{}")
-# Beyond every range there is.
+# Beyond every range.
 HUGE_NUMBERS = ("1e300", "-1e300", "1" + "0" * 400)
 _NUMERIC = {"number", "integer"}
 
 
 def numeric_fields(schema: Any, known: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Yield the places of all numbers in an object of a JSON schema.
+    """Yield the paths of all numbers in an object of a JSON schema.
 
     Args:
         known: schemas that others refer to, by name.
@@ -117,7 +117,7 @@ def numeric_fields(schema: Any, known: dict[str, Any]) -> Iterator[tuple[str, ..
 
 
 def holding(place: tuple[str, ...], value: str) -> str:
-    """JSON of nested objects that hold a value at a place."""
+    """Return JSON of nested objects with a value at a path."""
     return value if not place else f'{{"{place[0]}": {holding(place[1:], value)}}}'
 
 
@@ -125,7 +125,7 @@ def holding(place: tuple[str, ...], value: str) -> str:
 
 
 def paths(canary: str) -> list[str]:
-    """Request targets that would lead to a file outside, by each way there is to write that.
+    """Return request targets that would lead to a file outside, in every possible notation.
 
     Args:
         canary: the file's absolute path.

@@ -1,4 +1,4 @@
-"""A person at the page, as far as the server can tell: one drive socket, ten signs a second."""
+"""An operator as the server sees one: one drive socket, ten messages a second."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _ANSWER_S = 3.0
 
 
 class Operator:
-    """Signed in at ``/api/drive``; a context. Holds a velocity as a key is held.
+    """Signed in at ``/api/drive``; a context manager. Holds a velocity like a held key.
 
     Attributes:
-        last_sign: monotonic time of the last command or presence that was sent.
-        messages: everything the server said, oldest first.
+        last_sign: monotonic time of the last command or presence message sent.
+        messages: everything the server sent, oldest first.
     """
 
     def __init__(self, port: int, token: str, role: str = "observer") -> None:
@@ -62,7 +62,7 @@ class Operator:
         self.leave()
 
     def leave(self, *, abruptly: bool = False) -> None:
-        """Close the socket; abruptly as when the network is gone."""
+        """Close the socket; abruptly as if the network were gone."""
         self._ends.set()
         if abruptly:
             self._socket.socket.close()
@@ -72,7 +72,7 @@ class Operator:
             thread.join(5)
 
     def take(self, *, takeover: bool = False) -> dict[str, Any]:
-        """Ask for the lease; the answer."""
+        """Request the lease; return the answer."""
         before = len(self.messages)
         self._send({"type": "take", "role": self.role, "takeover": takeover})
         answer = self.wait_for("lease", after=before)
@@ -80,16 +80,16 @@ class Operator:
         return answer
 
     def hold(self, speed_mps: float, turn_rate_radps: float = 0.0) -> None:
-        """Press the key."""
+        """Press the key for a velocity."""
         self._velocity = (speed_mps, turn_rate_radps)
 
     def release(self) -> None:
-        """Let it go."""
+        """Release the key."""
         self._velocity = None
         self.drive(0.0, 0.0)
 
     def drive(self, speed_mps: float, turn_rate_radps: float, **changed: Any) -> None:
-        """One command; ``changed`` replaces fields of the message."""
+        """Send one command; ``changed`` replaces fields of the message."""
         self._sequence += 1
         self._send(
             {
@@ -105,7 +105,7 @@ class Operator:
         self.last_sign = time.monotonic()
 
     def wait_for(self, kind: str, *, after: int = 0) -> dict[str, Any]:
-        """The first message of a kind behind the first ``after`` ones."""
+        """Return the first message of a kind after the first ``after`` ones."""
         deadline = time.monotonic() + _ANSWER_S
         with self._changed:
             while True:
@@ -163,7 +163,7 @@ class Operator:
 
 
 def arm(server: Server, operator: Operator) -> None:
-    """Arm the observer with the operator's lease, reset first where it was stopped."""
+    """Arm the observer with the operator's lease, resetting a stop first."""
 
     def armed() -> bool:
         if server.robot()["state"] in ("armed", "moving"):

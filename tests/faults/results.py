@@ -1,4 +1,4 @@
-"""What was measured, for the person who runs it and in ``artefacts/faults.json``."""
+"""Measured results, printed and stored in ``artefacts/faults.json``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RESULTS = Path(__file__).resolve().parents[2] / "artefacts" / "faults.json"
 
 
 def worst_of(number: int, name: str, once: Callable[[], float], *, within: float) -> None:
-    """Try it, tell the worst, and fail where that is beyond what is promised."""
+    """Repeat a trial, report the worst result, and fail if it exceeds the promise."""
     seconds = [once() for _ in range(TRIALS)]
     worst, middle = max(seconds), statistics.median(seconds)
     tell(
@@ -35,7 +35,7 @@ def worst_of(number: int, name: str, once: Callable[[], float], *, within: float
 
 
 def keep(number: int, name: str, **figures: Any) -> None:
-    """Write figures of a fault, in place of those before."""
+    """Store the figures of a fault, replacing earlier ones."""
     RESULTS.parent.mkdir(exist_ok=True)
     known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     known[f"{number} {name}"] = figures

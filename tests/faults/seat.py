@@ -1,4 +1,4 @@
-"""A person at the real page, in Chromium: a key that is held, and a tab that is left."""
+"""A user at the real page in Chromium: holding a key and leaving the tab."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _REMEMBERED = "dynamic-observer.driving"
 
 
 class Seat:
-    """The page of a system, on the robots' tab; it drives the observer at ``SPEED_MPS``."""
+    """The page of a system on the robots' tab; it drives the observer at ``SPEED_MPS``."""
 
     def __init__(self, system: System, browser: Browser) -> None:
         self._system = system
@@ -28,22 +28,22 @@ class Seat:
         context.add_init_script(f"localStorage.setItem({_REMEMBERED!r}, {choice!r})")
         self._page: Page = context.new_page()
         without_viewer(self._page)
-        # Nor pictures: drawing them would take the processor from who sees for the robot.
+        # No pictures either: drawing them would take processor time from the robot's vision.
         self._page.route_web_socket("**/api/views/**", lambda _: None)
         self._page.goto(system.server.link)
         self._page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
         self._page.get_by_role("tab", name="Robots").click()
 
     def close(self) -> None:
-        """The person goes."""
+        """Close the page."""
         self._page.context.close()
 
     def move(self) -> None:
-        """Press the key until the robot drives, whatever happened before."""
+        """Press the key until the robot drives, whatever its state."""
         deadline = time.monotonic() + _PATIENCE_S
         self.return_to_it()
         while not self._drive_off():
-            # A busy machine shows a frame, or sends a command, too late now and then.
+            # On a busy machine a frame or a command is occasionally late.
             assert time.monotonic() < deadline, self._page.locator("observer-robots").inner_text()
         time.sleep(self._system.random.uniform(0.0, 0.15))
 
@@ -56,11 +56,11 @@ class Seat:
                 page.get_by_role("button", name="Arm", exact=True).first.click(timeout=2_000)
             except PlaywrightTimeout:
                 return False
-            # Refused where a frame is late at that moment.
+            # Refused if a frame happens to be late.
             page.wait_for_timeout(100)
             if not self._armed():
                 return False
-        # What was stopped for want of a command counts again once nothing was held for a moment.
+        # After a missed command, holding counts again only once nothing was held for a moment.
         page.wait_for_timeout(300)
         page.locator(".drive-pad").focus()
         page.keyboard.down(_KEY)
@@ -76,9 +76,9 @@ class Seat:
         return self._system.server.robot()["state"] in ("armed", "moving")
 
     def leave_the_tab(self) -> None:
-        """Another tab is chosen, the key still held."""
+        """Switch to another tab with the key still held."""
         hide(self._page, True)
 
     def return_to_it(self) -> None:
-        """And this one again."""
+        """Switch back to this tab."""
         hide(self._page, False)

@@ -1,4 +1,4 @@
-"""Everything together: cameras, server, robot and operator, and how to bring them into motion."""
+"""The whole system, cameras, server, robot and operator, and setting it in motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .cameras import Camera, stereo_cameras, still_world
 from .operator import Operator, arm
 
 SPEED_MPS = 0.3
-# What a ramp and a slow status packet leave of it.
+# Speed regarded as moving, given the ramp and slow status packets.
 MOVING_MPS = 0.27
 _PATIENCE_S = 60.0
 _RIG = """mount: {{height_m: {height}, tilt_deg: {tilt}, forward_m: {forward}, left_m: {left}}}
@@ -30,10 +30,10 @@ ports: {{observer: '{port}'}}
 
 
 class System:
-    """A lab in which things go wrong.
+    """A lab in which faults are injected.
 
     Args:
-        folder: for the data. environment: of the server's processes, beside the own one.
+        folder: for the data. environment: variables for the server's processes, beside our own.
 
     Attributes:
         left, right: cameras. robot: behind its port. server: restarted by ``restart``.
@@ -58,7 +58,7 @@ class System:
     # --- life ------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin to serve, on what was kept before."""
+        """Start the server on the existing data."""
         self.server = self._serving.enter_context(
             served(self.folder, self.source, self._environment)
         )
@@ -69,18 +69,18 @@ class System:
         self.server.request(
             "PUT", "/source", {"source": self.source, "calibration": self._calibration_id}
         )
-        # Who has come to speed sooner can be stopped more often.
+        # Faster acceleration allows more trials.
         self.server.request("PATCH", "/parameters", {"guard.acceleration_mps2": 3.0})
         self.wait_for_sight()
 
     def end(self) -> None:
-        """Stop serving, however the server fares."""
+        """Stop the server, whatever its state."""
         self.leave()
         self._serving.close()
 
     @contextmanager
     def running(self) -> Iterator[System]:
-        """With everything at work."""
+        """Run with everything at work."""
         self.folder.mkdir(parents=True, exist_ok=True)
         camera = self.world.scenario.camera
         rig = _RIG.format(
@@ -105,19 +105,19 @@ class System:
     # --- the operator ----------------------------------------------------------------------
 
     def sit_down(self) -> Operator:
-        """Somebody opens the page."""
+        """Return the operator at the page, opening it if needed."""
         if self.operator is None:
             self.operator = Operator(self.server.port, self.server.token)
         return self.operator
 
     def leave(self, *, abruptly: bool = False) -> None:
-        """And closes it."""
+        """Close the operator's page."""
         operator, self.operator = self.operator, None
         if operator is not None:
             operator.leave(abruptly=abruptly)
 
     def wait_for_sight(self, timeout_s: float = 20.0) -> None:
-        """Until the drive process sees and the robot is connected."""
+        """Wait until the drive process sees and the robot is connected."""
 
         facts: dict[str, Any] = {}
 
@@ -134,7 +134,7 @@ class System:
             raise AssertionError(f"{error}: {facts}") from None
 
     def move(self) -> None:
-        """Bring the robot to ``SPEED_MPS``, whatever happened before; at a random phase then."""
+        """Bring the robot to ``SPEED_MPS``, whatever its state, then wait for a random phase."""
         self.left.behave()
         self.right.behave()
         self.wait_for_sight()
@@ -144,15 +144,15 @@ class System:
             assert operator.take(takeover=True)["state"] == "yours", operator.messages
         deadline = time.monotonic() + _PATIENCE_S
         while not self._drive_off(operator):
-            # On a busy machine a frame or a command comes too late now and then, which stops it.
+            # On a busy machine a frame or a command is occasionally late, which stops the robot.
             facts, said = self.server.robot(), operator.messages[-3:]
             assert time.monotonic() < deadline, f"the robot does not move: {facts}; {said}"
         time.sleep(self.random.uniform(0.0, 0.15))
 
     def _drive_off(self, operator: Operator) -> bool:
-        """Press the key; whether the robot drives soon."""
+        """Press the key; return whether the robot drives soon."""
         operator.release()
-        # It may still roll on from the trial before, which is no driving.
+        # It may still be rolling from the previous trial, which is not driving.
         wait_until("the robot stands", lambda: self.robot.robot.speed_mps < 0.01)
         arm(self.server, operator)
         operator.hold(SPEED_MPS)
@@ -166,10 +166,9 @@ class System:
     # --- the stopwatch ---------------------------------------------------------------------
 
     def zero_after(self, cause: float, patience_s: float = 2.0) -> float:
-        """Seconds from an instant to the first zero velocity on the robot's port.
+        """Return the seconds from ``cause`` to the first zero velocity on the robot's port.
 
-        Infinite where none came; from then on none but zero may come, which is looked at for a
-        moment.
+        Infinite if none came.
         """
         log = self.robot.robot.log
         deadline = time.monotonic() + patience_s
@@ -180,5 +179,5 @@ class System:
         return zero.time - cause
 
     def moves_since(self, time_: float) -> list[Any]:
-        """Commands that ask for motion."""
+        """Return the commands since then that ask for motion."""
         return [each for each in self.robot.robot.log.since(time_) if not each.stands]

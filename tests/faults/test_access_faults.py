@@ -1,8 +1,7 @@
-"""Who may not come in, and what a server does whose configuration is bad.
+"""Unauthorised access, and starting with a bad configuration.
 
-A server of the simulated lab as a person starts it, with engine, drive process and 3D view; whoever
-comes in could drive its robots. Each operation is taken from the description the server gives of
-itself.
+A server of the simulated lab as a user starts it, with engine, drive process and 3D view; anyone
+let in could drive its robots. The operations are taken from the server's own API description.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
 
 
 def everything(web: Web) -> Iterator[tuple[str, str]]:
-    """Method and path of all that is described, and of all beside it."""
+    """Yield method and path of all described operations and of everything else."""
     for operation in web.operations:
         yield operation.method, operation.path
     for path in (
@@ -64,7 +63,7 @@ def test_cross_site_requests(web: Web) -> None:
     foreign = [{"Origin": EVIL}, {"Origin": "null"}]
     foreign += [{"Sec-Fetch-Site": site} for site in ("cross-site", "same-site")]
     tried = [{"Content-Type": "application/json", **sender} for sender in foreign]
-    # Where no browser says whose page it is, the kind alone tells.
+    # Without headers that tell the origin of the page, only the content type can give it away.
     tried += [{"Content-Type": kind} for kind in FORMS] + [{}]
     body = b'{"paused": true, "text": "x", "name": "evil", "source": "simulated:lab"}'
     with nothing_changes(web):
@@ -137,7 +136,7 @@ def test_guessing_the_token(web: Web) -> None:
         for attempt in itertools.count():
             if time.monotonic() > ends:
                 return
-            # Right but for its last character.
+            # Correct except for the last character.
             last = "-" if web.server.token[-1] != "-" else "_"
             line = f"Authorization: Bearer {web.server.token[:-1]}{last}"
             if (attempt + number) % 2:
@@ -179,7 +178,7 @@ SAYS = ("the rig is unknown", "flow.window_px", "motion capture", "there is no f
 
 
 def badly_configured(folder: Path) -> Path:
-    """A data folder in which nothing is as it should be."""
+    """Make a data folder in which everything is misconfigured."""
     folder.mkdir()
     (folder / "rig.yaml").write_text("mount: {height_m: -5")
     with Storage(folder / "observer.sqlite") as storage:
@@ -204,7 +203,7 @@ def test_a_bad_configuration_is_served_disarmed_and_told(tmp_path: Path) -> None
             with pytest.raises(Refused) as refused:
                 server.request("POST", f"/robots/{role}/arm", {})
             assert refused.value.status in (404, 409)
-        # It can be mended by what it serves.
+        # It can be repaired through its own API.
         server.request("PUT", "/source", {"source": "simulated:lab"})
     assert [each for each in SAYS if each not in said] == [], said
     assert not any(robot and robot["state"] in ("armed", "moving") for robot in robots.values())
@@ -231,7 +230,7 @@ def test_a_bad_configuration_ends_a_strict_start(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stderr
     assert [each for each in SAYS if each not in last] == [], done.stderr
     assert "Traceback" not in done.stderr
-    # Nobody is sent to a page that is not there.
+    # No link to a page that does not exist.
     assert done.stdout == ""
     told(
         35,

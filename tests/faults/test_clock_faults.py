@@ -1,7 +1,7 @@
-"""What happens while a robot drives, a run is recorded and the wall clock jumps by an hour.
+"""The wall clock jumps by an hour while a robot drives and a run is recorded.
 
-Only the server's processes see the jump (``wall_clock.c``), so it needs a C compiler. It is tried
-``FAULT_TRIALS`` times.
+Only the server's processes see the jump (``wall_clock.c``), so this needs a C compiler. Each test
+makes ``FAULT_TRIALS`` trials.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from .system import System
 
 ZERO_S = 0.3
 HOUR_S = 3600
-# A busy machine stops the robot now and then; a clock that did would do so each time.
+# A busy machine stops the robot occasionally; a fault of the clock would do so every time.
 TRIES = 5
 
-# What it takes of a run is held by test_current_run as well.
+# The effect on runs is also covered by test_current_run.
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.patient,
@@ -42,10 +42,10 @@ pytestmark = [
 
 
 class WallClock:
-    """What the server's processes take for the time of day.
+    """The time of day as seen by the server's processes.
 
     Attributes:
-        environment: that makes them.
+        environment: variables that make them see it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -64,13 +64,13 @@ class WallClock:
         self.jump(0)
 
     def jump(self, shift_s: int) -> None:
-        """Be so many seconds ahead of the right time from now on."""
+        """Run this many seconds ahead of the true time from now on."""
         self.shift_s = shift_s
         with self._file.open("r+b" if self._file.exists() else "wb", buffering=0) as file:
             file.write(struct.pack("=q", shift_s))
 
     def now(self) -> float:
-        """As they see it."""
+        """Return the time that they see."""
         return time.time() + self.shift_s
 
 
@@ -87,7 +87,7 @@ def test_the_wall_clock_jumps(tmp_path: Path) -> None:
         wait_until("frames", lambda: server.request("GET", f"/runs/{run}")["frames"] > 3, 20.0)
         for trial in range(TRIALS):
             _drive_through(system, clock, next(jumps))
-            # What stops a robot does so as ever: its operator's silence, and blind cameras.
+            # What stops a robot still does: the operator's silence and blind cameras.
             zeros.append(_silence(system) if trial % 2 == 0 else _blindness(system))
         server.request("POST", f"/runs/{run}/stop")
         elapsed = time.monotonic() - begun
@@ -111,10 +111,10 @@ def test_the_wall_clock_jumps(tmp_path: Path) -> None:
 
 
 def test_the_wall_clock_jumps_before_the_drive_process_starts(tmp_path: Path) -> None:
-    """And once more while it runs: each of its processes begins in another hour."""
+    """It also jumps before each restart: every drive process starts in another hour."""
     clock = WallClock(tmp_path)
     jumps = cycle((HOUR_S, -HOUR_S, 0))
-    # Everything begins an hour late.
+    # The server starts with its clock an hour slow.
     clock.jump(-HOUR_S)
     zeros: list[float] = []
     backs: list[float] = []
@@ -134,7 +134,7 @@ def test_the_wall_clock_jumps_before_the_drive_process_starts(tmp_path: Path) ->
 
 
 def _begin_anew(system: System) -> float:
-    """Kill the drive process; seconds until the next one has connected the robot."""
+    """Kill the drive process; return the seconds until the next one has connected the robot."""
 
     def pid() -> int:
         found: int = system.server.request("GET", "/robots")["process"]["pid"]
@@ -151,7 +151,7 @@ def _begin_anew(system: System) -> float:
 
 
 def _drive_through(system: System, clock: WallClock, shift_s: int) -> None:
-    """The clock jumps, and the robot drives on as if nothing were."""
+    """Let the clock jump; the robot must drive on as if nothing had happened."""
     for _ in range(TRIES):
         system.move()
         before = clock.shift_s
@@ -159,7 +159,7 @@ def _drive_through(system: System, clock: WallClock, shift_s: int) -> None:
         jumped = time.monotonic()
         time.sleep(1.0)
         if system.robot.robot.log.first_standing(jumped) is None:
-            # They did see it.
+            # Make sure the server saw the jump.
             told = system.server.api.get("/api/status").headers["date"]
             seen = datetime.strptime(told, "%a, %d %b %Y %H:%M:%S GMT").replace(tzinfo=UTC)
             assert abs(seen.timestamp() - clock.now()) < 60.0
@@ -169,7 +169,7 @@ def _drive_through(system: System, clock: WallClock, shift_s: int) -> None:
 
 
 def _silence(system: System) -> float:
-    """Seconds to zero since the operator's last sign."""
+    """Return the seconds to zero since the operator's last message."""
     operator = system.operator
     assert operator is not None
     operator.mute = True
@@ -178,14 +178,14 @@ def _silence(system: System) -> float:
 
 
 def _blindness(system: System) -> float:
-    """Seconds to zero since a camera's last picture."""
+    """Return the seconds to zero since a camera's last picture."""
     system.left.does.hangs = True
     time.sleep(1.5 / RATE_HZ)
     return system.zero_after(system.left.good_at)
 
 
 def _judge_recording(path: Path) -> tuple[float, float, float]:
-    """By how much its messages go back at most, the span of them, and the longest gap of frames."""
+    """Return the largest backward step and the span of its messages, and the longest frame gap."""
     with path.open("rb") as file:
         logged = [m.log_time / 1e9 for _, _, m in make_reader(file).iter_messages(None)]
     stamps = np.array(logged)

@@ -1,7 +1,7 @@
-"""What happens while a robot drives, a run is recorded and the disk gets full.
+"""The disk fills up while a robot drives and a run is recorded.
 
-The data lie on a small disk of their own, which only root can have. It is tried ``FAULT_TRIALS``
-times, at most ten.
+The data are on a small disk of their own, which only root can mount. ``FAULT_TRIALS`` trials, at
+most ten.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .system import System
 TRIALS = min(10, FAULT_TRIALS)
 ZERO_S = 0.3
 ENDS_S = 5.0
-# What a recording leaves free, and room for some of it.
+# The free space that a recording keeps, plus room for some recording.
 DISK_MB = 200 + 120
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 40 * TRIALS)]
@@ -33,7 +33,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 40 * TRIALS)]
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of ``DISK_MB``."""
+    """Mount a disk of ``DISK_MB``."""
     folder = tmp_path / "disk"
     folder.mkdir()
     options = ["-t", "tmpfs", "-o", f"size={DISK_MB}m", "none"]
@@ -49,7 +49,7 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 @contextmanager
 def filled(disk: Path) -> Iterator[None]:
-    """Not a byte is left, whoever else writes."""
+    """Fill the disk to the last byte, even if others write."""
     filler = disk / "filler"
     with filler.open("wb", buffering=0) as file:
         for block in (1 << 20, 1 << 12):
@@ -65,12 +65,12 @@ def _fill(file: Any, block: bytes) -> None:
         try:
             file.write(block)
         except OSError:
-            # Less than this is left.
+            # Less than a block is left.
             return
 
 
 def begin_run(system: System) -> str:
-    """Returns when something of it is on the disk."""
+    """Start a run; return once some of it is on the disk."""
 
     def recorded() -> bool:
         told = system.server.request("GET", "/status")["recording"]
@@ -122,7 +122,7 @@ def test_the_disk_gets_full(disk: Path) -> None:
                 )
                 ended.append(time.monotonic() - full)
                 assert "disk" in trouble
-                # The run goes on without, and so does driving.
+                # The run continues without recording, and so does driving.
                 system.move()
                 asked = time.monotonic()
                 server.request("POST", "/robots/stop")
@@ -146,7 +146,7 @@ def test_the_disk_gets_full(disk: Path) -> None:
             assert "disk" in record["reason"]
             answer = server.api.get(f"/api/runs/{run}/recording")
             assert answer.content.startswith(b"\x89MCAP")
-        # And with room everything goes on.
+        # With free space again everything continues.
         begin_run(system)
     tell(
         f"fault 13, disk full: the recording ends within {max(ended):.2f} s, holds all but the "

@@ -1,8 +1,8 @@
-"""Exposure that flickers by 40 %, twice a second, before a camera that moves in a still room.
+"""Exposure that flickers by 40 % twice a second while the camera moves through a still room.
 
-Rendered pictures through the observer: server and robots would add nothing but their load. The
-light's gain is laid over pictures that were rendered once and are shown to and fro, so that minutes
-of video cost no more than observing them. 20 s of video times ``FAULT_TRIALS`` are observed.
+Rendered pictures go straight to the observer: server and robots would only add load. The light's
+gain is applied to pictures that are rendered once and played back and forth, so that minutes of
+video cost no more than observing them. 20 s of video times ``FAULT_TRIALS`` are observed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .results import keep
 RATE_HZ, SECONDS = 15.0, 20.0 * TRIALS
 AMPLITUDE, FLICKER_HZ = 0.4, 2.0
 MOST_PER_MIN = 0.1
-# Rendered: four seconds.
+# Four seconds of rendered pictures.
 _PICTURES = 60
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 120 * TRIALS)]
@@ -36,8 +36,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 120 * TRIALS)]
 
 @dataclass(frozen=True)
 class Watched:
-    """What was observed: frames by their status, frames whose reasons speak of the light, and the
-    tracks that were reported though nothing moves."""
+    """What was observed: frames by status, frames whose reasons mention the light, and tracks
+    reported though nothing moves."""
 
     statuses: Counter[Status]
     told: int
@@ -50,7 +50,7 @@ class Watched:
 
 @functools.cache
 def watched(scene: str, amplitude: float) -> Watched:
-    """Observe a scenario without its robots under light that flickers."""
+    """Observe a scenario without its robots under flickering light."""
     scenario = load_scenario(scene)
     world = World(scenario.model_copy(update={"robots": ()}))
     imager = StereoImager(world)

@@ -1,10 +1,9 @@
-"""What must happen when something fails while a robot drives at 0.3 m/s: the worst of many times.
+"""What must happen when something fails while a robot drives at 0.3 m/s: the worst of all trials.
 
-Each fault is tried ``FAULT_TRIALS`` times (once unless the environment says otherwise; ``make
-faults`` takes 100) with everything at work as it is for a user: two cameras over the network,
-engine, drive process, web process, an operator at the drive socket and an emulated robot behind a
-TCP port.
-"Zero" is the first packet on the robot's port behind which it is to stand.
+Each fault is tried ``FAULT_TRIALS`` times (by default once; ``make faults`` uses 100) with
+everything running as for a user: two network cameras, engine, drive process, web process, an
+operator at the drive socket and an emulated robot behind a TCP port.
+"Zero" is the first packet on the robot's port that commands it to stand still.
 """
 
 from __future__ import annotations
@@ -27,20 +26,20 @@ from .system import SPEED_MPS, System
 
 ZERO_S = 0.3
 
-# Starting a server takes seconds; a hundred trials take as long as they take.
+# Starting a server takes seconds, and each trial adds to the time.
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 _WITH_MANY_TRIALS = pytest.mark.skipif(TRIALS == 1, reason="for make faults: FAULT_TRIALS=2")
 
 
 def _trouble(system: System) -> str | None:
-    """What the status says of the cameras."""
+    """Return the status's trouble with the cameras."""
     trouble: str | None = system.server.request("GET", "/status")["live"]["trouble"]
     return trouble
 
 
 def _stays_still(system: System, since: float, for_s: float) -> None:
-    """Nothing moves the robot though the operator still holds the key."""
+    """Fail if anything moves the robot, though the operator still holds the key."""
     time.sleep(for_s)
     moves = system.moves_since(since)
     assert not moves, f"{moves[:2]}, {system.server.request('GET', '/robots')['incidents'][-3:]}"
@@ -55,7 +54,7 @@ def _stays_still(system: System, since: float, for_s: float) -> None:
         (1, "camera unplugged", {"unplugged": True}),
         (2, "a read that never returns", {"hangs": True}),
         (3, "frozen frames", {"frozen": True}),
-        # Of which most left images have no right one within half a frame.
+        # So most left images have no right one within half a frame.
         (4, "one camera sends every eighth image", {"every": 8}),
     ],
 )
@@ -67,11 +66,11 @@ def test_a_camera_fails(
         camera = system.random.choice([system.left, system.right])
         for key, value in misbehaviour.items():
             setattr(camera.does, key, value)
-        # Until now a good picture may have been on its way.
+        # A good picture may still have been in transit until now.
         time.sleep(1.5 / RATE_HZ)
         cause = camera.good_at
         zero = cause + system.zero_after(cause)
-        # The one in eight that still comes is as good as before; what follows it is not.
+        # Every eighth picture is still good, so count from the last of these.
         seconds = zero - camera.good_before(zero)
         stood = time.monotonic()
         if number != 4:
@@ -165,7 +164,7 @@ def test_noise_on_the_line_moves_nothing(system: System) -> None:
     while time.monotonic() < until:
         time.sleep(0.2)
         if system.server.robot()["state"] not in ("armed", "moving"):
-            # So many packets were lost that it is a fault, which is allowed.
+            # So many packets were lost that it counts as a fault, which is allowed.
             faults.noise = 0.0
             log.intended = lambda *_: True
             system.move()
@@ -208,7 +207,7 @@ def test_a_wheel_stalls(system: System) -> None:
         _stays_still(system, stood, 0.3)
         return seconds
 
-    # A packet comes every 100 ms, and zero must follow within 200 ms of it.
+    # A packet arrives every 100 ms, and zero must follow within 200 ms of it.
     worst_of(10, "stall, since before its packet", once, within=0.3)
 
 
@@ -236,7 +235,7 @@ def test_the_network_says_nothing_more(system: System) -> None:
         seconds = system.zero_after(operator.last_sign)
         stood = time.monotonic()
         operator.mute = False
-        # The key is still held: what comes again is no reason to move.
+        # The key is still held: resumed messages must not make it move.
         _stays_still(system, stood, 0.5)
         return seconds
 
@@ -254,7 +253,7 @@ def test_the_tab_is_hidden_with_a_key_held(system: System, chromium_path: str) -
             seconds = system.zero_after(left)
             stood = time.monotonic()
             _stays_still(system, stood, 0.3)
-            # Coming back restarts nothing, though the key is still down.
+            # Coming back does not restart it, though the key is still down.
             seat.return_to_it()
             _stays_still(system, stood, 0.3)
             return seconds
@@ -275,8 +274,8 @@ def test_a_second_operator(system: System) -> None:
                 system.server.request("POST", "/robots/observer/arm", {"lease": "somebody's"})
             assert no.value.status == 409
             if system.robot.robot.speed_mps <= 0.2:
-                # On a busy machine a frame or a sign comes too late now and then, which stops it;
-                # whoever was refused did so each time.
+                # On a busy machine a frame or a message is occasionally late, which stops it; if
+                # the refused operator had caused it, it would stop every time.
                 last = system.server.request("GET", "/robots")["incidents"][-1]
                 assert last["kind"] in ("sight", "expired"), last
                 assert tries > 1, last
@@ -345,7 +344,7 @@ def test_the_web_process_hangs(system: System) -> None:
         stood = time.monotonic()
         time.sleep(max(0.0, hung + 2.0 - time.monotonic()))
         system.server.process.resume()
-        # Twenty commands of those two seconds arrive now, and the key is still held.
+        # Twenty commands from those two seconds arrive now, and the key is still held.
         _stays_still(system, stood, 1.0)
         return seconds
 
@@ -381,7 +380,7 @@ def test_the_drive_process_is_killed(system: System) -> None:
         _stays_still(system, killed + 0.05, 0.3)
         return seconds
 
-    # The firmware's watchdog, and its braking from 0.3 m/s.
+    # The firmware's watchdog plus braking from 0.3 m/s.
     worst_of(20, "drive process killed, until the robot stands", once, within=2.0 + 1.5)
 
 

@@ -1,4 +1,4 @@
-"""What must happen when something fails while the robot drives to a goal by itself."""
+"""What must happen when something fails while the robot drives to a goal autonomously."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 
 def _send(system: System) -> None:
-    """Send the robot ahead, whatever happened before, and wait until it moves."""
+    """Send the robot ahead, whatever its state, and wait until it moves."""
     deadline = time.monotonic() + _PATIENCE_S
     while not _sent(system):
         goal = system.server.request("GET", "/robots")["goal"]
@@ -42,7 +42,7 @@ def _sent(system: System) -> bool:
             "POST", "/goal", {"ahead_m": _AHEAD_M, "left_m": 0.0, "lease": operator.lease}
         )
     except Refused:
-        # On a busy machine a sign of presence comes too late now and then.
+        # On a busy machine a presence message is occasionally late.
         return False
     try:
         wait_until("it moves", lambda: system.robot.robot.speed_mps > _MOVES_MPS, 5.0)
@@ -73,7 +73,7 @@ def test_it_stands(system: System, name: str, fail: Callable[[System], object]) 
         seconds = system.zero_after(failed)
         stood = time.monotonic()
         system.wait_for_sight()
-        # Whoever comes back has to send it anew.
+        # An operator who comes back has to send it again.
         system.sit_down()
         time.sleep(0.5)
         moves = system.moves_since(stood)

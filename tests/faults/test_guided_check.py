@@ -1,4 +1,4 @@
-"""A guided check as a person does it: in the simulated lab, with a robot that really crosses."""
+"""A guided check as a user does it, in a simulated scene with a robot that really crosses."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .operator import Operator, arm
 pytestmark = [pytest.mark.slow, pytest.mark.patient, pytest.mark.timeout(300)]
 
 SPEED_MPS = 0.25
-# Drawn and looked at in time on slow machines too, where frames would come late and stop the robot.
+# Simple enough for slow machines, where late frames would stop the robot.
 _SMALL = "based_on: drive\ncamera: {width: 320, height: 160}\n"
 TURN_RADPS = 0.6
-# A robot that stands for so long though it is told to drive was stopped: a stop is told of once it
-# stands, and whoever was stopped lets go before driving on.
+# A robot that stands still this long despite drive commands has been stopped: stops are reported
+# once it stands, and after a stop the operator has to let go before driving on.
 _STANDS_S = 2.0
 _PATIENCE_S = 150.0
 
@@ -33,7 +33,7 @@ def test_the_guard_stops_before_a_robot_that_crosses(tmp_path: Path) -> None:
         tell(f"walk in: {walked_in['verdict']}; {walked_in['sentence']}")
         assert walked_in["state"] == "passed", walked_in
         for _ in ("cover_lens", "unplug"):
-            # Nobody can reach the simulated lab's cameras.
+            # Simulated cameras cannot be covered or unplugged.
             server.request("POST", "/robots/check/skip")
         closed = _closed_browser(server)
         tell(f"close the browser: {closed['verdict']}")
@@ -57,7 +57,7 @@ def _step(server: Server, name: str) -> dict[str, Any]:
 
 
 def _walked_in(server: Server) -> dict[str, Any]:
-    """Drive ahead until the guard stops the robot in motion, as often as something else does."""
+    """Drive ahead until the guard stops the moving robot, retrying after other stops."""
     operator = Operator(server.port, server.token)
     try:
         assert operator.take(takeover=True)["state"] == "yours"
@@ -68,7 +68,7 @@ def _walked_in(server: Server) -> dict[str, Any]:
 
 
 def _closed_browser(server: Server) -> dict[str, Any]:
-    """Turn away from what is ahead, drive, and leave in motion; as often as that takes."""
+    """Turn away from the obstacle, drive, and disconnect in motion; retry until it counts."""
 
     def closed() -> bool:
         operator = Operator(server.port, server.token)
@@ -92,7 +92,7 @@ def _closed_browser(server: Server) -> dict[str, Any]:
 
 
 def _driven(server: Server, operator: Operator, step: str) -> bool:
-    """One drive from arming to a stop; whether the step is settled by it."""
+    """Drive once from arming to a stop; return whether that settles the step."""
     operator.release()
     arm(server, operator)
     operator.hold(SPEED_MPS)

@@ -1,8 +1,8 @@
-"""What happens when a process that helps is killed, or a robot's port is none.
+"""A helper process is killed, or a robot's port is not a port.
 
-Engine and server start processes of their own: one reads each camera, one computes calibrations,
-one aligns with motion capture. The server goes on, says in one sentence what happened, and does
-again what it is asked. Each is tried ``FAULT_TRIALS`` times, at most ten.
+Engine and server start helper processes: one reads each camera, one computes calibrations, one
+aligns with motion capture. The server must continue, say in one sentence what happened, and do
+the job when asked again. ``FAULT_TRIALS`` trials each, at most ten.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(150 + 40 * TRIALS)]
 
 
 def processes(system: System, module: str) -> list[psutil.Process]:
-    """The server's processes that run a module, the oldest first."""
+    """Return the server's processes that run a module, oldest first."""
     found = []
     for process in system.server.process.children(recursive=True):
         try:
@@ -51,7 +51,7 @@ def engine(system: System) -> psutil.Process:
 
 
 def held(process: psutil.Process) -> tuple[int, int]:
-    """Its descriptors, and how many of them are shared memory."""
+    """Return the number of its file descriptors, and how many of them are shared memory."""
     names = []
     for link in Path(f"/proc/{process.pid}/fd").iterdir():
         try:
@@ -62,7 +62,7 @@ def held(process: psutil.Process) -> tuple[int, int]:
 
 
 def works_on(system: System) -> None:
-    """The same engine goes on to observe."""
+    """Fail unless the same engine continues to observe."""
     status = system.server.request("GET", "/status")
     assert status["engine"]["restarts"] == 0
     before = status["frames_observed"]
@@ -91,11 +91,11 @@ def test_a_camera_reader_is_killed(system: System) -> None:
         stood = time.monotonic()
         system.wait_for_sight()
         backs.append(time.monotonic() - killed)
-        # So short a gap leaves it armed, but the key that is still held moves nothing.
+        # It stays armed over such a short gap, but the key still held moves nothing.
         time.sleep(0.4)
         assert not system.moves_since(stood), system.server.robot()["why"]
         assert not victim.is_running()
-    # One is prepared for the next loss only once a camera is lost.
+    # A spare reader is started only once a camera is lost, so only two remain.
     wait_until("two readers", lambda: len(processes(system, READER)) == 2)
     wait_until("nothing else is held", lambda: held(engine(system)) <= before)
     works_on(system)
@@ -111,7 +111,7 @@ def test_a_camera_reader_is_killed(system: System) -> None:
 
 @pytest.fixture
 def other_files(tmp_path: Path, system: System) -> Iterator[dict[str, Path]]:
-    """What somebody may name in place of a port, some of it the server's own."""
+    """Files someone may enter instead of a port, some of them the server's own."""
     (tmp_path / "notes.txt").write_text("mine")
     os.mkfifo(tmp_path / "pipe")
     data = system.folder
@@ -144,13 +144,13 @@ def test_ports_that_are_none(system: System, other_files: dict[str, Path]) -> No
         assert told.count(". ") == 0
         assert "serial port" in told
         assert system.server.robot("obstacle")["state"] == "waiting"
-    # Long enough for some more tries.
+    # Long enough for a few more attempts.
     time.sleep(1.2)
     for name, path in files.items():
         assert (path.read_bytes(), path.stat().st_mtime_ns) == contents[name], name
     after = system.server.request("GET", "/robots")
     took = time.monotonic() - began
-    # The loop of the other robot, 50 times a second, waited for none of it.
+    # The other robot's loop, 50 times a second, was not held up.
     assert after["process"]["pid"] == before["process"]["pid"]
     ticks = after["loop"]["ticks"] - before["loop"]["ticks"]
     assert ticks > 45 * took
@@ -206,7 +206,7 @@ def _others(system: System, module: str, victim: psutil.Process) -> Callable[[],
 
 
 def test_the_calibration_process_is_killed(system: System) -> None:
-    # The last of this file: the cameras make room for a board.
+    # Last in this file, as it replaces the cameras with a board.
     request = system.server.request
     request("POST", "/calibrating", {"source": "simulated:calibration"})
     before = held(system.server.process)
@@ -226,7 +226,7 @@ def test_the_calibration_process_is_killed(system: System) -> None:
         assert calibrating()["computing"] is None
         assert len(calibrating()["views"]) == views
         assert not processes(system, CALIBRATION)
-    # Asked for again, it comes to an end of its own: a result, or a sentence on the few views.
+    # Requested again, it ends normally: with a result, or a sentence about too few views.
     request("POST", "/calibrating/compute", {})
     wait_until("it computes again", lambda: calibrating()["computing"] is None, 60.0)
     again = calibrating()

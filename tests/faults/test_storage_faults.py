@@ -1,8 +1,8 @@
-"""What becomes of the data when something fails: a locked, a damaged database, a killed server.
+"""The data when something fails: a locked or damaged database, a killed server.
 
-A run of the simulated lab is kept by a server as a person starts it. Fault 21 is tried
-``FAULT_TRIALS`` times (``FAULT_TRIALS=200 pytest -s tests/faults/test_storage_faults.py``), the
-locked database is left out where that is one, for it takes half a minute.
+A server as a user starts it stores a run of the simulated lab. Fault 21 is tried ``FAULT_TRIALS``
+times (``FAULT_TRIALS=200 pytest -s tests/faults/test_storage_faults.py``); the test with a locked
+database takes half a minute and is skipped if that is 1.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ SOURCE = "simulated:lab"
 LOST_S = 1.0
 START_S = 10.0
 JITTER_MS = 20.0
-# Longer than a write waits for the lock by itself.
+# Longer than a write waits for the lock.
 LOCK_S = 30.0
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 
 def begin_run(server: Server) -> str:
-    """Returns when frames of it are kept."""
+    """Start a run; return once some of its frames are stored."""
 
     def observed() -> bool:
         status = server.request("GET", "/status")
         return bool(status["engine"]["state"] == "preview" and status["frames_observed"] > 3)
 
-    # A machine that does much else takes its time to open a source.
+    # A busy machine takes long to open a source.
     wait_until("a preview", observed, 40.0)
     run = server.request("POST", "/runs", {"name": "to be disturbed"})
     wait_until("frames", lambda: server.request("GET", f"/runs/{run['id']}")["frames"] > 3, 20.0)
@@ -57,7 +57,7 @@ def locked(file: Path) -> Iterator[None]:
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    """Seconds, and the answer or its refusal."""
+    """Return the seconds a call takes, and its answer or refusal."""
     begun = time.monotonic()
     try:
         answer = call()
@@ -94,7 +94,7 @@ def test_the_database_is_locked(tmp_path: Path) -> None:
             late = server.request("GET", "/robots")["loop"]["late_p99_ms"]
             frames = server.request("GET", f"/runs/{run}")["frames"]
             assert frames > before + LOCK_S
-            # Stopping always works; that it did is written later.
+            # Stopping always works; it is written to the database later.
             seconds, answer = timed(lambda: server.request("POST", f"/runs/{run}/stop"))
             assert not isinstance(answer, Refused), answer
             assert seconds < 5.0
@@ -112,7 +112,7 @@ def test_the_database_is_locked(tmp_path: Path) -> None:
     )
     assert max(refusals) < 12.0
     assert ended["frames"] >= frames
-    # All that was seen meanwhile is there.
+    # Everything observed meanwhile is stored.
     assert times[-1] - times[0] > LOCK_S
     assert gap < 1.0
     assert late < JITTER_MS
@@ -128,7 +128,7 @@ def ended_run(server: Server, run: str) -> Any:
 
 
 def spoil(file: Path, chance: random.Random) -> None:
-    """Pages in the middle, the header, or the end are not what they were."""
+    """Corrupt pages in the middle or the header, or cut off the end."""
     size = file.stat().st_size
     with file.open("r+b") as stream:
         where = chance.choice(["header", "middle", "end"])
@@ -162,7 +162,7 @@ def test_the_database_is_corrupted(tmp_path: Path) -> None:
         f"fault 15, database corrupted: moved aside, ready within {max(starts):.1f} s (worst of "
         f"{len(starts)}; a sound one within {sound:.1f} s), allowed {START_S:g} s"
     )
-    # Where the machine does much else, an ordinary start is as slow.
+    # On a busy machine an ordinary start is as slow.
     assert max(starts) <= max(START_S, sound + 2.0)
 
 
@@ -173,7 +173,7 @@ def wait_until_ready(server: Server) -> None:
         except OSError:
             return False
         except Exception as error:
-            # Nobody listens yet.
+            # Nothing is listening yet.
             if type(error).__module__.startswith("httpx"):
                 return False
             raise
@@ -211,7 +211,7 @@ def test_the_server_is_killed_in_a_run(tmp_path: Path) -> None:
             (kept,) = connection.execute(
                 "SELECT frames FROM runs WHERE id = ?", (killed_run,)
             ).fetchone()
-            # The rows are as new as the count of frames.
+            # The rows must be as recent as the frame count.
             (rows,) = connection.execute(
                 "SELECT count(DISTINCT time) FROM speeds WHERE run_id = ? AND source = 'truth'",
                 (killed_run,),
@@ -231,7 +231,7 @@ def frames_of(server: Server, run: str) -> int:
 
 
 def kill(web: psutil.Process, *, all_of_it: bool) -> None:
-    """The web process, or everything in one moment; returns when all of it is gone."""
+    """Kill the web process, or everything at once; return when all processes are gone."""
     everything = [web, *web.children(recursive=True)]
     for process in everything if all_of_it else [web]:
         process.kill()

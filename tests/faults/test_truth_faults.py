@@ -1,7 +1,7 @@
-"""Motion capture drops out while a robot drives: what robots do has nothing to do with truth.
+"""Motion capture drops out while a robot drives: robots do not depend on ground truth.
 
-That it is a gap in the chart, which nothing bridges, ``tests/app/engine/test_live_truth`` holds.
-Tried ``FAULT_TRIALS`` times, with a server of motion capture of our own over real TCP.
+``tests/app/engine/test_live_truth`` covers the resulting gap in the chart. ``FAULT_TRIALS``
+trials, with our own motion-capture server over real TCP.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from .bench import TRIALS, tell, wait_until
 from .system import System
 
 DROPPED_S = 1.0
-# A busy machine stops a robot for its own reasons now and then: what counts is a drop-out right
-# behind as long a time in which it drove on.
+# A busy machine occasionally stops a robot for other reasons, so a drop-out counts only right
+# after an equally long time in which the robot kept driving.
 _TRIES = 6
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 
 class MotionCapture:
-    """A server with two bodies at 100 Hz, and what becomes of it."""
+    """A motion-capture server with two bodies at 100 Hz, and ways in which it fails."""
 
     def __init__(self) -> None:
         self._server = VrpnServer(["Amigo", "P3DX"])
@@ -52,7 +52,7 @@ class MotionCapture:
         self._server.drop_clients()
 
     def is_gone(self) -> None:
-        """Nobody listens any more: the connection is refused again and again."""
+        """Stop listening: connections are refused from now on."""
         self._gone = True
         self._server.stop()
 
@@ -122,8 +122,8 @@ def test_motion_capture_drops_out(system: System, capture: MotionCapture) -> Non
 
 
 def _driving(system: System) -> tuple[float, bool]:
-    """Over ``DROPPED_S`` from now on: the longest pause between two commands on the robot's port,
-    and whether one of them stopped it."""
+    """Return, for the next ``DROPPED_S``, the longest pause between two commands on the robot's
+    port, and whether one of them stopped it."""
     began = time.monotonic()
     time.sleep(DROPPED_S)
     came = system.robot.robot.log.since(began)

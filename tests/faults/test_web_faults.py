@@ -1,7 +1,7 @@
-"""What whoever reaches the port may try: everything that is sent to one running server.
+"""What anyone who reaches the port may try, all sent to one running server.
 
-A server of the simulated lab, as a person starts it, with engine, drive process and 3D view. Each
-fault is tried ``FAULT_TRIALS`` times, at most five. In the end the same processes still run.
+A server of the simulated lab as a user starts it, with engine, drive process and 3D view.
+``FAULT_TRIALS`` trials of each fault, at most five. In the end the same processes still run.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ KEPT = 0.9
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120 + 30 * TRIALS)]
 
 
-# --- much, and for long ------------------------------------------------------------------------
+# --- too much and too long ---------------------------------------------------------------------
 
 
 def test_slow_clients(web: Web) -> None:
@@ -68,7 +68,7 @@ def test_slow_clients(web: Web) -> None:
     for _ in range(TRIALS):
         watchers = [Watcher(web, path) for path in ("/api/live", "/api/views/left")]
         time.sleep(0.5)
-        # What else the machine does meanwhile comes and goes, other than what slow clients do.
+        # Other load on the machine comes and goes, unlike the effect of slow clients.
         for attempt in range(MOST_LOOKS):
             before = delivery(web, watchers, FRAMES)
             with contextlib.ExitStack() as stack, Memory(web.server.process) as memory:
@@ -97,10 +97,10 @@ def test_slow_clients(web: Web) -> None:
 
 def test_endless_uploads(web: Web) -> None:
     grown, counted, unread = [], Counter[int](), [0]
-    # What takes files, what takes JSON, and what takes nothing.
+    # Endpoints for files, for JSON, and none at all.
     ways = [(path, UPLOAD_HEAD) for path in UPLOADS[:2]] + [("/api/runs", b""), (NOWHERE, b"")]
     if FAULT_TRIALS > 1:
-        # Half a gigabyte is taken before what more there comes is too much.
+        # It accepts half a gigabyte before it refuses.
         ways.append((UPLOADS[2], UPLOAD_HEAD))
     for _ in range(TRIALS):
         for path, head in ways:
@@ -124,7 +124,7 @@ def test_endless_uploads(web: Web) -> None:
     assert max(unread) <= 64 * MEGABYTE
 
 
-# --- what is made to do harm -------------------------------------------------------------------
+# --- malicious content -------------------------------------------------------------------------
 
 
 def test_harmful_archives(web: Web, data: Path) -> None:
@@ -139,10 +139,10 @@ def test_harmful_archives(web: Web, data: Path) -> None:
 
     with nothing_changes(web):
         for path in UPLOADS:
-            # Any file takes its time and its process.
+            # Baseline: any file takes some time and a process.
             with Memory(web.server.process) as ordinary:
                 least_s, _ = send(path, "file", b"nothing of the kind")
-            # What takes no archives takes none of them.
+            # An endpoint that does not accept archives is tried with one only.
             for name in made if path != "/api/truth" else ["bomb"]:
                 with Memory(web.server.process) as memory:
                     seconds, answer = send(path, f"../../{name}.zip", made[name])
@@ -182,7 +182,7 @@ def test_yaml_that_grows(web: Web) -> None:
             took.append(time.monotonic() - begun)
             counted[answer.status_code] += 1
             assert answer.status_code == 422, (name, answer.text)
-            # It was refused for what it is, before anything was made of it.
+            # It was refused for what it is, before being expanded.
             assert "alias" in answer.text, (name, answer.text)
     told(
         26,
@@ -209,7 +209,7 @@ def test_paths_that_lead_outside(web: Web, data: Path) -> None:
     told(27, "paths that lead outside", f"{listed(counted)}; the canary stays unread")
 
 
-# --- what is no value --------------------------------------------------------------------------
+# --- invalid values ----------------------------------------------------------------------------
 
 
 def test_parameters_that_are_none(web: Web) -> None:
@@ -239,7 +239,7 @@ def test_parameters_that_are_none(web: Web) -> None:
 
 
 def batched(names: list[str]) -> list[list[str]]:
-    """So many at a time that the 50 entries of a refusal name each, by each type it may be of."""
+    """Split the names so that a refusal's 50 entries suffice for each name and possible type."""
     return [names[first : first + 12] for first in range(0, len(names), 12)]
 
 
@@ -316,7 +316,7 @@ def test_garbage_to_websockets(web: Web) -> None:
                     while True:
                         socket.recv(timeout=5)
                 codes[socket.close_code or 0] += 1
-                # Who is still sending when the server closes may miss the code.
+                # A client still sending when the server closes may miss the code.
                 allowed = (1006, 1009) if name == "two megabytes" else (1007, 1009)
                 assert socket.close_code in allowed, (path, name, socket.close_code)
         for name, frame in BROKEN_FRAMES.items():

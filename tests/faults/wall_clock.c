@@ -1,6 +1,6 @@
-/* A wall clock that jumps, for one process and its children: everything else of the machine keeps the
+/* A wall clock that jumps, for one process and its children only; the rest of the machine keeps the
    right time. Loaded before the C library (ld.so(8), LD_PRELOAD); the seconds to add are a 64-bit
-   number in the file that WALL_CLOCK_SHIFT names, which may change at any time. */
+   number in the file named by WALL_CLOCK_SHIFT, which may change at any time. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <stdint.h>

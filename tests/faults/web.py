@@ -1,4 +1,4 @@
-"""Clients that do what no browser does, and what it costs the server."""
+"""Clients that do what no browser does, and measuring what that costs the server."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _CALIBRATION = StereoCalibration.rectified(512, 256, 443.0, 443.0, 255.5, 127.5,
 
 @dataclass(frozen=True)
 class Operation:
-    """One of the API's description.
+    """An operation in the API's description.
 
     Attributes:
-        path: with a value for each of its parameters. described: as the description has it.
+        path: with a value for each of its parameters. described: its entry in the description.
     """
 
     method: str
@@ -58,15 +58,15 @@ class Operation:
 
 
 class Web:
-    """The server as its port shows it.
+    """The server as seen from its port.
 
     Args:
-        server: runs.
+        server: a running one.
 
     Attributes:
-        http: a client that is signed in and keeps its connections. stranger: one that is not.
-        calibration: id of one that is kept.
-        description: the OpenAPI document. operations: all that it holds.
+        http: a client that is signed in and keeps its connections. stranger: one not signed in.
+        calibration: id of a stored one.
+        description: the OpenAPI document. operations: all operations in it.
     """
 
     def __init__(self, server: Server) -> None:
@@ -97,7 +97,7 @@ class Web:
         self.stranger.close()
 
     def head(self, method: str, path: str, *lines: str, signed_in: bool = True) -> bytes:
-        """A request up to its body."""
+        """Return a request up to its body."""
         host = [f"Host: 127.0.0.1:{self.server.port}"]
         if any(line.startswith("Host:") for line in lines):
             host = []
@@ -112,13 +112,13 @@ class Web:
         return connection
 
     def answer(self, sent: bytes) -> tuple[int, bytes]:
-        """Send bytes as they are; status and the beginning of the answer."""
+        """Send raw bytes; return status and beginning of the answer."""
         with self.connected() as connection:
             connection.sendall(sent)
             return read_answer(connection)
 
     def handshake(self, path: str, *lines: str, signed_in: bool = True) -> bytes:
-        """A request that would open a WebSocket."""
+        """Return a request that opens a WebSocket."""
         return self.head(
             "GET",
             path,
@@ -128,7 +128,7 @@ class Web:
         )
 
     def opened(self, path: str) -> ClientConnection:
-        """A WebSocket that is signed in."""
+        """Return an open WebSocket that is signed in."""
         protocol: Any = ["viser-v1.1.1"] if path == "/viewer" else None
         return connect(
             f"ws://127.0.0.1:{self.server.port}{path}",
@@ -142,7 +142,7 @@ class Web:
 
     @contextlib.contextmanager
     def slow_client(self, path: str) -> Iterator[None]:
-        """Opens a WebSocket and never reads what it is sent."""
+        """Open a WebSocket and never read from it."""
         line = ["Sec-WebSocket-Protocol: viser-v1.1.1"] if path == "/viewer" else []
         with socket.socket() as connection:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -153,10 +153,10 @@ class Web:
             yield
 
     def upload(self, path: str, first: bytes, length: int, *, announced: bool) -> tuple[int, int]:
-        """Send a body of ``length`` bytes until it is answered; status, and bytes sent.
+        """Send a body of ``length`` bytes until an answer comes; return status and bytes sent.
 
         Args:
-            first: what it begins with. announced: by Content-Length.
+            first: beginning of the body. announced: whether by Content-Length.
         """
         size = f"Content-Length: {length}" if announced else "Transfer-Encoding: chunked"
         kind = "Content-Type: multipart/form-data; boundary=x" if first else _JSON
@@ -177,7 +177,7 @@ _JSON = "Content-Type: application/json"
 
 
 def read_answer(connection: socket.socket) -> tuple[int, bytes]:
-    """Status and the beginning of an answer; status 0 where the connection ends without one."""
+    """Return status and beginning of an answer; status 0 if the connection ends without one."""
     data = b""
     with contextlib.suppress(ConnectionError):
         while b"\r\n\r\n" not in data and len(data) < _LONGEST_HEAD:
@@ -193,10 +193,10 @@ def read_answer(connection: socket.socket) -> tuple[int, bytes]:
 
 
 class Memory:
-    """By how much a process grows while something happens, and what it starts; a context.
+    """Measures the growth of a process and the new processes it starts; a context manager.
 
     Attributes:
-        grown: bytes, at most, beyond what it held before.
+        grown: largest growth, bytes.
     """
 
     def __init__(self, process: psutil.Process) -> None:
@@ -219,7 +219,7 @@ class Memory:
         round_ = 0
         while not self._ends.wait(_SAMPLE_S):
             held = self._process.memory_info().rss - self._before
-            # To look for new processes takes a while.
+            # Looking for new processes takes a while.
             if round_ % 20 == 0:
                 new = set(self._process.children(recursive=True)) - self._others
             for each in new:
@@ -234,7 +234,7 @@ class Memory:
 
 
 class Watcher(threading.Thread):
-    """A page that takes all it is sent at once.
+    """A page that accepts everything it is sent at once.
 
     Attributes:
         count: of images or observations so far.
@@ -264,14 +264,14 @@ class Watcher(threading.Thread):
 
 @dataclass(frozen=True)
 class Delivery:
-    """What arrives at some watchers. per_s: messages at each. share: of the frames observed."""
+    """What arrives at watchers. per_s: messages at each. share: of the frames observed."""
 
     per_s: float
     share: float
 
 
 def delivery(web: Web, watchers: Iterable[Watcher], frames: int) -> Delivery:
-    """Look at what arrives at watchers while so many frames are observed."""
+    """Measure what arrives at watchers while this many frames are observed."""
     all_of_them = list(watchers)
 
     def arrived_and_observed() -> tuple[float, int]:
@@ -287,18 +287,18 @@ def delivery(web: Web, watchers: Iterable[Watcher], frames: int) -> Delivery:
     return Delivery(arrived / (time.monotonic() - begun), arrived / max(1, observed))
 
 
-# --- what may not change, and what is told ------------------------------------------------------
+# --- invariants and reports ---------------------------------------------------------------------
 
 
 def living(web: Web) -> dict[str, Any]:
-    """The processes that serve, by number, and how often each was started."""
+    """Return the PIDs of the serving processes."""
     status = web.http.get("/api/status").json()["engine"]
     drive = web.http.get("/api/robots").json()["process"]
     return {"web": web.server.process.pid, "engine": status["pid"], "drive": drive["pid"]}
 
 
 def state_of(web: Web) -> dict[str, Any]:
-    """All that a request could change, without what changes by itself."""
+    """Return everything that a request could change, except what changes by itself."""
     robots = web.http.get("/api/robots").json()
     moving = {
         role: robot and {key: robot[key] for key in ("state", "operator", "commanded", "sent")}
@@ -316,29 +316,29 @@ def state_of(web: Web) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def nothing_changes(web: Web) -> Iterator[None]:
-    """Fail where anything is another way behind it."""
+    """Fail if anything has changed afterwards."""
     before = state_of(web)
     yield
     assert state_of(web) == before
 
 
 def told(number: int, name: str, sentence: str, **figures: Any) -> None:
-    """Say it, and keep the figures."""
+    """Print a result and store its figures."""
     tell(f"fault {number:2}, {name}: {sentence}")
     keep(number, name, **figures)
 
 
 def listed(counted: Counter[int]) -> str:
-    """Numbers, and how often each was seen."""
+    """Return the numbers and how often each occurred, in words."""
     return ", ".join(f"{number} ({times})" for number, times in sorted(counted.items()))
 
 
 def close_code(connection: socket.socket) -> int:
-    """The code with which the server closes a WebSocket, whatever it sends before; 0 for none."""
+    """Return the code with which the server closes a WebSocket, after anything else; 0: none."""
     data = b""
     with contextlib.suppress(ConnectionError, TimeoutError):
         while part := connection.recv(1 << 16):
             data += part
-    # The last frame is the one that closes: 0x88, its length, the code.
+    # The last frame is the close frame: 0x88, its length, the code.
     at = data.rfind(b"\x88")
     return int.from_bytes(data[at + 2 : at + 4], "big") if at >= 0 else 0

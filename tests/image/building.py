@@ -1,9 +1,8 @@
-"""Building the image with Debian's own tools, where there is neither an engine nor a registry.
+"""Building the image with Debian's own tools, without a container engine or a registry.
 
-``buildah`` builds from the Dockerfile as it is. Its base comes from ``debootstrap``, out of
-Debian's packages, under the name that the Dockerfile gives it: the official one is Debian with a
-newer build of the same Python. Both want root. What is built stays in ``artefacts/image`` for the
-next time.
+``buildah`` builds from the unchanged Dockerfile. Its base image is made by ``debootstrap`` from
+Debian's packages under the name used in the Dockerfile: the official one is Debian with a newer
+build of the same Python. Both need root. The result stays in ``artefacts/image`` for next time.
 """
 
 from __future__ import annotations
@@ -20,19 +19,19 @@ BASE = "docker.io/library/python:3.11-slim-bookworm"
 IMAGE = "localhost/dynamic-observer"
 TOOLS = ("buildah", "debootstrap")
 _PACKAGES = "python3,python3-venv,python3-pip,ca-certificates"
-# Set-up within the image reaches packages as this machine does: nothing of it stays in the image.
+# Lets the build reach packages as this machine does; nothing of it stays in the image.
 _HOSTS_OWN = ("/etc/ssl/certs", "/etc/pip.conf")
 _CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"
 
 
 @dataclass(frozen=True)
 class Buildah:
-    """The command, with a store of its own in a folder."""
+    """The buildah command with its own image store in a folder."""
 
     folder: Path
 
     def command(self, *words: str) -> list[str]:
-        """Return the words of a command on the store."""
+        """Return the words of a command that uses the store."""
         roots = ["--root", str(self.folder / "store"), "--runroot", str(self.folder / "run")]
         return ["buildah", *roots, "--storage-driver", "vfs", *words]
 
@@ -40,12 +39,12 @@ class Buildah:
         """Run a command and return what it prints.
 
         Raises:
-            AssertionError: it failed; with the end of what it said.
+            AssertionError: it failed; with the end of its output.
         """
         return _run(self.command(*words), timeout_s)
 
     def make_base(self) -> None:
-        """Make the base image, unless it is there."""
+        """Make the base image unless it exists."""
         if BASE in self("images", "--format", "{{.Name}}:{{.Tag}}"):
             return
         root = self.folder / "root"
@@ -55,7 +54,7 @@ class Buildah:
         (root / "usr/bin/python").symlink_to("python3")
         container = self("from", "scratch").strip()
         self("copy", "--quiet", container, str(root), "/", timeout_s=300)
-        # npm knows no certificates but its own and those named here.
+        # npm trusts only its own certificates and those named here.
         self("config", "--env", f"NODE_EXTRA_CA_CERTS={_CERTIFICATES}", container)
         self("commit", "--quiet", "--rm", container, BASE, timeout_s=300)
         shutil.rmtree(root)
@@ -68,7 +67,7 @@ class Buildah:
         self("build", *words, "-f", str(file), "-t", IMAGE, str(repository), timeout_s=1800)
 
     def inspected(self) -> dict[str, Any]:
-        """Return the image's configuration as an engine has it."""
+        """Return the image's configuration as an engine sees it."""
         found: dict[str, Any] = json.loads(self("inspect", "--type", "image", IMAGE))
         configuration: dict[str, Any] = found["Docker"]["config"]
         return configuration
@@ -76,13 +75,13 @@ class Buildah:
     def size_bytes(self) -> int:
         """Return the size of the image."""
         (image,) = json.loads(self("images", "--json", IMAGE))
-        # In text as buildah has it: 1.08 GB.
+        # buildah gives it as text: 1.08 GB.
         number, unit = image["size"].split()
         return int(float(number) * {"KB": 1e3, "MB": 1e6, "GB": 1e9}[unit])
 
 
 def _mirror() -> list[str]:
-    """Return the mirror of this machine's own packages; none for debootstrap's choice."""
+    """Return the mirror of this machine's packages; empty for debootstrap's choice."""
     for file in sorted(Path("/etc/apt").glob("sources.list.d/*.sources")):
         for line in file.read_text().splitlines():
             if line.startswith("URIs:"):

@@ -1,7 +1,7 @@
 """The image, built and run for real: ``make image-test``.
 
-It runs by chroot, with this machine's network: what an engine adds (an own network, a root that
-cannot be written, no capabilities) is not tried.
+It runs in a chroot with this machine's network: what an engine adds (its own network, a read-only
+root, no capabilities) is not tested.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ pytestmark = [
 
 _PORT = 8080
 _USER = 1000
-# An engine's health check gives it so long.
+# The start-up time allowed by an engine's health check.
 _STARTS_S = 30.0
 
 
@@ -63,7 +63,7 @@ class Container:
     """A container of the image.
 
     Attributes:
-        name: as buildah has it. root: its files.
+        name: buildah's name for it. root: its files.
     """
 
     buildah: Buildah
@@ -71,7 +71,7 @@ class Container:
     root: Path
 
     def command(self, *words: str) -> list[str]:
-        """Return the words that run a command in it, as the image's own user."""
+        """Return the words that run a command in it as the image's own user."""
         return self.buildah.command("run", "--isolation=chroot", self.name, "--", *words)
 
 
@@ -98,7 +98,7 @@ def test_it_holds_what_it_needs_and_nothing_else(container: Container) -> None:
     for cache in (".cache/pip", ".npm/_cacache"):
         assert not (container.root / "home/observer" / cache).exists(), cache
     for own in ("etc/pip.conf", "home/observer/.npmrc"):
-        # At most the empty file that this machine's own was mounted on while building.
+        # At most the empty file over which this machine's own was mounted while building.
         file = container.root / own
         assert not file.exists() or file.stat().st_size == 0, own
 
@@ -115,7 +115,7 @@ def test_its_configuration_is_that_of_the_dockerfile(buildah: Buildah) -> None:
 
 @dataclass(frozen=True)
 class Served:
-    """The server in the container, as somebody on this machine reaches it."""
+    """The server in the container, as reached from this machine."""
 
     token: str
 
@@ -176,7 +176,7 @@ def test_it_serves_whoever_has_the_token(served: Served) -> None:
         assert served.status(path) == 401
         assert served.status(path, token="x" * len(served.token)) in (401, 429)
         assert served.status(path, token=served.token) == 200
-    # The panel itself asks for a sign-in.
+    # The panel itself requires signing in.
     assert served.status("/") == 401
     assert served.status("/", token=served.token) == 200
 
@@ -216,11 +216,11 @@ def test_it_runs_as_a_plain_user_and_writes_its_data_alone(
     plain = [each for each in servers if each.info["uids"].real == _USER]
     assert plain, servers
     assert all(each.info["uids"].effective == _USER for each in plain)
-    # What is declared as a volume is one of its own, which only its processes see.
+    # The declared volume is mounted separately and visible only to its processes.
     token = Path(f"/proc/{plain[0].pid}/root/data/token")
     assert token.stat().st_uid == _USER
     assert token.stat().st_mode & 0o077 == 0
-    # Beside compiled modules, which an engine's read-only root would refuse without harm.
+    # Except compiled modules, which a read-only root would refuse without harm.
     began = min(each.create_time() for each in plain)
     written = [
         path.relative_to(container.root)

@@ -1,8 +1,8 @@
-/** What the server would say, in short: each gives a whole message with what a test changes of it. */
+/** Fake server messages: each function returns a complete message with a test's changes. */
 
 /** @import { AgeingStatus, GoalNow, LiveLine, ObstacleEntry, RobotNow, RobotReport, RobotsMessage, Run, TrueBodyEntry } from "../../static/app/contract" */
 
-/** A moving one, 3 m ahead. @param {Partial<ObstacleEntry>} [changes] @returns {ObstacleEntry} */
+/** It moves, 3 m ahead. @param {Partial<ObstacleEntry>} [changes] @returns {ObstacleEntry} */
 export function obstacle(changes) {
   return {
     id: 1,
@@ -131,7 +131,7 @@ export function report(changes) {
   };
 }
 
-/** Connected, its motors off. @param {Partial<RobotNow>} [changes] @returns {RobotNow} */
+/** Connected, with its motors off. @param {Partial<RobotNow>} [changes] @returns {RobotNow} */
 export function robot(changes) {
   return {
     port: "/dev/ttyUSB0",
@@ -149,7 +149,7 @@ export function robot(changes) {
   };
 }
 
-/** Nothing is connected. @param {Partial<RobotsMessage>} [changes] @returns {RobotsMessage} */
+/** No robot is connected. @param {Partial<RobotsMessage>} [changes] @returns {RobotsMessage} */
 export function robots(changes) {
   return {
     type: "robots",
@@ -170,7 +170,7 @@ export function robots(changes) {
   };
 }
 
-/** On its way there. @param {Partial<GoalNow>} [changes] @returns {GoalNow} */
+/** A goal that is being driven to. @param {Partial<GoalNow>} [changes] @returns {GoalNow} */
 export function goal(changes) {
   return {
     state: "driving",
@@ -192,7 +192,7 @@ export function goal(changes) {
   };
 }
 
-/** All is well. @param {Partial<AgeingStatus>} [changes] @returns {AgeingStatus} */
+/** A calibration in good order. @param {Partial<AgeingStatus>} [changes] @returns {AgeingStatus} */
 export function ageing(changes) {
   return {
     rows: {

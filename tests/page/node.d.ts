@@ -1,4 +1,4 @@
-// What the tests use of node's own runner; its whole types would be one more package.
+// The types of node's test runner that the tests use; the complete ones would need another package.
 declare module "node:test" {
   export function test(name: string, run: () => unknown): Promise<void>;
 }

@@ -4,14 +4,14 @@ import { fixed, sentence } from "../elements/words.js";
 
 /** @import { AgeingStatus, RowDriftStatus } from "../contract" */
 
-/** What refining changes. @param {AgeingStatus} ageing */
+/** What refining the calibration changes. @param {AgeingStatus} ageing */
 export function refinementInWords({ vergence }) {
   return vergence.status === "drifted"
     ? "Refining corrects the pitch, roll and vergence between the cameras and saves a new calibration. Baseline and lens parameters stay the same."
     : "Refining corrects the pitch and roll between the cameras and saves a new calibration. Vergence, baseline and lens parameters stay the same.";
 }
 
-/** The exposure skew that no source reported; empty where none is known. @param {AgeingStatus} ageing */
+/** The exposure skew, if not reported by the source; empty where none is known. @param {AgeingStatus} ageing */
 export function skewInWords({ exposure_skew }) {
   return exposure_skew ? sentence(exposure_skew.sentence) : "";
 }
@@ -22,7 +22,7 @@ export function warningInWords({ rows, vergence }) {
   return warnings.flatMap((words) => (words ? sentence(words) : [])).join(" ");
 }
 
-/** How the distance of the rows changes. @param {RowDriftStatus} rows */
+/** The trend of the row error. @param {RowDriftStatus} rows */
 export function trendInWords(rows) {
   if (rows.trend_px_per_min === null) return "No trend.";
   const course = rows.trend_px_per_min > 0 ? "Growing" : "Shrinking";

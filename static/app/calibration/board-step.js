@@ -1,4 +1,4 @@
-/** The first step: which board, printed how large, before which cameras. */
+/** The first step: choose the board, its printed size and the cameras. */
 
 import {
   button,
@@ -39,7 +39,7 @@ const USUAL = {
 
 export class BoardStep extends Part {
   /**
-   * Called once the cameras are looked through, or images were sent in.
+   * Called once the cameras are open or images have been uploaded.
    *
    * @type {(calibrating: CalibratingFacts) => void}
    */
@@ -80,7 +80,7 @@ export class BoardStep extends Part {
   #unsent = h("p.field-error", { role: "alert", id: "board-zip-error" });
   #busy = false;
   #suggested = "";
-  /** The board that the source itself shows. @type {BoardFacts | null} */
+  /** The board shown by the source itself. @type {BoardFacts | null} */
   #own = null;
   #ownSpec = "";
 
@@ -153,7 +153,7 @@ export class BoardStep extends Part {
     this.append(form);
     this.#fill(remembered());
     form.addEventListener("input", () => this.#changed());
-    // A source that shows a board of its own brings it along.
+    // A source that shows its own board fills in the fields.
     this.#source.addEventListener("input", () => this.#followSource());
     onSubmit(form, () => this.#begin());
     this.#zip.addEventListener("change", () => void this.#sendImages());
@@ -182,7 +182,7 @@ export class BoardStep extends Part {
     this.#bar.value = String(choice.bar_mm);
   }
 
-  /** Suggest the open source until something else is typed. */
+  /** Suggest the open source until the user types another one. */
   #suggest() {
     const open = this.hub.status?.source?.spec ?? "";
     if (open === this.#suggested || document.activeElement === this.#source) return;
@@ -191,7 +191,7 @@ export class BoardStep extends Part {
     this.#followSource();
   }
 
-  /** Fill in the board that the source shows; a person's own one comes back with other sources. */
+  /** Fill in the board that the source shows; other sources bring back the user's own board. */
   #followSource() {
     const spec = this.#source.value.trim();
     const own = boardOf(this.hub.sources, spec);
@@ -216,7 +216,7 @@ export class BoardStep extends Part {
 
   #changed() {
     const c = this.#choice();
-    // What a source shows is not the board that somebody has printed.
+    // Remember only a printed board, not one shown by a source.
     if (!this.#own) localStorage.setItem(KEY, JSON.stringify(c));
     this.#compare(c);
     setText(this.#printing, "");
@@ -229,7 +229,7 @@ export class BoardStep extends Part {
     );
   }
 
-  /** Say which board the source shows, and where another one is chosen. @param {BoardChoice} c */
+  /** Say which board the source shows and whether another one is chosen. @param {BoardChoice} c */
   #compare(c) {
     const own = this.#own;
     this.#ownWords.hidden = own === null;
@@ -311,9 +311,9 @@ export class BoardStep extends Part {
   }
 
   /**
-   * @param {HTMLElement} place says what goes on
+   * @param {HTMLElement} place shows what is going on
    * @param {string} words
-   * @param {HTMLElement} error says why it did not go
+   * @param {HTMLElement} error shows why it failed
    * @param {() => Promise<{calibrating: CalibratingFacts}>} action
    */
   async #ask(place, words, error, action) {
@@ -322,7 +322,7 @@ export class BoardStep extends Part {
     setText(error, "");
     const before = place.textContent ?? "";
     setText(place, words);
-    // Not disabled: that would take the focus away.
+    // Not disabled: that would lose the focus.
     setAttribute(this.#start, "aria-disabled", "true");
     try {
       await attemptIn(error, async () => {

@@ -15,11 +15,11 @@ export function boardInWords({ kind, columns, rows, square_mm }) {
 }
 
 /**
- * What goes wrong where another board is chosen than the one that the cameras see.
+ * What goes wrong if the chosen board differs from the one that the cameras see.
  *
  * @param {BoardSize} shown
  * @param {{kind: string, columns: number, rows: number, square_mm: number}} chosen
- * @returns {string} one or two sentences; empty where it is the same one
+ * @returns {string} one or two sentences; empty if they are the same
  */
 export function boardDifference(shown, chosen) {
   const alike = (/** @type {"kind" | "columns" | "rows"} */ key) => shown[key] === chosen[key];

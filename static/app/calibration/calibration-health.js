@@ -1,4 +1,4 @@
-/** Ageing of the calibration in use: epipolar error over time, vergence, skew, a click to refine. */
+/** Ageing of the calibration in use: epipolar error over time, vergence, skew, and refining. */
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -17,7 +17,7 @@ const HEIGHT = 48;
 
 class CalibrationHealth extends Part {
   #words = h("p.verdict");
-  // The number changes all the time; only a warning is spoken.
+  // The number changes constantly, so only warnings are announced.
   #spoken = h("p.visually-hidden", { role: "status" });
   #trend = h("p.hint");
   #chart = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "drift-chart", role: "img" });

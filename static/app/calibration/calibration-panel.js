@@ -1,4 +1,4 @@
-/** Calibrations: send one in, see the rectified pair, then use it. */
+/** Calibrations: upload one, look at the rectified pair, then use it. */
 
 import {
   button,
@@ -166,7 +166,7 @@ class CalibrationPanel extends Part {
     const taken = await attemptIn(this.#error, async () => {
       /** @type {Calibration} */
       const calibration = await request("POST", "/calibrations", form).catch((error) => {
-        // It is asked for in a field that is folded away at first.
+        // The field for the unit is collapsed at first.
         if (error instanceof ApiError && "unit" in error.fields) {
           this.#open.toggleAttribute("open", true);
           this.#unit.focus();
@@ -174,7 +174,7 @@ class CalibrationPanel extends Part {
         throw error;
       });
       this.hub.tell("calibrations");
-      // Looked at after the files can be chosen again.
+      // Not awaited, so that files can be chosen again meanwhile.
       void this.#look(calibration);
     });
     if (taken) return;

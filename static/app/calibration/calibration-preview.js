@@ -1,4 +1,4 @@
-/** A calibration before it is used: what was understood, and the newest pair rectified by it. */
+/** Preview of a calibration before use: how it was read, and the newest pair rectified by it. */
 
 import { details, h, paint, setText, table, tableRow } from "../elements/dom.js";
 import { figureList } from "../elements/figure-list.js";
@@ -14,10 +14,10 @@ const GOOD_PX = 0.5;
 const POOR_PX = 1.5;
 
 /**
- * Show it over the page until it is closed.
+ * Show the calibration in a dialog until it is closed.
  *
  * @param {Calibration} calibration
- * @param {boolean} active whether it is in use already
+ * @param {boolean} active whether it is already in use
  * @returns {Promise<boolean>} whether to use it
  */
 export async function previewed(calibration, active) {
@@ -74,13 +74,13 @@ export function describe(c) {
 }
 
 /**
- * Draw a rectified pair and judge its rows.
+ * Draw a rectified pair and assess its row error.
  *
  * @param {string} path below /api
  * @param {HTMLCanvasElement} canvas
  * @param {HTMLElement} verdict
- * @param {Record<string, any> | null} report of the calibration, where there is one
- * @returns {Promise<boolean>} whether there was one to draw
+ * @param {Record<string, any> | null} report of the calibration, if there is one
+ * @returns {Promise<boolean>} whether there was a pair to draw
  */
 export async function paintPreview(path, canvas, verdict, report) {
   try {
@@ -99,7 +99,7 @@ export async function paintPreview(path, canvas, verdict, report) {
 }
 
 /**
- * Two or more calibrations beside each other, over the page until it is closed.
+ * Compare two or more calibrations side by side in a dialog until it is closed.
  *
  * @param {Calibration[]} calibrations
  */
@@ -208,8 +208,8 @@ function understood(c) {
 
 /**
  * @param {HTMLElement} verdict
- * @param {number | null} px median vertical distance of matching points in the two images
- * @param {number | null} heldOut what 95 % of the corners of views that were held out stay within
+ * @param {number | null} px median vertical distance between matching points in the two images
+ * @param {number | null} heldOut 95th percentile of the corner error in the held-out views
  */
 function judge(verdict, px, heldOut) {
   if (px === null || !Number.isFinite(px)) {

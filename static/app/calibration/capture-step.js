@@ -1,4 +1,4 @@
-/** The second step: the board is moved, and its views are captured. */
+/** The second step: capture views while the board is moved. */
 
 import { button, h, icon, input, setAttribute, setText } from "../elements/dom.js";
 import { KeptList, passFocus } from "../elements/focus-place.js";
@@ -19,16 +19,16 @@ const BARS = [
   ["Skew", "Tilt"],
 ];
 
-// What to do changes with every image: it is shown as fast as it can be read from two metres away,
-// and spoken more slowly still.
+// The instruction changes with every image: it is updated only as fast as it can be read from two
+// metres away, and announced more slowly still.
 const SHOWN_FOR_MS = 350;
 const CAPTURED_FOR_MS = 1300;
 const SPOKEN_EVERY_MS = 6000;
 
 export class CaptureStep extends Part {
-  /** Called when the views shall be computed. */
+  /** Called to compute the calibration from the views. */
   compute = () => {};
-  /** True where the last computation was cancelled from this page. */
+  /** True if the last computation was cancelled from this page. */
   cancelled = false;
 
   #words = h("p.capture-words");
@@ -57,7 +57,7 @@ export class CaptureStep extends Part {
   #cover = new CoverQuestion();
   #shown = false;
   #refusals = "";
-  /** Names of the views, null before they were known. @type {Set<string> | null} */
+  /** Names of the views; null until they are known. @type {Set<string> | null} */
   #known = null;
   #heldUntil = 0;
   #spokenAt = -Infinity;
@@ -92,7 +92,7 @@ export class CaptureStep extends Part {
     this.hear("status", () => this.#render());
   }
 
-  /** @param {boolean} shown whether this step is to be seen; the cameras are watched only then */
+  /** @param {boolean} shown whether this step is visible; only then are the cameras shown */
   show(shown) {
     this.hidden = !shown;
     if (shown === this.#shown) return;
@@ -115,7 +115,7 @@ export class CaptureStep extends Part {
     if (!this.#shown || !now) return;
     const live = now.source !== null;
     const trouble = this.hub.status?.live?.trouble ?? null;
-    // Of images that were sent in there is nothing to hold, to see or to cover.
+    // With uploaded images there is no board to hold, no view to watch and no lens to cover.
     for (const part of [this.#words.parentElement, this.#covered, this.#cover]) {
       if (part) part.hidden = !live;
     }
@@ -124,7 +124,7 @@ export class CaptureStep extends Part {
     const { width, height } = this.hub.status?.source ?? {};
     if (width && height) this.#cameras.style.setProperty("--camera", `${width} / ${height}`);
     for (const [name, row] of this.#bars) fill(row, now.look?.coverage?.[name] ?? 0);
-    // Until it is answered, a status from before would turn it back.
+    // Until the request is answered, an older status would undo the change.
     if (this.#changing === 0) this.#automatic.checked = now.automatic;
     if (now.views.length === 0) passFocus(this.#undo, this.#capture);
     this.#undo.disabled = now.views.length === 0;
@@ -150,8 +150,8 @@ export class CaptureStep extends Part {
   }
 
   /**
-   * What to do now. A captured view is said long enough to be read, and what is the same for a
-   * while is not said again.
+   * Say what to do now. The message about a captured view stays long enough to be read, and
+   * unchanged words are not announced again.
    *
    * @param {CalibratingFacts} now
    * @param {string | null} trouble what is wrong with the cameras
@@ -162,7 +162,7 @@ export class CaptureStep extends Part {
       : undefined;
     this.#known = new Set(views.map(({ name }) => name));
     const next = look?.next ?? "";
-    // Where to go on stands below; it is not said twice.
+    // The next place is shown below; do not say it twice.
     const usual = look?.words.startsWith("Already captured") ? "Already captured" : look?.words;
     const captured = added && `Captured ${added.name}${look?.enough ? "; enough views" : ""}`;
     const words = trouble ?? captured ?? usual ?? "Waiting for the first image";

@@ -1,4 +1,4 @@
-/** Check of the cameras' order: a person covers one lens, and the page says which image went dark. */
+/** Checks the camera order: the user covers one lens, and the page says which image went dark. */
 
 import { button, h, setText } from "../elements/dom.js";
 import { passFocus } from "../elements/focus-place.js";

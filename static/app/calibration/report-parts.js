@@ -31,7 +31,7 @@ export function verdictTable({ rows, frame_rate }) {
 }
 
 /**
- * A pair of bars for each view: left and right image; what was left out is drawn apart.
+ * A pair of bars for each view, left and right image; views not used look different.
  *
  * @param {ViewError[]} views
  */
@@ -39,7 +39,7 @@ export function viewChart(views) {
   const used = views.flatMap(({ used, left_px, right_px }) =>
     used ? [left_px ?? 0, right_px ?? 0] : [],
   );
-  // What was left out may be far off; it would make all others look alike.
+  // Views not used may be far off, which would make all others look alike.
   const most = Math.max(0.3, 1.3 * Math.max(0, ...used));
   const step = 2 * BAR_PX + 6;
   const largest = fixed(Math.max(0, ...used), 2);
@@ -77,7 +77,7 @@ export function viewChart(views) {
     );
   }
   chart.append(svg("line", { x1: 0, x2: "100%", y1: HEIGHT, y2: HEIGHT }));
-  // Numbers that cannot be read are of no use: on a phone the chart scrolls.
+  // The numbers must stay legible: on a phone the chart scrolls.
   chart.style.minWidth = `${Math.max(views.length, 10) * step * 0.8}px`;
   const caption = h(
     "figcaption.hint",

@@ -1,4 +1,4 @@
-/** The third step: what came of the views, how good it is, and keeping it. */
+/** The third step: the result, how good it is, and saving it. */
 
 import { button, field, fillList, h, input, onSubmit, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
@@ -13,11 +13,11 @@ import { verdictTable, viewChart } from "./report-parts.js";
 /** @import { Calibration } from "./report-parts.js" */
 
 export class ResultStep extends Part {
-  /** Called when more views shall be captured. */
+  /** Called to capture more views. */
   again = () => {};
-  /** Called when the views that are left shall be computed. */
+  /** Called to compute again from the remaining views. */
   compute = () => {};
-  /** Called once it is saved and in use. */
+  /** Called once the calibration is saved and in use. */
   saved = () => {};
 
   #sentence = h("p.verdict.big", { role: "status" });
@@ -86,14 +86,14 @@ export class ResultStep extends Part {
     this.hear("status", () => this.#load());
   }
 
-  /** @param {boolean} shown whether this step is to be seen */
+  /** @param {boolean} shown whether this step is visible */
   show(shown) {
     this.hidden = !shown;
     this.#shown = shown;
     if (shown) void this.#load();
   }
 
-  /** Another result is there, even if it rests on the same views. */
+  /** Show a new result, even if it is based on the same views. */
   renew() {
     this.#read = "";
   }
@@ -115,7 +115,7 @@ export class ResultStep extends Part {
     void this.#paint();
   }
 
-  /** @param {Record<string, any>} report @param {Set<string>} present names of views that are still there */
+  /** @param {Record<string, any>} report @param {Set<string>} present names of views that still exist */
   #show(report, present) {
     const { verdict, held_out: heldOut, interval_95: half } = report;
     this.#report = report;
@@ -178,7 +178,7 @@ export class ResultStep extends Part {
     this.#rectified.hidden = false;
     setText(this.#again, live ? "Capture more" : "Back to the views");
     await paintPreview("/calibrating/preview", this.#canvas, this.#rows, this.#report);
-    // Images that were sent in need not be of the cameras that are open.
+    // Uploaded images need not come from the open cameras.
     if (!live && this.#canvas.hidden) this.#rectified.hidden = true;
   }
 

@@ -1,4 +1,4 @@
-/** Camera extrinsics on the robot: typed in, or estimated from the ground. */
+/** Camera extrinsics on the robot: typed in, or estimated from the ground or while driving. */
 
 import { button, field, h, input, onSubmit, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -38,16 +38,16 @@ class RigPanel extends Part {
   #floor = button("Estimate from the floor", () => this.#estimate());
   #drive = button("Estimate while driving", () => this.#toggleDrive(), { "aria-pressed": "false" });
   #words = h("p", { role: "status" });
-  /** Asks how far the drive is, while one is noted. */
+  /** Timer that polls the estimate while driving; 0 while not estimating. */
   #asking = 0;
-  /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
+  /** Estimates not yet overwritten by hand. @type {Map<string, RigNumber>} */
   #estimated = new Map();
-  /** Why nothing could be estimated; what is wrong with the fields stands in the other. */
+  /** Why nothing could be estimated; errors in the fields have their own element. */
   #refusal = h("p.field-error", { role: "alert" });
   #do = oneAtATime(undefined, this.#refusal);
-  /** True while the form holds something that is not in use yet. */
+  /** True while the form holds values that are not in use yet. */
   #changed = false;
-  /** Keys that a drive filled in. @type {Set<string>} */
+  /** Keys filled in while driving. @type {Set<string>} */
   #driven = new Set();
 
   build() {
@@ -102,7 +102,7 @@ class RigPanel extends Part {
     clearInterval(this.#asking);
   }
 
-  /** A drive is noted from the first press to the second; its figures are shown meanwhile. */
+  /** Estimate from the first press to the second, and show the values meanwhile. */
   async #toggleDrive() {
     const ending = this.#asking !== 0;
     clearInterval(this.#asking);
@@ -126,7 +126,7 @@ class RigPanel extends Part {
     const found = await request(method, "/rig/drive");
     for (const [key, , , digits] of NUMBERS) {
       const number = found.values[key];
-      // What was typed or estimated from the floor is better known than by a drive.
+      // Values typed or estimated from the floor are more accurate than those from driving.
       const known = this.#inputs.get(key)?.value !== "" && !this.#driven.has(key);
       if (!number || known) continue;
       this.#driven.add(key);
@@ -138,7 +138,7 @@ class RigPanel extends Part {
   async #load() {
     /** @type {RigNow | null} */
     const rig = await request("GET", "/rig").catch(() => null);
-    // What was typed or estimated meanwhile is not lost.
+    // Do not lose what was typed or estimated meanwhile.
     if (rig && !this.#changed) this.#show(rig);
   }
 
@@ -205,7 +205,7 @@ class RigPanel extends Part {
       if (!(error instanceof ApiError)) throw error;
       const key = Object.keys(error.fields).find((each) => this.#inputs.has(each));
       const words = NUMBERS.find(([each]) => each === key)?.[1];
-      // The sentence begins with the name that the file has for it.
+      // The sentence begins with the name of the field in the file.
       this.#refuse(
         key,
         words && key ? error.message.replace(new RegExp(`^${key}`, "i"), words) : error.message,

@@ -1,4 +1,4 @@
-/** Holding the depth of a place against a tape measure, and keeping what came of it. */
+/** Compares the stereo distance of a place with a tape measure and saves the result. */
 
 import { button, h, input, setText } from "../elements/dom.js";
 import { fixed } from "../elements/words.js";
@@ -16,7 +16,7 @@ export class TapeCheck {
   /** @type {[number, number] | null} */
   #place = null;
   #mark = h("span.place-mark", { hidden: true });
-  // Until the pair is painted the canvas has no centre.
+  // The canvas has no centre until the pair is painted.
   #centre = button(
     "Choose the image centre",
     () => this.#choose(this.#canvas.width / 4, this.#canvas.height / 2),
@@ -61,7 +61,7 @@ export class TapeCheck {
     );
     this.#centre.addEventListener("keydown", (event) => this.#move(event));
     canvas.addEventListener("click", (event) => this.#clicked(event));
-    // Enter must not close the dialog in place of comparing.
+    // Enter must compare, not close the dialog.
     this.#measured.addEventListener("keydown", (event) => {
       if (event.key !== "Enter") return;
       event.preventDefault();
@@ -70,7 +70,7 @@ export class TapeCheck {
     this.#show(calibration);
   }
 
-  /** Let a place be chosen: the pair is painted. */
+  /** Allow choosing a place, now that the pair is painted. */
   begin() {
     this.#centre.disabled = false;
   }

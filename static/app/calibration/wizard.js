@@ -1,4 +1,4 @@
-/** Making a calibration, step by step: a board, its views, what came of them. */
+/** Making a calibration step by step: the board, its views, the result. */
 
 import { button, h, setAttribute, setText } from "../elements/dom.js";
 import { giveBackFocus } from "../elements/focus-place.js";
@@ -23,7 +23,7 @@ const STEPS = [
   ["result", "3 Result"],
 ];
 
-/** Takes the place of the scene and the live views while something is calibrated. */
+/** Replaces the scene and the live views while calibrating. */
 class CalibrationWizard extends Part {
   #steps = new Map(
     STEPS.map(([step, text]) => [step, button(text, null, { class: "wizard-step" })]),
@@ -33,18 +33,18 @@ class CalibrationWizard extends Part {
   #board = new BoardStep();
   #views = new CaptureStep();
   #result = new ResultStep();
-  /** @type {Step | null} null: nothing is calibrated and nobody wants to */
+  /** @type {Step | null} null: nothing is being calibrated and the wizard is closed */
   #step = null;
   #computed = "";
   #computing = false;
-  /** The source that it has opened for by itself. */
+  /** The source for which the wizard opened by itself. */
   #offered = "";
-  /** The element that had the focus when the wizard was called. @type {Element | null} */
+  /** The element that had the focus when the wizard was opened. @type {Element | null} */
   #caller = null;
 
   build() {
     this.#board.begun = (calibrating) => {
-      // An older status, still on its way, must not close what was just begun.
+      // An older status still on its way must not close a calibration that has just begun.
       const { status } = this.hub;
       if (status) this.hub.takeStatus({ ...status, calibrating });
       this.#go("views");
@@ -79,7 +79,7 @@ class CalibrationWizard extends Part {
     this.#follow();
   }
 
-  /** Open for a source that the server was started with to be calibrated, as its tile does. */
+  /** Open, as the source's tile does, if the server was started with a source to calibrate. */
   async #offer() {
     const spec = this.hub.status?.to_calibrate ?? "";
     if (!spec || spec === this.#offered) return;
@@ -99,7 +99,7 @@ class CalibrationWizard extends Part {
       return this.#go(null, false);
     const computed = calibrating?.result?.join("|") ?? "";
     const computing = Boolean(calibrating?.computing);
-    // The same views with other lenses are another result, though of the same names.
+    // The same views with another lens model give a new result under the same names.
     const done = this.#computing && !computing && !calibrating?.trouble && !this.#views.cancelled;
     const other = computed !== this.#computed || done;
     this.#computed = computed;
@@ -117,19 +117,19 @@ class CalibrationWizard extends Part {
    */
   #go(step, asked = true) {
     const moved = step !== this.#step;
-    // Whoever types in the side panel is not to be called away by what another page does.
+    // Do not take the focus from a user of the side panel because of what another page does.
     const away = !asked && document.activeElement?.closest("#panel, .top, dialog");
     this.#step = step;
     this.#render();
     if (!moved || away) return;
     if (step !== null) openPane("main");
-    // The keyboard goes on where the eye does.
+    // The focus follows to the pane now shown.
     if (step !== null) this.#title.focus();
     else giveBackFocus(this.#caller);
   }
 
   async #saved() {
-    // What was calibrated is in use now; an older status would show its views again.
+    // The new calibration is in use; an older status would show its views again.
     const status = await request("GET", "/status").catch(() => null);
     if (status) this.hub.takeStatus(/** @type {Status} */ (status));
     this.#go(null);

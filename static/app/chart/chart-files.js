@@ -1,4 +1,4 @@
-/** CSV, PNG, SVG and PDF of what is seen of a chart: one click opens, the second takes. */
+/** CSV, PNG, SVG and PDF of the visible part of a chart: one click opens, the second downloads. */
 
 import { download } from "../elements/dom.js";
 import { ExportMenu } from "../elements/export-menu.js";
@@ -12,7 +12,7 @@ import { attempt } from "../shell/notice.js";
 
 /**
  * @typedef {object} Offer
- * @property {string} words of what
+ * @property {string} words name what is offered
  * @property {{format: string, title: string, make: Make}[]} files
  */
 
@@ -24,7 +24,7 @@ const FORMATS = {
 };
 
 /**
- * Offer the files that the server makes of a stored run.
+ * Return the files that the server offers for a stored run.
  *
  * @param {{id: string, name: string}} run
  * @param {{begin: number, end: number} | null} range seconds on the source's clock; null: all
@@ -51,7 +51,7 @@ export function ofRun({ id, name }, range) {
 /**
  * Return the menu of a chart.
  *
- * @param {() => Offer[]} offers asked when it opens
+ * @param {() => Offer[]} offers called when it opens
  */
 export function chartMenu(offers) {
   /** @type {ExportMenu} */
@@ -60,10 +60,10 @@ export function chartMenu(offers) {
 }
 
 /**
- * What a menu offers of charts.
+ * Return the menu groups for the given offers.
  *
  * @param {Offer[]} offers
- * @param {(words: string, make: Make) => unknown} take with the words of the file
+ * @param {(words: string, make: Make) => unknown} take called with the file's title
  * @returns {MenuGroup[]}
  */
 export function chartGroups(offers, take) {
@@ -76,7 +76,7 @@ export function chartGroups(offers, take) {
   }));
 }
 
-/** Figures take seconds to draw, and may go wrong. @param {Make} make */
+/** Make and download a file; drawing a figure takes seconds and may fail. @param {Make} make */
 function save(make) {
   return attempt(async () => {
     const { blob, name } = await make();

@@ -1,4 +1,4 @@
-/** The live chart as files, made in the page: nothing of it need be kept by the server. */
+/** The live chart as files, made in the page, so the server need not keep anything. */
 
 /** @import { Curve } from "./speed-curves.js" */
 
@@ -9,7 +9,7 @@ const SWATCH_PX = 18;
 
 /**
  * @param {Iterable<Curve>} curves
- * @param {{begin: number, end: number, offset: number}} range of them; offset is to be added to the source's clock
+ * @param {{begin: number, end: number, offset: number}} range of them; offset: curve time minus source time
  * @returns {Blob}
  */
 export function speedsAsCsv(curves, { begin, end, offset }) {
@@ -32,7 +32,7 @@ export function speedsAsCsv(curves, { begin, end, offset }) {
 }
 
 /**
- * What stands before a name: as the swatches of the page, see run-chart.css.
+ * Draw the swatch before a name like those of the page, see run-chart.css.
  *
  * @param {CanvasRenderingContext2D} context
  * @param {string} kind of a curve or a mark
@@ -70,7 +70,7 @@ function quoted(text) {
 }
 
 /**
- * The drawing with the names of its curves and marks below, on the page's ground.
+ * Return the drawing with its legend below, on the page's background.
  *
  * @param {HTMLCanvasElement} drawing
  * @param {{kind: string, label: string, colour: string, dash: number[]}[]} entries colours as the canvas understands them

@@ -1,4 +1,4 @@
-/** What a chart of speeds draws beside its curves, named in its legend. */
+/** Legend of the marks that a speed chart draws in addition to its curves. */
 
 import { GLOSSARY } from "../elements/glossary.js";
 import { h, swatch } from "../elements/dom.js";

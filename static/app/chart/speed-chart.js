@@ -1,4 +1,4 @@
-/** Speed over the last minute: estimate with its band, truth, and what robots are told and do. */
+/** Speed over the last minute: estimates with bands, ground truth, robots' commands and wheels. */
 
 import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -19,7 +19,7 @@ const SPAN_S = 60;
 const DRAW_EVERY_MS = 200;
 const HEIGHT_PX = 172;
 const TOP_AT_LEAST_MPS = 0.5;
-// What was measured longer ago than this is no value of now.
+// A value measured longer ago than this is not current.
 const NOW_REACH_S = 0.3;
 const ORDER = { estimate: 0, stray: 0, truth: 1, commanded: 2, sent: 3, encoder: 4 };
 
@@ -50,13 +50,13 @@ class SpeedChart extends Part {
   /** @type {number | null} */
   #at = null;
   #drawnAt = 0;
-  /** What the curves are of. @type {string | null} */
+  /** The source of the curves. @type {string | null} */
   #source = null;
-  /** The newest run, where none is kept now. @type {Run | null} */
+  /** The newest run, offered while no run is being stored. @type {Run | null} */
   #last = null;
 
   build() {
-    // In place of the heading that says that it is being loaded.
+    // Replaces the placeholder heading shown while loading.
     this.replaceChildren(
       h(
         "div.pane-head",
@@ -78,12 +78,12 @@ class SpeedChart extends Part {
     });
     this.hear("runs", () => this.#findLastRun());
     void this.#findLastRun();
-    // Where it is paused, no other comes.
+    // While paused, no further observation arrives.
     if (this.hub.observation) this.#history.add(this.hub.observation);
     this.#draw();
   }
 
-  /** Begin anew with another source: the curves of one would be read as the other's. */
+  /** Start over for another source, so its curves are not mixed with the last one's. */
   #followSource() {
     const source = this.hub.status?.source?.spec ?? this.#source;
     if (source !== this.#source && this.#source !== null) {
@@ -118,7 +118,7 @@ class SpeedChart extends Part {
     this.#renderLegend();
   }
 
-  /** Newest values, or those under the pointer. */
+  /** Show the newest values or those under the pointer. */
   #renderLegend() {
     const shown = this.#curves.filter(
       (curve) => curve.kind !== "estimate" || this.#measured(curve, this.#at),
@@ -132,7 +132,7 @@ class SpeedChart extends Part {
       if (swatch instanceof HTMLElement) tint(swatch, curve.colour);
       setText(words, `${curve.label} ${withBand(this.#measured(curve, this.#at))}`);
     });
-    // The same whatever is seen at the moment: nothing moves while data flows.
+    // The same marks regardless of what is visible now, so the layout stays still.
     const truth = this.#curves.some(({ kind }) => kind === "truth");
     const marks = this.#marksDrawn(truth);
     if (this.#marks.childElementCount !== marks.length)
@@ -167,7 +167,7 @@ class SpeedChart extends Part {
     this.#export.hidden = this.#curves.length === 0 && !this.#last;
   }
 
-  /** Offer the curves seen now, made in the page, and all of the newest run once it has ended. */
+  /** Offer the visible curves, made in the page, and the whole newest run once it has ended. */
   #offers() {
     const { status } = this.hub;
     const last = status?.run || this.#last?.state === "running" ? null : this.#last;
@@ -237,7 +237,7 @@ function makeLegendItem() {
   return h("li", h("span.swatch.line", { "aria-hidden": "true" }), h("span.figure"));
 }
 
-/** Truth that is missing now is seen to be, before it comes back. @param {Curve} curve */
+/** Gaps, including one still open at present. @param {Curve} curve */
 function gapsUntilNow(curve) {
   const gaps = gapsIn(curve);
   const last = curve.speeds.findLastIndex((speed) => speed !== null);

@@ -1,4 +1,4 @@
-/** Curves of speed over time, and how several stand together in one chart. Pure functions. */
+/** Curves of speed over time, and joining several into one chart. Pure functions. */
 
 import { fixed, half95 } from "../elements/words.js";
 
@@ -6,21 +6,21 @@ import { fixed, half95 } from "../elements/words.js";
 
 /**
  * @typedef {object} Curve
- * @property {string} key tells it from all others of its chart
- * @property {Kind} kind stray: a track of no known body beside others that have one
+ * @property {string} key unique within its chart
+ * @property {Kind} kind stray: a track that matches no known body while others do
  * @property {string} label
- * @property {string} colour its name in tokens.css, as in "--track-3"
+ * @property {string} colour its name in tokens.css, such as "--track-3"
  * @property {boolean} banded whether its 95 % interval is drawn
  * @property {number[]} times seconds, rising
- * @property {(number | null)[]} speeds m/s; null breaks the curve: nothing was measured here
+ * @property {(number | null)[]} speeds m/s; null breaks the curve where nothing was measured
  * @property {(number | null)[]} stds m/s, one standard deviation; null where none is known
  */
 
-/** @typedef {(number | null | undefined)[]} Row null breaks the curve, undefined is passed over */
+/** @typedef {(number | null | undefined)[]} Row null breaks the curve, undefined is skipped */
 
 /**
- * All curves over the same times: a row for each, and for one with a band the upper and the lower
- * edge before it.
+ * Resample all curves to the union of their times: one row each, preceded by the upper and the
+ * lower edge if the curve has a band.
  *
  * @param {Curve[]} curves
  * @returns {[number[], ...Row[]]}
@@ -51,8 +51,8 @@ function edge({ speeds, stds }, side) {
 
 /**
  * @param {number[]} own rising
- * @param {(number | null)[]} values at these
- * @param {number[]} times of all curves, rising, the own among them
+ * @param {(number | null)[]} values at these times
+ * @param {number[]} times of all curves, rising, including these
  * @returns {Row}
  */
 function rowOf(own, values, times) {
@@ -60,7 +60,7 @@ function rowOf(own, values, times) {
   const row = new Array(times.length).fill(undefined);
   let at = 0;
   own.forEach((time, i) => {
-    // Times of other curves lie within the gap as well.
+    // Other curves may have samples within this gap.
     const broken = i > 0 && (values[i] === null || values[i - 1] === null);
     for (; at < times.length && Number(times[at]) < time; at += 1)
       if (broken && row[at] === undefined) row[at] = null;
@@ -70,17 +70,17 @@ function rowOf(own, values, times) {
 }
 
 /**
- * The speed that was measured nearest to a time; never one across a gap.
+ * Return the speed measured nearest to a time, never across a gap.
  *
  * @param {Pick<Curve, "times" | "speeds" | "stds">} curve
  * @param {number} time
- * @param {number} reach seconds, how far from it the curve may have begun or ended
+ * @param {number} reach seconds: how far away a sample may be where the curve begins or ends
  * @returns {{speed: number, std: number | null} | null}
  */
 export function speedAt({ times, speeds, stds }, time, reach) {
   const later = firstFrom(times, time);
   const near = [later - 1, later].filter((i) => typeof speeds[i] === "number");
-  // Between two samples either speaks; beside a gap only what is near.
+  // Between two samples either will do; next to a gap only one within reach.
   const known = near.filter((i) => near.length === 2 || Math.abs(Number(times[i]) - time) <= reach);
   const [best] = known.sort(
     (a, b) => Math.abs(Number(times[a]) - time) - Math.abs(Number(times[b]) - time),
@@ -91,7 +91,7 @@ export function speedAt({ times, speeds, stds }, time, reach) {
 }
 
 /**
- * From the last sample before each gap to the first behind it.
+ * Return the gaps, each from the last sample before it to the first after it.
  *
  * @param {Pick<Curve, "times" | "speeds">} curve
  * @returns {{begin: number, end: number}[]}
@@ -115,7 +115,7 @@ export function withBand(measured) {
   return `${fixed(speed, 2)} (${fixed(Math.max(0, speed - half95(std)), 2)}–${fixed(speed + half95(std), 2)})`;
 }
 
-/** Index of the first that is not below. @param {number[]} rising @param {number} value */
+/** Index of the first element not below value. @param {number[]} rising @param {number} value */
 export function firstFrom(rising, value) {
   let low = 0;
   let high = rising.length;

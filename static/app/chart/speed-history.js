@@ -6,18 +6,19 @@ import { trackColour } from "../elements/words.js";
 
 /** @import { Curve, Kind } from "./speed-curves.js" */
 
-// Where nothing came for longer than this there is a gap in the curves.
+// If nothing arrives for longer than this, the curves have a gap.
 const JUMP_S = 1;
-// Between the end of one playing and the start of the next.
+// Gap between the end of one playback and the start of the next.
 const GAP_S = 0.5;
-// A curve breaks right behind its last sample: the next may belong to before the newest frame.
+// A curve breaks right after its last sample: the next one may be older than the newest frame.
 const BROKEN_AFTER_S = 1e-4;
-// Curves are shortened at once by so many samples: moving a thousand numbers is dearer than keeping a few too many.
+// Curves are trimmed in batches of this many samples: shifting a long array costs more than
+// keeping a few extra samples.
 const FORGET_FROM = 50;
 const ROBOT_COLOURS = { observer: "--accent", obstacle: "--warn" };
 
 export class SpeedHistory {
-  /** Seconds of the newest observation, rising also where the source was restarted. */
+  /** Seconds of the newest observation; keeps rising when the source is restarted. */
   newest = 0;
   /** @type {Map<string, Curve>} */
   curves = new Map();
@@ -33,17 +34,17 @@ export class SpeedHistory {
   #lastTime = 0;
   #lastSegment = 0;
   #lastSequence = -1;
-  /** The track that a body was last taken for. @type {Map<number, number>} */
+  /** The track last assigned to each body. @type {Map<number, number>} */
   #identity = new Map();
 
-  /** @param {number} span_s how much is kept */
+  /** @param {number} span_s seconds of history to keep */
   constructor(span_s) {
     this.span_s = span_s;
   }
 
   /**
-   * What is kept of the source as it plays now, in the curves' seconds; offset is what these are
-   * ahead of its own clock.
+   * The stored range of the current playback, in the curves' seconds; offset: how far these are
+   * ahead of the source's clock.
    */
   get playing() {
     return {
@@ -60,11 +61,11 @@ export class SpeedHistory {
     /** @type {Set<string>} */
     const told = new Set();
     for (const obstacle of line.obstacles) {
-      // While a track coasts nothing is measured: a gap, not a guess.
+      // While a track coasts nothing is measured: show a gap, not a prediction.
       if (obstacle.state === "coasting") continue;
       const key = `${this.#epoch}/${line.segment}/${obstacle.id}`;
       const colour = trackColour(obstacle.id);
-      // A speed belongs to the middle of its displacement; at the frame's time it would come late.
+      // A speed is valid at the middle of its displacement; the frame's time would be too late.
       const time = Math.min(now, obstacle.velocity_time + this.#offset);
       if (!this.curves.has(key))
         this.starts.push({ time, speed: obstacle.speed, words: String(obstacle.id), colour });
@@ -96,7 +97,7 @@ export class SpeedHistory {
   }
 
   /**
-   * What robots were told and what their wheels did; sizes only, as of obstacles.
+   * Add robots' commanded and wheel speeds; magnitudes only, as for obstacles.
    *
    * @param {WheelSpeed[]} samples since the last time
    */
@@ -104,7 +105,7 @@ export class SpeedHistory {
     if (!this.#began) return;
     for (const { role, time, sent_mps, encoder_mps } of samples) {
       const at = time + this.#offset;
-      // Of another source's clock, or of before it was restarted.
+      // From another source's clock, or from before a restart.
       if (Math.abs(at - this.newest) > JUMP_S) continue;
       const colour = ROBOT_COLOURS[role];
       put(this.#curve(`sent/${role}`, "sent", `Sent to ${role}`, colour), at, Math.abs(sent_mps));
@@ -152,7 +153,7 @@ export class SpeedHistory {
   }
 
   /**
-   * Return a curve, made where it is not there yet.
+   * Return a curve, created if missing.
    *
    * @param {string} key
    * @param {Kind} kind
@@ -183,12 +184,12 @@ export class SpeedHistory {
   }
 }
 
-/** Their samples come by themselves. @param {Curve} curve */
+/** Whether it is a robot's curve, whose samples arrive separately. @param {Curve} curve */
 function isOfRobot({ kind }) {
   return kind === "sent" || kind === "encoder";
 }
 
-/** Nothing was measured: a gap from the last sample to the next. @param {Curve} curve */
+/** Start a gap, as nothing was measured: from the last sample to the next. @param {Curve} curve */
 function breakOff(curve) {
   const last = curve.times.at(-1);
   if (last !== undefined && curve.speeds.at(-1) !== null)
@@ -196,7 +197,7 @@ function breakOff(curve) {
 }
 
 /**
- * Go on with a curve; where too long nothing came, behind a gap.
+ * Extend a curve, after a gap if nothing arrived for too long.
  *
  * @param {Curve} curve
  * @param {number} time

@@ -1,4 +1,4 @@
-/** One drawing of speed curves, live or of a stored run: bands, gaps, and where identities change. */
+/** A plot of speed curves, live or of a stored run: bands, gaps and identity switches. */
 
 import uPlot from "../../vendor/uplot/uPlot.esm.js";
 import { h } from "../elements/dom.js";
@@ -7,7 +7,7 @@ import { joined } from "./speed-curves.js";
 /** @import { Curve } from "./speed-curves.js" */
 
 /**
- * Marks beside the curves; times as in the curves.
+ * Marks in addition to the curves; times as in the curves.
  *
  * @typedef {object} Marks
  * @property {{time: number, speed: number, words: string, colour: string}[]} starts of tracks
@@ -18,14 +18,14 @@ import { joined } from "./speed-curves.js";
 /**
  * @typedef {object} PlotOptions
  * @property {number} height px
- * @property {number} topAtLeast m/s, so that noise around standing still stays small
- * @property {() => [number, number]} range seconds that are seen
+ * @property {number} topAtLeast m/s: minimum upper end, so that noise at rest stays small
+ * @property {() => [number, number]} range visible range, seconds
  * @property {(seconds: number) => string} xWords
- * @property {number} xSpace least distance of two ticks, px
+ * @property {number} xSpace least distance between ticks, px
  * @property {() => number | null} [top] m/s, the upper end where several charts share it
- * @property {(time: number | null) => void} read the pointer is at a time, or has left
- * @property {(begin: number, end: number) => void} [select] a stretch was dragged over
- * @property {() => void} [all] double click
+ * @property {(time: number | null) => void} read called as the pointer moves; null: it has left
+ * @property {(begin: number, end: number) => void} [select] called with a dragged range
+ * @property {() => void} [all] called on double click
  */
 
 /** @type {Marks} */
@@ -35,7 +35,7 @@ export const NO_MARKS = { starts: [], changes: [], gaps: [] };
 export const DASHES = { truth: [6, 4], commanded: [2, 3], sent: [2, 3], encoder: [9, 3, 2, 3] };
 
 const LABEL_PX = 11;
-// Less than this from the one before, a label would stand on it.
+// A label closer than this to the previous one would overlap it.
 const LABEL_SPACE_PX = 26;
 const GAP_BAR_PX = 4;
 const LABEL_ROWS = 3;
@@ -81,7 +81,7 @@ export class SpeedPlot {
     this.#plot?.setScale("x", { min, max });
   }
 
-  /** Put the line at which values are read to a time. @param {number | null} time */
+  /** Move the cursor line to a time. @param {number | null} time */
   point(time) {
     const plot = this.#plot;
     if (!plot) return;
@@ -89,12 +89,12 @@ export class SpeedPlot {
     plot.setCursor({ left, top: time === null ? -10 : 0 }, false);
   }
 
-  /** The canvas as drawn now, for a file of it; null where nothing is drawn. @returns {HTMLCanvasElement | null} */
+  /** The canvas as drawn now, for export; null where nothing is drawn. @returns {HTMLCanvasElement | null} */
   get canvas() {
     return this.#plot?.ctx.canvas ?? null;
   }
 
-  /** m/s, the highest that is seen; of the curves alone: a wide band may leave the chart. */
+  /** m/s: the highest visible value of the curves alone; a wide band may leave the chart. */
   highest() {
     const [begin, end] = this.options.range();
     let highest = 0;
@@ -194,7 +194,7 @@ function pointed(plot) {
   return left === undefined || left < 0 ? null : plot.posToVal(left, "x");
 }
 
-/** A finger drags as the mouse does; up and down it still scrolls the page. @param {uPlot} plot */
+/** Let a finger drag like a mouse; vertically it still scrolls the page. @param {uPlot} plot */
 function touchAsMouse(plot) {
   plot.over.style.touchAction = "pan-y";
   for (const [type, as] of [
@@ -206,7 +206,7 @@ function touchAsMouse(plot) {
     plot.over.addEventListener(String(type), (event) => {
       if (!(event instanceof PointerEvent) || event.pointerType === "mouse") return;
       const { clientX, clientY } = event;
-      // uPlot passes over moves by nothing while it drags.
+      // While dragging, uPlot ignores moves of zero distance.
       plot.over.dispatchEvent(
         new MouseEvent(String(as), { clientX, clientY, movementX: 1, button: 0, bubbles: true }),
       );
@@ -252,7 +252,7 @@ function seriesOf({ kind, label, colour: name, banded }, colour) {
 }
 
 /**
- * Only samples between two gaps are drawn as dots; the others are seen as a line.
+ * Return the samples between two gaps: only these are drawn as dots, the others form a line.
  *
  * @param {uPlot} plot
  * @param {number} index of the series
@@ -308,7 +308,7 @@ function drawMarks({ ctx, bbox, valToPos }, { starts, changes, gaps }, colour) {
   ctx.textAlign = "left";
   ctx.textBaseline = "alphabetic";
   ctx.lineJoin = "round";
-  // With a rim of the ground's colour words can be read where they stand on curves.
+  // An outline in the background colour keeps words legible over curves.
   const write = (/** @type {string} */ words, /** @type {number} */ x, /** @type {number} */ y) => {
     ctx.lineWidth = 3 * dpr;
     ctx.strokeStyle = colour("--surface");

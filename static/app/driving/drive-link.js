@@ -1,4 +1,4 @@
-/** The drive socket: leases, velocities, signs of presence, and how good the link is. */
+/** The drive socket: leases, velocities, heartbeats and link quality. */
 
 import { LiveSocket, socketUrl } from "../shell/live-socket.js";
 import { Teller } from "../shell/teller.js";
@@ -12,10 +12,10 @@ const PATH = "/api/drive";
 const NAME_KEY = "dynamic-observer.operator";
 
 /**
- * One socket is one operator; its leases end with it and are never asked for again by themselves.
+ * One socket is one operator; its leases end with it and are never requested again automatically.
  *
- * Events: `lease` (a lease came, was refused or lost), `sent`, `refused` (a command was not taken;
- * see `refusal`), `link` (its quality, or whether it is open).
+ * Events: `lease` (a lease was granted, refused or lost), `sent`, `refused` (a command was
+ * rejected; see `refusal`), `link` (its quality, or whether it is open).
  */
 export class DriveLink extends Teller {
   /** Leases in force. @type {Map<Role, string>} */
@@ -26,21 +26,21 @@ export class DriveLink extends Teller {
   quality = null;
   /** Velocities sent for the newest command. @type {Map<Role, SentMessage>} */
   sent = new Map();
-  /** The reason why the newest command was not taken. */
+  /** Why the newest command was rejected. */
   refusal = "";
 
-  /** The server's name for this operator; empty until it is connected. */
+  /** The server's name for this operator; empty until connected. */
   operator = "";
 
   #sequence = 0;
-  /** Asked for, not answered yet. @type {Map<Role, {takeover: boolean, done: (sentence: string | null) => void}>} */
+  /** Lease requests not answered yet. @type {Map<Role, {takeover: boolean, done: (sentence: string | null) => void}>} */
   #asked = new Map();
   #socket = new LiveSocket(PATH, {
     message: (message) => this.#receive(message),
     state: (state) => this.#connectionChanged(state),
   });
 
-  /** This operator's own name; used from the next connection on. */
+  /** The name this operator has chosen; used from the next connection on. */
   get name() {
     return localStorage.getItem(NAME_KEY) ?? "";
   }
@@ -50,11 +50,11 @@ export class DriveLink extends Teller {
   }
 
   /**
-   * Become the one who drives a role.
+   * Take control of a role.
    *
    * @param {Role} role
-   * @param {boolean} takeover also where somebody else does
-   * @returns {Promise<string | null>} one sentence of why not; null: it is ours
+   * @param {boolean} takeover take it even from another operator
+   * @returns {Promise<string | null>} one sentence saying why not; null: the lease is ours
    */
   take(role, takeover) {
     if (this.leases.has(role)) return Promise.resolve(null);

@@ -1,4 +1,4 @@
-/** Driving by hand: the pad to hold, how fast, what was sent, and what limits it. */
+/** Manual driving: the pad to hold, the speed, what was sent, and what limits it. */
 
 import { h, input, setAttribute, setText } from "../elements/dom.js";
 import { GLOSSARY } from "../elements/glossary.js";
@@ -12,7 +12,7 @@ import { sonarInWords, SonarRing } from "./sonar-ring.js";
 
 /** @import { RobotNow } from "../contract" */
 
-// Of the pad's width, from its middle.
+// Largest knob travel from the pad's centre, as a share of its width.
 const KNOB_WAY_PERCENT = 36;
 
 /** @type {Record<string, string>} */
@@ -46,7 +46,7 @@ export class DrivePad extends Part {
   #delay = h("span.hint.figure");
   #guard = h("p.guard-words");
   #guardNumbers = h("p.hint.figure");
-  /** The pointer that holds the pad. @type {number | null} */
+  /** The pointer holding the pad. @type {number | null} */
   #pointer = null;
 
   build() {
@@ -98,7 +98,7 @@ export class DrivePad extends Part {
     });
     pad.addEventListener("pointermove", (event) => {
       if (event.pointerId !== this.#pointer) return;
-      // Let go somewhere where nobody told us.
+      // It was released somewhere we got no event from.
       if (event.buttons === 0) this.#release();
       else this.#deflect(event);
     });
@@ -143,7 +143,7 @@ export class DrivePad extends Part {
     setAttribute(this, "data-held", hold.counts ? "" : hold.isHeld ? "barred" : null);
     setAttribute(this.#pad, "aria-disabled", hindrance ? "true" : null);
     const { forward, left } = deflection ?? { forward: 0, left: 0 };
-    // Within the round pad also where both are full.
+    // Keep the knob within the round pad even if both axes are at full deflection.
     const way = KNOB_WAY_PERCENT / Math.max(1, Math.hypot(forward, left));
     this.#knob.style.left = `${50 - way * left}%`;
     this.#knob.style.top = `${50 - way * forward}%`;
@@ -197,7 +197,7 @@ export class DrivePad extends Part {
   #renderLink() {
     const { connection, quality, operator } = this.hub.driver.link;
     const open = connection === "open";
-    // It is opened by whoever first wants to drive.
+    // The link is opened only when the user first wants to drive.
     const state = open ? (quality?.quality ?? "good") : operator ? "lost" : "none";
     setText(this.#link, LINKS[state] ?? "No link yet");
     setAttribute(this.#link, "data-state", LINK_CHIPS[state] ?? "idle");

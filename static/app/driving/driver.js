@@ -1,4 +1,4 @@
-/** Driving by this page: what is held becomes velocities ten times a second, and silence else. */
+/** Driving from this page: sends the held deflection as velocities ten times a second. */
 
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
@@ -11,23 +11,23 @@ import { isArmed, ROLES } from "./roles.js";
 /** @import { Role } from "./roles.js" */
 
 const EVERY_MS = 100;
-// The server stops a robot whose operator was silent for 250 ms; the page then asks for a new press.
+// The server stops a robot after 250 ms of operator silence; the page then asks for a new press.
 const HELD_UP_MS = 250;
-// Nobody turns faster by hand, whatever the robot could do.
+// Upper limit for manual driving, whatever the robot is capable of.
 const FASTEST_TURN_RADPS = Math.PI / 2;
 const KEY = "dynamic-observer.driving";
 
 /**
- * Events: `change` (role, share, lease, what is held or sent, the link: read it again), `stopping`
- * (stop was pressed here), `stop-failed` (it did not reach the server).
+ * Events: `change` (role, share, lease, what is held or sent, or the link has changed), `stopping`
+ * (stop was pressed here), `stop-failed` (the stop did not reach the server).
  */
 export class Driver extends Teller {
   link = new DriveLink();
   hold = new Hold();
-  /** The server's state, and the state of the connection to it. */
+  /** Holds the server's state and the state of the connection to it. */
   #hub;
   #ticked = performance.now();
-  /** The reason why the last hold was barred, until something is pressed again. */
+  /** Why the last hold was barred, until something is pressed again. */
   note = "";
   /** @type {{role: Role, share: number}} */
   #choice = remembered();
@@ -45,13 +45,13 @@ export class Driver extends Teller {
     this.link.addEventListener("refused", () => this.#bar(sentence(this.link.refusal)));
     hub.addEventListener("robots", () => this.#robotsChanged());
     hub.addEventListener("connection", () => this.tell("change"));
-    // Browsers slow the timers of what is not seen: it lets go, and then it is silent.
+    // Browsers throttle the timers of hidden pages, so let go and then stay silent.
     document.addEventListener("visibilitychange", () => document.hidden && this.hold.forget());
     for (const type of ["blur", "pagehide", "freeze"])
       window.addEventListener(type, () => this.hold.forget());
   }
 
-  /** The robot that is driven by hand. */
+  /** The robot chosen for manual driving. */
   get role() {
     return this.#choice.role;
   }
@@ -76,7 +76,7 @@ export class Driver extends Teller {
     return this.#hub.robots?.robots?.[role] ?? null;
   }
 
-  /** True while a robot is armed, by the newest message. */
+  /** True while a robot is armed according to the newest message. */
   get anyArmed() {
     return ROLES.some((role) => isArmed(this.robot(role)));
   }
@@ -85,7 +85,7 @@ export class Driver extends Teller {
     return ROLES.some((role) => this.robot(role) !== null);
   }
 
-  /** The largest speed and turn rate that are asked for at full deflection. */
+  /** The speed and turn rate requested at full deflection. */
   get fastest() {
     const limits = this.robot()?.report.limits;
     return {
@@ -94,7 +94,7 @@ export class Driver extends Teller {
     };
   }
 
-  /** The reason why holding something would not move the chosen robot; empty where it would. */
+  /** Why holding a control would not move the chosen robot; empty if it would. */
   get hindrance() {
     const robot = this.robot();
     const { robots, connection } = this.#hub;
@@ -111,10 +111,10 @@ export class Driver extends Teller {
   }
 
   /**
-   * Switch motors on, asking for the lease first.
+   * Switch the motors on, taking the lease first.
    *
    * @param {Role} role
-   * @throws {ApiError} one sentence of why not
+   * @throws {ApiError} one sentence saying why not
    */
   async arm(role) {
     await this.take(role, false);
@@ -127,14 +127,14 @@ export class Driver extends Teller {
    *
    * @param {Role} role
    * @param {boolean} takeover also where somebody else does
-   * @throws {ApiError} one sentence of why not
+   * @throws {ApiError} one sentence saying why not
    */
   async take(role, takeover) {
     const refusal = await this.link.take(role, takeover);
     if (refusal) throw new ApiError(sentence(refusal), 409);
   }
 
-  /** Stop everything, by every way there is. */
+  /** Stop all robots through every available channel. */
   async stop() {
     this.hold.forget();
     this.link.stop();
@@ -151,7 +151,7 @@ export class Driver extends Teller {
     const { hindrance } = this;
     if (hindrance) return this.hold.bar(hindrance);
     this.note = "";
-    // Nothing was held until now, which is what the server wants to know after any expiry.
+    // Nothing was held until now: after a deadline expired, the server must first see a zero.
     this.#send(0, 0);
     this.#tick();
   }
@@ -171,7 +171,7 @@ export class Driver extends Teller {
     }
   }
 
-  /** Bar the hold although its holder did not let go. @param {string} why */
+  /** Bar the hold although the control has not been released. @param {string} why */
   #bar(why) {
     if (!this.hold.counts) return;
     this.note = why;
@@ -192,7 +192,7 @@ export class Driver extends Teller {
   }
 
   #robotsChanged() {
-    // An older message may be on its way while it is armed and held at once.
+    // An older message may still arrive if the user arms and holds at once.
     if (this.#hub.robots?.stopped) this.#bar("All robots were stopped.");
     else if (this.robot()?.state === "disarmed")
       this.#bar(this.robot()?.why ?? "The robot was disarmed.");

@@ -1,4 +1,4 @@
-/** The goal of the observer: where it is to go by itself, how it gets on, and why it ended. */
+/** The observer's goal: where it is to drive autonomously, its progress, and why it ended. */
 
 import {
   button,
@@ -40,9 +40,9 @@ import { clock } from "./robot-words.js";
 
 const ROLE = "observer";
 const FIELDS = { min: -FARTHEST_M, max: FARTHEST_M, step: "any", "aria-describedby": "goal-error" };
-// What became of a click is read in the scene for this long.
+// The scene shows the outcome of a click for this long.
 const TOLD_MS = 6000;
-// Plans come ten times a second, faster than their reasons can be read.
+// Plans arrive ten times a second, faster than their reasons can be read.
 const EXPLAINED_EVERY_MS = 500;
 
 class GoalPanel extends Part {
@@ -57,12 +57,12 @@ class GoalPanel extends Part {
   #missing = h("p.missing", { id: "goal-missing" });
   #refusal = h("p.field-error", { role: "alert" });
   #sentence = h("p.goal-sentence");
-  /** The same for who hears the page, but not each time that a number changes. */
+  /** The same for screen readers, but not announced each time a number changes. */
   #spoken = h("p.visually-hidden", { role: "status" });
   #way = h("p.figure");
   #why = new GoalWhy();
   #whyOpens = details("Why", this.#why);
-  /** What it was filled with last, and when, ms. */
+  /** What the explanation was last filled with, and when, ms. */
   #explained = { news: "", at: 0 };
   #kept = h("p.field-error", { role: "alert" });
   #leave = oneAtATime(undefined, this.#kept);
@@ -72,7 +72,7 @@ class GoalPanel extends Part {
   #driving = h(
     "div.goal-driving",
     { hidden: true },
-    // Where it stays, however many lines the sentence has.
+    // Above the sentence, so that it stays put however many lines that has.
     h("div.goal-head", this.#way, this.#giveUp),
     this.#kept,
     this.#sentence,
@@ -80,9 +80,9 @@ class GoalPanel extends Part {
   );
   #ended = h("p.goal-ended", { role: "status", hidden: true });
   #do = oneAtATime(undefined, this.#refusal);
-  /** Whether the click that was asked for last is sent at once. */
+  /** Whether the click requested last is sent at once. */
   #sends = false;
-  /** The newest programme that was seen to run. @type {ProgrammeDetail | null} */
+  /** The programme last seen running. @type {ProgrammeDetail | null} */
   #programme = null;
   #asked = "";
 
@@ -136,7 +136,7 @@ class GoalPanel extends Part {
     this.#render();
   }
 
-  /** Whether something is missing, and what. */
+  /** What is missing before a goal can be sent; empty if nothing. */
   get #lack() {
     const { driver, robots, connection } = this.hub;
     const running = robots?.programme && this.#programme;
@@ -156,7 +156,7 @@ class GoalPanel extends Part {
     await this.#post(place);
   }
 
-  /** A click in the scene was asked for as a goal: with all that is needed it is one at once. */
+  /** Use the place clicked in the scene: send it if nothing was missing, else only enter it. */
   async #sendPicked() {
     const { place } = this.hub.floorPick;
     if (!place) return;
@@ -202,7 +202,7 @@ class GoalPanel extends Part {
     const seen = document.querySelector("observer-scene")?.checkVisibility();
     refuse(this.#refusal, seen ? "" : "Not picked: the 3D scene is not in view.");
     if (!seen) return;
-    // It holds until the click: what was read before it is what happens.
+    // Fixed until the click, so that the click does what the user was told before.
     this.#sends = this.#lack === "";
     floorPick.ask(
       this.#sends
@@ -211,7 +211,7 @@ class GoalPanel extends Part {
     );
   }
 
-  /** Say in the scene, too, what became of the click. @param {string} words @param {boolean} [bad] */
+  /** Show the click's outcome in the scene, too. @param {string} words @param {boolean} [bad] */
   #tell(words, bad = false) {
     const { floorPick } = this.hub;
     floorPick.say(words, bad);
@@ -256,7 +256,7 @@ class GoalPanel extends Part {
     this.#why.show(goal);
   }
 
-  /** Learn which robots the running programme moves. */
+  /** Find out which robots the running programme moves. */
   async #askProgramme() {
     const name = this.hub.robots?.programme?.name ?? "";
     if (name === this.#asked) return;
@@ -274,7 +274,7 @@ class GoalPanel extends Part {
 }
 
 /**
- * Ask the server; a refusal begins with what did not happen.
+ * Ask the server; errors begin with what did not happen.
  *
  * @param {string} what
  * @param {() => Promise<unknown>} ask

@@ -6,16 +6,16 @@ import { isArmed } from "./roles.js";
 /** @import { RobotNow, RobotsMessage } from "../contract" */
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
 
-/** A goal beyond is one of another room; the server takes none. */
+/** A farther goal would be in another room; the server rejects it. */
 export const FARTHEST_M = 20;
 
-/** The parameter whose value a goal accepts that is sent without a risk of its own. */
+/** The parameter that sets the risk of goals sent without one. */
 export const RISK_PARAMETER = "navigation.risk_per_metre";
 
 /**
- * Accepted probability of a contact on each metre, as sent and as told.
+ * Choices for the accepted probability of contact per metre: the value sent and its words.
  *
- * @param {unknown} usual what the server takes where none is sent; undefined while not known
+ * @param {unknown} usual the server's default; undefined while unknown
  * @returns {string[][]}
  */
 export function risks(usual) {
@@ -31,14 +31,14 @@ export function risks(usual) {
 }
 
 /**
- * Say what must be done before the observer can be sent anywhere.
+ * Say what must be done before the observer can be sent to a goal.
  *
  * @param {RobotsMessage | null} facts
  * @param {RobotNow | null} robot the observer
  * @param {boolean} ours whether this page holds its lease
- * @param {boolean} connected whether the server is heard
+ * @param {boolean} connected whether the server is connected
  * @param {string} programme title of the programme that moves the observer; empty for none
- * @returns {string} a sentence; empty where nothing is missing
+ * @returns {string} a sentence; empty if nothing is missing
  */
 export function missingForGoal(facts, robot, ours, connected, programme) {
   if (!connected) return "No connection to the server.";
@@ -52,11 +52,11 @@ export function missingForGoal(facts, robot, ours, connected, programme) {
 }
 
 /**
- * Read a place that was typed.
+ * Parse a typed place.
  *
  * @param {string} ahead
  * @param {string} left
- * @returns {FloorPlace | string} a sentence where it is none
+ * @returns {FloorPlace | string} a sentence if it is not a valid place
  */
 export function goalOf(ahead, left) {
   const [x, y] = [ahead, left].map((text) => (text.trim() === "" ? NaN : Number(text)));
@@ -65,7 +65,7 @@ export function goalOf(ahead, left) {
   return tooFar({ ahead: x, left: y }) || { ahead: x, left: y };
 }
 
-/** Say why a place is too far away; empty where it is not. @param {FloorPlace} place */
+/** Say why a place is too far away; empty if it is not. @param {FloorPlace} place */
 export function tooFar({ ahead, left }) {
   const distance = Math.hypot(ahead, left);
   return distance > FARTHEST_M
@@ -91,8 +91,8 @@ export function notDone(what, why) {
 }
 
 /**
- * A sentence without its numbers: another one is news to who hears the page read, another number
- * is not.
+ * Strip the numbers from a sentence: screen readers should announce new sentences, not new
+ * numbers.
  *
  * @param {string} words
  */

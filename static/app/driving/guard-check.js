@@ -1,4 +1,4 @@
-/** The guided check: what to do at each step, what was measured, and the records of earlier ones. */
+/** The guided check: what to do at each step, what was measured, and the records of past checks. */
 
 import {
   button,
@@ -86,7 +86,7 @@ class GuardCheck extends Part {
     this.#loaded = "";
     this.#render();
   }, this.#refusal);
-  /** Role and record of what was loaded; another means to load again. */
+  /** Role and record last loaded; if they change, load again. */
   #loaded = "";
 
   build() {
@@ -102,7 +102,7 @@ class GuardCheck extends Part {
     this.#render();
   }
 
-  /** The name that others read; null where none was given. */
+  /** This operator's name as others see it; null if none was given. */
   get #own() {
     return this.hub.driver.link.name || null;
   }
@@ -166,7 +166,7 @@ class GuardCheck extends Part {
       void this.#load(wanted);
     }
     const step = going && check.present !== null ? (check.steps[check.present] ?? null) : null;
-    // What is to be done stands above what it is done with.
+    // Show the instruction above the controls.
     setAttribute(this, "data-going", going ? "" : null);
     if (step) {
       this.#now.hidden = false;
@@ -201,7 +201,7 @@ class GuardCheck extends Part {
 
 /** @param {string} state */
 function chip(state) {
-  // To do is nothing to be warned of.
+  // A step still to do needs no warning colour.
   return stateChip(state === "waiting" ? "none" : state, STATES[state] ?? state);
 }
 

@@ -1,20 +1,20 @@
-/** Driving by a gamepad: a shoulder button is held, the left stick steers. */
+/** Driving with a gamepad: hold a shoulder button and steer with the left stick. */
 
 import { beyondStill } from "./hold.js";
 
-// Of the standard layout: left and right shoulder, and the one on the right of the four.
+// Standard layout: left and right shoulder, and the right one of the four face buttons.
 const SHOULDERS = [4, 5];
 const STOPS = 1;
 const EVERY_MS = 50;
 
 /**
- * Follow the first gamepad as long as the page lives.
+ * Follow the first gamepad for the lifetime of the page.
  *
  * @param {import("./driver.js").Driver} driver
  */
 export function followGamepad(driver) {
   const { hold } = driver;
-  // Held while nobody looked (it was connected so, or the page was left): let it go first.
+  // If it was already held (when it was connected or the page regained focus), require a release.
   let seenReleased = false;
   let stopped = false;
   let timer = 0;

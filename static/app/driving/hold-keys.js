@@ -1,10 +1,10 @@
-/** Driving by W, A, S, D and the arrow keys. */
+/** Driving with W, A, S, D and the arrow keys. */
 
 import { declareKeys, writesText } from "../elements/keys.js";
 
 declareKeys("Driving", ["W A S D ↑ ← ↓ →", "Drive while held"]);
 
-/** Key by its place on the keyboard, whatever letter stands on it. @type {Record<string, [number, number]>} */
+/** Keys by position, whatever their letter. @type {Record<string, [number, number]>} */
 const DIRECTIONS = {
   KeyW: [1, 0],
   ArrowUp: [1, 0],
@@ -15,12 +15,12 @@ const DIRECTIONS = {
   KeyD: [0, -1],
   ArrowRight: [0, -1],
 };
-// What the arrow keys move by themselves.
+// Elements that use the arrow keys themselves.
 const OWN_ARROWS =
   'input, select, [role="tab"], [role="listbox"], [role="radio"], .pixel-pick, .uplot, dialog';
 
 /**
- * Follow the keys of a window as long as the page lives.
+ * Follow the window's keys for the lifetime of the page.
  *
  * @param {import("./driver.js").Driver} driver
  */
@@ -45,7 +45,7 @@ export function followKeys(driver) {
   };
 
   window.addEventListener("keydown", (event) => {
-    // With one of these the letter is a command to the browser, and some never tell of its release.
+    // With a modifier the key is a browser shortcut, and some browsers never report its release.
     if (event.ctrlKey || event.metaKey || event.altKey) return letGo();
     if (!(event.code in DIRECTIONS) || event.defaultPrevented) return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
@@ -58,7 +58,7 @@ export function followKeys(driver) {
     const drives =
       down.size > 0 || driver.hindrance === "" || target.closest("observer-drive-pad") !== null;
     if (!drives) return;
-    // The page is not scrolled meanwhile.
+    // Keep the page from scrolling.
     event.preventDefault();
     if (event.repeat) return;
     down.add(event.code);

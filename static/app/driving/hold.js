@@ -1,4 +1,4 @@
-/** The controls that a person holds: pad, keys, gamepad. No timer, no socket here. */
+/** The controls that the user holds: pad, keys, gamepad. No timer, no socket here. */
 
 import { Teller } from "../shell/teller.js";
 
@@ -12,7 +12,7 @@ import { Teller } from "../shell/teller.js";
  * @typedef {"pad" | "keys" | "gamepad"} Holder
  */
 
-// Of the way from the middle: nearer to it something is held, but moves nothing.
+// Dead zone as a share of full deflection: within it a control is held but moves nothing.
 const STILL = 0.12;
 
 /** Return the deflection beyond the dead zone around the middle. @param {number} axis */
@@ -22,16 +22,16 @@ export function beyondStill(axis) {
 }
 
 /**
- * Joins everything by which a robot is held moving.
+ * Combines all controls that can be held to move a robot.
  *
- * Events: `pressed` (nothing was held before), `released` (nothing is held any more, or what is
- * held counts no longer), `forgotten` (whoever watches a holder must see it released before it is
- * pressed again), `change`.
+ * Events: `pressed` (nothing was held before), `released` (nothing is held any more, or the hold
+ * was barred), `forgotten` (a control must be seen released before it can be pressed again),
+ * `change`.
  */
 export class Hold extends Teller {
   /** @type {Map<Holder, Deflection>} */
   #held = new Map();
-  /** The reason why the hold is barred until all of it is let go; empty while it counts. */
+  /** Why the hold is barred until every control is released; empty while it counts. */
   barred = "";
 
   /** True while something is held and counts. */
@@ -43,13 +43,13 @@ export class Hold extends Teller {
     return this.#held.size > 0;
   }
 
-  /** Deflection of the newest holder; null where nothing is held or the hold is barred. */
+  /** Deflection of the newest holder; null if nothing is held or the hold is barred. */
   get deflection() {
     return this.counts ? ([...this.#held.values()].at(-1) ?? null) : null;
   }
 
   /**
-   * Something is pressed, or what is pressed is moved.
+   * Record that a control is pressed or moved.
    *
    * @param {Holder} holder
    * @param {Deflection} deflection
@@ -70,7 +70,7 @@ export class Hold extends Teller {
     this.tell("change");
   }
 
-  /** Nobody is there to let go: the window lost its focus, the page was hidden, a robot stopped. */
+  /** Drop all holds, as no release may come: focus lost, page hidden, robots stopped. */
   forget() {
     const counted = this.counts;
     this.#held.clear();
@@ -81,7 +81,7 @@ export class Hold extends Teller {
   }
 
   /**
-   * What is held counts for nothing until all of it was let go.
+   * Ignore what is held until every control has been released.
    *
    * @param {string} why one sentence
    */

@@ -40,7 +40,7 @@ export class PortForm extends Part {
   /** @type {Role} */
   #role = "observer";
   #shown = "";
-  /** True while the form holds something that is not in use yet. */
+  /** True while the form holds values that are not in use yet. */
   #changed = false;
   #do = oneAtATime(undefined, this.#error);
 
@@ -73,7 +73,7 @@ export class PortForm extends Part {
     void this.#look();
   }
 
-  /** Suggest the serial ports that are there now. */
+  /** Suggest the serial ports that exist now. */
   async #look() {
     /** @type {Devices | null} */
     const devices = await request("GET", "/devices").catch(() => null);
@@ -112,7 +112,7 @@ export class PortForm extends Part {
         ? `The ${driver.role} at ${robot.port} is provided by the current source.`
         : "",
     );
-    // What was typed meanwhile is not lost.
+    // Do not overwrite what was typed meanwhile.
     if (this.#changed) return;
     refuse(this.#error, "");
     this.#port.value = kept?.port ?? "";
@@ -129,7 +129,7 @@ export class PortForm extends Part {
         port,
         model: this.#model.value || null,
       });
-      // As it is shown from now on: a key that was typed is kept, and seen no more.
+      // Show the port as the server returns it: a typed key is stored but no longer shown.
       const shown = robots.ports?.[role]?.port ?? "";
       if (this.#role === role && this.#port.value.trim() === port) {
         this.#port.value = shown;

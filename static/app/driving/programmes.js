@@ -1,4 +1,4 @@
-/** Programmes: timed velocities that are played while their operator stays present. */
+/** Programmes: timed velocities, played while their operator stays present. */
 
 import {
   button,
@@ -45,10 +45,10 @@ class Programmes extends Part {
   #file = input("file", "programme-file", { accept: ".yaml,.yml,text/yaml" });
   #error = h("p.field-error", { id: "programme-error", role: "alert" });
   #own = details("Custom programme");
-  /** The reason why a programme ended early; empty where none did. */
+  /** Why a programme ended early; empty if none did. */
   #ended = h("p.programme-ended", { role: "status", hidden: true });
   #runs = false;
-  /** Time of the last early end as the newest programme began. */
+  /** Time of the last early end when the newest programme began. */
   #endedBefore = "";
   #refusal = h("p.field-error", { role: "alert" });
   #do = oneAtATime(undefined, this.#refusal);
@@ -107,7 +107,7 @@ class Programmes extends Part {
     this.#render();
   }
 
-  /** Tell why a programme ended early, until the next one begins. */
+  /** Show why a programme ended early until the next one begins. */
   #tellEnd() {
     const { robots } = this.hub;
     const newest = robots?.incidents?.findLast(({ kind }) => kind === "programme");

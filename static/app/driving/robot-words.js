@@ -22,7 +22,7 @@ export function stateInWords(robot) {
 }
 
 /**
- * Say in one sentence why a robot stands.
+ * Say in one sentence why a robot is standing still.
  *
  * @param {Role} role
  * @param {RobotNow | null} robot
@@ -40,7 +40,7 @@ export function standsBecause(role, robot, facts, ours) {
   }
   if (role === "observer" && facts?.goal?.state === "driving")
     return "Driving to a goal by itself.";
-  // Why it moves slower than wanted stands beside what is sent.
+  // Why it is slower than requested is shown next to what is sent.
   if (robot.state === "moving") return "The robot is moving.";
   if (robot.why) return sentence(robot.why);
   if (robot.state === "armed")
@@ -84,7 +84,7 @@ export function batteryInWords({ battery_v, battery, charging }) {
 }
 
 /**
- * Term, value, help of everything that is told of a robot.
+ * Return term, value and help for every figure shown for a robot.
  *
  * @param {RobotNow} robot
  * @returns {[string, string, string][]}
@@ -149,7 +149,7 @@ export function incidentInWords({ at, role, kind, sentence: words, speed_mps, st
   const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
   const speed = speed_mps === null ? "" : ` (at ${fixed(speed_mps, 2)} m/s)`;
   const ends = Object.values(stops ?? {}).map((stop) => `; ${stopInWords(stop)}`);
-  // Only the observer is sent to goals.
+  // Only the observer drives to goals.
   const who = role ?? (kind === "goal" ? "observer" : null);
   return `${time} ${who ? ROLE_WORDS[who] : "Both robots"}${speed}: ${sentence(words)}${ends.join("")}`;
 }

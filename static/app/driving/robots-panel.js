@@ -1,4 +1,4 @@
-/** Both robots: how they are, who drives them, and driving the chosen one. */
+/** Both robots: their state, who drives them, and driving the chosen one. */
 
 import {
   button,
@@ -115,7 +115,7 @@ class RobotsPanel extends Part {
 
   /**
    * @param {string} words
-   * @param {string} failed what a refusal begins with: what did not happen
+   * @param {string} failed begins the error message: what did not happen
    * @param {(hub: Hub) => unknown} act
    * @param {Record<string, unknown>} [more]
    */
@@ -163,12 +163,12 @@ class RobotsPanel extends Part {
           ),
     );
     this.#trouble.hidden = !lost || !robots;
-    // What is old says nothing of why it stands, or whether it does.
+    // Stale data do not tell whether or why it is standing still.
     setAttribute(this, "data-old", lost ? "" : null);
     setText(this.#why, lost && robots ? "" : standsBecause(driver.role, robot, robots, ours));
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
-    // Who pressed one of them by keyboard finds himself at what may be pressed now.
+    // After a key press on one of these, the focus moves to a button that can be pressed now.
     const armable = !lost && robot?.state === "disarmed" && !robots?.stopped;
     if (armable) this.#arm.disabled = false;
     const shown = new Map([

@@ -1,4 +1,4 @@
-/** The two robots that there may be. */
+/** The roles of the two possible robots. */
 
 /** @import { RobotNow, WheelSpeed } from "../contract" */
 /** @typedef {WheelSpeed["role"]} Role */
@@ -9,7 +9,7 @@ export const ROLES = ["observer", "obstacle"];
 /** @type {Record<Role, string>} */
 export const ROLE_WORDS = { observer: "Observer", obstacle: "Obstacle" };
 
-/** Say whether its motors are on, by the newest that is known. @param {RobotNow | null} robot */
+/** Say whether its motors are on, as far as is known. @param {RobotNow | null} robot */
 export function isArmed(robot) {
   return robot?.state === "armed" || robot?.state === "moving";
 }

@@ -1,4 +1,4 @@
-/** The robot from above: its outline, the guard's zones and what its sonar hears. */
+/** The robot from above: its outline, the guard's zones and its sonar echoes. */
 
 import { setAttribute, svg } from "../elements/dom.js";
 
@@ -11,7 +11,7 @@ const NEAR_M = 0.5;
 const CLOSE_M = 1;
 const OLD_S = 1;
 
-/** x is drawn upwards and y to the left, in metres. */
+/** Draws x upwards and y to the left, in metres. */
 export class SonarRing {
   element = svg("svg", {
     viewBox: `${-REACH_M - 0.1} ${-REACH_M - 0.1} ${2 * REACH_M + 0.2} ${2 * REACH_M + 0.2}`,
@@ -97,7 +97,7 @@ export class SonarRing {
 }
 
 /**
- * Say how near the nearest echo is.
+ * Say how far away the nearest echo is.
  *
  * @param {RobotNow | null} robot
  */
@@ -115,7 +115,7 @@ export function sonarInWords(robot) {
 function arcOf({ x, y, heading }, range) {
   const at = (/** @type {number} */ angle) =>
     `${(-(y + range * Math.sin(angle))).toFixed(3)} ${(-(x + range * Math.cos(angle))).toFixed(3)}`;
-  // From right to left is clockwise negative on the screen.
+  // On the screen, right to left is counterclockwise (sweep flag 0).
   return `M${at(heading - HALF_CONE_RAD)}A${range.toFixed(3)} ${range.toFixed(3)} 0 0 0 ${at(heading + HALF_CONE_RAD)}`;
 }
 

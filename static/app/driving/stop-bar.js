@@ -1,4 +1,4 @@
-/** The stop button, in sight wherever one is on the page, and what it did. */
+/** The stop button, always visible wherever the user is on the page, and its outcome. */
 
 import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -8,7 +8,7 @@ import { listenForStop } from "./stop-keys.js";
 
 const WHAT_IT_IS =
   "Software stop, not a substitute for an emergency stop: keep the hardware switch within reach";
-// It is answered within a tenth of this, or something is wrong.
+// Normally the answer takes a tenth of this; anything longer means trouble.
 const CONFIRMED_MS = 1000;
 const KEYS = "Space and Esc press it; while a robot is armed, they do so everywhere on this page.";
 
@@ -28,7 +28,7 @@ class StopBar extends Part {
     "data-acts": true,
   });
   #latched = h("div.stop-latched", { hidden: true, role: "alert" }, this.#stopped, this.#reset);
-  /** Pressed here and not answered yet. */
+  /** True while a stop pressed here has not been answered. */
   #pressed = false;
   #patience = 0;
 
@@ -51,7 +51,7 @@ class StopBar extends Part {
   #begin() {
     clearTimeout(this.#patience);
     this.#mark(true);
-    // A server that hangs takes the request and never answers it.
+    // A hanging server accepts the request but never answers.
     this.#patience = setTimeout(
       () => this.#failed("The server does not confirm the stop: use the hardware switch."),
       CONFIRMED_MS,

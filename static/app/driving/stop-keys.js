@@ -4,17 +4,17 @@ import { declareKeys, writesText } from "../elements/keys.js";
 
 declareKeys("Everywhere", ["Space Esc", "Stop all robots"]);
 
-// What Space presses or Esc leaves, where no robot is armed.
+// Elements that use Space or Esc themselves while no robot is armed.
 const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contenteditable]';
-// What Esc closes there, though the focus stays on the button that opened it.
+// A menu that Esc closes even though the focus is on the button that opened it.
 const MENU = ':popover-open:not([popover="manual"])';
 
 /**
- * Have Space and Esc stop.
+ * Make Space and Esc stop the robots.
  *
- * While a robot is armed they always do, also where one types or a button has the focus, and do
- * nothing else. Otherwise they keep the meaning they have in fields, buttons and dialogs, and stop
- * everywhere else, as long as there is a robot.
+ * While a robot is armed they always stop and do nothing else, even while typing or with a button
+ * focused. Otherwise they keep their usual meaning in fields, buttons and dialogs, and stop
+ * everywhere else if a robot is connected.
  *
  * @param {import("./driver.js").Driver} driver
  */
@@ -31,7 +31,7 @@ export function listenForStop(driver) {
     },
     { capture: true },
   );
-  // A button is pressed at the release of Space.
+  // A button is activated when Space is released.
   window.addEventListener(
     "keyup",
     (event) => {
@@ -42,7 +42,7 @@ export function listenForStop(driver) {
     },
     { capture: true },
   );
-  // Behind everything else that wants these keys.
+  // After all other handlers of these keys.
   window.addEventListener("keydown", (event) => {
     if (!isStop(event) || event.defaultPrevented || event.repeat || !driver.anyConnected) return;
     const target = /** @type {HTMLElement | null} */ (event.target);

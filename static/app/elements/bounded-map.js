@@ -1,5 +1,5 @@
 /**
- * A map that keeps the newest entries only; who adds one more loses the oldest.
+ * A map that keeps only the newest entries; adding one too many drops the oldest.
  *
  * @template Key
  * @template Value
@@ -10,8 +10,8 @@ export class BoundedMap extends Map {
   #dropped;
 
   /**
-   * @param {number} most entries that are kept
-   * @param {(key: Key, value: Value) => void} [dropped] called for each that had to go
+   * @param {number} most entries to keep
+   * @param {(key: Key, value: Value) => void} [dropped] called for each dropped entry
    */
   constructor(most, dropped = () => {}) {
     super();

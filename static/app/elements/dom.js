@@ -7,8 +7,8 @@
 /**
  * Make an element with attributes and children.
  *
- * Its classes may stand behind the tag, as in "p.hint". Attributes are set by name, as in HTML;
- * `true` sets an empty attribute and `false`, `null` and `undefined` leave it out.
+ * Classes may follow the tag, as in "p.hint". Attributes are set by name, as in HTML; `true` sets
+ * an empty attribute and `false`, `null` and `undefined` omit it.
  *
  * @template {Tag | `${Tag}.${string}`} T
  * @param {T} tag
@@ -29,7 +29,7 @@ export function h(tag, ...content) {
 }
 
 /**
- * Make an element of a drawing.
+ * Make an SVG element.
  *
  * @template {keyof SVGElementTagNameMap} K
  * @param {K} tag
@@ -51,13 +51,13 @@ function setAttributes(element, attributes) {
   }
 }
 
-/** @typedef {Child | Child[]} Words what a button says, an icon before it or alone */
+/** @typedef {Child | Child[]} Words label of a button, with an icon before it or an icon alone */
 
 /**
- * Make a button that submits nothing.
+ * Make a button that does not submit a form.
  *
  * @param {Words} words
- * @param {(() => unknown) | null} pressed what it does; null: somebody else listens
+ * @param {(() => unknown) | null} pressed what it does; null: the caller listens itself
  * @param {Record<string, unknown>} [attributes]
  */
 export function button(words, pressed, attributes) {
@@ -71,7 +71,7 @@ export function button(words, pressed, attributes) {
 }
 
 /**
- * Make a button that shows an icon and says its name to who points at it or cannot see it.
+ * Make a button that shows an icon; its name is the tooltip and the accessible label.
  *
  * @param {keyof typeof ICONS} name
  * @param {string} label
@@ -88,7 +88,7 @@ export function iconButton(name, label, pressed, attributes) {
 }
 
 /**
- * Have a button offer to pause what plays, or to play what does not.
+ * Make a button offer Pause while playing, else Play.
  *
  * @param {HTMLElement} element
  * @param {boolean} playing
@@ -102,17 +102,17 @@ export function offerPlayback(element, playing) {
 }
 
 /**
- * Make a link to a file that is saved, in the looks of a button.
+ * Make a download link that looks like a button.
  *
  * @param {string} words
- * @param {Record<string, unknown>} attributes where it leads, and the name of the file
+ * @param {Record<string, unknown>} attributes its target and the file name
  */
 export function downloadLink(words, attributes) {
   return h("a.button", { download: true, ...attributes }, icon("download"), words);
 }
 
 /**
- * Make a list to choose from.
+ * Make a drop-down list.
  *
  * @param {Record<string, unknown>} attributes
  * @param {(readonly string[])[]} choices value and words of each
@@ -127,12 +127,12 @@ function options(choices) {
 }
 
 /**
- * Offer other choices; what is chosen stays so where it is still among them.
+ * Replace the choices; the current choice is kept if it is still among them.
  *
  * @param {HTMLSelectElement} list
  * @param {(readonly string[])[]} choices value and words of each
  * @param {string | null} [chosen]
- * @param {string} [otherwise] what is chosen else
+ * @param {string} [otherwise] chosen if it is not
  */
 export function offer(list, choices, chosen = list.value, otherwise = choices[0]?.[0]) {
   list.replaceChildren(...options(choices));
@@ -140,7 +140,7 @@ export function offer(list, choices, chosen = list.value, otherwise = choices[0]
 }
 
 /**
- * Make a field that the browser completes nothing in.
+ * Make an input field without autocompletion.
  *
  * @param {string} type
  * @param {string} id
@@ -150,19 +150,19 @@ export function input(type, id, attributes) {
   return h("input", { type, id, autocomplete: "off", ...attributes });
 }
 
-/** @param {string} words @param {...Child} children what opens below them */
+/** @param {string} words @param {...Child} children content that opens below the words */
 export function details(words, ...children) {
   return h("details", h("summary", words), ...children);
 }
 
 /**
- * Make a table that scrolls sideways where there is no room for it.
+ * Make a table that scrolls sideways if it does not fit.
  *
- * @param {string} name its class
- * @param {Child[]} headings of its columns; an empty one heads the column of the rows' own headings
+ * @param {string} name its CSS class
+ * @param {Child[]} headings of its columns; empty above the column of row headings
  * @param {HTMLElement[]} rows or bodies of rows
  * @param {string} [caption]
- * @param {Record<string, unknown>} [attributes] of what scrolls
+ * @param {Record<string, unknown>} [attributes] of the scrolling element
  */
 export function table(name, headings, rows, caption, attributes = {}) {
   const heads = headings.map((words) => (words ? h("th", { scope: "col" }, words) : h("td")));
@@ -182,7 +182,7 @@ export function tableRow(heading, ...values) {
 }
 
 /**
- * Make an entry of a list: words, and what can be done with it beside them.
+ * Make a list entry: words with controls next to them.
  *
  * @param {Child[]} words
  * @param {...Child} controls
@@ -195,13 +195,13 @@ export function item(words, ...controls) {
   );
 }
 
-/** Say a state in its colour. @param {string} state @param {string} [words] */
+/** Make a chip in the colour of a state. @param {string} state @param {string} [words] */
 export function stateChip(state, words = state) {
   return h("span.state-chip", { "data-state": state }, words);
 }
 
 /**
- * Make the short line that tells a curve's colour and dashes.
+ * Make the short line that shows a curve's colour and dashes.
  *
  * @param {string} kind of the curve
  * @param {string} colour its name in tokens.css
@@ -212,7 +212,7 @@ export function swatch(kind, colour) {
 }
 
 /**
- * Give an element, and the swatches in it, a colour.
+ * Set the colour of an element and the swatches in it.
  *
  * @template {HTMLElement} E
  * @param {E} element
@@ -224,7 +224,7 @@ export function tint(element, colour) {
 }
 
 /**
- * Act in place of the browser where a form is sent.
+ * Handle the submission of a form instead of the browser.
  *
  * @param {HTMLFormElement} form
  * @param {() => unknown} act
@@ -237,7 +237,7 @@ export function onSubmit(form, act) {
 }
 
 /**
- * Make a place to choose files at or to drop them over.
+ * Make an area for choosing or dropping files.
  *
  * @param {HTMLInputElement} file
  * @param {string} words
@@ -255,7 +255,7 @@ export function dropZone(file, words, help, take, ...more) {
   );
   const takeAll = async (/** @type {Iterable<File>} */ files) => {
     await take([...files]);
-    // The same file, corrected, can be chosen again.
+    // Allow choosing the same file again, once corrected.
     file.value = "";
   };
   file.addEventListener("change", () => void takeAll(file.files ?? []));
@@ -272,10 +272,10 @@ export function dropZone(file, words, help, take, ...more) {
 }
 
 /**
- * Show an image at its own size.
+ * Draw an image at its native size.
  *
  * @param {HTMLCanvasElement} canvas
- * @param {ImageBitmap} bitmap closed after it was drawn
+ * @param {ImageBitmap} bitmap closed after drawing
  */
 export function paint(canvas, bitmap) {
   const { width, height } = bitmap;
@@ -284,7 +284,7 @@ export function paint(canvas, bitmap) {
   bitmap.close();
 }
 
-/** @param {Blob} blob @param {string} name of the file that the browser saves it as */
+/** @param {Blob} blob @param {string} name under which the browser saves it */
 export function download(blob, name) {
   const href = URL.createObjectURL(blob);
   h("a", { href, download: name }).click();
@@ -292,7 +292,7 @@ export function download(blob, name) {
 }
 
 /**
- * A control under its label, with what is said of it: what may be wrong, and a line of help.
+ * Make a field: a control under its label, with error and help lines.
  *
  * @param {string} words
  * @param {HTMLElement} control
@@ -307,7 +307,7 @@ export function field(words, control, help, ...between) {
 }
 
 /**
- * Set the text only where it differs, so that nothing is laid out without need.
+ * Set the text only if it differs, to avoid needless layout.
  *
  * @param {Node} node
  * @param {string} text
@@ -327,7 +327,7 @@ export function setAttribute(element, name, value) {
 }
 
 /**
- * Lines of words, made anew only where they differ.
+ * Fill a list with lines of text, rebuilding it only if they differ.
  *
  * @param {HTMLUListElement} list
  * @param {string[]} lines
@@ -339,7 +339,7 @@ export function fillList(list, lines) {
 }
 
 /**
- * One of the page's icons, drawn in the text's colour.
+ * Make one of the page's icons, drawn in the text colour.
  *
  * @param {keyof typeof ICONS} name
  */

@@ -1,7 +1,7 @@
 /**
- * <observer-export-menu>: one button, and below it everything that can be made of what is shown.
+ * <observer-export-menu>: a button with a menu of all exports of what is shown.
  *
- * By the keyboard pattern for menus: arrows, Home, End, first letters, Escape.
+ * Follows the keyboard pattern for menus: arrows, Home, End, first letters, Escape.
  */
 
 import { button, h, icon, setAttribute, setText } from "./dom.js";
@@ -29,7 +29,7 @@ export class ExportMenu extends HTMLElement {
   #list = h("div.menu-box.menu-list", { role: "menu", "aria-label": "Export", hidden: true });
   #groups;
 
-  /** @param {() => MenuGroup[]} groups asked when it opens */
+  /** @param {() => MenuGroup[]} groups called when it opens */
   constructor(groups = () => []) {
     super();
     this.#groups = groups;
@@ -49,7 +49,7 @@ export class ExportMenu extends HTMLElement {
     this.#open.focus();
   }
 
-  /** Say so, and stay closed, while something is made. @param {Promise<unknown>} made */
+  /** Show that an export is running; stay closed until it ends. @param {Promise<unknown>} made */
   async during(made) {
     this.#tell(true);
     await made.finally(() => this.#tell(false));
@@ -58,7 +58,7 @@ export class ExportMenu extends HTMLElement {
   /** @param {boolean} busy */
   #tell(busy) {
     this.#busy = busy;
-    // Not disabled: it has the focus.
+    // Not disabled: that would lose the focus.
     setAttribute(this.#open, "aria-disabled", String(busy));
     setText(this.#words, busy ? "Exporting…" : "Export");
   }

@@ -1,14 +1,14 @@
-/** Figures with their names and units, as a list that is made once and filled again. */
+/** Figures with names and units, as a list that is made once and then refilled. */
 
 import { h, setText } from "./dom.js";
 import { GLOSSARY } from "./glossary.js";
 import { fixed, half95 } from "./words.js";
 
-/** @typedef {[term: string, text: string, help?: string]} Figure the text has its unit */
+/** @typedef {[term: string, text: string, help?: string]} Figure the text includes its unit */
 
 /**
- * Server's name of a figure -> name for people, unit, digits after the point, meaning; standard
- * deviations are shown as half of the 95 % interval.
+ * Server's name of a figure -> displayed name, unit, decimals, meaning; standard deviations are
+ * shown as half of the 95 % interval.
  *
  * @type {Record<string, [string, string, number, string?]>}
  */
@@ -37,11 +37,11 @@ const STANDARD_DEVIATION = /_std(_|$)/;
 
 /**
  * @param {Record<string, number | null>} numbers
- * @returns {Figure[]} in the order of importance; what is not known is said so
+ * @returns {Figure[]} in order of importance; unknown values are marked as such
  */
 export function figuresOf(numbers) {
   const order = Object.keys(NAMES);
-  // What has no place in the order comes last.
+  // Figures without a place in the order come last.
   const place = (/** @type {string} */ name) =>
     order.includes(name) ? order.indexOf(name) : order.length;
   return Object.entries(numbers)
@@ -65,7 +65,7 @@ export function figureList(figures) {
 }
 
 /**
- * Show these figures in a definition list; its elements stay while their number does.
+ * Show these figures in a definition list; its elements are reused while their number is the same.
  *
  * @param {HTMLDListElement} list
  * @param {Figure[]} figures

@@ -1,8 +1,8 @@
-/** Keeping the keyboard's place while what it stands on is changed or taken away. */
+/** Keeping the keyboard focus while the focused element is changed or removed. */
 
 /**
- * Call it before `from` is hidden, disabled or taken out: focus goes on to the first of `to` that
- * can have it. Nothing happens where the focus is elsewhere.
+ * Call this before `from` is hidden, disabled or removed: the focus moves on to the first of `to`
+ * that can take it. Nothing happens if the focus is elsewhere.
  *
  * @param {Element} from
  * @param {...(HTMLElement | null | undefined)} to
@@ -17,7 +17,7 @@ export function passFocus(from, ...to) {
 }
 
 /**
- * Give the focus back to what had it, or to the side panel's tab where that is gone.
+ * Give the focus back to the element that had it, or to the side panel's tab if that is gone.
  *
  * @param {Element | null} caller
  */
@@ -29,8 +29,8 @@ export function giveBackFocus(caller) {
 }
 
 /**
- * A list whose entries stay the same elements while what they show is the same, so that neither
- * the pointer nor the keyboard loses its place when the list is shown again.
+ * A list whose entries keep their elements while their content is the same, so that neither the
+ * pointer nor the keyboard loses its place when the list is shown again.
  *
  * @template T
  */
@@ -54,8 +54,8 @@ export class KeptList {
 
   /**
    * @param {T[]} items
-   * @param {(item: T) => string} key what stays the same of one item
-   * @param {(item: T) => string} drawn what its entry is made of; another makes a new entry
+   * @param {(item: T) => string} key identifies an item
+   * @param {(item: T) => string} drawn content of its entry; if it changes, the entry is rebuilt
    */
   show(items, key, drawn = (item) => JSON.stringify(item)) {
     const place = this.#focused();
@@ -74,7 +74,7 @@ export class KeptList {
     if (place) this.#restore(place);
   }
 
-  /** Moves only what is not where it belongs: an element that is moved loses the focus. */
+  /** Move only elements that are out of place: moving an element makes it lose the focus. */
   #arrange(/** @type {HTMLElement[]} */ elements) {
     const wanted = new Set(/** @type {Element[]} */ (elements));
     for (const child of [...this.#list.children]) if (!wanted.has(child)) child.remove();

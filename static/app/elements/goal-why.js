@@ -1,4 +1,4 @@
-/** Why the observer does what it does on its way to a goal: who decides, and what it refuses. */
+/** Why the observer drives as it does on its way to a goal: what decides, and refused paths. */
 
 import { fillList, h, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
@@ -6,7 +6,7 @@ import { figuresOfGoal, refusalsInWords } from "./why-words.js";
 
 /** @import { GoalNow } from "../contract" */
 
-/** What is behind the one sentence that is told of a goal anyway. */
+/** Details behind the one sentence that is always shown for a goal. */
 export class GoalWhy extends HTMLElement {
   #figures = h("dl.figures");
   #title = h("p.hint");

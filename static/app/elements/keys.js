@@ -1,10 +1,10 @@
-/** The keys that the page's parts listen to; each part declares its own where it handles them. */
+/** Keyboard shortcuts of the page; each part declares its own where it handles them. */
 
 const WRITTEN_IN = ["text", "search", "number", "password", "url", "email", "tel"];
 
 /**
  * @typedef {object} KeyHelp
- * @property {string[]} keys as they stand on the keyboard; any of them does it
+ * @property {string[]} keys as labelled on the keyboard; any of them does it
  * @property {string} does as in "Stop all robots"
  */
 
@@ -12,8 +12,8 @@ const WRITTEN_IN = ["text", "search", "number", "password", "url", "email", "tel
 const declared = new Map();
 
 /**
- * @param {string} place where the keys work, as the heading has it
- * @param {...[string, string]} entries keys with spaces between them, and what they do
+ * @param {string} place where the keys work, as in the heading
+ * @param {...[string, string]} entries keys separated by spaces, and what they do
  */
 export function declareKeys(place, ...entries) {
   const list = declared.get(place) ?? [];
@@ -21,24 +21,24 @@ export function declareKeys(place, ...entries) {
   declared.set(place, list);
 }
 
-/** All that was declared, by place; what works everywhere comes first. */
+/** Return all declared keys by place; those that work everywhere come first. */
 export function declaredKeys() {
   const order = (/** @type {string} */ place) => (place === "Everywhere" ? "" : place);
   return [...declared].sort(([one], [other]) => order(one).localeCompare(order(other)));
 }
 
-/** Say whether a dialog, a menu or the like lies above the page: Esc closes that first. */
+/** Return whether a dialog, menu or the like covers the page: Esc closes that first. */
 export function isCovered() {
   return document.querySelector("dialog[open], :popover-open") !== null;
 }
 
 /**
- * Say whether typed text goes into this element.
+ * Return whether typed text goes into this element.
  *
  * @param {HTMLElement} element
  */
 export function writesText(element) {
   if (element instanceof HTMLInputElement) return WRITTEN_IN.includes(element.type);
-  // Elements of the viewer's frame are of another window's classes.
+  // Elements in the viewer's frame are instances of another window's classes.
   return element.isContentEditable || ["TEXTAREA", "INPUT"].includes(element.tagName);
 }

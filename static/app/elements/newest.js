@@ -1,4 +1,4 @@
-/** Questions whose older answers no longer count once a newer one was asked. */
+/** Requests whose answers are discarded once a newer one has been made. */
 
 export class Newest {
   #asked = 0;
@@ -6,8 +6,8 @@ export class Newest {
   /**
    * @template T
    * @param {() => Promise<T>} ask
-   * @returns {Promise<T | undefined>} undefined where something newer was asked meanwhile, also
-   *   instead of an error
+   * @returns {Promise<T | undefined>} undefined if superseded by a newer request, even if this one
+   *   failed
    */
   async answer(ask) {
     const asked = ++this.#asked;

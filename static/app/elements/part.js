@@ -7,14 +7,14 @@ export class Part extends HTMLElement {
   #hub = null;
   #gone = new AbortController();
 
-  /** The hub; parts may only ask for it after `attach`. */
+  /** The hub; available only after `attach`. */
   get hub() {
     if (!this.#hub) throw new Error(`${this.localName} was used before attach()`);
     return this.#hub;
   }
 
   /**
-   * Called once by main.js (or by the part that made this one).
+   * Connect the part; called once by main.js or by the part that created this one.
    *
    * @param {Hub} hub
    */
@@ -23,15 +23,15 @@ export class Part extends HTMLElement {
     this.build();
   }
 
-  /** Make the content and start listening; each part has its own. */
+  /** Create the content and start listening; overridden by each part. */
   build() {}
 
   /**
-   * Listen until this part is taken out of the page; a part is never put back or moved.
+   * Listen until this part is removed from the page; a part is never reinserted or moved.
    *
-   * @param {string} types events of the hub, with spaces between them
+   * @param {string} types events of the hub, separated by spaces
    * @param {(event: Event) => unknown} listener
-   * @param {EventTarget} [target] another thing to listen to, as in document
+   * @param {EventTarget} [target] another target to listen to, such as document
    */
   hear(types, listener, target = this.hub) {
     const { signal } = this.#gone;
@@ -40,8 +40,8 @@ export class Part extends HTMLElement {
   }
 
   /**
-   * Listen for the tab in which this part stands being opened; for parts that do nothing while
-   * they are not seen.
+   * Call the listener when the tab that contains this part is opened; for parts that do nothing
+   * while hidden.
    *
    * @param {() => void} listener
    */

@@ -1,11 +1,11 @@
-/** Why the observer does what it does on its way to a goal, in words. Pure functions. */
+/** Why the observer drives as it does on its way to a goal, in words. Pure functions. */
 
 import { fixed } from "./words.js";
 
 /** @import { GoalNow, RefusedPath } from "../contract" */
 /** @import { Figure } from "./figure-list.js" */
 
-// Finer than this no direction is told.
+// Directions are rounded to this.
 const STEP_DEG = 5;
 
 /** @param {GoalNow} goal @returns {Figure[]} */
@@ -29,7 +29,7 @@ function deciderInWords({ waits_for, meets_s }) {
   return `${trackInWords(waits_for)}${when}`;
 }
 
-/** Say what is refused, from left to right as it lies in the scene. @param {GoalNow} goal */
+/** List the refused paths, from left to right as in the scene. @param {GoalNow} goal */
 export function refusalsInWords({ refused }) {
   return [...refused]
     .sort((one, other) => other.direction - one.direction)
@@ -63,12 +63,12 @@ function directionInWords(direction) {
   return `${degrees > 0 ? "Left" : "Right"} by ${Math.abs(degrees)}°`;
 }
 
-/** @param {number} track @returns {string} one that begins to move has no number yet */
+/** @param {number} track negative: it starts to move and has no number yet @returns {string} */
 function trackInWords(track) {
   return track < 0 ? "an object that starts to move" : `obstacle ${track}`;
 }
 
-/** @param {number} value @returns {string} to one digit, from 10 on to two: as in "0.0002" */
+/** @param {number} value @returns {string} one significant digit, two from 10 on: as in "0.0002" */
 function shortNumber(value) {
   if (value === 0) return "0";
   if (value < 0.00001) return "below 0.00001";

@@ -5,7 +5,7 @@ import { SIGMAS_95 } from "./glossary.js";
 /** @import { LiveLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
 
 const STRAIGHT_RAD = (8 * Math.PI) / 180;
-// A true body slower than this stands; one less visible than this is not expected to be seen.
+// A true body slower than this stands still; one less visible than this need not be detected.
 const STANDS_BELOW_MPS = 0.02;
 const HIDDEN_BELOW = 0.2;
 
@@ -19,7 +19,7 @@ export function fixed(value, digits) {
     : value.toFixed(digits);
 }
 
-/** Half of the 95 % interval of a value: what every ± says. @param {number} std one standard deviation */
+/** Half of the 95 % interval of a value, shown after every ±. @param {number} std one standard deviation */
 export function half95(std) {
   return SIGMAS_95 * std;
 }
@@ -40,7 +40,7 @@ export function bearingInWords(bearing) {
 }
 
 /**
- * Say where an obstacle goes, as the camera sees it.
+ * Say which way an obstacle is heading, as seen from the camera.
  *
  * @param {ObstacleEntry} obstacle
  * @param {LiveLine["pose"]} pose of the camera in the world
@@ -52,7 +52,7 @@ export function headingInWords(obstacle, pose) {
   const length = Math.hypot(x, z);
   if (length < STANDS_BELOW_MPS) return "";
   const parts = [];
-  // Either component is named while it is at least tan(22.5 degrees) of the other.
+  // A component is named if it is at least tan(22.5 degrees) times the other.
   if (Math.abs(x) > 0.414 * Math.abs(z)) parts.push(x > 0 ? "to the right" : "to the left");
   if (Math.abs(z) > 0.414 * Math.abs(x)) parts.push(z > 0 ? "away from us" : "towards us");
   return parts.join(" and ");
@@ -157,7 +157,7 @@ export function trackColour(id) {
 }
 
 /**
- * A vector of world axes in the axes of a body whose attitude in the world is `q`.
+ * Rotate a vector from world axes into those of a body with the attitude `q` in the world.
  *
  * @param {number[]} q w, x, y, z
  * @param {number[]} v
@@ -176,9 +176,9 @@ function rotateInverse(q, v) {
 }
 
 /**
- * Make a sentence of the server's words, which begin small and mostly end without a stop.
+ * Make a sentence of the server's words, which begin in lower case and mostly lack a full stop.
  *
- * An address, a path or a parameter stays as it is spelled.
+ * Addresses, paths and parameters keep their spelling.
  *
  * @param {string} text
  */

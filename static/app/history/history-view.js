@@ -1,4 +1,4 @@
-/** The history: runs found again, looked at, compared. It takes the place of the live parts. */
+/** The history: finding, viewing and comparing runs. It replaces the live parts. */
 
 import { button, h, setAttribute } from "../elements/dom.js";
 import { giveBackFocus } from "../elements/focus-place.js";
@@ -21,7 +21,7 @@ const TITLES = {
   steps: "The method, step by step",
 };
 
-/** Shows what the page's address names, so that it is kept, linked to and gone back from. */
+/** Shows what the page's address names, so bookmarks, links and the Back button work. */
 class HistoryView extends Part {
   #search = new RunSearch();
   #savedClips = new SavedClipList();
@@ -33,7 +33,7 @@ class HistoryView extends Part {
   #title = h("h2", { id: "history-title", tabindex: "-1" }, "Runs");
   #all = h("a.button", { href: "#history" }, "All runs");
   #shown = "";
-  /** The element that had the focus when the history was called. @type {Element | null} */
+  /** The element that had the focus when the history was opened. @type {Element | null} */
   #caller = null;
 
   build() {
@@ -60,26 +60,26 @@ class HistoryView extends Part {
     this.#run.named = this.#compare.named = (words) => this.#name(words);
     this.#run.left = this.#savedClips.left = () => this.#close(true);
     this.hear("hashchange", () => this.#follow(true), window);
-    // The calibration wizard wants the same place, and the focus with it.
+    // The calibration wizard needs the same place and takes the focus.
     this.hear("calibrate", () => this.#close(false));
-    // Where the page was there before this view, somebody came here while it was loaded.
+    // If the page was up before this view, the user came here while the view was loading.
     const started = !document.body.hasAttribute("data-starting");
     this.#follow(started && placeOf(location.hash).view !== "none");
   }
 
-  /** @param {boolean} asked for the live parts, not for something else */
+  /** @param {boolean} asked whether the user asked for the live parts */
   #close(asked) {
     if (this.hidden) return;
     history.pushState(null, "", location.pathname + location.search);
     this.#follow(asked);
   }
 
-  /** @param {boolean} moved by somebody at this page */
+  /** @param {boolean} moved whether the user navigated here */
   #follow(moved) {
     const { view, ids } = placeOf(location.hash);
     const shown = [view, ...ids].join("/");
     const before = this.#shown;
-    // Its own address has all that it shows.
+    // The address of the steps contains everything they show.
     this.#steps.show(view === "steps" ? location.hash : null);
     if (shown === before) return;
     if (before === "" || before === "none") this.#caller = document.activeElement;
@@ -97,7 +97,7 @@ class HistoryView extends Part {
     if (!moved) return;
     if (view !== "none") openPane("main");
     this.closest("main")?.scrollTo({ top: 0 });
-    // The keyboard goes on where the eye does.
+    // The focus follows to the view now shown.
     if (view !== "none") this.#title.focus();
     else giveBackFocus(this.#caller);
   }

@@ -1,4 +1,4 @@
-/** Ego-motion: taken out of the images before anything counts as moving. */
+/** Ego-motion, which is compensated before anything counts as moving. */
 
 import { h, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
@@ -75,7 +75,7 @@ function ofCamera({ translation_m, rotation_rad }) {
  * @param {number} digits
  */
 function listed(values, digits) {
-  // No -0.00: the sign of what is not shown says nothing.
+  // No -0.00: the sign of a value rounded to zero means nothing.
   return values.map((value) => fixed(value, digits).replace(/^-(0\.0*)$/, "$1")).join(", ");
 }
 

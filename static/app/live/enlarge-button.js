@@ -1,4 +1,4 @@
-/** A part of the page over the whole window below header and first line, and back. */
+/** Enlarges a part of the page to the whole window below header and first line, and restores it. */
 
 import { h, setAttribute, setText, svg } from "../elements/dom.js";
 import { declareKeys, isCovered } from "../elements/keys.js";
@@ -12,8 +12,9 @@ const SMALLER =
   "M13.9 3.2 10.7 6.4h1.8V8H8V3.5h1.6v1.8l3.2-3.2zM3.5 8H8v4.5H6.4v-1.8l-3.2 3.2-1.1-1.1 3.2-3.2H3.5z";
 
 /**
- * What stops the robots, and what says how old the data is, stays in sight; the rest cannot be
- * reached. Esc leads back, unless a robot is armed, which it stops; this button always does.
+ * The stop button and the age of the data stay visible; everything else is out of reach. Esc
+ * restores the part unless a robot is armed, in which case it stops the robots; the button always
+ * restores it.
  */
 export class EnlargeButton extends Part {
   #path = svg("path", { d: LARGER });
@@ -25,10 +26,10 @@ export class EnlargeButton extends Part {
     this.#word,
   );
   #back = new AbortController();
-  /** How far what it stands in was scrolled. @type {[Element, number][]} */
+  /** Scroll positions of the ancestors before enlarging. @type {[Element, number][]} */
   #scrolled = [];
 
-  /** What grows. @type {HTMLElement} */
+  /** The element to enlarge. @type {HTMLElement} */
   what = this;
   /** Its name, as in "Enlarge the left view". */
   name = "";
@@ -68,7 +69,7 @@ export class EnlargeButton extends Part {
     const { signal } = this.#back;
     document.addEventListener("keydown", (event) => this.#key(event), { signal });
     const sizes = new ResizeObserver(() => {
-      // Something else took its place, as a recorded run does.
+      // Something else replaced it, such as a recorded run.
       if (this.what.getClientRects().length === 0) this.#set(false);
       else keepBelowHead();
     });
@@ -95,18 +96,18 @@ export class EnlargeButton extends Part {
   }
 }
 
-/** What stays in sight above. */
+/** Return the elements that stay visible above. */
 function head() {
   return document.querySelectorAll("body > header, observer-first-line");
 }
 
-/** Let the style sheet know where it ends. */
+/** Tell the style sheet where they end. */
 function keepBelowHead() {
   const ends = [...head()].map((each) => each.getBoundingClientRect().bottom);
   document.documentElement.style.setProperty("--enlarged-top", `${Math.max(0, ...ends)}px`);
 }
 
-/** @param {HTMLElement} element @returns {[Element, number][]} how far what it stands in is scrolled */
+/** @param {HTMLElement} element @returns {[Element, number][]} ancestors' scroll positions */
 function scrolledAround(element) {
   /** @type {[Element, number][]} */
   const found = [];

@@ -1,4 +1,4 @@
-/** One live view: a canvas that shows the newest image, and says when it is old. */
+/** One live view: a canvas that shows the newest image and says when it is stale. */
 
 import { h, paint, setAttribute, setText } from "../elements/dom.js";
 import { GLOSSARY } from "../elements/glossary.js";
@@ -51,7 +51,7 @@ export class LiveView extends Part {
 
   /** @type {string} */
   name = "left";
-  /** Whether it offers the whole window to itself. */
+  /** Whether it offers to be enlarged. */
   enlarges = false;
 
   build() {
@@ -60,7 +60,7 @@ export class LiveView extends Part {
     const helpId = `view-help-${this.name}`;
     this.#canvas.setAttribute("aria-label", `${title}, live`);
     this.#canvas.setAttribute("aria-describedby", helpId);
-    // The other views show another instant, or are no picture of a place.
+    // The other views show another instant or do not depict the scene.
     const question = this.name === "left" ? new PixelQuestion() : null;
     question?.attach(this.hub);
     const enlarge = this.enlarges ? new EnlargeButton() : null;
@@ -94,7 +94,7 @@ export class LiveView extends Part {
     this.#socket?.close();
   }
 
-  /** Ask for no images where nobody looks, so that the server draws none. */
+  /** Request images only while visible, so that the server does not draw them for nothing. */
   #visibilityChanged() {
     if (document.hidden || document.body.hasAttribute("data-history")) this.#socket?.close();
     else this.#socket?.open();
@@ -119,7 +119,7 @@ export class LiveView extends Part {
     setAttribute(this, "data-freshness", state);
     const seen = Number.isFinite(age);
     setText(this.#mark, seen ? `Stale, ${(age / 1000).toFixed(0)} s old` : "Waiting for an image");
-    // Where everything is old, the first line says so; here is told what only this view lacks.
+    // If everything is stale, the first line says so; mark here only what this view lacks.
     this.#mark.hidden = state !== "stale" || (seen && freshness.state !== "fresh");
   }
 }

@@ -1,4 +1,4 @@
-/** The live views that this person has chosen. */
+/** The live views chosen by the user. */
 
 import { h } from "../elements/dom.js";
 import { Part } from "../elements/part.js";

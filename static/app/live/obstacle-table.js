@@ -66,8 +66,8 @@ class ObstacleTable extends Part {
 }
 
 /**
- * Two lines: the figures, and why it counts as dynamic. A click on either, or on the button with
- * the number, shows the figures behind the reason.
+ * Make two rows: the figures, and why the obstacle counts as dynamic. A click on either, or on the
+ * button with the number, shows the figures behind the reason.
  *
  * @param {number} id
  * @param {() => void} opened
@@ -128,7 +128,7 @@ function fillRow([figures, why], obstacle, truth) {
     fillFigures(behind, figuresBehind(obstacle));
 }
 
-/** What the state says that a row begins with, where it is a term. @param {ObstacleEntry} obstacle */
+/** The meaning of the state at the start of a row, if it is a term. @param {ObstacleEntry} obstacle */
 function meaningOf({ state, motion }) {
   if (state === "coasting") return GLOSSARY["coasting"];
   return motion === "in_place" ? GLOSSARY["in place"] : null;

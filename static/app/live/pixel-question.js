@@ -1,4 +1,4 @@
-/** Any pixel of a view can be asked why it counts as moving, as standing, or as neither. */
+/** Lets the user ask why a pixel of a view counts as moving, static or neither. */
 
 import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
 import { figuresOf, fillFigures } from "../elements/figure-list.js";
@@ -38,7 +38,7 @@ const ARROWS = {
 const STEP_PX = 8;
 
 export class PixelQuestion extends Part {
-  /** Lies over the image; a click asks the place, Enter the marked one. */
+  /** Covers the image; a click asks about that place, Enter about the marked one. */
   pick = button([], null, {
     class: "pixel-pick",
     "aria-label": "Ask about a pixel in the left image: arrow keys move the mark, Enter asks",
@@ -85,7 +85,7 @@ export class PixelQuestion extends Part {
     document.removeEventListener("keydown", this.#onKey);
   }
 
-  /** @returns {[number, number]} width and height of the image that is asked */
+  /** @returns {[number, number]} width and height of the image */
   get #size() {
     const { camera } = this.hub.status ?? {};
     return camera ? [camera.width, camera.height] : [512, 256];
@@ -94,7 +94,7 @@ export class PixelQuestion extends Part {
   /** @param {MouseEvent} event */
   #clicked(event) {
     const [width, height] = this.#size;
-    // A click made by a key has no place of its own.
+    // A click triggered by a key has no position.
     if (event.detail > 0) {
       const box = this.pick.getBoundingClientRect();
       this.#place(
@@ -185,7 +185,7 @@ export class PixelQuestion extends Part {
   #open() {
     this.#source = this.hub.status?.source?.spec ?? null;
     this.#card.hidden = false;
-    // The words come into sight; the picture stays there too, as far as there is room.
+    // Scroll the words into view while keeping as much of the image visible as possible.
     this.#words.scrollIntoView({ block: "nearest" });
   }
 
@@ -205,7 +205,7 @@ export class PixelQuestion extends Part {
     this.#close();
   }
 
-  /** Close the answer where another source is open: it says nothing of that one. */
+  /** Close the answer if another source has been opened, which it does not concern. */
   #sourceChanged() {
     const spec = this.hub.status?.source?.spec ?? null;
     if (!this.#card.hidden && spec !== this.#source) {

@@ -1,4 +1,4 @@
-/** What this person sees of the 3D scene, and from where; remembered in this browser. */
+/** Which layers of the 3D scene the user sees, and from where; remembered in this browser. */
 
 import { Teller } from "../shell/teller.js";
 
@@ -12,7 +12,7 @@ export const CAMERAS = {
   top_down: { title: "Top-down", help: "From above, with the initial heading at the top" },
 };
 
-/** Tells `changed`. */
+/** Fires `changed`. */
 export class SceneChoice extends Teller {
   /** @type {Set<string>} */
   #hidden;
@@ -65,7 +65,7 @@ function remembered(text) {
   try {
     value = JSON.parse(text ?? "null");
   } catch {
-    // Nothing of ours.
+    // Not a value we stored.
   }
   const { hidden, camera } = value ?? {};
   return {

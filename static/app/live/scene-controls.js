@@ -1,4 +1,4 @@
-/** The controls over the 3D scene: its legend, which hides layers too, and its camera. */
+/** The controls over the 3D scene: its legend, which also toggles layers, and its camera. */
 
 import { button, h, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -10,12 +10,12 @@ import { CAMERAS, SceneChoice } from "./scene-choice.js";
 
 const HOUSE = "M8 2 1.5 7.6l1 1.2 1-.8v5.5h3.7V10h1.6v3.5h3.7V8l1 .8 1-1.2z";
 
-/** Tells `reset` of the view as an event of its own; everything else is in `choice`. */
+/** Fires `reset` when the view is reset; everything else is in `choice`. */
 export class SceneControls extends Part {
   choice = new SceneChoice();
   enlarge = new EnlargeButton();
   #layers = h("fieldset.chips.scene-layers", { id: "scene-layers" });
-  // Where there is no room for all layers, it opens their list.
+  // Opens the list of layers where there is no room for all of them.
   #open = button("Layers", () => this.#openLayers(), {
     class: "button scene-open-layers",
     "aria-controls": "scene-layers",
@@ -75,7 +75,7 @@ export class SceneControls extends Part {
   }
 }
 
-/** @param {readonly (readonly number[])[]} colours RGB; none: those of an image */
+/** @param {readonly (readonly number[])[]} colours RGB; empty: the colours of an image */
 function layerSwatch(colours) {
   const swatch = h("span.swatch", { "aria-hidden": "true" });
   const stops = colours.map((rgb, at) => {

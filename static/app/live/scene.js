@@ -1,4 +1,4 @@
-/** The 3D scene: the viewer in a frame and its controls, without colours while it is old. */
+/** The 3D scene: the viewer in a frame and its controls, greyed out while stale. */
 
 import { button, h, setAttribute, setText } from "../elements/dom.js";
 import { declareKeys } from "../elements/keys.js";
@@ -13,7 +13,7 @@ import { SceneControls } from "./scene-controls.js";
 declareKeys("Picking a goal", ["Esc", "Cancel, unless a robot is armed"]);
 
 const ADDRESS = "/viewer/";
-// Without live data the viewer is loaded after this all the same.
+// The viewer is loaded after this even without live data.
 const PATIENCE_MS = 3000;
 
 class Scene extends Part {
@@ -35,14 +35,14 @@ class Scene extends Part {
 
   build() {
     this.#trouble.hidden = true;
-    // Until there is something to control.
+    // Hidden until there is something to control.
     this.#controls.hidden = true;
     this.append(this.#frame, this.#wait, this.#trouble, this.#controls, this.#pick);
     this.#controls.attach(this.hub);
     this.hear("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
     this.hear("changed", () => this.#choose(), this.#controls.choice);
     this.hear("reset", () => this.#tell({ kind: "reset" }), this.#controls);
-    // First the page: the viewer takes the processor for seconds where there is no graphics card.
+    // The page first: without a graphics card the viewer keeps the processor busy for seconds.
     this.hear("painted", () => this.#load());
     setTimeout(() => this.#load(), PATIENCE_MS);
     this.hear("reconnected", () => this.#back());
@@ -59,12 +59,12 @@ class Scene extends Part {
     if (!this.#frame.src) this.#frame.src = ADDRESS;
   }
 
-  /** The server is back: a viewer that runs keeps its link by itself. */
+  /** Handle the return of the server; a running viewer restores its link itself. */
   #back() {
     if (this.#runs) {
       this.#tell({ kind: "back" });
     } else if (this.#frame.src) {
-      // Another frame: a second address in this one would be a step of the browser's "back".
+      // A new frame: a second address in the old one would add an entry to the browser's history.
       const frame = viewerFrame();
       this.#frame.replaceWith(frame);
       this.#frame = frame;
@@ -90,7 +90,7 @@ class Scene extends Part {
     this.#paint();
     if (draws) this.#facts ??= await request("GET", "/scene").catch(() => null);
     if (!draws || !this.#facts) {
-      // Nobody will be told that it is drawn.
+      // No message will say that it is drawn.
       this.#wait.hidden = true;
       return;
     }
@@ -120,7 +120,7 @@ class Scene extends Part {
   }
 
   /**
-   * While a robot is armed Esc has stopped all robots already, and is not heard here.
+   * Cancel picking on Esc. While a robot is armed, Esc has already stopped all robots instead.
    *
    * @param {KeyboardEvent} event
    */
@@ -133,7 +133,7 @@ class Scene extends Part {
   }
 
   /**
-   * As if a key had been pressed at the frame: it stops the robots or leads back.
+   * Replay a key pressed inside the frame on the page: it stops the robots or restores the size.
    *
    * @param {{key: string, code: string}} key
    */
@@ -159,7 +159,7 @@ class Scene extends Part {
     this.#frame.contentWindow?.postMessage(message, "*");
   }
 
-  /** What is old loses its colours; the first line says why. */
+  /** Grey out the scene while stale; the first line says why. */
   #mark() {
     setAttribute(this, "data-freshness", this.hub.freshness.state);
   }
@@ -167,7 +167,7 @@ class Scene extends Part {
 
 function viewerFrame() {
   return h("iframe", {
-    // Without an origin of ours: it may do nothing but draw, and browsers give it a process.
+    // Without our origin: it can do nothing but draw, and browsers give it its own process.
     sandbox: "allow-scripts",
     title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
   });

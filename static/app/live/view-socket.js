@@ -19,7 +19,7 @@ export class ViewSocket {
 
   /**
    * @param {string} name of the view
-   * @param {(image: ViewImage) => void} show called for every image, newest only
+   * @param {(image: ViewImage) => void} show called with each image from the open socket
    */
   constructor(name, show) {
     this.url = socketUrl(`/api/views/${encodeURIComponent(name)}`);

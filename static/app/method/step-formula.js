@@ -1,4 +1,4 @@
-/** Formulas as the server declares them: MathML. */
+/** Formulas as declared by the server, in MathML. */
 
 /** @import { MethodStep } from "../contract" */
 

@@ -1,11 +1,11 @@
-/** The picture of a step: the old one stays until the new one is there. */
+/** The picture of a step: the old one stays until the new one has loaded. */
 
 import { BoundedMap } from "../elements/bounded-map.js";
 import { h, setAttribute } from "../elements/dom.js";
 import { requestImage } from "../shell/api.js";
 import { Newest } from "../elements/newest.js";
 
-// Of pictures that are kept; one has some hundred kilobytes.
+// Pictures kept in memory, a few hundred kilobytes each.
 const MOST_KEPT = 14;
 
 export class StepPicture {
@@ -16,13 +16,13 @@ export class StepPicture {
   #kept = new KeptPictures();
   #waiting = new AbortController();
 
-  /** Called when another picture is seen. @type {(url: string, alt: string) => void} */
+  /** Called when another picture is shown. @type {(url: string, alt: string) => void} */
   shown = () => {};
 
   /**
    * @param {string} path below /api
    * @param {string} alt
-   * @returns {Promise<boolean>} whether it is seen; false where another was asked for meanwhile
+   * @returns {Promise<boolean>} whether it is shown; false if another was requested meanwhile
    * @throws {ApiError}
    */
   async show(path, alt) {
@@ -45,7 +45,7 @@ export class StepPicture {
     }
   }
 
-  /** Have a picture ready that is probably wanted next. @param {string} path */
+  /** Preload a picture that is probably needed next. @param {string} path */
   prepare(path) {
     void this.#kept.get(path, this.#waiting.signal).catch(() => {});
   }
@@ -53,7 +53,7 @@ export class StepPicture {
 
 class KeptPictures {
   /**
-   * Addresses of pictures in memory by the path they came from.
+   * Object URLs of the pictures by their path.
    *
    * @type {BoundedMap<string, string>}
    */
@@ -69,7 +69,7 @@ class KeptPictures {
     }
     const { blob } = await requestImage(path, signal);
     const url = URL.createObjectURL(blob);
-    // Nothing of it is seen yet, so that the one before stays while this one is read.
+    // Decode it off the page, so that the previous picture stays meanwhile.
     const image = new Image();
     image.src = url;
     await image.decode().catch(() => {});

@@ -1,4 +1,4 @@
-/** One step on the whole screen, in large type: picture and formula, for a lecture. */
+/** One step in full screen and large type, with picture and formula, for lectures. */
 
 import { button, h, icon, setText } from "../elements/dom.js";
 import { stopCopy } from "../shell/modal.js";
@@ -11,8 +11,8 @@ import { STEPS } from "./steps-address.js";
 const TITLE = "presented-title";
 
 /**
- * A dialog over the page, and with it the browser's full screen. While a robot is armed there is no
- * full screen: Esc would leave it without stopping the robot, which the page could not see.
+ * A dialog over the page, in the browser's full screen. While a robot is armed full screen is not
+ * used: Esc would leave it without reaching the page, so the robot would not stop.
  */
 export class StepPresentation {
   #title = h("h2", { id: TITLE });
@@ -21,10 +21,10 @@ export class StepPresentation {
   #formula = h("div.step-formula");
   #dialog = h("dialog.presentation", { "aria-labelledby": TITLE });
   #hub;
-  // Whether it is this that ends the full screen.
+  // Whether this class is ending the full screen.
   #ending = false;
 
-  /** Called with -1 and 1. @type {(by: number) => void} */
+  /** Called with -1 or 1. @type {(by: number) => void} */
   stepped = () => {};
 
   /** @param {Hub} hub */
@@ -61,7 +61,7 @@ export class StepPresentation {
     if (this.isOpen) return;
     document.body.append(this.#dialog);
     this.#dialog.showModal();
-    // Without it the dialog covers the window.
+    // Without full screen the dialog covers the window.
     if (document.fullscreenEnabled && !this.#hub.driver.anyArmed)
       document.documentElement.requestFullscreen().catch(() => {});
   }

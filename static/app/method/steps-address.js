@@ -1,22 +1,22 @@
-/** The page's address of one step: it carries all that the step is made of. Pure functions. */
+/** The page's address of a step, which holds everything the step depends on. Pure functions. */
 
 export const STEPS = 9;
 const PAPER = "paper";
-// Before the name of a parameter, here and in the server's address.
+// Prefix of a parameter's name, here and in the server's address.
 const PREFIX = "p.";
 
 /**
- * @typedef {object} StepsPlace what is looked at
+ * @typedef {object} StepsPlace what is shown
  * @property {number} step from 1
- * @property {string | null} source null: the open one
- * @property {number | null} frame null: one that is worth looking at
+ * @property {string | null} source null: the open source
+ * @property {number | null} frame null: the server chooses one worth looking at
  * @property {string} preset
  * @property {Record<string, string>} changes values that differ from the preset's, as text
  */
 
 /**
  * @param {string} hash of the page's address, as in "#steps/4?source=simulated:lab&frame=40"
- * @returns {StepsPlace} what makes no sense is as if it were left out
+ * @returns {StepsPlace} invalid values are treated as missing
  */
 export function placeOfAddress(hash) {
   const mark = `${hash}?`.indexOf("?");
@@ -37,14 +37,14 @@ export function placeOfAddress(hash) {
   };
 }
 
-/** @param {StepsPlace} place @returns {string} the page's address of it */
+/** @param {StepsPlace} place @returns {string} its address on the page */
 export function addressOf(place) {
   const query = readable(queryOf(place));
   return `#steps/${place.step}${query && `?${query}`}`;
 }
 
 /**
- * Return what the server has to know, the step left out.
+ * Return the query for the server, without the step.
  *
  * @param {StepsPlace} place
  * @param {Record<string, string>} [more]
@@ -59,17 +59,17 @@ export function queryOf({ source, frame, preset, changes }, more = {}) {
   return query;
 }
 
-/** Colons and slashes may stand in an address as they are, which people can read. */
+/** Keep colons, slashes and commas unescaped: they are valid in a query and easier to read. */
 function readable(/** @type {URLSearchParams} */ query) {
   return query.toString().replace(/%3A/g, ":").replace(/%2F/g, "/").replace(/%2C/g, ",");
 }
 
 /**
- * Return the step that a key leads to; null where it leads nowhere.
+ * Return the step that a key leads to; null if it leads nowhere.
  *
  * @param {string} key
  * @param {number} step
- * @param {boolean} presents nothing can be scrolled, and a presenter's remote control turns pages
+ * @param {boolean} presents then nothing scrolls, and a remote control sends the page keys
  */
 export function stepByKey(key, step, presents) {
   if (key === "ArrowRight" || (presents && key === "PageDown"))

@@ -1,4 +1,4 @@
-/** What the steps are shown of: source, frame and preset. */
+/** Chooses what the steps are computed from: source, frame and preset. */
 
 import { field, h, input, offer, setAttribute } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -13,7 +13,7 @@ import { storeOf } from "../parameters/parameter-store.js";
 const MOST_RUNS = 20;
 const MODEL = "ego_motion.model";
 
-/** Values of the place that can be chosen here. @typedef {Partial<Omit<StepsPlace, "step">>} Choice */
+/** The part of the place chosen here. @typedef {Partial<Omit<StepsPlace, "step">>} Choice */
 
 export class StepsChoice extends Part {
   #source = h("select", { id: "steps-source" });
@@ -21,12 +21,12 @@ export class StepsChoice extends Part {
   #slider = h("input", { type: "range", "aria-label": "Frame, slider", min: 1, step: 1 });
   #frame = input("number", "steps-frame", { min: 1, step: 1 });
   #error = h("p.field-error", { id: "steps-error", role: "alert" });
-  /** Text that names a source, and words. @type {[string, string][]} */
+  /** Spec and title of each source. @type {[string, string][]} */
   #sources = [];
   /** @type {MethodSteps | null} */
   #told = null;
 
-  /** Called with what was chosen, and whether more of it follows at once. @type {(choice: Choice, moving: boolean) => void} */
+  /** Called with the choice, and whether the slider is still moving. @type {(choice: Choice, moving: boolean) => void} */
   chosen = () => {};
 
   build() {
@@ -57,7 +57,7 @@ export class StepsChoice extends Part {
     storeOf(this.hub).addEventListener("loaded", () => this.#offerPresets());
   }
 
-  /** Read what there is to choose from. */
+  /** Load the choices. */
   async load() {
     const [entries, history] = await Promise.all([
       /** @type {Promise<SourceEntry[]>} */ (request("GET", "/sources")).catch(() => []),

@@ -29,12 +29,12 @@ declareKeys(
   ["F P", "Start or exit the presentation"],
 );
 
-// After the last movement of a slider.
+// Delay after the last movement of a slider.
 const PAUSE_MS = 150;
-// The next step's picture is made once this one is seen.
+// The next step's picture is preloaded this long after the current one is shown.
 const PREPARE_MS = 400;
 const MODEL = "ego_motion.model";
-// What arrows and letters do there is their own.
+// Elements that use arrows and letters themselves.
 const OWN_KEYS =
   'input, select, textarea, [role="tab"], [role="listbox"], [role="menu"], [role="separator"], dialog, .uplot';
 const FORMATS = /** @type {const} */ ([
@@ -68,13 +68,13 @@ export class StepsView extends Part {
     (/** @type {string} */ name) => this.#field(name),
     () => null,
   );
-  /** What is looked at; null: another page is shown. @type {StepsPlace | null} */
+  /** What is shown; null: another page is. @type {StepsPlace | null} */
   #place = null;
   /** @type {MethodSteps | null} */
   #told = null;
   #timer = 0;
   #preparing = 0;
-  /** Of a field: values that reset goes to. @type {Values} */
+  /** Values that a field's reset restores. @type {Values} */
   defaults = {};
 
   build() {
@@ -136,7 +136,7 @@ export class StepsView extends Part {
     if (!same) void this.#load();
   }
 
-  // --- what is looked at ---------------------------------------------------------------------
+  // --- what is shown -------------------------------------------------------------------------
 
   /** @param {number} step */
   #go(step) {
@@ -149,25 +149,25 @@ export class StepsView extends Part {
 
   /**
    * @param {Partial<StepsPlace>} choice
-   * @param {boolean} moving more of it follows at once
+   * @param {boolean} moving whether the slider is still moving
    */
   #change(choice, moving) {
     if (!this.#place) return;
     this.#place = { ...this.#place, ...choice };
     const address = addressOf(this.#place);
-    // Every place of a slider would be a page to go back through.
+    // Do not add an entry to the browser's history for every slider position.
     if (choice.source || choice.preset) history.pushState(null, "", address);
     else history.replaceState(null, "", address);
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => void this.#load(), moving ? PAUSE_MS : 0);
   }
 
-  /** A field's value is being moved. @param {Values} values */
+  /** Take the value of a field that is still moving. @param {Values} values */
   async change(values) {
     this.#takeValues(values, true);
   }
 
-  /** And has been chosen. @param {Values} values */
+  /** Take the final value of a field. @param {Values} values */
   async changeUndoably(values) {
     this.#takeValues(values, false);
   }
@@ -193,7 +193,7 @@ export class StepsView extends Part {
     setAttribute(this, "aria-busy", "true");
     /** @type {Promise<MethodSteps | undefined>} */
     const asked = this.#newest.answer(() => request("GET", `/steps?${queryOf(place)}`));
-    // A frame that the server chooses is known only from its answer.
+    // If the server chooses the frame, only its answer tells which one.
     const drawing = place.frame === null ? null : this.#draw();
     try {
       const told = await asked;
@@ -213,7 +213,7 @@ export class StepsView extends Part {
     this.#told = told;
     this.defaults = /** @type {Values} */ (told.preset_values);
     this.#place = { ...place, source: told.source, frame: told.frame };
-    // Whoever went back or forward meanwhile is at another place, which is shown next.
+    // If the user went back or forward meanwhile, another place is shown next.
     if (addressOf(placeOfAddress(location.hash)) === addressOf(place))
       history.replaceState(null, "", addressOf(this.#place));
     this.#choice.show(told);
@@ -221,7 +221,7 @@ export class StepsView extends Part {
     this.#render();
   }
 
-  /** What was shown stays. @param {ApiError} error */
+  /** Report a refusal; what was shown stays. @param {ApiError} error */
   #refused({ fields, message }) {
     const { changes } = /** @type {StepsPlace} */ (this.#place);
     const refused = Object.keys(fields).filter((name) => name in changes);
@@ -247,7 +247,7 @@ export class StepsView extends Part {
       this.#preparing = setTimeout(() => this.#picture.prepare(picturePath(next)), PREPARE_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      // What is wrong with the choice is said where it was made.
+      // Errors in the choice are shown where it was made.
       if (error.status !== 422) setText(this.#error, error.message);
     }
   }
@@ -267,7 +267,7 @@ export class StepsView extends Part {
     }));
   }
 
-  // --- what is seen --------------------------------------------------------------------------
+  // --- rendering -----------------------------------------------------------------------------
 
   /** @returns {MethodStep | undefined} */
   get #step() {
@@ -347,7 +347,7 @@ export class StepsView extends Part {
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const presents = this.#presentation?.isOpen === true;
     if (!presents && (writesText(target) || target.closest(OWN_KEYS))) return;
-    // Somebody may be driving by the arrow keys.
+    // The user may be driving with the arrow keys.
     if (!presents && this.hub.driver.hindrance === "") return;
     if (/^[fp]$/i.test(event.key)) {
       event.preventDefault();

@@ -1,4 +1,4 @@
-/** What opens over the page beside a button, so that nothing moves; the "?" beside a name. */
+/** Popovers next to a button, which do not shift the page; the "?" next to a name. */
 
 import { button, h } from "../elements/dom.js";
 
@@ -7,8 +7,8 @@ import { button, h } from "../elements/dom.js";
 const GAP_PX = 4;
 
 /**
- * Make the button and the box that it opens; both are to be put into the page. What the box
- * describes may name it in `aria-describedby`: it is read while it is closed, too.
+ * Make the button and the box it opens; the caller inserts both into the page. The described
+ * element may refer to the box in `aria-describedby`, which works even while it is closed.
  *
  * @param {string} id of the box
  * @param {string} title what is explained
@@ -28,7 +28,7 @@ export function helpButton(id, title, ...content) {
 }
 
 /**
- * Place a popover beside the button that opens it, each time that it does.
+ * Place a popover next to its button each time it opens.
  *
  * @param {HTMLButtonElement} opener
  * @param {HTMLElement} box
@@ -37,7 +37,7 @@ export function openBeside(opener, box) {
   const close = (/** @type {Event} */ event) => {
     if (event.target !== box) box.hidePopover();
   };
-  // Esc stops the robots, but for where it only closes something.
+  // Esc stops the robots except where it only closes something.
   const escape = (/** @type {KeyboardEvent} */ event) => {
     if (event.key !== "Escape") return;
     event.preventDefault();
@@ -48,7 +48,7 @@ export function openBeside(opener, box) {
     if (opens) place(box, opener.getBoundingClientRect());
     if (opens) document.addEventListener("keydown", escape);
     else document.removeEventListener("keydown", escape);
-    // It does not move with what it belongs to.
+    // The box would not follow its button, so close it.
     for (const type of ["scroll", "resize"]) {
       if (opens) window.addEventListener(type, close, true);
       else window.removeEventListener(type, close, true);

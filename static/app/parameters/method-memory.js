@@ -1,4 +1,4 @@
-/** What each method was left with, so that switching to and fro loses nothing. */
+/** The values with which each method was left, so that switching back and forth loses nothing. */
 
 /** @import { Values } from "./parameter-store.js" */
 /** @typedef {{basedOn: string, values: Values}} Left */
@@ -10,7 +10,7 @@ export class MethodMemory {
   #left;
   #storage;
 
-  /** @param {Pick<Storage, "getItem" | "setItem">} [storage] that keeps it over a reload */
+  /** @param {Pick<Storage, "getItem" | "setItem">} [storage] keeps the values across reloads */
   constructor(storage = localStorage) {
     this.#storage = storage;
     this.#left = read(storage);
@@ -26,7 +26,7 @@ export class MethodMemory {
     this.#storage.setItem(KEY, JSON.stringify(this.#left));
   }
 
-  /** @param {string} method @returns {Left | null} null where it was never in force */
+  /** @param {string} method @returns {Left | null} null if it was never in force */
   recall(method) {
     return this.#left[method] ?? null;
   }

@@ -1,4 +1,4 @@
-/** The method in force, at a glance: the best there is or the paper's, one press apart. */
+/** Shows the method in force, the best one or the paper's, and switches between them. */
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -10,7 +10,7 @@ import { storeOf } from "./parameter-store.js";
 /** @import { Preset, Values } from "./parameter-store.js" */
 
 const MODEL = "ego_motion.model";
-// How robots drive is no part of the method.
+// Driving parameters are not part of the method.
 const DRIVING = /^(guard|navigation)\./;
 const METHODS = ["default", "paper"];
 const COMPARE = "M5.5 2 2 5l3.5 3V6H13V4H5.5zM10.5 8v2H3v2h7.5v2L14 11z";
@@ -26,7 +26,7 @@ class MethodSwitch extends Part {
   #other = h("span.other-method", { hidden: true });
   #nowName = h("span");
   #nowMark = h("span.changed-dot", { hidden: true, "aria-hidden": "true" });
-  /** Where there is no room for the switch: the current method, and the way to its parameters. */
+  /** Replaces the switch where space is short: the current method, opening its parameters. */
   #now = button(
     [this.#nowName, this.#nowMark],
     () => document.getElementById("tab-parameters")?.click(),
@@ -98,8 +98,8 @@ class MethodSwitch extends Part {
   }
 
   /**
-   * Which of the two is in force, whatever else was changed of it; null where another model was
-   * chosen by hand.
+   * Return which of the two is in force, regardless of other changed values; null if another model
+   * was chosen by hand.
    */
   #inForce() {
     const { state, presets, defaults } = this.#store;
@@ -118,7 +118,7 @@ class MethodSwitch extends Part {
   }
 
   /**
-   * Switch as it was left, or to the preset where it was never in force.
+   * Switch to the method as it was left, or to its preset if it was never in force.
    *
    * @param {string} name
    */
@@ -138,7 +138,7 @@ class MethodSwitch extends Part {
       base.name,
     );
     if (!step) {
-      // A later version may refuse what an earlier one kept: next time it is the preset.
+      // A later version may refuse values stored by an earlier one: use the preset next time.
       this.#memory.remember(name, null);
       return this.#render();
     }
@@ -162,7 +162,7 @@ function ofMethod(values) {
 /**
  * @param {Values | undefined} values
  * @param {Values} present
- * @returns {Values} those that there still are, of the same kind
+ * @returns {Values} those that still exist with the same type
  */
 function known(values, present) {
   return Object.fromEntries(

@@ -1,4 +1,4 @@
-/** One parameter: its control made from its declaration, with help, badge, error and reset. */
+/** One parameter: a control built from its declaration, with help, badge, error and reset. */
 
 import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
 import { helpButton } from "./help-button.js";
@@ -10,7 +10,7 @@ import { groupTitle, rangeInWords, tidy, valueInWords } from "./value-words.js";
  * Source and target of values: the server's store, or a draft.
  *
  * @typedef {object} ValueStore
- * @property {Values} defaults values that reset goes to
+ * @property {Values} defaults values that reset restores
  * @property {(changes: Values) => Promise<unknown>} change
  * @property {(changes: Values, before?: Values) => Promise<unknown>} changeUndoably
  */
@@ -36,7 +36,7 @@ export class ParameterField extends HTMLElement {
   /**
    * @param {ParameterEntry} entry
    * @param {ValueStore} store
-   * @param {string} [prefix] of the controls' ids, where a form stands beside another
+   * @param {string} [prefix] of the controls' ids, to tell several forms apart
    */
   build(entry, store, prefix = "parameter") {
     this.entry = entry;
@@ -75,7 +75,7 @@ export class ParameterField extends HTMLElement {
 
   /**
    * @param {ParameterValue} value the server's
-   * @param {string} model in force: with some a parameter does nothing
+   * @param {string} model in force: some models do not use the parameter
    */
   show(value, model) {
     const entry = /** @type {ParameterEntry} */ (this.entry);
@@ -91,7 +91,7 @@ export class ParameterField extends HTMLElement {
     const changed = value !== fallback;
     this.toggleAttribute("data-changed", changed);
     this.#badge.hidden = this.#reset.hidden = !changed;
-    // The unit stands beside the field.
+    // The unit is already shown next to the field.
     setText(this.#badge, `was ${valueInWords(fallback, { ...entry, unit: "" })}`);
     this.#reset.title = `Reset to ${valueInWords(fallback, entry)}`;
     if (value !== this.#shown) this.fail("");
@@ -99,7 +99,7 @@ export class ParameterField extends HTMLElement {
     this.#show(value);
   }
 
-  /** @param {string} message empty takes the error away */
+  /** @param {string} message empty removes the error */
   fail(message) {
     const kept = message
       ? `Not applied: ${message.replace(/\.$/, "")}. The value stays at ${String(this.#shown)}.`
@@ -109,13 +109,13 @@ export class ParameterField extends HTMLElement {
       setAttribute(control, "aria-invalid", message ? "true" : null);
   }
 
-  /** True while the text field holds an unsent edit: then Ctrl+Z is the text's. */
+  /** True while the text field holds an unsent edit: then Ctrl+Z belongs to the text. */
   get isEdited() {
     const text = this.querySelector('input[type="number"]');
     return text instanceof HTMLInputElement && text.value !== tidy(this.#shown);
   }
 
-  /** @param {string} term @returns {boolean} whether it is about that */
+  /** @param {string} term @returns {boolean} whether the term occurs in its texts */
   isAbout(term) {
     const { name, title, help, group } = /** @type {ParameterEntry} */ (this.entry);
     return `${name} ${title} ${help} ${group}`.toLowerCase().includes(term);
@@ -186,7 +186,7 @@ export class ParameterField extends HTMLElement {
       gesture.move(value);
     });
     slider.addEventListener("keyup", () => gesture.end());
-    // What is no number is sent as it is: the server says what would be right.
+    // Text that is not a number is sent unchanged: the server says what would be valid.
     number.addEventListener("change", () =>
       this.#commit(Number.isFinite(number.valueAsNumber) ? number.valueAsNumber : number.value),
     );
@@ -199,7 +199,7 @@ export class ParameterField extends HTMLElement {
   }
 
   /**
-   * One movement of the slider: its effect is seen while it lasts, and it is one step of undo.
+   * Handle one movement of the slider: it takes effect as it moves and is a single undo step.
    *
    * @param {(value: number) => void} display
    */
@@ -236,7 +236,7 @@ export class ParameterField extends HTMLElement {
 }
 
 /**
- * Map a slider's places to a parameter's values and back.
+ * Map slider positions to parameter values and back.
  *
  * @param {ParameterEntry} entry
  */
@@ -261,7 +261,7 @@ function scaleOf({ minimum, maximum, step, type }) {
       allowed(minimum * Math.exp((ratio * place) / SLIDER_STEPS)),
     placeOf: (/** @type {number} */ value) =>
       Math.round((SLIDER_STEPS * Math.log(value / minimum)) / ratio),
-    // A key moves by a few per cent, but always by one step at least.
+    // A key moves by a few per cent, but at least by one step.
     next: (/** @type {number} */ value, /** @type {1 | -1} */ direction) =>
       allowed(value + direction * Math.max(step, value * KEY_SHARE)),
   };

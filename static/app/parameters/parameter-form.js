@@ -1,4 +1,4 @@
-/** Every parameter as a form, made from the server's schema: the basic ones first. */
+/** A form of all parameters, built from the server's schema, basic ones first. */
 
 import { button, h, iconButton, input, setText } from "../elements/dom.js";
 import { declareKeys } from "../elements/keys.js";

@@ -1,4 +1,4 @@
-/** Fields of all parameters: the basic ones of the method first, the others by group. */
+/** Fields of all parameters: the method's basic ones first, the others by group. */
 
 import { button, h, setText } from "../elements/dom.js";
 import { counted } from "../elements/words.js";
@@ -14,7 +14,7 @@ const MODEL = "ego_motion.model";
  * @typedef {object} Section fields under one heading
  * @property {HTMLElement} host
  * @property {HTMLElement} fields
- * @property {HTMLElement} count says how many differ
+ * @property {HTMLElement} count shows how many differ
  * @property {HTMLButtonElement} reset
  */
 
@@ -32,7 +32,7 @@ export class ParameterGroups extends HTMLElement {
   #used = h("div");
   #unusedSummary = h("summary");
   #unused = h("details.unused-groups", this.#unusedSummary);
-  /** What was open before somebody searched. @type {Set<HTMLDetailsElement>} */
+  /** Groups that were open before the search. @type {Set<HTMLDetailsElement>} */
   #open = new Set();
 
   /** @param {string} prefix of the controls' ids */
@@ -52,7 +52,7 @@ export class ParameterGroups extends HTMLElement {
    */
   make(schema, store) {
     this.classList.add("parameter-groups");
-    // Presets may come anew; the declaration does not change while the server runs.
+    // Presets may be reloaded; the schema does not change while the server runs.
     if (this.#fields.size > 0) return;
     this.#basic = section(h("section.basic-parameters"), store, "basic parameters");
     this.#basic.host.append(
@@ -67,7 +67,7 @@ export class ParameterGroups extends HTMLElement {
     }
     this.replaceChildren(this.#basic.host, this.#othersHeading, this.#used, this.#unused);
     this.#arrange();
-    // Somebody may have asked for something before the declaration was here.
+    // The user may have searched before the schema was loaded.
     if (this.#term) this.filter(this.#term);
   }
 
@@ -104,7 +104,7 @@ export class ParameterGroups extends HTMLElement {
   }
 
   /**
-   * Show only what is about a term.
+   * Show only fields that match a term.
    *
    * @param {string} term
    * @returns {number} how many are shown
@@ -124,7 +124,7 @@ export class ParameterGroups extends HTMLElement {
     return shown;
   }
 
-  /** Put every field where it belongs with the method in force. */
+  /** Put every field where it belongs for the method in force. */
   #arrange() {
     const focused = document.activeElement;
     /** @type {Map<HTMLElement, HTMLElement[]>} */
@@ -148,7 +148,7 @@ export class ParameterGroups extends HTMLElement {
       `${counted(unused.length, "group")} not used by the ${this.#model} method`,
     );
     this.#hideEmpty();
-    // What was moved has lost it.
+    // An element that was moved has lost the focus.
     if (focused instanceof HTMLElement && this.contains(focused)) focused.focus();
   }
 
@@ -161,7 +161,7 @@ export class ParameterGroups extends HTMLElement {
     });
   }
 
-  /** Leave out headings under which there is nothing to see. */
+  /** Hide headings with nothing visible below them. */
   #hideEmpty() {
     for (const { host, fields } of this.#sections())
       host.hidden = fields.querySelector("observer-parameter:not([hidden])") === null;
@@ -222,7 +222,7 @@ function resetAll(fields, store) {
 }
 
 /**
- * Have these children first, in this order; what stands right is not moved.
+ * Put these children first, in this order, without moving those already in place.
  *
  * @param {HTMLElement} host
  * @param {HTMLElement[]} wanted

@@ -1,4 +1,4 @@
-/** The parameters as the server has them, the way to change them, and the way back. */
+/** The parameters as held by the server, with changes, undo and redo. */
 
 import { ApiError, request } from "../shell/api.js";
 import { Teller } from "../shell/teller.js";
@@ -18,25 +18,25 @@ import { withTitles } from "./value-words.js";
 /**
  * @typedef {object} Waiting
  * @property {Values} changes
- * @property {string | undefined} basedOn the preset that the values come from, where another
+ * @property {string | undefined} basedOn the preset that the values come from, if it changes
  * @property {(taken: boolean) => void} done
  */
 /**
  * @typedef {object} Step
  * @property {Values} before
  * @property {Values} after
- * @property {string} from the preset that the values came from before
- * @property {string} to and afterwards
+ * @property {string} from the preset that the values came from before the step
+ * @property {string} to the one after it
  */
 
 const HISTORY_LENGTH = 200;
 const FALLBACK = "default";
 
 /**
- * Events: `loaded` (schema and presets are there), `values` (values, revision or history
- * changed), `refused` (CustomEvent whose detail has the sentence of each refused field, under ""
- * what is about no field), `trouble` (they could not be read, or can be again).
- * One request is under way at a time; what is changed meanwhile goes with the next one.
+ * Events: `loaded` (schema and presets are available), `values` (values, revision or history
+ * changed), `refused` (CustomEvent whose detail maps each refused field to a sentence, "" to one
+ * about no field), `trouble` (they could not be read, or can be again).
+ * Only one request is in flight at a time; changes made meanwhile go with the next one.
  */
 export class ParameterStore extends Teller {
   /** @type {ParameterEntry[]} */
@@ -52,9 +52,9 @@ export class ParameterStore extends Teller {
     based_on: FALLBACK,
     frame: null,
   };
-  /** Values that "reset" goes to: those of the preset that the present ones come from. @type {Values} */
+  /** Values restored by "reset": those of the preset that the current ones come from. @type {Values} */
   defaults = {};
-  /** Why they could not be read; empty where they were. */
+  /** Why they could not be read; empty if they were. */
   trouble = "";
 
   /** @type {Step[]} */
@@ -74,7 +74,7 @@ export class ParameterStore extends Teller {
       /** @type {Promise<Preset[]>} */ (request("GET", "/presets")),
       /** @type {Promise<ParameterState>} */ (request("GET", "/parameters")),
     ]);
-    // Help names other parameters as the server does.
+    // The help refers to other parameters by the server's names.
     this.schema = schema.map((entry) => ({
       ...entry,
       help: withTitles(entry.help, schema),
@@ -85,7 +85,7 @@ export class ParameterStore extends Teller {
     this.#take(state);
   }
 
-  /** Read everything; what goes wrong is told by `trouble`. */
+  /** Read everything; errors are reported by `trouble`. */
   async reload() {
     try {
       await this.load();
@@ -98,7 +98,7 @@ export class ParameterStore extends Teller {
   }
 
   /**
-   * Listen, and hear at once of what is there already.
+   * Listen, and call the listener at once if already loaded.
    *
    * @param {"loaded" | "values"} type
    * @param {() => void} listener
@@ -109,9 +109,9 @@ export class ParameterStore extends Teller {
   }
 
   /**
-   * Somebody else may have changed them.
+   * Reload the values if someone else changed them.
    *
-   * @param {number} revision that the server tells of
+   * @param {number} revision reported by the server
    * @param {number} drivingRevision
    */
   async follow(revision, drivingRevision) {
@@ -121,7 +121,7 @@ export class ParameterStore extends Teller {
     this.#busy = true;
     try {
       this.#take(await request("GET", "/parameters"));
-      // A preset that was saved on another page.
+      // A preset saved on another page.
       if (this.basePreset?.name !== this.state.based_on) await this.load();
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
@@ -132,11 +132,11 @@ export class ParameterStore extends Teller {
   }
 
   /**
-   * Ask for other values; all of one request or none.
+   * Request other values; all of one request take effect or none.
    *
    * @param {Values} changes
-   * @param {string} [basedOn] the preset that the values come from, where another
-   * @returns {Promise<boolean>} whether they were taken
+   * @param {string} [basedOn] the preset that the values come from, if it changes
+   * @returns {Promise<boolean>} whether they were accepted
    */
   change(changes, basedOn) {
     return new Promise((done) => {
@@ -146,12 +146,12 @@ export class ParameterStore extends Teller {
   }
 
   /**
-   * `change`, and let it be undone.
+   * Like `change`, but undoable.
    *
    * @param {Values} changes
-   * @param {Values} [before] what undo goes back to; the present values if left out
-   * @param {string} [basedOn] the preset that the values come from, where another
-   * @returns {Promise<Step | null>} null where they were refused
+   * @param {Values} [before] what undo restores; the current values if omitted
+   * @param {string} [basedOn] the preset that the values come from, if it changes
+   * @returns {Promise<Step | null>} null if they were refused
    */
   async changeUndoably(changes, before = this.#present(Object.keys(changes)), basedOn) {
     const from = this.state.based_on;
@@ -185,7 +185,7 @@ export class ParameterStore extends Teller {
     await this.#replay(this.#redoable, this.#undoable, "after");
   }
 
-  /** Take one step back, also where others came after it. @param {Step} step */
+  /** Undo one step, even if others followed it. @param {Step} step */
   async takeBack(step) {
     if (this.#undoable.at(-1) === step) await this.undo();
     else await this.changeUndoably(step.before, undefined, this.#known(step.from));
@@ -196,7 +196,7 @@ export class ParameterStore extends Teller {
     return this.presets.find((preset) => preset.name === name) ?? null;
   }
 
-  /** The preset that the present values come from; null before anything was read. */
+  /** The preset that the current values come from; null before anything was read. */
   get basePreset() {
     return this.presetNamed(this.state.based_on) ?? this.presetNamed(FALLBACK);
   }
@@ -212,31 +212,31 @@ export class ParameterStore extends Teller {
     return { ...declared, ...preset?.values };
   }
 
-  /** @param {Values} values @returns {Values} those that differ from the present ones */
+  /** @param {Values} values @returns {Values} those that differ from the current ones */
   differing(values) {
     const { values: present } = this.state;
     return Object.fromEntries(Object.entries(values).filter(([name, v]) => present[name] !== v));
   }
 
-  /** Put a preset into force. @param {Preset} preset */
+  /** Apply a preset. @param {Preset} preset */
   async choose(preset) {
     return this.changeUndoably(this.differing(this.valuesOf(preset)), undefined, preset.name);
   }
 
-  /** Keep the present values under a new name. @param {string} name @throws {ApiError} */
+  /** Save the current values under a new name. @param {string} name @throws {ApiError} */
   async savePreset(name) {
     await request("POST", "/presets", { name });
     await this.load();
   }
 
-  /** Keep the present values in place of a preset's. @param {string} name @throws {ApiError} */
+  /** Overwrite a preset with the current values. @param {string} name @throws {ApiError} */
   async overwritePreset(name) {
     await request("PUT", `/presets/${encodeURIComponent(name)}`, {});
     await this.load();
   }
 
   /**
-   * Keep the values of a file; those in force stay.
+   * Save the values of a file as a preset, without applying them.
    *
    * @param {{name: string, help: string, values: Record<string, unknown>}} preset
    * @throws {ApiError}
@@ -252,7 +252,7 @@ export class ParameterStore extends Teller {
     await this.load();
   }
 
-  /** @param {string} preset its name @returns {string | undefined} where there is still one */
+  /** @param {string} preset its name @returns {string | undefined} undefined if it no longer exists */
   #known(preset) {
     return this.presetNamed(preset) ? preset : undefined;
   }
@@ -269,7 +269,7 @@ export class ParameterStore extends Teller {
    * @param {"before" | "after"} side
    */
   async #replay(from, to, side) {
-    // What was changed a moment ago may still be on its way.
+    // A change made a moment ago may still be in flight.
     await this.#lastStep;
     const step = from.pop();
     if (!step) return;
@@ -311,13 +311,13 @@ export class ParameterStore extends Teller {
   #refuse(batch, error) {
     const named = Object.keys(error.fields);
     const innocent = batch.filter((waiting) => !named.some((name) => name in waiting.changes));
-    // Changes of other fields that merely travelled in the same request are sent again.
+    // Changes to other fields that were merely in the same request are sent again.
     if (innocent.length < batch.length) this.#waiting.unshift(...innocent);
     const guilty =
       innocent.length < batch.length ? batch.filter((w) => !innocent.includes(w)) : batch;
     const known = named.some((name) => name in this.state.values);
     const asked = guilty.flatMap((waiting) => Object.keys(waiting.changes));
-    // What is about no field is said at the one that was touched, or once for all.
+    // An error about no field is shown at the only field changed, or else once for all.
     const place = new Set(asked).size === 1 ? (asked[0] ?? "") : "";
     const fields = known ? error.fields : { [place]: error.message };
     this.tell("values");
@@ -337,7 +337,7 @@ export class ParameterStore extends Teller {
 const stores = new WeakMap();
 
 /**
- * The page's one store: what is changed in one part is seen, and undone, in every other.
+ * Return the page's only store: a change in one part is visible and undoable in every other.
  *
  * @param {Hub} hub
  */

@@ -1,4 +1,4 @@
-/** Two presets, or the values in force and a preset, side by side: what differs. */
+/** Compares two presets, or the values in force and a preset, side by side. */
 
 import { h, select, table, tableRow } from "../elements/dom.js";
 import { counted } from "../elements/words.js";
@@ -10,8 +10,8 @@ import { groupTitle, valueInWords } from "./value-words.js";
 const IN_FORCE = "";
 
 /**
- * Open the comparison; at first what was changed stands beside the preset that it comes from, or the
- * two built-in presets beside each other.
+ * Open the comparison: at first of the base preset and the current values, or, if nothing was
+ * changed, another built-in preset.
  *
  * @param {ParameterStore} store
  */
@@ -53,7 +53,7 @@ export async function comparePresets(store) {
  * @param {ParameterEntry[]} schema
  * @param {Values} left
  * @param {Values} right
- * @returns {{entry: ParameterEntry, words: string[]}[]} what differs, in the order of declaration
+ * @returns {{entry: ParameterEntry, words: string[]}[]} what differs, in declaration order
  */
 export function differences(schema, left, right) {
   return schema

@@ -1,4 +1,4 @@
-/** Presets as files, to be shared: JSON that the server takes as it is. Pure but for `readPreset`. */
+/** Presets as files for sharing: JSON that the server accepts as is. Pure except `readPreset`. */
 
 import { ApiError } from "../shell/api.js";
 
@@ -10,7 +10,7 @@ const MOST_BYTES = 200_000;
 const LONGEST_NAME = 100;
 const LONGEST_HELP = 300;
 
-/** A file that is no preset; the message is one sentence. */
+/** The file is not a preset; the message is one sentence. */
 export class PresetFileError extends Error {}
 
 /**
@@ -32,7 +32,7 @@ export async function readPreset(file) {
 /**
  * @param {string} text
  * @param {string} fileName
- * @returns {SharedPreset} whose values nobody has checked
+ * @returns {SharedPreset} its values are not validated
  * @throws {PresetFileError}
  */
 export function parsePreset(text, fileName) {
@@ -58,7 +58,7 @@ export function parsePreset(text, fileName) {
 /**
  * @param {string} wanted
  * @param {string[]} taken
- * @returns {string} the name, with a number behind it where it is taken
+ * @returns {string} the name, with a number appended if it is taken
  */
 export function freeName(wanted, taken) {
   let name = wanted;
@@ -70,7 +70,7 @@ export function freeName(wanted, taken) {
 }
 
 /**
- * Say in one sentence why the server did not take a file.
+ * Say in one sentence why a file was refused.
  *
  * @param {string} fileName
  * @param {unknown} error
@@ -96,7 +96,7 @@ function parsed(text, fileName) {
   }
 }
 
-/** @param {unknown} name @returns {string} on one line and short enough */
+/** @param {unknown} name @returns {string} on a single line, short enough */
 function plainName(name) {
   if (typeof name !== "string") return "";
   return name

@@ -1,4 +1,4 @@
-/** Presets: choose one, keep the present values as one, share and compare them. */
+/** Presets: choose one, save the current values as one, share and compare them. */
 
 import { button, download, h, icon, input, offer, onSubmit, setText } from "../elements/dom.js";
 import { attempt, attemptIn, confirmed, notify, refuse } from "../shell/notice.js";
@@ -129,7 +129,7 @@ export class PresetPicker extends HTMLElement {
     if (preset && (await this.#mayOverwrite(preset.name))) await this.#saved(preset.name, true);
   }
 
-  /** @param {string} name @param {boolean} over the preset of that name */
+  /** @param {string} name @param {boolean} over overwrite the preset of that name */
   async #saved(name, over) {
     const done = await attemptIn(this.#error, () =>
       over ? this.#store.overwritePreset(name) : this.#store.savePreset(name),
@@ -159,7 +159,7 @@ export class PresetPicker extends HTMLElement {
     if (sure) await attempt(() => this.#store.deletePreset(name));
   }
 
-  /** Save what is in force as a file. */
+  /** Save the values in force as a file. */
   #share() {
     const { basePreset: preset, changed, state } = this.#store;
     const own = preset && !preset.built_in ? preset.help : "";
@@ -189,7 +189,7 @@ export class PresetPicker extends HTMLElement {
     } catch (error) {
       refuse(this.#error, refusalOf(file.name, error));
     } finally {
-      // The same file, corrected, can be chosen again.
+      // Allow choosing the same file again, once corrected.
       this.#file.value = "";
     }
   }

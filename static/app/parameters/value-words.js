@@ -17,7 +17,7 @@ export function valueInWords(value, { type, unit }) {
   return unit ? `${tidy(value)} ${unit}` : tidy(value);
 }
 
-/** @param {ParameterEntry} entry @returns {string} as in "0.1 to 20 px", empty where it has none */
+/** @param {ParameterEntry} entry @returns {string} as in "0.1 to 20 px", empty if it has none */
 export function rangeInWords({ minimum, maximum, unit, type }) {
   if (type !== "number" && type !== "integer") return "";
   return `${tidy(minimum)} to ${tidy(maximum)}${unit ? ` ${unit}` : ""}`;
@@ -33,7 +33,7 @@ export function groupTitle(group) {
 }
 
 /**
- * @param {string} words that name parameters as the server does, as in "flow.residual_threshold_px"
+ * @param {string} words with parameters by the server's names, as in "flow.residual_threshold_px"
  * @param {Pick<ParameterEntry, "name" | "group" | "title">[]} schema
  * @returns {string} with the titles of their fields, as in "Residual threshold (Flow)"
  */

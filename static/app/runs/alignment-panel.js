@@ -1,4 +1,4 @@
-/** Laying truth over a run: with which file, how well, and which track is which body. */
+/** Aligning ground truth with a run: which file, how well it fits, which track is which body. */
 
 import {
   button,
@@ -23,11 +23,11 @@ import { TruthPicker } from "./truth-picker.js";
 /** @import { AlignmentFacts, RunChart, TruthEntry as TruthFile } from "../contract" */
 
 export class AlignmentPanel extends Part {
-  /** Called once a run is aligned anew. @type {() => void} */
+  /** Called once a run has been realigned. @type {() => void} */
   aligned = () => {};
 
   #heading = h("h3", { title: GLOSSARY["ground truth"] }, "Ground truth");
-  // Its change tells that it is aligned anew.
+  // Its change announces a new alignment.
   #sentence = h("p", { role: "status" });
   #figures = h("dl.figures");
   #notes = h("ul.plain-list");
@@ -71,7 +71,7 @@ export class AlignmentPanel extends Part {
     this.#picker.attach(this.hub);
   }
 
-  /** Another run is shown, and nothing is known of it yet. */
+  /** Clear the panel: another run is shown that has not been loaded yet. */
   forget() {
     this.#chart = null;
     this.hidden = true;
@@ -131,7 +131,7 @@ export class AlignmentPanel extends Part {
     );
   }
 
-  /** With all else as it was, and with what a person said of other tracks before. */
+  /** Correct one match, keeping everything else, including earlier manual choices. */
   async #correct(/** @type {string} */ key, /** @type {string | null} */ body) {
     const { run, alignment, choices } = /** @type {RunChart} */ (this.#chart);
     const said = Object.entries(alignment?.matches ?? {}).flatMap(([each, match]) =>
@@ -180,12 +180,12 @@ export class AlignmentPanel extends Part {
     this.#tell();
   }
 
-  /** Bring the result or the refusal, which stand above, into sight. */
+  /** Scroll the result or the error, which are above, into view. */
   #tell() {
     (this.#error.textContent ? this.#error : this.#heading).scrollIntoView({ block: "nearest" });
   }
 
-  /** One alignment at a time; what asks for another is seen to wait. @param {boolean} busy */
+  /** Allow one alignment at a time; the controls look disabled meanwhile. @param {boolean} busy */
   #setBusy(busy) {
     this.#busy = busy;
     const possible = !busy && (this.#picker.file !== null || this.#picker.live);
@@ -193,7 +193,7 @@ export class AlignmentPanel extends Part {
     this.#matches.setBusy(busy);
   }
 
-  /** @param {object} wanted of POST /api/runs/{id}/align */
+  /** @param {object} wanted body of POST /api/runs/{id}/align */
   async #ask(wanted) {
     const run = this.#chart?.run;
     if (!run || this.#busy) return this.#showMatches();
@@ -214,7 +214,7 @@ export class AlignmentPanel extends Part {
   }
 }
 
-/** @param {AlignmentFacts} alignment how well it fits, in figures */
+/** Return figures for how well it fits. @param {AlignmentFacts} alignment */
 function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time }) {
   const drift =
     time.drift_sigma_ppm === null

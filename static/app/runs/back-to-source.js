@@ -1,11 +1,11 @@
-/** The way back from a run's recording to the source that was open before it. */
+/** Leads back from a run's recording to the source that was open before it. */
 
 import { button, h, icon, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { notify, oneAtATime } from "../shell/notice.js";
 
-/** Takes no place while no recording of a run is open. */
+/** Hidden while no recording of a run is open. */
 export class BackToSource extends Part {
   #words = h("span");
   #name = h("span");

@@ -1,4 +1,4 @@
-/** Camera extrinsics on the observer's motion-capture body: typed in, or left to be found out. */
+/** Camera extrinsics on the observer's motion-capture body: typed in, or left to be estimated. */
 
 import { button, details, field, h, input } from "../elements/dom.js";
 import { fixed } from "../elements/words.js";
@@ -49,13 +49,13 @@ export class CameraOnBody extends HTMLElement {
     this.append(this.#details);
   }
 
-  /** Another run is shown. @param {CameraOnBodyFacts | null} said what a person typed in for its alignment */
+  /** Show another run. @param {CameraOnBodyFacts | null} said typed in for its alignment */
   show(said) {
     this.#details.open = said !== null;
     this.#write(said);
   }
 
-  /** Offer what was found; typed values stay. @param {CameraOnBodyFacts | null} found */
+  /** Offer the estimated values; typed values stay. @param {CameraOnBodyFacts | null} found */
   set found(found) {
     this.#found = found;
     this.#fill.hidden = found === null;
@@ -63,7 +63,7 @@ export class CameraOnBody extends HTMLElement {
 
   /**
    * @returns {CameraOnBodyFacts | null} null: nothing was typed in
-   * @throws {RangeError} some of it is missing or no number; one sentence
+   * @throws {RangeError} a value is missing or not a number; one sentence
    */
   get place() {
     const texts = NUMBERS.map(([key, words]) => ({

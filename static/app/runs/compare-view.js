@@ -1,4 +1,4 @@
-/** Several runs side by side: their speeds, their errors, and what was set otherwise. */
+/** Several runs side by side: their speeds, errors and differing settings. */
 
 import { h, setText, table, tableRow } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -10,12 +10,12 @@ import { runHref } from "./run-words.js";
 
 /** @import { RunChart as Chart } from "../contract" */
 
-// Truth is laid over a re-run once it has ended; until then it is asked again.
+// A re-run is aligned with ground truth only after it ends; until then, ask again.
 const AGAIN_MS = 4000;
 const ASKED_AT_MOST = 15;
 
 export class CompareView extends Part {
-  /** Called with what the view is to be called. @type {(words: string) => void} */
+  /** Called with the title of the view. @type {(words: string) => void} */
   named = () => {};
 
   #chart = new RunChart();
@@ -34,7 +34,7 @@ export class CompareView extends Part {
     this.hear("reconnected", () => this.#load());
   }
 
-  /** @param {string[]} ids none: another view is shown */
+  /** @param {string[]} ids empty: another view is shown */
   show(ids) {
     this.hidden = ids.length === 0;
     this.#ids = ids;
@@ -89,7 +89,7 @@ function awaitsTruth(charts) {
   );
 }
 
-/** @param {Chart[]} charts @returns whether two runs were made of the same frames */
+/** @param {Chart[]} charts @returns whether they are two runs of the same frames */
 function ofOneRecording(charts) {
   const [first, second, more] = charts.map(({ run }) => run);
   if (!first || !second || more) return false;
@@ -100,7 +100,7 @@ function ofOneRecording(charts) {
   );
 }
 
-/** @param {Chart[]} charts what is not the same in all of them */
+/** Return a table of the settings that differ. @param {Chart[]} charts */
 function settingsTable(charts) {
   const runs = charts.map(({ run }) => run);
   const names = [...new Set(runs.flatMap(({ parameters }) => Object.keys(parameters)))].sort();

@@ -1,6 +1,6 @@
 /**
- * What was found in the frames of a run: some that are spread over all of it at once, every one of
- * them when it is wanted. A short run's are all there at once.
+ * What was found in the frames of a run: entries spread over the whole run at first, the others on
+ * demand. A short run's entries are all loaded at once.
  */
 
 import { BoundedMap } from "../elements/bounded-map.js";
@@ -9,10 +9,10 @@ import { frameAt } from "./run-words.js";
 
 /** @import { FrameEntry, PlanMap, RunFrames } from "../contract" */
 
-// More than a top view or a slider can show; about a minute of a camera.
+// More than a top view or a slider can resolve; about a minute of a camera.
 const SPREAD = 1000;
 const PAGE = 200;
-// Pages are kept while it plays, and those beside; a person jumps about.
+// Enough for playback, the neighbouring pages and some jumping about.
 const MOST_PAGES = 12;
 
 export class FrameEntries {
@@ -25,7 +25,7 @@ export class FrameEntries {
   #asked = new BoundedMap(MOST_PAGES, (number) => this.#pages.delete(number));
 
   /**
-   * Read those that are spread over a run.
+   * Load the entries spread over a run.
    *
    * @param {string} id of the run
    * @returns {Promise<FrameEntries>}
@@ -45,22 +45,22 @@ export class FrameEntries {
     return this.#spread.count;
   }
 
-  /** Size of the image in which their boxes are. @returns {{width: number, height: number}} */
+  /** Size of the image that the boxes refer to. @returns {{width: number, height: number}} */
   get size() {
     return this.#spread;
   }
 
-  /** Whether the observer had a goal in one of those that are spread over the run. */
+  /** Whether the observer had a goal in any entry spread over the run. */
   get hasGoal() {
     return this.#spread.frames.some(({ goal }) => goal !== null);
   }
 
-  /** Those that are spread over the run, in order. */
+  /** The entries spread over the run, in order. */
   get spread() {
     return this.#spread.frames;
   }
 
-  /** Those that are known of a frame; null until `fetch` has it. @param {number} position */
+  /** Return the entry of a frame; null until `fetch` has loaded it. @param {number} position */
   at(position) {
     const { every, frames } = this.#spread;
     if (position % every === 0) return frames[position / every] ?? null;
@@ -68,14 +68,19 @@ export class FrameEntries {
     return page?.frames[position % PAGE] ?? null;
   }
 
-  /** The nearest that is known. @param {number} position @returns {FrameEntry | null} */
+  /** Return the nearest loaded entry. @param {number} position @returns {FrameEntry | null} */
   near(position) {
     const { every, frames } = this.#spread;
     const nearest = Math.min(Math.round(position / every), frames.length - 1);
     return this.at(position) ?? frames[nearest] ?? null;
   }
 
-  /** The local map that counts at a frame; null where there is none, or `fetch` does not have it yet. @param {number} position @returns {PlanMap | null} */
+  /**
+   * Return the local map valid at a frame; null if there is none or it is not loaded yet.
+   *
+   * @param {number} position
+   * @returns {PlanMap | null}
+   */
   mapAt(position) {
     const page = this.#pages.get(Math.floor(position / PAGE));
     const { maps } = this.#spread.every === 1 ? this.#spread : (page ?? { maps: [] });
@@ -83,10 +88,10 @@ export class FrameEntries {
   }
 
   /**
-   * Read what was found in a frame, and in those around it and soon after.
+   * Load the entry of a frame together with those around it and soon after.
    *
    * @param {number} position
-   * @returns {Promise<FrameEntry | null>} null where it cannot be read
+   * @returns {Promise<FrameEntry | null>} null if it cannot be read
    */
   async fetch(position) {
     const number = Math.floor(position / PAGE);
@@ -96,7 +101,7 @@ export class FrameEntries {
     return this.at(position);
   }
 
-  /** The second of a frame on the run's clock. @param {number} position */
+  /** Return a frame's time, s on the run's clock. @param {number} position */
   timeAt(position) {
     const exact = this.at(position);
     if (exact) return exact.plan.time;
@@ -107,7 +112,7 @@ export class FrameEntries {
     return from + (((b?.plan.time ?? 0) - from) * (position - before * every)) / every;
   }
 
-  /** The frame at a second of the run. @param {number} time */
+  /** Return the frame nearest to a time, s on the run's clock. @param {number} time */
   positionAt(time) {
     const { every, frames } = this.#spread;
     const near = frameAt(frames, time) * every;
@@ -137,7 +142,7 @@ export class FrameEntries {
       () => null,
     );
     if (page) this.#pages.set(number, page);
-    // It may be there the next time.
+    // Try again next time.
     else this.#asked.delete(number);
     return page;
   }

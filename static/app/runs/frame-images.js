@@ -1,14 +1,14 @@
-/** The images of a run's frames, fetched ahead of the frame that is shown. */
+/** The images of a run's frames, prefetched ahead of the frame shown. */
 
 import { BoundedMap } from "../elements/bounded-map.js";
 import { ApiError, requestImage } from "../shell/api.js";
 
 const AT_ONCE = 3;
-// Some 20 MB of what a camera of 640x480 gives.
+// About 20 MB for a 640x480 camera.
 const MOST_KEPT = 300;
 
 export class FrameImages {
-  /** Why there are no images, empty where there are. */
+  /** Why there are no images; empty if there are. */
   trouble = "";
 
   #path;
@@ -30,17 +30,17 @@ export class FrameImages {
 
   /**
    * @param {number} position
-   * @returns {Promise<ImageBitmap | null>} null where there is none; who asked closes it
+   * @returns {Promise<ImageBitmap | null>} null if there is none; the caller closes it
    */
   async at(position) {
     this.#next = position + 1;
     const blob = await this.#get(position);
     this.#fetchAhead();
-    // A damaged image is as good as none.
+    // Treat a damaged image as missing.
     return blob && createImageBitmap(blob).catch(() => null);
   }
 
-  /** Fetch nothing any more. */
+  /** Stop fetching. */
   close() {
     this.#stop.abort();
     this.#kept.clear();
@@ -66,7 +66,7 @@ export class FrameImages {
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (!this.#stop.signal.aborted) this.trouble = error.message;
-      // It may be there the next time.
+      // Try again next time.
       this.#kept.delete(position);
       return null;
     } finally {

@@ -1,4 +1,4 @@
-/** One recorded image with what was found in it: boxes, speeds and the way of the next second. */
+/** A recorded image with what was found in it: boxes, speeds and the motion in the next second. */
 
 import { h, setAttribute } from "../elements/dom.js";
 import { counted, fixed, speedWithBand, trackColour } from "../elements/words.js";
@@ -8,11 +8,11 @@ import { counted, fixed, speedWithBand, trackColour } from "../elements/words.js
 const LABEL_PX = 12;
 const LINE_PX = 2;
 const HEAD_PX = 9;
-// Behind lines and words, so that they are seen on any image.
+// Outline of lines and words, so that they are visible on any image.
 const RIM = "rgb(0 0 0 / 0.6)";
 const TRUTH = "white";
 
-/** Fills its place; the image stands in its middle as large as it fits. */
+/** Fills its container, with the image centred and as large as fits. */
 export class FramePicture extends HTMLElement {
   #canvas = h("canvas", { role: "img" });
   #probe = h("span", { hidden: true });
@@ -20,7 +20,7 @@ export class FramePicture extends HTMLElement {
   #bitmap = null;
   /** @type {FrameEntry | null} */
   #entry = null;
-  /** Of the image in which boxes are. */
+  /** Size of the image that the boxes refer to. */
   #size = { width: 1, height: 1 };
   #resized = new ResizeObserver(() => this.#draw());
   #themed = () => this.#draw();
@@ -38,8 +38,8 @@ export class FramePicture extends HTMLElement {
 
   /**
    * @param {ImageBitmap | null} bitmap closed when another is shown
-   * @param {FrameEntry | null} entry what was found in it; null: that is not known yet
-   * @param {{width: number, height: number}} size of the image that its boxes are in
+   * @param {FrameEntry | null} entry what was found in it; null: not known yet
+   * @param {{width: number, height: number}} size of the image that the boxes refer to
    */
   show(bitmap, entry, size) {
     if (bitmap !== this.#bitmap) this.#bitmap?.close();

@@ -1,4 +1,4 @@
-/** A recorded local map as outlines of its cells, for a top view. Pure functions. */
+/** Outlines of the cells of a recorded local map, for a top view. Pure functions. */
 
 /** @import { PlanMap } from "../contract" */
 
@@ -7,8 +7,8 @@ const FREE = 1;
 const BLOCKED = 2;
 
 /**
- * Return the outlines of the cells that are free and of those that are blocked, as the data of SVG
- * paths whose unit is a cell: its x to the right, its y down.
+ * Return the outlines of the free and of the blocked cells, as SVG path data in units of cells: x
+ * to the right, y down.
  *
  * @param {PlanMap} map
  */
@@ -18,7 +18,7 @@ export function outlinesOf({ size, runs }) {
   const found = [[], [], []];
   runs.forEach((length, k) => {
     const end = at + length;
-    // A run may go on in the next row.
+    // A run may continue in the next row.
     while (at < end) {
       const [x, y] = [Math.floor(at / size), at % size];
       const high = Math.min(end - at, size - y);
@@ -30,7 +30,7 @@ export function outlinesOf({ size, runs }) {
 }
 
 /**
- * Return the matrix that puts a cell's x and y where the corner of its map and its scale say.
+ * Return the SVG matrix from cell coordinates to pixels, given where the map's corner is drawn.
  *
  * @param {PlanMap} map
  * @param {readonly number[]} corner where it is drawn, px right and down
@@ -39,6 +39,6 @@ export function outlinesOf({ size, runs }) {
 export function matrixOf({ corner: [, , angle = 0], cell_m }, [right = 0, down = 0], perMetre) {
   const cell = perMetre * cell_m;
   const [along, across] = [cell * Math.cos(angle), cell * Math.sin(angle)];
-  // Ahead is up, and left is to the left.
+  // Ahead is up, left is left.
   return [-across, -along, -along, across, right, down];
 }

@@ -1,17 +1,17 @@
-/** Table of the body that each track is, corrected by a click. */
+/** Table of the body matched to each track, corrected by a click. */
 
 import { h, select, setAttribute, table, tint } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
 
 /** @import { AlignmentFacts, ChartCurve } from "../contract" */
 
-/** Ways in which a track's body was found. @type {Record<string, string>} */
+/** How a track was matched to its body. @type {Record<string, string>} */
 const BY = { position: "position", speed: "speed", person: "manual choice" };
 const NONE = "unmatched";
 const MOST_BUTTONS = 5;
 
 export class MatchTable extends HTMLElement {
-  /** Called with a track and what a person says it is. @type {(key: string, body: string | null) => void} */
+  /** Called with a track and its body chosen by hand. @type {(key: string, body: string | null) => void} */
   corrected = () => {};
 
   /**
@@ -42,7 +42,7 @@ export class MatchTable extends HTMLElement {
       )?.focus();
   }
 
-  /** @param {boolean} busy what is asked for now would have to wait */
+  /** @param {boolean} busy then further corrections have to wait */
   setBusy(busy) {
     for (const choice of this.querySelectorAll("button, select"))
       setAttribute(choice, "aria-disabled", busy ? "true" : null);
@@ -108,7 +108,7 @@ export class MatchTable extends HTMLElement {
   /**
    * @param {string} key
    * @param {string} label
-   * @param {string[]} bodies more than fit beside each other
+   * @param {string[]} bodies more than fit side by side
    * @param {string | null} now
    */
   #list(key, label, bodies, now) {

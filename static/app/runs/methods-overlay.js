@@ -5,12 +5,12 @@ import { speedWithBand } from "../elements/words.js";
 
 /** @import { FrameBody, FrameEntry, FrameObstacle } from "../contract" */
 
-// In pixels of the screen, whatever the size of the picture is.
+// In screen pixels, regardless of the size of the image.
 const HEAD_PX = 7;
 const LETTERS_PX = 12;
 const ABOVE_PX = 4;
 
-/** A picture with its drawing; both have the size of the rectified image. */
+/** An image with a drawing over it, both in the size of the rectified image. */
 export class OverlaidPicture {
   #canvas = h("canvas", { role: "img" });
   #drawing = svg("svg", { "aria-hidden": "true" });
@@ -29,8 +29,8 @@ export class OverlaidPicture {
   /**
    * @param {ImageBitmap | null} image null: there is none
    * @param {FrameEntry} entry
-   * @param {string} words what is seen, for who does not see it
-   * @param {boolean} truth whether true obstacles are drawn as well
+   * @param {string} words description for screen readers
+   * @param {boolean} truth whether ground truth is drawn as well
    */
   show(image, entry, words, truth) {
     const pen = this.#canvas.getContext("2d");
@@ -38,7 +38,7 @@ export class OverlaidPicture {
     else pen?.clearRect(0, 0, this.#width, this.#height);
     setAttribute(this.#canvas, "aria-label", words);
     const scale = this.#width / Math.max(1, this.#canvas.clientWidth);
-    // A false one is never hidden behind another.
+    // Draw false detections last, so that none is hidden behind another.
     const order = [...entry.obstacles].sort((a, b) => Number(a.false) - Number(b.false));
     this.#drawing.replaceChildren(
       ...(truth ? entry.truth.map(trueBox) : []),
@@ -90,7 +90,7 @@ function rectangle([left = 0, top = 0, right = 0, bottom = 0]) {
   return { x: left, y: top, width: Math.max(0, right - left), height: Math.max(0, bottom - top) };
 }
 
-/** @param {number[]} ends @param {number} head its length */
+/** @param {number[]} ends @param {number} head length of its head */
 function arrow([x0 = 0, y0 = 0, x1 = 0, y1 = 0], head) {
   const length = Math.hypot(x1 - x0, y1 - y0);
   const [u, v] = length > 0 ? [(x1 - x0) / length, (y1 - y0) / length] : [0, 0];

@@ -10,7 +10,7 @@ import { conclusion, figuresAt, methodsHref, seenInWords } from "./methods-words
 
 /** @import { Method } from "./methods-words.js" */
 
-// The address follows what is shown, but browsers refuse to have it changed all the time.
+// The address follows the frame shown, but browsers limit how often it may change.
 const ADDRESS_AFTER_MS = 400;
 /** @type {[string, string][]} */
 const LEGEND = [
@@ -67,7 +67,7 @@ export class MethodsSplit extends Part {
   #images = null;
   #position = 0;
   #shown = 0;
-  /** When the first frame would have been shown, ms, while it plays. @type {number | null} */
+  /** While playing: when the first frame was due, ms. @type {number | null} */
   #began = null;
   #timer = 0;
 
@@ -83,13 +83,13 @@ export class MethodsSplit extends Part {
     this.#slider.addEventListener("input", () => this.#seek(this.#slider.valueAsNumber));
     this.#truth.addEventListener("change", () => void this.#show());
     this.#stage.addEventListener("keydown", (event) => this.#key(event));
-    // Letters and lines keep their size on the screen.
+    // Redraw, so that text and lines keep their size on the screen.
     const sizes = new ResizeObserver(() => void this.#show());
     sizes.observe(this.#stage);
   }
 
   /**
-   * @param {Method[]} methods two of the same frames, or none
+   * @param {Method[]} methods two, of the same frames, or none
    * @param {number | null} position of the first frame to show; null: play from the first one
    */
   show(methods, position = null) {
@@ -177,7 +177,7 @@ export class MethodsSplit extends Part {
     this.#tellAddress();
   }
 
-  /** Show the frame whose turn it is, and go on; what comes late slows it down. */
+  /** Show the frame that is due and continue; late frames are not skipped but delay the rest. */
   async #playOn() {
     await this.#show();
     if (this.#began === null || !this.isConnected) return;
@@ -211,7 +211,7 @@ export class MethodsSplit extends Part {
     }, ADDRESS_AFTER_MS);
   }
 
-  /** Show the frame of the present position; of several asked for at once only the last. */
+  /** Show the frame at the current position; of several requests at once only the last counts. */
   async #show() {
     const images = this.#images;
     const position = this.#position;

@@ -1,4 +1,4 @@
-/** Two methods compared on identical frames: what to compare, how far it is, what came of it. */
+/** Comparing two methods on identical frames: choices, progress and result. */
 
 import {
   button,
@@ -23,10 +23,10 @@ import { compareHref, hasImages } from "./run-words.js";
 /** @import { ComparisonStatus, History, Run, RunFrames, SourceEntry } from "../contract" */
 
 const ASK_EVERY_MS = 400;
-// What a newcomer sees first: people who walk, seen from a robot that moves.
+// The default for newcomers: walking people seen from a moving robot.
 const FIRST = "simulated:people";
 const OPEN = "open";
-// By which the server marks the runs of a comparison.
+// The tag with which the server marks the runs of a comparison.
 const TAG = "comparison";
 const MOST_LISTED = 40;
 
@@ -38,7 +38,7 @@ export class MethodsView extends Part {
   #error = h("p.field-error", { id: "methods-error", role: "alert" });
   #bar = h("progress", { max: 1, "aria-label": "Comparison" });
   #picture = h("img", { alt: "", width: 1024, height: 256 });
-  // Not a status: it changes with every frame, and nobody could listen to that.
+  // No status role: it changes with every frame, too often for screen readers.
   #words = h("p.figure");
   #cancel = button("Cancel", () => this.#cancelled());
   #going = h("div.methods-going", { hidden: true });
@@ -86,7 +86,7 @@ export class MethodsView extends Part {
     this.hear("hashchange", () => this.#follow(), window);
   }
 
-  /** @param {string[] | null} ids of two runs, or none: the newest two; null: another view is shown */
+  /** @param {string[] | null} ids of two runs; empty: the newest two; null: another view is open */
   show(ids) {
     this.hidden = ids === null;
     this.#shown = ids !== null;
@@ -101,7 +101,7 @@ export class MethodsView extends Part {
     void this.#open();
   }
 
-  /** Somebody changed the frame in the page's address. */
+  /** Go to the frame in the page's address after the user changed it. */
   #follow() {
     const position = positionOf(location.hash);
     if (this.#shown && position !== null) this.#split.goTo(position);
@@ -129,7 +129,7 @@ export class MethodsView extends Part {
     });
   }
 
-  /** Wait until the server has told how it is. */
+  /** Wait for the first status from the server. */
   async #connected() {
     if (this.hub.status) return;
     await new Promise((resolve) => {
@@ -137,7 +137,7 @@ export class MethodsView extends Part {
     });
   }
 
-  /** Say whether nothing is open that the first comparison could slow down. */
+  /** Whether nothing is going on that the first comparison could slow down. */
   get #undisturbed() {
     const { status, driver } = this.hub;
     return Boolean(status?.source && !status.source.live && !status.run && !driver.anyArmed);
@@ -213,7 +213,7 @@ export class MethodsView extends Part {
     }
   }
 
-  /** Show the frame that is being processed, as far as there is one. */
+  /** Show the frame being processed, if there is one. */
   async #look() {
     const image = await requestImage("/comparison/picture.jpg").catch(() => null);
     if (!image?.blob.size || this.#going.hidden) return;

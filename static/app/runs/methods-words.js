@@ -21,7 +21,7 @@ const TIME = "Median processing time of a frame, measured at low priority during
 
 /**
  * @param {Run[]} runs
- * @returns {string[]} a short name for each: its preset, where that tells them apart
+ * @returns {string[]} a short name for each: its preset if that is unique, else the run's name
  */
 export function methodNames(runs) {
   const presets = runs.map(({ preset }) => preset ?? "custom values");
@@ -29,7 +29,7 @@ export function methodNames(runs) {
 }
 
 /**
- * Say whether both were made of the same frames.
+ * Return whether all are of the same frames.
  *
  * @param {RunFrames[]} found
  */
@@ -48,7 +48,7 @@ export function sameFrames([first, ...others]) {
 }
 
 /**
- * The figures of one method up to a frame.
+ * Return the figures of one method up to a frame.
  *
  * @param {RunFrames} found
  * @param {number} position
@@ -76,7 +76,7 @@ export function figuresAt({ frames, observed_ms: ms }, position) {
 }
 
 /**
- * What came of it, in a sentence or two.
+ * Return the result of the comparison in a sentence or two.
  *
  * @param {Method[]} methods
  */
@@ -108,7 +108,7 @@ export function conclusion(methods) {
 }
 
 /**
- * What is seen of one method in a frame, for who does not see it.
+ * Describe what one method found in a frame, for screen readers.
  *
  * @param {string} name
  * @param {FrameEntry | undefined} entry

@@ -1,4 +1,4 @@
-/** Observing a run's recording once more with other parameters. */
+/** Re-running a run's recording with other parameters. */
 
 import {
   details,
@@ -28,7 +28,7 @@ import { compareHref, hasImages, runHref } from "./run-words.js";
 class Draft extends Teller {
   /** @type {Values} */
   values = {};
-  /** Values that reset goes to. @type {Values} */
+  /** Values that reset restores. @type {Values} */
   defaults = {};
 
   /** @param {Values} changes */
@@ -118,7 +118,7 @@ export class RerunForm extends Part {
   show(run) {
     const other = run.id !== this.#run?.id;
     this.#run = run;
-    // A re-run has the images of the run that it is of.
+    // A re-run uses the images of its original run.
     const possible = hasImages(run) || (run.rerun_of !== null && run.state !== "running");
     this.#form.hidden = !possible;
     this.#without.hidden = possible;
@@ -132,7 +132,7 @@ export class RerunForm extends Part {
     this.#name.value = "";
     setText(this.#error, "");
     setText(this.#done, "");
-    // One that was begun before is still told of.
+    // Also show a re-run that was started earlier.
     const going = this.hub.status?.reruns.find(({ rerun_of: of }) => of === run.id);
     this.#progress.watch(going ?? null);
     void this.#load();

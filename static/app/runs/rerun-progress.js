@@ -1,4 +1,4 @@
-/** How far a re-run is, the way to cancel it, and what became of it. */
+/** Progress of a re-run, its cancellation and its outcome. */
 
 import { button, h, setText } from "../elements/dom.js";
 import { passFocus } from "../elements/focus-place.js";
@@ -19,7 +19,7 @@ const STATES = {
 };
 
 export class RerunProgress extends Part {
-  /** Called with the run once it has ended, null where nothing is left of it. @type {(run: Run | null) => void} */
+  /** Called with the run once it has ended; null if nothing is left. @type {(run: Run | null) => void} */
   ended = () => {};
 
   #bar = h("progress", { max: 1, value: 0, "aria-label": "Progress of the re-run" });
@@ -27,9 +27,9 @@ export class RerunProgress extends Part {
   #cancel = button("Cancel", () => this.#end());
   #going = h("div.rerun-progress", this.#bar, this.#words, this.#cancel);
   #error = h("p.field-error", { role: "alert" });
-  /** The re-run that is watched. @type {Watched | null} */
+  /** The re-run being watched. @type {Watched | null} */
   #run = null;
-  /** Whether the status has told of it: it may be older than the re-run. */
+  /** Whether it has appeared in the status, which may be older than the re-run. */
   #seen = false;
   #began = 0;
   /** Whether it is being cancelled. */
@@ -64,7 +64,7 @@ export class RerunProgress extends Part {
     if (this.#leaving) return;
     if (now) {
       this.#bar.value = now.share;
-      // Told in tenths, or nobody could listen to it.
+      // In steps of 10 %, so that screen readers do not announce it all the time.
       const done = now.state === "observing" ? `, ${Math.floor(now.share * 10) * 10} % done` : "";
       setText(this.#words, `${run.name}: ${STATES[now.state].toLowerCase()}${done}`);
     } else if (this.#seen || performance.now() - this.#began > 1500) {

@@ -1,4 +1,4 @@
-/** Start and stop of a run, and what the server is doing. */
+/** Starting and stopping a run, and what the server is doing. */
 
 import {
   button,
@@ -31,7 +31,7 @@ const STATES = {
   failed: "Failed",
 };
 
-/** Choices of the images that a recording keeps. @type {[string, string][]} */
+/** Choices of which images to record. @type {[string, string][]} */
 const RECORDS = [
   ["jpeg", "JPEG"],
   ["lossless", "Lossless"],
@@ -85,7 +85,7 @@ class RunBar extends Part {
 
   #render() {
     const { status, connection } = this.hub;
-    // Just connected, the first status is still on its way.
+    // Right after connecting, the first status has not arrived yet.
     const state = connection !== "open" ? connection : (status?.engine.state ?? "connecting");
     setText(this.#words, STATES[state] ?? state);
     setAttribute(this.#state, "data-state", state);
@@ -96,7 +96,7 @@ class RunBar extends Part {
     this.#start.hidden = this.#more.hidden = run !== null;
     this.#stop.hidden = run === null;
     this.#running.hidden = run === null;
-    // In this order, because a long name is cut off.
+    // Duration first, because a long name is cut off.
     if (run) setText(this.#running, `${duration(run.duration_s)} · ${run.name}`);
     const ready = connection === "open" && !this.#busy;
     this.#start.disabled = !ready || !status?.source || status.engine.state === "calibrating";

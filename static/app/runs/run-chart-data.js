@@ -7,11 +7,11 @@ import { trackColour } from "../elements/words.js";
 
 /** @import { Curve } from "../chart/speed-curves.js" */
 
-/** @typedef {"matched" | "band" | "truth" | "commanded" | "encoder" | "stray" | "own"} Choice what can be shown or hidden */
+/** @typedef {"matched" | "band" | "truth" | "commanded" | "encoder" | "stray" | "own"} Choice curves to show or hide */
 
 /**
  * @typedef {Curve & {choice: Choice, words: string, run: string, parts: {begin: number, end: number, label: string}[]}} ChosenCurve
- * words: a track's number. run: its name. parts: tracks that follow each other in one curve
+ * words: the track's number. run: its name. parts: successive tracks in one curve
  */
 
 /**
@@ -24,16 +24,16 @@ import { trackColour } from "../elements/words.js";
  * @property {{begin: number, end: number, run: string}[]} gaps in truth
  */
 
-// As in the figures of reports: no line over a stretch so many times a curve's usual step.
+// As in the figures of reports: no line across a gap this many times the curve's median step.
 const GAP_STEPS = 3;
-// Tracks of fewer samples are drawn without their number.
+// Tracks with fewer samples are drawn without their number.
 const NAMED_FROM = 5;
-/** @type {Choice[]} what stands in front of what */
+/** @type {Choice[]} front to back */
 const ORDER = ["truth", "commanded", "encoder", "matched", "stray", "own"];
 
 /**
  * @param {RunChart[]} charts
- * @param {boolean} overlaid all in one, coloured by run; else a chart for each, coloured by track
+ * @param {boolean} overlaid all in one chart, coloured by run; else one chart each, by track
  * @returns {Panel[]}
  */
 export function panelsOf(charts, overlaid) {
@@ -51,7 +51,7 @@ export function panelsOf(charts, overlaid) {
       };
     });
   }
-  // What a run and its re-run have in common is drawn once.
+  // Curves that a run and its re-run share are drawn once.
   const shared = sameRecording(charts);
   const curves = charts.flatMap((chart, run) =>
     curvesOf(chart, run, Number(origins[run]), { colour: trackColour(run), shared }).filter(
@@ -73,8 +73,8 @@ export function panelsOf(charts, overlaid) {
 }
 
 /**
- * Return the origin of each chart on its source's clock: zero, unless runs of several
- * recordings stand beside each other; their clocks have nothing to do with each other.
+ * Return the origin of each chart on its source's clock: zero, unless the runs are from several
+ * recordings, whose clocks are unrelated.
  *
  * @param {RunChart[]} charts
  * @returns {number[]}
@@ -84,7 +84,7 @@ export function originsOf(charts) {
   return charts.map((chart) => spanOf(chart)[0]);
 }
 
-/** Say whether all are of one recording: a run and its re-runs. @param {RunChart[]} charts */
+/** Return whether all are of one recording: a run and its re-runs. @param {RunChart[]} charts */
 export function sameRecording(charts) {
   const origin = new Map(charts.map(({ run }) => [run.id, run.rerun_of ?? null]));
   const roots = charts.map(({ run }) => {
@@ -95,7 +95,7 @@ export function sameRecording(charts) {
   return new Set(roots).size <= 1;
 }
 
-/** @param {RunChart[]} charts @returns {[number, number]} seconds of all runs, as drawn */
+/** @param {RunChart[]} charts @returns {[number, number]} extent of all runs, s, as drawn */
 export function extentOf(charts) {
   const origins = originsOf(charts);
   const spans = charts.map((chart, run) =>
@@ -107,8 +107,8 @@ export function extentOf(charts) {
 }
 
 /**
- * Return a run's first and last time on its clock; those of its curves where the run is of a
- * version that did not keep them.
+ * Return a run's first and last time on its clock, taken from its curves if an old version did not
+ * store them.
  *
  * @param {RunChart} chart
  * @returns {[number, number]}
@@ -145,9 +145,9 @@ export function trackInWords(track) {
 
 /**
  * @param {RunChart} chart
- * @param {number} run its place
+ * @param {number} run its index
  * @param {number} origin
- * @param {{colour: string, shared: boolean} | null} overlay its colour among other runs; shared: they have their recording in common
+ * @param {{colour: string, shared: boolean} | null} overlay colour of this run; shared: all are of one recording
  * @returns {ChosenCurve[]}
  */
 function curvesOf(chart, run, origin, overlay) {
@@ -159,7 +159,7 @@ function curvesOf(chart, run, origin, overlay) {
     .map((stored, at) => {
       const choice = choiceOf(stored, known);
       const kind = choice === "stray" ? "stray" : stored.kind;
-      // Without colours too it is told whose it is.
+      // Name the run, so that colour is not the only distinction.
       const own = overlay && (stored.kind === "estimate" || !overlay.shared);
       const label = own ? `${chart.run.name}: ${labelOf(stored)}` : labelOf(stored);
       const broken = withGaps(stored);
@@ -204,7 +204,7 @@ function colourOf({ kind, track_id }, choice) {
 }
 
 /**
- * Tracks of one colour that follow each other, as one curve: a long run has hundreds of them.
+ * Join successive tracks of one colour into one curve: a long run has hundreds of them.
  *
  * @param {ChosenCurve[]} curves
  * @returns {ChosenCurve[]}
@@ -238,7 +238,7 @@ function isTrack({ choice }) {
 }
 
 /**
- * With a null in every stretch that is too long, so that no line is drawn over it.
+ * Put a null into every gap that is too long, so that no line is drawn across it.
  *
  * @param {ChartCurve} curve
  */
@@ -263,7 +263,7 @@ function withGaps({ times, speeds, stds }) {
   return found;
 }
 
-/** Return where tracks begin, so that identity switches are seen. @param {ChosenCurve[]} curves not yet in lanes */
+/** Return where tracks begin, to show identity switches. @param {ChosenCurve[]} curves not yet joined */
 function startsOf(curves) {
   return curves
     .filter((curve) => isTrack(curve) && curve.times.length >= NAMED_FROM)

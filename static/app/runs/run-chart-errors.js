@@ -1,4 +1,4 @@
-/** The table of a run's speed errors, or of several runs beside each other. */
+/** The table of a run's speed errors, or of several runs side by side. */
 
 import { details, h, swatch, table } from "../elements/dom.js";
 import { GLOSSARY } from "../elements/glossary.js";
@@ -11,7 +11,7 @@ const COLUMNS = ["samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", WITHIN, "m
 const WHAT = `The error is the estimated speed minus the ground-truth speed at the same instant, over the whole
   run. “Measured” is the share of time with an estimate while the body moved in view.`;
 
-/** @param {RunChart[]} charts @param {boolean} coloured by run, as the chart is @returns {HTMLElement} */
+/** @param {RunChart[]} charts @param {boolean} coloured by run @returns {HTMLElement} */
 export function errorSection(charts, coloured) {
   const several = charts.length > 1;
   const known = charts.some((chart) => chart.errors.some(({ samples }) => samples > 0));
@@ -57,7 +57,13 @@ function ofOne(errors) {
   );
 }
 
-/** Each group once, with a line for every run; tracks have nothing to do with each other. @param {RunChart[]} charts @param {boolean} coloured */
+/**
+ * Return a table with each group once and a row for every run, without tracks, which cannot be
+ * compared across runs.
+ *
+ * @param {RunChart[]} charts
+ * @param {boolean} coloured
+ */
 function comparison(charts, coloured) {
   const groups = new Set(
     charts.flatMap((chart) => chart.errors.filter(({ group }) => group !== "track").map(inWords)),

@@ -1,4 +1,4 @@
-/** One chart of stored runs: its curves, what the pointer or the keys read of them, and in words. */
+/** One chart of stored runs: its curves, the values read by pointer or keys, and a description. */
 
 import { withBand } from "../chart/speed-curves.js";
 import { SpeedPlot } from "../chart/speed-plot.js";
@@ -22,16 +22,16 @@ declareKeys(
  * State shared by all panels of a comparison; seconds as in their curves.
  *
  * @typedef {object} Shared
- * @property {() => [number, number]} range that is seen
+ * @property {() => [number, number]} range that is visible
  * @property {() => [number, number]} extent of all curves
  * @property {(begin: number, end: number) => void} zoom
- * @property {(time: number | null) => void} read values of all panels there
+ * @property {(time: number | null) => void} read the values of all panels at a time
  * @property {() => number} top m/s
  */
 
 const HEIGHT_PX = 280;
 const TOP_AT_LEAST_MPS = 0.2;
-// Shares of what is seen: one press of a key, and how near the pointer must be to a curve's end.
+// Shares of the visible range: steps of a key, and how far past a curve's end it is still read.
 const STEP = 0.02;
 const PAN = 0.2;
 const ZOOM = 2;
@@ -48,7 +48,7 @@ export class ChartPanel {
     "aria-roledescription": "chart",
   });
   #reading = h("p.chart-reading.figure", READING);
-  // Said after a key only: the pointer reads faster than anybody can listen.
+  // Announced after key presses only: the pointer would be too fast for screen readers.
   #said = h("p.visually-hidden", { role: "status" });
   /** @type {number | null} */
   #time = null;
@@ -59,7 +59,7 @@ export class ChartPanel {
   /**
    * @param {Panel} panel
    * @param {Shared} shared
-   * @param {boolean} several whether runs are compared, here or by panels beside this one
+   * @param {boolean} several whether runs are compared, in this panel or in others
    */
   constructor(panel, shared, several) {
     this.panel = panel;
@@ -88,7 +88,7 @@ export class ChartPanel {
     );
   }
 
-  /** @param {Set<Choice>} choices what is shown */
+  /** @param {Set<Choice>} choices what to show */
   draw(choices) {
     const { curves, starts, changes, gaps } = this.panel;
     this.#shown = curves
@@ -113,12 +113,12 @@ export class ChartPanel {
     );
   }
 
-  /** m/s, of the curves that are seen. */
+  /** m/s: the highest visible value. */
   highest() {
     return this.#plot.highest();
   }
 
-  /** Put the line at which values are read, where the pointer is not here itself. @param {number | null} time */
+  /** Move the cursor line unless the pointer is here; read values. @param {number | null} time */
   point(time) {
     if (!this.#host.matches(":hover")) this.#plot.point(time);
     this.renderReading(time);
@@ -190,7 +190,7 @@ function noteOf({ run, aligned, sentence: told }, named) {
   return h("p.chart-note", named ? `${run.name}: ${sentence(told)}` : sentence(told));
 }
 
-/** Changes of identity and gaps in truth, in words. @param {Panel} panel */
+/** Describe identity switches and gaps in ground truth. @param {Panel} panel */
 function factsOf({ charts, changes, gaps }) {
   const of = (/** @type {string} */ run) => (charts.length > 1 ? ` in ${run}` : "");
   const changed = changes.map(

@@ -1,8 +1,8 @@
 /**
  * <observer-run-chart>: speeds of stored runs over time, one or several, with their errors.
  *
- * `show(charts)` takes answers of GET /api/runs/{id}/chart. What is zoomed, hidden and how several
- * stand beside each other is the element's own.
+ * `show(charts)` takes answers of GET /api/runs/{id}/chart. The element itself keeps the zoom, the
+ * hidden curves and the arrangement of several runs.
  */
 
 import { chartMenu, ofRun } from "../chart/chart-files.js";
@@ -16,11 +16,11 @@ import { ChartPanel } from "./run-chart-panel.js";
 /** @import { RunChart as StoredChart } from "../contract" */
 /** @import { Choice } from "./run-chart-data.js" */
 
-// Less than this is not zoomed into.
+// The zoom stops here.
 const LEAST_SPAN_S = 0.2;
 const ZOOM = 2;
 
-/** @type {{choice: Choice, label: string, kind: string, colour: string | null, shown: boolean}[]} those without a colour have that of the first track */
+/** @type {{choice: Choice, label: string, kind: string, colour: string | null, shown: boolean}[]} colour null: that of the first track */
 const CHOICES = [
   { choice: "matched", label: "Estimate", kind: "estimate", colour: null, shown: true },
   { choice: "band", label: "95 % interval", kind: "band", colour: null, shown: true },
@@ -40,7 +40,7 @@ const CHOICES = [
 let made = 0;
 
 export class RunChart extends HTMLElement {
-  /** Called with the second that somebody reads, on the first run's clock. @type {((time: number) => void) | null} */
+  /** Called with the time read, s on the first run's clock. @type {((time: number) => void) | null} */
   pointed = null;
 
   #name = `run-chart-${(made += 1)}`;
@@ -72,11 +72,11 @@ export class RunChart extends HTMLElement {
   #extent = [0, 1];
   /** @type {[number, number]} */
   #range = [0, 1];
-  /** Where the line stands while nobody points. @type {number | null} */
+  /** Time of the cursor line while nothing is pointed at. @type {number | null} */
   #at = null;
   #exporting;
 
-  /** @param {{exporting?: boolean}} options exporting: whether it has a button of its own for that */
+  /** @param {{exporting?: boolean}} options exporting: whether it has its own export button */
   constructor({ exporting = true } = {}) {
     super();
     this.#exporting = exporting;
@@ -92,9 +92,9 @@ export class RunChart extends HTMLElement {
   }
 
   /**
-   * What is zoomed into stays so where the same runs are shown again, as while one is going.
+   * Show runs; the zoom is kept if the same runs are shown again, as while one is in progress.
    *
-   * @param {StoredChart[]} charts one, or several to compare; the first is what others are compared with
+   * @param {StoredChart[]} charts one, or several to compare with the first
    */
   show(charts) {
     const ids = (/** @type {StoredChart[]} */ some) => some.map(({ run }) => run.id).join(" ");
@@ -105,20 +105,20 @@ export class RunChart extends HTMLElement {
     if (this.isConnected) this.#rebuild();
   }
 
-  /** Put the line to a time, as something beside the chart shows it. @param {number | null} time */
+  /** Move the cursor line to the time shown elsewhere on the page. @param {number | null} time */
   mark(time) {
     this.#at = time;
     this.#point(time);
   }
 
-  /** Offer what is seen of each run as files. */
+  /** Offer the visible part of each run as files. */
   offers() {
     const origins = originsOf(this.#charts);
     const [begin, end] = this.#range;
     const all = this.#seesAll();
     return this.#charts.map(({ run }, at) => {
       const origin = Number(origins[at]);
-      // On each run's own clock.
+      // Times on each run's own clock.
       return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });
     });
   }
@@ -232,12 +232,12 @@ export class RunChart extends HTMLElement {
 
   #draw() {
     for (const panel of this.#panels) panel.draw(this.#choices);
-    // The upper end is common to all: only now every curve that is seen is known.
+    // The panels share the upper end, which depends on all visible curves, known only now.
     for (const panel of this.#panels) panel.rescale();
     this.#pointAgain();
   }
 
-  /** Only what these runs have; pressing one hides or shows it. */
+  /** Make a legend of what these runs contain; pressing an entry toggles it. */
   #renderLegend() {
     const has = new Set(
       this.#panels.flatMap(({ panel }) => panel.curves.map(({ choice }) => choice)),
@@ -268,7 +268,7 @@ export class RunChart extends HTMLElement {
           h("span.of-run", swatch("estimate", trackColour(at)), run.name),
         )
       : [];
-    // What is seen only while its curves are shown has no chip of its own.
+    // Marks are visible only with their curves, so they have no toggle of their own.
     const marks = markLegend(
       /** @type {const} */ (["start", "change", "gap"]).filter((mark) =>
         this.#panels.some(({ panel }) => panel[`${mark}s`].length > 0),
@@ -282,7 +282,7 @@ export class RunChart extends HTMLElement {
     );
   }
 
-  /** @param {number | null} time null: nobody points any more */
+  /** @param {number | null} time null: the pointer has left */
   #read(time) {
     if (time !== null && this.pointed) {
       this.#at = time;
@@ -296,13 +296,13 @@ export class RunChart extends HTMLElement {
     for (const panel of this.#panels) panel.point(time);
   }
 
-  /** Put the line where it belongs once the plots have taken another scale. */
+  /** Move the cursor line back in place after the plots were rescaled. */
   #pointAgain() {
     if (this.#at !== null) queueMicrotask(() => this.#point(this.#at));
   }
 
   /**
-   * An end beyond the other moves both.
+   * Take a typed range; an end beyond the other moves both.
    *
    * @param {number} begin
    * @param {number} end
@@ -323,7 +323,7 @@ export class RunChart extends HTMLElement {
   }
 
   /**
-   * Kept within what there is; what is no range changes nothing.
+   * Zoom to a range, clamped to the extent; an invalid range changes nothing.
    *
    * @param {number} begin
    * @param {number} end

@@ -1,4 +1,4 @@
-/** Everything that can be made of a run, behind one button, and what is being made. */
+/** All exports of a run behind one button, and the state of the current one. */
 
 import { chartGroups } from "../chart/chart-files.js";
 import { button, download, field, h, select, setText } from "../elements/dom.js";
@@ -75,16 +75,16 @@ export class RunExport extends Part {
   #state = h("span", { role: "status" });
   #cancel = button("Cancel", () => this.#making?.abort());
   #error = h("span.field-error", { role: "alert" });
-  /** What is being made, and what became of it; it stands where there is room for words. */
+  /** State and outcome of an export; placed by the caller where there is room. */
   told = h("p.export-told", { hidden: true }, this.#state, this.#cancel, this.#error);
   /** @type {Run | null} */
   #run = null;
   /** @type {() => Offer[]} */
   #chart;
-  /** The file that is being made. @type {AbortController | null} */
+  /** Cancels the file being made. @type {AbortController | null} */
   #making = null;
 
-  /** @param {() => Offer[]} chart files of what is seen of the run's chart */
+  /** @param {() => Offer[]} chart files of the visible part of the run's chart */
   constructor(chart = () => []) {
     super();
     this.#chart = chart;
@@ -116,7 +116,7 @@ export class RunExport extends Part {
       take: saved(`${path}/speeds?format=csv`, "csv"),
     };
     const chart = chartGroups(this.#chart(), (words, make) => this.#make(words, make));
-    // While it is written, or where nothing was recorded, there are only its speeds.
+    // While the run is being written, or if it was not recorded, only its speeds are available.
     if (run.record === null || run.state === "running")
       return [{ title: "Run", items: [speeds] }, ...chart];
     /** @type {MenuItem[]} */
@@ -166,7 +166,7 @@ export class RunExport extends Part {
 
   /**
    * @param {Run} run
-   * @param {string} path below the run's
+   * @param {string} path below the run's path
    * @param {string} ending of the file
    * @param {string} words
    * @param {string} part added to the file's name
@@ -179,7 +179,7 @@ export class RunExport extends Part {
   }
 
   /**
-   * One at a time: each keeps a core of the server busy.
+   * Make one file at a time: each keeps a core of the server busy.
    *
    * @param {string} words
    * @param {(signal: AbortSignal) => Promise<{blob: Blob, name: string}>} make

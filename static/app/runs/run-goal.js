@@ -1,4 +1,4 @@
-/** What the observer did on its way to a goal at the frame of a run that is shown, and why. */
+/** What the observer did on its way to a goal at the frame shown, and why. */
 
 import { details, h, setText } from "../elements/dom.js";
 import { GoalWhy } from "../elements/goal-why.js";
@@ -9,7 +9,7 @@ import { fixed } from "../elements/words.js";
 export class RunGoal extends HTMLElement {
   #sentence = h("p");
   #why = new GoalWhy();
-  // It scrolls: what is below stays where it is while somebody points at a chart there.
+  // It scrolls, so that a chart below does not move under the pointer.
   #opens = details("Why", h("div", { tabindex: 0, role: "group", "aria-label": "Why" }, this.#why));
 
   connectedCallback() {
@@ -20,7 +20,7 @@ export class RunGoal extends HTMLElement {
 
   /**
    * @param {FrameEntry | null} entry null: no frame is shown
-   * @param {boolean} had whether the run had a goal at some time
+   * @param {boolean} had whether the run had a goal at any time
    */
   show(entry, had) {
     this.hidden = !had || !entry;

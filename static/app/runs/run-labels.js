@@ -1,4 +1,4 @@
-/** A run's name, tags and notes, by which it is found again; kept as they are changed. */
+/** A run's name, tags and notes, by which it can be searched; saved as they change. */
 
 import { button, field, h, icon, input, onSubmit, setText } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
@@ -9,7 +9,7 @@ import { attemptIn } from "../shell/notice.js";
 /** @import { History, Run } from "../contract" */
 
 export class RunLabels extends Part {
-  /** Called with the run as it is kept now. @type {(run: Run) => void} */
+  /** Called with the run as saved. @type {(run: Run) => void} */
   changed = () => {};
 
   #name = input("text", "run-label-name", { maxlength: 100 });
@@ -66,7 +66,7 @@ export class RunLabels extends Part {
       setText(this.#error, "");
       this.#add.value = "";
     }
-    // What is being typed is not overwritten by what was kept before.
+    // Do not overwrite what is being typed with the saved text.
     for (const [input, text] of /** @type {const} */ ([
       [this.#name, run.name],
       [this.#notes, run.notes],
@@ -86,7 +86,7 @@ export class RunLabels extends Part {
     return h("li.tag-chip.plain", tag, remove);
   }
 
-  /** Several at once stand with commas between them. */
+  /** Add one tag or several separated by commas. */
   async #addTags() {
     const added = this.#add.value
       .split(",")

@@ -1,4 +1,4 @@
-/** The newest runs, and the way to all of them. */
+/** The newest runs, and a link to all of them. */
 
 import { button, downloadLink, h, iconButton, item, stateChip } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
@@ -11,7 +11,7 @@ import { facts, goingRuns, runHref, size } from "./run-words.js";
 
 /** @import { History, RingFile, Run } from "../contract" */
 
-// Older ones are found in the history.
+// Older ones are in the history.
 const NEWEST = 8;
 
 class RunList extends Part {

@@ -24,10 +24,10 @@ const AT_ONCE = 3;
 const NO_IMAGES = "This run has no images: the top view shows what was found.";
 
 export class RunPlayer extends Part {
-  /** Called with the second that is shown, on the run's clock. @type {(time: number) => void} */
+  /** Called with the time shown, s on the run's clock. @type {(time: number) => void} */
   moved = () => {};
   /**
-   * Called with what is known of the frame that is shown, and whether the run had a goal.
+   * Called with what is known of the frame shown, and whether the run had a goal.
    *
    * @type {(entry: FrameEntry | null, goal: boolean) => void}
    */
@@ -58,12 +58,12 @@ export class RunPlayer extends Part {
   /** Why there are no images. */
   #trouble = "";
   #at = 0;
-  /** Of the image that is shown. */
+  /** Position of the image shown. */
   #drawn = -1;
   #playing = false;
-  /** Second of the run, and of the page, that the playing began with. */
+  /** Start of playback: s on the run's clock, ms on the page's. */
   #began = { time: 0, now: 0 };
-  /** Number of images that are waited for. */
+  /** Number of images being waited for. */
   #waiting = 0;
   #asked = 0;
 
@@ -79,7 +79,7 @@ export class RunPlayer extends Part {
     this.#empty("");
   }
 
-  /** Position of the frame that is shown. */
+  /** Position of the frame shown. */
   get position() {
     return this.#at;
   }
@@ -93,7 +93,7 @@ export class RunPlayer extends Part {
     if (before === null || keyOf(run) !== keyOf(before)) void this.#load(run);
   }
 
-  /** Show the frame at a second of the run, as somebody points at it. @param {number} time */
+  /** Show the frame at a time pointed at, s on the run's clock. @param {number} time */
   seek(time) {
     if (this.#frames) this.#stop(this.#frames.positionAt(time), false);
   }
@@ -125,7 +125,7 @@ export class RunPlayer extends Part {
   }
 
   /**
-   * Show an image before it is known what was found in it.
+   * Show the image before what was found in it is loaded.
    *
    * @param {FrameImages} images
    */
@@ -138,7 +138,7 @@ export class RunPlayer extends Part {
 
   /**
    * @param {string} words why there is nothing to see
-   * @param {boolean} [soon] there will be: its place is kept
+   * @param {boolean} [soon] there will be something: keep its space
    */
   #empty(words, soon = false) {
     this.#frames = null;
@@ -186,7 +186,7 @@ export class RunPlayer extends Part {
 
   /**
    * @param {number} position
-   * @param {boolean} [tell] false: whoever wants it knows
+   * @param {boolean} [tell] false: the caller already knows the time
    */
   #goTo(position, tell = true) {
     const frames = this.#frames;
@@ -206,13 +206,13 @@ export class RunPlayer extends Part {
     if (tell) this.moved(time);
     const known = frames.at(position);
     void frames.fetch(position).then((entry) => {
-      // What was near it is replaced by itself.
+      // Replace the nearest entry with the frame's own.
       if (!known && entry && frames === this.#frames && position === this.#at)
         this.#goTo(position, tell);
     });
   }
 
-  /** Lead to the method's steps on this frame and the one before. @param {number} position */
+  /** Link to the method's steps for this frame and the previous one. @param {number} position */
   #linkMethod(position) {
     const run = this.#run;
     this.#method.hidden = !run || !hasImages(run) || this.#images === null;
@@ -222,7 +222,7 @@ export class RunPlayer extends Part {
   /** @param {number} position */
   async #showImage(position) {
     const images = this.#images;
-    // While it plays, what would have to wait is left out.
+    // During playback, drop images that would have to wait.
     if (!images || (this.#playing && this.#waiting >= AT_ONCE)) return;
     this.#waiting += 1;
     const bitmap = await images.at(position).finally(() => (this.#waiting -= 1));
@@ -240,7 +240,7 @@ export class RunPlayer extends Part {
     this.#playing = playing;
     offerPlayback(this.#play, this.#playing);
     if (!playing || !frames) return;
-    // At its end it begins again.
+    // At the end, start again.
     if (this.#at >= frames.count - 1) this.#goTo(0);
     this.#drawn = this.#at;
     this.#begin();
@@ -262,7 +262,7 @@ export class RunPlayer extends Part {
     requestAnimationFrame(() => this.#tick());
   }
 
-  /** Arrows step from every control here; the slider has them anyway. @param {KeyboardEvent} event */
+  /** Step by arrow keys from all controls, not just the slider. @param {KeyboardEvent} event */
   #pressed(event) {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target === this.#rate) return;
     const count = this.#frames?.count ?? 0;
@@ -280,12 +280,12 @@ export class RunPlayer extends Part {
   }
 }
 
-/** Say whether its frames have images: a re-run has those of the run that it is of. @param {Run} run */
+/** Whether its frames have images: a re-run uses those of its original run. @param {Run} run */
 function isPictured({ record, rerun_of }) {
   return record !== null && (record !== "none" || rerun_of !== null);
 }
 
-/** What its frames and what is known of them depend on. @param {Run} run */
+/** Return a key of everything the frames and their entries depend on. @param {Run} run */
 function keyOf({ id, state, aligned, truth_id }) {
   return [id, state, aligned, truth_id].join(" ");
 }

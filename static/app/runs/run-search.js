@@ -1,4 +1,4 @@
-/** Finding runs: by words, by tags; choosing some to compare; deleting and bringing back. */
+/** Searching runs by words and tags; choosing some to compare; deleting and restoring. */
 
 import {
   button,
@@ -21,7 +21,7 @@ import { compareHref, facts, goingRuns, runHref, size } from "./run-words.js";
 
 const PAGE = 50;
 const ASK_AFTER_MS = 200;
-// More curves than that nobody tells apart.
+// More curves than this could not be told apart.
 const MOST_COMPARED = 4;
 
 export class RunSearch extends Part {
@@ -48,7 +48,7 @@ export class RunSearch extends Part {
   });
   #empty = h("p.empty");
   #shown = false;
-  /** Only runs with all of these are shown. @type {Set<string>} */
+  /** Only runs with all of these tags are shown. @type {Set<string>} */
   #wantedTags = new Set();
   #limit = PAGE;
   #timer = 0;
@@ -110,7 +110,7 @@ export class RunSearch extends Part {
     await attemptIn(this.#found, async () => {
       /** @type {History} */
       const found = await request("GET", `/history?${query}`);
-      // An answer that was overtaken by the next question is of no use.
+      // Ignore an answer superseded by a newer query.
       if (asked === this.#asked) this.#take(found);
     });
   }
@@ -134,7 +134,7 @@ export class RunSearch extends Part {
           ? `No runs deleted in the last ${counted(Math.round(days), "day")}.`
           : "No runs yet. Start a run at the top of the page to record it and list it here.",
     );
-    // A tag that no run bears any more can still be taken out of the question.
+    // A tag that no run has any more can still be removed from the query.
     const known = { ...Object.fromEntries([...this.#wantedTags].map((tag) => [tag, 0])), ...tags };
     this.#chips.show(
       Object.entries(known),
@@ -222,7 +222,7 @@ export class RunSearch extends Part {
     const count = this.#chosen.size;
     const possible = count >= 2 && count <= MOST_COMPARED;
     setText(this.#compare, count > 0 ? `Compare ${counted(count, "run")}` : "Compare");
-    // Not disabled: it tells what it waits for.
+    // Not disabled: its description says what is missing.
     setAttribute(this.#compare, "aria-disabled", possible ? null : "true");
     setAttribute(
       this.#compare,
@@ -240,11 +240,11 @@ export class RunSearch extends Part {
 }
 
 /**
- * Hide a run, with the way back.
+ * Delete a run, offering to undo it.
  *
  * @param {import("../shell/hub.js").Hub} hub
  * @param {Run} run
- * @returns {Promise<boolean>} whether it was
+ * @returns {Promise<boolean>} whether it was deleted
  */
 export async function removeRun(hub, run) {
   if (!(await attempt(() => request("DELETE", `/runs/${encodeURIComponent(run.id)}`))))

@@ -1,4 +1,4 @@
-/** One run: its frames, its speeds against truth, what is known of it, and what can be made of it. */
+/** One run: its frames, its speeds against ground truth, its facts and exports. */
 
 import {
   button,
@@ -29,13 +29,13 @@ import { compareHref, facts, hasImages } from "./run-words.js";
 /** @import { Run, RunChart as Chart } from "../contract" */
 
 const AGAIN_MS = 5000;
-// Frames that are played before the one that is opened in 3D.
+// Frames played before the one opened in 3D.
 const LEAD = 15;
 
 export class RunView extends Part {
-  /** Called with what the view is to be called. @type {(words: string) => void} */
+  /** Called with the title of the view. @type {(words: string) => void} */
   named = () => {};
-  /** Called when the live parts are wanted. @type {() => void} */
+  /** Called to go back to the live parts. @type {() => void} */
   left = () => {};
 
   #facts = h("p.hint");
@@ -58,7 +58,7 @@ export class RunView extends Part {
   #truth = new AlignmentPanel();
   #rerun = new RerunForm();
   #files = new RunExport(() => this.#chart.offers());
-  /** What can be done with the run, for the head of the page. */
+  /** Actions for the run, for the head of the page. */
   actions = h("div.row.run-actions", { hidden: true }, this.#files, this.#remove);
   #settings = h("div.stack");
   #body = h("div.run-view", { hidden: true });
@@ -66,7 +66,7 @@ export class RunView extends Part {
   #id = null;
   /** @type {Run | null} */
   #run = null;
-  /** Whose curves are shown. @type {string | null} */
+  /** ID of the run whose curves are shown. @type {string | null} */
   #shown = null;
   #asked = 0;
   #timer = 0;
@@ -118,7 +118,7 @@ export class RunView extends Part {
     clearTimeout(this.#timer);
     this.#id = id;
     this.actions.hidden = id === null;
-    // What is on its way must not bring the run's actions back.
+    // Pending answers must not bring the run's actions back.
     this.#asked += 1;
     if (id === null) return this.#player.show(null);
     if (id !== this.#run?.id) this.#body.hidden = this.actions.hidden = true;
@@ -194,7 +194,7 @@ export class RunView extends Part {
     setText(this.#playHelp, `Replaces the live source${back}.`);
   }
 
-  /** Open the recording as a source at the frame that is shown. */
+  /** Open the recording as a source at the frame shown. */
   async #open() {
     const run = this.#run;
     if (!run || this.#play.getAttribute("aria-disabled")) return;
@@ -202,7 +202,7 @@ export class RunView extends Part {
     const seek = this.#player.position;
     await attemptIn(this.#error, async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
-      // Tracks need some frames to begin.
+      // Tracks need some frames to start.
       const lead = Math.min(seek, LEAD);
       await request("POST", "/playback", { paused: true, seek: seek - lead });
       if (lead > 0) await request("POST", "/playback", { step: lead });
@@ -217,7 +217,7 @@ export class RunView extends Part {
   }
 }
 
-/** @param {Run} run with what it was observed */
+/** Return the settings of a run. @param {Run} run */
 function settingsOf(run) {
   const { preset, calibration_id: calibration, record, versions, parameters } = run;
   /** @type {[string, string][]} */

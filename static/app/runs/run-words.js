@@ -32,7 +32,7 @@ export function facts(run) {
     .join(" · ");
 }
 
-/** Say whether its recording can be played and re-run. @param {Run} run */
+/** Return whether its recording can be played and re-run. @param {Run} run */
 export function hasImages({ state, record }) {
   return state !== "running" && record !== null && record !== "none";
 }
@@ -66,10 +66,10 @@ export function runHref(id) {
 }
 
 /**
- * Return the page's address of the step of the method that tells moving from static, on a frame.
+ * Return the page's address of the method step that separates moving from static, for a frame.
  *
  * @param {string} id of the run
- * @param {number} position of the frame; the pair is it and the one before
+ * @param {number} position of the frame; it is paired with the previous one
  */
 export function methodHref(id, position) {
   return `#steps/6?source=run:${encodeURIComponent(id)}&frame=${Math.max(1, position)}`;
@@ -95,12 +95,12 @@ export function placeOf(hash) {
   return ids.length > 0 ? { view: "run", ids: ids.slice(0, 1) } : { view: "list", ids: [] };
 }
 
-/** @param {string} [text] with commas between them */
+/** @param {string} [text] separated by commas */
 function idsIn(text = "") {
   return text.split(",").filter(Boolean).map(decoded);
 }
 
-/** @param {string} text what somebody typed into the address may be anything */
+/** @param {string} text from the address, so it may be anything */
 function decoded(text) {
   try {
     return decodeURIComponent(text);

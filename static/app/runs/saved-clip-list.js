@@ -1,4 +1,4 @@
-/** Saved half minutes: played as a source, downloaded, deleted. */
+/** Saved clips of half a minute: played as a source, downloaded, deleted. */
 
 import { button, downloadLink, h, icon, iconButton, item } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
@@ -11,7 +11,7 @@ import { runHref, size } from "./run-words.js";
 /** @import { RingEntry } from "../contract" */
 
 export class SavedClipList extends Part {
-  /** Called once one of them is open as a source. @type {() => void} */
+  /** Called once a clip has been opened as a source. @type {() => void} */
   left = () => {};
 
   #heading = h("h3", { tabindex: "-1" }, "Saved clips");

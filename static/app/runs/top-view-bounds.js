@@ -2,7 +2,7 @@
 
 /** @import { FrameEntry } from "../contract" */
 
-// Share of the places on either side that may lie outside: a stray far away would shrink all else.
+// Share of the positions that may lie outside on each side: a far outlier would shrink the rest.
 const OUTSIDE = 0.02;
 const LEAST_M = 3;
 const MARGIN_PX = 26;
@@ -10,7 +10,7 @@ const GRID_PX = 34;
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50];
 
 /**
- * Return the middle of what is shown, in metres ahead and to the left, and its scale.
+ * Return the centre of the view, in metres ahead and to the left, and its scale.
  *
  * @param {readonly FrameEntry[]} frames of one segment
  * @param {number} wide px
@@ -39,7 +39,7 @@ export function boundsOf(frames, wide, high) {
   return { ahead: (front + back) / 2, left: (left + right) / 2, perMetre };
 }
 
-/** Return the metres between two lines of the grid. @param {number} perMetre px */
+/** Return the grid spacing, metres. @param {number} perMetre px */
 export function gridOf(perMetre) {
   return STEPS.find((step) => step * perMetre >= GRID_PX) ?? 100;
 }

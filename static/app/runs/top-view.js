@@ -1,4 +1,4 @@
-/** The scene of a recorded frame from above, to scale: camera and its trail, obstacles, ground truth. */
+/** A recorded frame from above, to scale: camera and its trail, obstacles, ground truth. */
 
 import { h, setAttribute, setText, svg, tint } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
@@ -14,7 +14,7 @@ const GOAL_PX = 7;
 const HEAD_PX = 7;
 const TRAIL_POINTS = 300;
 
-/** Fills its place. Ahead is up; the scale stays the same for a whole segment. */
+/** Fills its container. Ahead is up; the scale is constant over a segment. */
 export class TopView extends HTMLElement {
   #drawing = svg("svg", { role: "img", class: "top-view" });
   #scale = h("p.hint");
@@ -36,7 +36,7 @@ export class TopView extends HTMLElement {
     this.#resized.disconnect();
   }
 
-  /** @param {readonly FrameEntry[]} frames some that are spread over the whole run, in order */
+  /** @param {readonly FrameEntry[]} frames spread over the whole run, in order */
   take(frames) {
     this.#frames = frames;
     this.#shown = this.#map = null;
@@ -46,7 +46,7 @@ export class TopView extends HTMLElement {
 
   /**
    * @param {FrameEntry | null} entry
-   * @param {PlanMap | null} [map] the local map that counts there
+   * @param {PlanMap | null} [map] the local map valid at that frame
    */
   show(entry, map = null) {
     this.#shown = entry;
@@ -59,7 +59,7 @@ export class TopView extends HTMLElement {
     const { clientWidth: wide, clientHeight: high } = this.#drawing;
     if (!plan || wide === 0 || high === 0) return this.#drawing.replaceChildren();
     const { ahead, left, perMetre } = this.#bounds(plan.segment, wide, high);
-    // Metres ahead and to the left, as pixels down and to the right of the drawing's middle.
+    // From metres ahead and to the left to pixels right and down.
     const place = (/** @type {readonly number[]} */ [x = 0, y = 0]) =>
       /** @type {[number, number]} */ ([
         wide / 2 - (y - left) * perMetre,
@@ -98,7 +98,7 @@ export class TopView extends HTMLElement {
     return this.#kept.bounds;
   }
 
-  /** Where the camera was until now, in this segment. @param {FramePlan} now */
+  /** Return the camera's positions so far in this segment. @param {FramePlan} now */
   #trail(now) {
     const before = this.#frames
       .map(({ plan }) => plan)
@@ -179,7 +179,7 @@ class Brush {
       svg("ellipse", {
         rx: Math.max(1, along * this.perMetre).toFixed(1),
         ry: Math.max(1, across * this.perMetre).toFixed(1),
-        // From ahead, which is up, to the left.
+        // The angle is measured from ahead (up) to the left.
         transform: `translate(${x.toFixed(1)} ${y.toFixed(1)}) rotate(${((-180 / Math.PI) * angle - 90).toFixed(1)})`,
       }),
       svg("circle", { cx: x.toFixed(1), cy: y.toFixed(1), r: DOT_PX }),
@@ -219,8 +219,8 @@ class Brush {
  * @param {number} wide px
  * @param {number} high px
  * @param {number} step metres
- * @param {number} ahead metres, of the middle
- * @param {number} left metres, of the middle
+ * @param {number} ahead metres, of the centre
+ * @param {number} left metres, of the centre
  * @param {number} perMetre px
  */
 function gridLines(wide, high, step, ahead, left, perMetre) {

@@ -1,4 +1,4 @@
-/** Files of motion capture: send one in, see what was understood of it, choose one. */
+/** Motion-capture files: upload one, see how it was read, choose one. */
 
 import {
   button,
@@ -20,11 +20,11 @@ import { attempt, confirmed, oneAtATime } from "../shell/notice.js";
 
 /** @import { TruthEntry as TruthFile } from "../contract" */
 
-// No file's id.
+// Not the id of a file.
 const LIVE = "live";
 
 export class TruthPicker extends Part {
-  /** Called when something else is chosen; null: no file. @type {(file: TruthFile | null) => void} */
+  /** Called when the choice changes; null: no file. @type {(file: TruthFile | null) => void} */
   chosen = () => {};
 
   #file = input("file", "truth-file", {
@@ -50,7 +50,7 @@ export class TruthPicker extends Part {
   #understood = h("div.stack.understood");
   /** @type {TruthFile[]} */
   #all = [];
-  /** The file whose angles were not clear. @type {File | null} */
+  /** The file whose angle convention was ambiguous. @type {File | null} */
   #unclear = null;
   #do = oneAtATime(undefined, this.#error);
 
@@ -81,7 +81,7 @@ export class TruthPicker extends Part {
     return this.find(this.#select.value);
   }
 
-  /** True where the motion capture in the run's own recording is chosen. */
+  /** True if the motion capture in the run's own recording is chosen. */
   get live() {
     return this.#select.value === LIVE;
   }
@@ -91,7 +91,7 @@ export class TruthPicker extends Part {
     return this.#all.find((file) => file.id === id) ?? null;
   }
 
-  /** Read what there is, and choose this one where it is there. @param {string | null} id */
+  /** Load the files, and choose this one if it exists. @param {string | null} id */
   async load(id) {
     /** @type {TruthFile[] | null} */
     const all = await request("GET", "/truth").catch(() => null);
@@ -118,7 +118,7 @@ export class TruthPicker extends Part {
 
   /**
    * @param {File | null} file
-   * @param {"helical" | "euler_xyz"} [angles] what a person said of them
+   * @param {"helical" | "euler_xyz"} [angles] the convention chosen by the user
    */
   async #send(file, angles) {
     if (!file) return;
@@ -134,7 +134,7 @@ export class TruthPicker extends Part {
         const taken = await request("POST", "/truth", form);
         await this.load(taken.id);
       } catch (error) {
-        // The one thing that only a person can tell.
+        // The one thing that only the user can tell.
         if (error instanceof ApiError && "angles" in error.fields) this.#unclear = file;
         this.#angles.hidden = this.#unclear === null;
         throw error;
@@ -172,7 +172,7 @@ function naming(message, name) {
 }
 
 /**
- * Show how the file was understood, for a person to see whether that is right.
+ * Show how the file was read, so that the user can check it.
  *
  * @param {TruthFile} file
  */

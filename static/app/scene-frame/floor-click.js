@@ -1,13 +1,13 @@
-/** Clicks on the floor of the scene, while somebody waits for one. */
+/** Clicks on the floor of the scene, while one is requested. */
 
 /** @import { Frame, Ray, Vector } from "./scene-client.js" */
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
 
-// A press that moves further turns the scene; a finger is less steady than a mouse.
+// A press that moves farther turns the scene; a finger is less steady than a mouse.
 const STEADY_PX = { mouse: 3, other: 10 };
 
 /**
- * Where a ray meets the floor on which the robot stands.
+ * Return where a ray meets the floor on which the robot stands.
  *
  * @param {Ray} ray
  * @param {Frame} base the robot: x ahead, y left, z up
@@ -24,7 +24,7 @@ export function onFloor({ from, along }, { position, x, y, z }) {
 }
 
 /**
- * Hear of clicks, not of presses that turn the scene.
+ * Listen for clicks, ignoring presses that turn the scene.
  *
  * @param {Window} inside the frame's window
  * @param {(x: number, y: number) => void} clicked px of the window
@@ -41,7 +41,7 @@ export function listenForClicks(inside, clicked) {
   };
   inside.addEventListener(
     "pointerdown",
-    // A second finger turns or zooms.
+    // A second finger turns or zooms, so it cancels the click.
     (event) => (pressed = event.isPrimary && event.button === 0 ? event : null),
     options,
   );

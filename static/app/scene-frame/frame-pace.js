@@ -1,20 +1,20 @@
 /**
- * Leaves processor time to the others where 3D is drawn slowly (no GPU): the window's animation waits
- * after every slow drawing. Tells `drawn` of the window after each.
+ * Leaves processor time to others where 3D is drawn slowly (no GPU): the window's animation pauses
+ * after every slow drawing. Fires `drawn` on the window after each one.
  *
- * A classic script: it must run before the client's, which would otherwise cancel by the browser's
- * numbers what waits here by ours.
+ * A classic script: it must run before the client's, which would otherwise cancel callbacks by the
+ * browser's ids while they wait here under ours.
  */
 
 "use strict";
 
 {
-  // A drawing within this is left alone.
+  // Drawings faster than this are not delayed.
   const SLOW_MS = 40;
-  // After a slow one, nothing is drawn for so many times its duration: page and server share the
-  // processor with it.
+  // After a slow drawing, pause for this many times its duration: page and server share the
+  // processor.
   const REST_SHARE = 5;
-  // Somebody who turns the scene wants to see it turn, and bears later data meanwhile.
+  // While the user turns the scene, smooth turning matters more than fresh data.
   const REST_SHARE_IN_HAND = 1;
   const IN_HAND_MS = 1000;
   const LONGEST_REST_MS = 1000;

@@ -1,4 +1,4 @@
-/** Runs in the viewer's page: shows what the page around it chooses, and tells it of hands and keys. */
+/** Runs in the viewer's page: shows what the outer page chooses and reports user input to it. */
 
 import { listenForClicks, onFloor } from "./floor-click.js";
 import { SceneCamera, listenForHand } from "./scene-camera.js";
@@ -6,12 +6,12 @@ import { SceneClient } from "./scene-client.js";
 
 /** @import { Choice, FromFrame, ToFrame } from "./messages.js" */
 
-// The viewer's own panel of settings (a window, or a drawer where it is narrow) and its notices;
-// the page has its own. viser offers no setting for that.
+// The viewer's own settings panel (a window, or a drawer on narrow screens) and its notices; the
+// page has its own. viser has no setting to hide them.
 const HIDE_PANEL =
   "#root .mantine-Paper-root, .mantine-Notifications-root { display: none !important }";
 const AIM = "[data-pick] canvas { cursor: crosshair !important }";
-// Where the viewer draws nothing it shows its own ground, which follows the page's colours.
+// The viewer's background, which follows the page's colours.
 const GROUND =
   '#root div[style*="background-color"]:has(canvas) { background-color: COLOUR !important }';
 
@@ -21,9 +21,9 @@ const style = document.head.appendChild(document.createElement("style"));
 let choice = null;
 /** @type {SceneCamera | null} */
 let camera = null;
-/** Since the scene arrived, which may have been too late for the first of them. */
+/** Drawings since the scene arrived; the first may have been without it. */
 let drawings = 0;
-/** The robot's node, while a click on the floor is waited for. @type {string | null} */
+/** The robot's node while waiting for a click on the floor. @type {string | null} */
 let base = null;
 
 /** @param {Choice} wanted */
@@ -43,7 +43,7 @@ function drawn() {
   follow();
 }
 
-/** Have the viewer show what was chosen; it begins with everything, also after it lost its link. */
+/** Apply the choice to the viewer, which starts out, and restarts after a loss, showing all. */
 function follow() {
   for (const { node } of choice?.facts.layers ?? []) {
     const shown = client.shows(node);
@@ -77,7 +77,7 @@ function tell(message) {
   parent.postMessage(message, "*");
 }
 
-/** Whether this browser has what the viewer draws with. */
+/** Return whether this browser has WebGL 2, which the viewer draws with. */
 function canDraw() {
   const context = document.createElement("canvas").getContext("webgl2");
   context?.getExtension("WEBGL_lose_context")?.loseContext();

@@ -1,17 +1,17 @@
 /**
- * Has workers that are modules start in the viewer's page, which has no origin.
+ * Lets module workers start in the viewer's page, which has no origin.
  *
- * viser's client makes its workers as modules from a blob. Chromium loads no such module where the
- * page has no origin, but the same text from a `data:` address. A classic script: it must run before
- * the client's, and modules would be later.
+ * viser's client creates its workers as modules from blobs. In a page without an origin Chromium
+ * does not load these, but does load the same text from a `data:` URL. A classic script: it must
+ * run before the client's, and a module would run later.
  */
 
 "use strict";
 
 {
-  /** @param {string | URL} blob @returns {string} the same text as an address of its own */
+  /** @param {string | URL} blob @returns {string} the same text as a `data:` URL */
   const dataAddress = (blob) => {
-    // A constructor cannot wait; the blob is in this process.
+    // Synchronous, as a constructor cannot wait; the blob is in this process.
     const request = new XMLHttpRequest();
     request.open("GET", blob, false);
     request.send();

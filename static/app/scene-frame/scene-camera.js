@@ -1,21 +1,21 @@
-/** The camera of the 3D scene where it goes with the robot. */
+/** The camera of the 3D scene when it follows the robot. */
 
 /** @import { SceneFacts } from "../contract" */
 /** @import { Frame, SceneClient, Vector } from "./scene-client.js" */
 /** @import { CameraChoice } from "../live/scene-choice.js" */
 
 /**
- * @typedef {object} Place the robot's, on the ground of the display
- * @property {number} ahead m, of where it began
+ * @typedef {object} Place of the robot on the ground of the display
+ * @property {number} ahead m, from where it started
  * @property {number} left m
  * @property {number} heading rad, to the left
  */
 
-// The camera is behind by this time.
+// Time constant with which the camera lags behind.
 const LAG_S = 0.35;
-// Further away it is another world, or a source that began anew.
+// A larger jump means another world or a restarted source.
 const JUMP_M = 2;
-// What is not seen is not drawn.
+// Smaller movements are invisible and not drawn.
 const SEEN_M = 0.005;
 // The viewer's own keys for moving its camera.
 const MOVING_KEYS = /^(Key[WASDQE]|Arrow(Up|Down|Left|Right))$/;
@@ -37,7 +37,7 @@ export class SceneCamera {
     this.#facts = facts;
   }
 
-  /** Go on towards where the robot is; to be called after every drawing. @param {number} now ms */
+  /** Move on towards the robot; call after every drawing. @param {number} now ms */
   step(now) {
     const to = this.choice === "free" ? null : this.#robot();
     if (!to) return;
@@ -48,7 +48,7 @@ export class SceneCamera {
     this.#look(this.choice, this.#place, display);
   }
 
-  /** Show the robot as chosen, at once; behind it where the viewer is free. */
+  /** Jump to the chosen view of the robot; for the free camera, the one from behind. */
   reset() {
     const to = this.#robot();
     this.#place = to && to.place;
@@ -67,7 +67,7 @@ export class SceneCamera {
     const { eye, look_at } = above ? this.#facts.top_down : this.#facts.follow;
     const from = above ? { ...place, heading: 0 } : place;
     const wanted = inScene(eye, from, display);
-    // It may also be elsewhere because the viewer put it there, as once at its start.
+    // Compare with the actual camera, which the viewer itself may have moved, as at its start.
     if (distance(this.#client.eye() ?? wanted, wanted) > SEEN_M)
       this.#client.look(wanted, inScene(look_at, from, display));
   }
@@ -108,7 +108,7 @@ export function inScene(point, place, display) {
  * @param {Place} from
  * @param {Place} to
  * @param {number} passed_s
- * @returns {Place} on the shorter way between them
+ * @returns {Place} between them, turning the shorter way
  */
 export function eased(from, to, passed_s) {
   if (Math.hypot(to.ahead - from.ahead, to.left - from.left) > JUMP_M) return to;
@@ -122,7 +122,7 @@ export function eased(from, to, passed_s) {
 }
 
 /**
- * Hear of a person who moves the viewer's camera.
+ * Notice when the user moves the viewer's camera.
  *
  * @param {Window} inside the frame's window
  * @param {() => void} taken

@@ -1,4 +1,4 @@
-/** The viewer as its own page has it: what it shows, and from where, in this browser alone. */
+/** Access to viser's client in its page: what it shows and from where, in this browser alone. */
 
 /** @typedef {[number, number, number]} Vector */
 
@@ -17,15 +17,15 @@
  */
 
 /**
- * @typedef {object} ViewerCamera matrices column by column
+ * @typedef {object} ViewerCamera matrices in column-major order
  * @property {{x: number, y: number, z: number}} position
  * @property {{elements: number[]}} matrixWorld
  * @property {{elements: number[]}} projectionMatrixInverse
  */
 
 /**
- * @typedef {object} Viewer what viser's client opens to the page around it (meant for its tests)
- * @property {object[]} messageQueue what it does before its next drawing, as if the server had sent it
+ * @typedef {object} Viewer what viser's client exposes to the page (meant for its tests)
+ * @property {object[]} messageQueue handled before the next drawing, as if sent by the server
  * @property {() => void} requestRender
  * @property {Record<string, {matrixWorld: {elements: number[]}} | undefined>} nodeRefFromName
  * @property {HTMLCanvasElement | null} canvas
@@ -40,8 +40,8 @@
  */
 
 /**
- * Nothing of this reaches the server, or another viewer. Where the client has not started, or is of
- * another version, it does nothing.
+ * Nothing done here reaches the server or another viewer. If the client has not started, or is of
+ * another version, the methods do nothing.
  */
 export class SceneClient {
   #inside;
@@ -51,7 +51,7 @@ export class SceneClient {
     this.#inside = /** @type {ViewerWindow} */ (inside);
   }
 
-  /** @param {string} node @returns {boolean | null} null: it is not there */
+  /** @param {string} node @returns {boolean | null} null: there is no such node */
   shows(node) {
     const entry = this.#inside.__viserSceneTree?.getState()[node];
     return entry ? (entry.visibility ?? true) : null;
@@ -80,14 +80,14 @@ export class SceneClient {
     return x && y && z && position ? { position, x, y, z } : null;
   }
 
-  /** @returns {Vector | null} where it is looked at from */
+  /** @returns {Vector | null} position of the camera */
   eye() {
     const { x, y, z } = this.#inside.__viserMutable?.camera?.position ?? {};
     return x === undefined || y === undefined || z === undefined ? null : [x, y, z];
   }
 
   /**
-   * What a place of the window shows, as it was last drawn.
+   * Return the ray through a point of the window, as last drawn.
    *
    * @param {number} x px of the window
    * @param {number} y
@@ -112,7 +112,7 @@ export class SceneClient {
 }
 
 /**
- * @param {number[]} matrix 4 by 4, column by column
+ * @param {number[]} matrix 4 by 4, column-major
  * @param {Vector} point
  * @returns {Vector}
  */

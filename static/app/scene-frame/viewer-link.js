@@ -1,6 +1,6 @@
 /**
- * Has viser's client connect again after it lost its link to the server. The client by itself does so
- * only while the frame has the keyboard's focus, which is on the page around it.
+ * Makes viser's client reconnect after losing its link to the server. By itself it does so only
+ * while the frame has the focus, which is usually on the outer page.
  *
  * A classic script: it must run before the client's, which starts the worker that holds the link.
  */
@@ -9,7 +9,7 @@
 
 {
   const RETRY_MS = 1000;
-  // A link without data for this long may be dead without having been closed.
+  // A link silent for this long may be dead without having been closed.
   const SILENT_MS = 3000;
 
   /** @type {Worker | null} */
@@ -28,7 +28,7 @@
     } else if (message?.type === "closed") {
       link = worker;
       open = false;
-      // A server of another version has a client of its own.
+      // A server of another version brings its own client.
       const again = message.versionMismatch ? () => location.reload() : connect;
       setTimeout(() => !open && again(), RETRY_MS);
     }

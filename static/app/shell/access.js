@@ -1,4 +1,4 @@
-/** What this browser may do: an operator changes things, a read-only link watches. */
+/** What this browser may do: operators change things, read-only links watch. */
 
 import { request } from "./api.js";
 
@@ -8,8 +8,8 @@ import { request } from "./api.js";
 let asked = null;
 
 /**
- * What this browser may do; it is asked for once. Where the server does not tell, it is taken for an
- * operator's: the server refuses all the same what it does not allow.
+ * Return the access of this browser, asking the server once. If that fails, assume an operator: the
+ * server refuses forbidden requests anyway.
  */
 export function access() {
   asked ??= request("GET", "/session").then(

@@ -1,16 +1,16 @@
-/** The REST interface under /api: one function to ask, one error to catch. */
+/** The REST interface under /api: one function to call, one error to catch. */
 
 import { sentence } from "../elements/words.js";
 import { toSignIn } from "./session.js";
 
 /**
- * A request that was refused or did not arrive. `message` is one sentence for people;
- * `fields` has the sentence of each refused field, by the last part of its `loc`.
+ * A request was refused or did not arrive. `message` is one sentence for the user; `fields` has a
+ * sentence for each refused field, by the last part of its `loc`.
  */
 export class ApiError extends Error {
   /**
    * @param {string} message
-   * @param {number} status 0 where the server did not answer
+   * @param {number} status 0 if the server did not answer
    * @param {Record<string, string>} fields
    */
   constructor(message, status, fields = {}) {
@@ -25,23 +25,23 @@ export class ApiError extends Error {
  * @template T
  * @param {"GET" | "POST" | "PUT" | "PATCH" | "DELETE"} method
  * @param {string} path below /api, as in "/runs"
- * @param {unknown} [body] sent as JSON, or as it is where it is FormData
- * @returns {Promise<T>} the answer's JSON, or null where it has none
+ * @param {unknown} [body] sent as JSON, or as is if it is FormData
+ * @returns {Promise<T>} the answer's JSON, or null if it has none
  * @throws {ApiError}
  */
 export async function request(method, path, body) {
   const response = await send(method, path, body);
   const type = response.headers.get("content-type") ?? "";
-  // An answer without content may still be called JSON.
+  // An answer without content may still be labelled JSON.
   const empty = response.status === 204;
   return type.includes("json") && !empty ? await response.json() : /** @type {T} */ (null);
 }
 
 /**
- * An image, or another file, and the headers that came with it.
+ * Fetch an image or another file together with its headers.
  *
  * @param {string} path below /api
- * @param {AbortSignal} [signal] ends it; the server then ends what it makes
+ * @param {AbortSignal} [signal] aborts it; the server then stops making the file
  * @returns {Promise<{blob: Blob, headers: Headers}>}
  * @throws {ApiError}
  */

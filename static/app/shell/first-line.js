@@ -1,6 +1,6 @@
 /**
- * The first line: who moves, how fast, plus or minus what, against the truth; in words. While what
- * the page shows is old it says that instead, on every page: the one sign of it in words.
+ * The first line: who moves, how fast, plus or minus what, against ground truth, in words. While
+ * the data are stale, it says so instead, in every view; nothing else does in words.
  */
 
 import { h, setAttribute, setText, tint } from "../elements/dom.js";
@@ -9,7 +9,7 @@ import { Part } from "../elements/part.js";
 import { firstLine, trackColour } from "../elements/words.js";
 import { tooSlow } from "./pace-words.js";
 
-// Faster changes cannot be read; what is spoken changes more slowly still.
+// Faster changes cannot be read; spoken words change more slowly still.
 const SHOWN_EVERY_MS = 250;
 const SPOKEN_EVERY_MS = 5000;
 
@@ -18,7 +18,7 @@ class FirstLine extends Part {
   #spokenAt = 0;
   #tone = "";
   #text = h("p.first-line-text", { title: `95 % interval: ${GLOSSARY["95 % interval"]}` });
-  // The words change several times a second; a screen reader hears them from here, less often.
+  // The words change several times a second; this copy for screen readers changes less often.
   #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
   #context = h("p.first-line-context");
 
@@ -28,7 +28,7 @@ class FirstLine extends Part {
     this.hear("freshness", () => this.#render(true));
     this.hear("status", () => this.#renderContext());
     this.#render(true);
-    // Nothing but its age changes while what is shown is old.
+    // While the data are stale, only their age changes.
     setInterval(() => {
       if (this.hub.freshness.state === "stale") this.#render(false);
     }, SHOWN_EVERY_MS);

@@ -1,26 +1,26 @@
-/** One click on the floor of the 3D scene: a part asks for it, the scene answers. */
+/** One click on the floor of the 3D scene: a part requests it, the scene answers. */
 
 import { Teller } from "./teller.js";
 
 /**
- * @typedef {object} FloorPlace m from the robot as it stands
+ * @typedef {object} FloorPlace m from the robot's current pose
  * @property {number} ahead
  * @property {number} left
  */
 
 /**
- * Events: `change` (it is asked for or no more, is possible or not, or something else is said of
- * it), `picked` (see `place`).
+ * Events: `change` (whether it is requested, whether it is possible, or the words changed),
+ * `picked` (see `place`).
  */
 export class FloorPick extends Teller {
   #possible = false;
-  /** Whether a click is waited for. */
+  /** Whether a click is being waited for. */
   asked = false;
   /** The newest answer. @type {FloorPlace | null} */
   place = null;
-  /** What the scene says of it: what to do, what became of it. */
+  /** What the scene says about it: what to do, or the outcome. */
   words = "";
-  /** Whether that is a refusal. */
+  /** Whether the words are a refusal. */
   refused = false;
 
   /** Whether there is a scene to click in. */
@@ -42,14 +42,14 @@ export class FloorPick extends Teller {
     this.say(words);
   }
 
-  /** Ask no more; what was said of it goes. */
+  /** Cancel the request and clear the words. */
   cancel() {
     if (!this.asked) return;
     this.asked = false;
     this.say("");
   }
 
-  /** Take the click that was asked for. @param {FloorPlace} place */
+  /** Accept the requested click. @param {FloorPlace} place */
   answer(place) {
     if (!this.asked) return;
     this.asked = false;
@@ -58,7 +58,7 @@ export class FloorPick extends Teller {
     this.tell("picked");
   }
 
-  /** @param {string} words empty takes them away @param {boolean} [refused] */
+  /** @param {string} words empty clears them @param {boolean} [refused] */
   say(words, refused = false) {
     this.words = words;
     this.refused = refused;

@@ -1,4 +1,4 @@
-/** The page's knowledge of the server, and the events by which its parts hear of changes. */
+/** The page's state of the server, and the events that notify its parts of changes. */
 
 import { sentence } from "../elements/words.js";
 import { FloorPick } from "./floor-pick.js";
@@ -10,42 +10,42 @@ import { Teller } from "./teller.js";
 /** @import { Connection } from "./live-socket.js" */
 
 /**
- * @typedef {object} Freshness how old what the page shows is
+ * @typedef {object} Freshness age of the data shown
  * @property {"fresh" | "held" | "stale" | "none"} state held: paused or ended on purpose
  * @property {string} reason one sentence, empty while fresh
  * @property {number} age_s
  */
 
 const STALE_AFTER_S = 1;
-// A server that starts again is back before; one on another port, or with another address, is not.
+// A restarted server is back sooner, unless its port or address has changed.
 const AWAY_AFTER_S = 15;
 const JUDGE_EVERY_MS = 200;
 
 /**
  * Events, all without detail (read the property of the same name):
  * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
- * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
- * (somebody changed what that list shows: read it again), `calibrate` (somebody wants to make a
- * calibration), `sources` (there are others to choose from), `history` (it took the place of the
- * live parts, or gave it back), `titled` (what took their place has another heading), `robots` (how
- * robots and driving are), `log` (something was added to it).
+ * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`,
+ * `calibrations`, `parameters` (that list has changed: read it again), `calibrate` (the user wants
+ * to calibrate), `sources` (the choice of sources has changed), `history` (it has replaced the live
+ * parts, or given way to them), `titled` (the view that replaced them has another heading),
+ * `robots` (state of robots and driving), `log` (entries were added).
  */
 export class Hub extends Teller {
   /** @type {Status | null} */
   status = null;
   /** @type {ObservationMessage | null} */
   observation = null;
-  /** How robots and driving are; null where nothing was told yet. @type {RobotsMessage | null} */
+  /** State of robots and driving; null until the first message. @type {RobotsMessage | null} */
   robots = null;
-  /** What was added to the log last. @type {LogEntry[]} */
+  /** The entries added to the log last. @type {LogEntry[]} */
   log = [];
-  /** A source that could not be opened for want of a calibration. */
+  /** A source that could not be opened because it has no calibration. */
   uncalibrated = "";
   /** The sources to choose from. @type {SourceEntry[]} */
   sources = [];
   /** @type {Connection} */
   connection = "connecting";
-  /** A click on the floor of the 3D scene, which a part may ask for. */
+  /** A click on the floor of the 3D scene, which a part may request. */
   floorPick = new FloorPick();
   /** @type {Freshness} */
   freshness = { state: "none", reason: "Connecting to the server.", age_s: 0 };
@@ -56,10 +56,10 @@ export class Hub extends Teller {
   #unpainted = [];
   /** @type {{at: number, age_s: number | null} | null} */
   #beat = null;
-  // Posting to it runs right after the frame has been painted, unlike requestAnimationFrame.
+  // A message to it is handled right after the frame is painted, unlike requestAnimationFrame.
   #afterPaint = new MessageChannel();
 
-  /** @param {(hub: Hub) => Driver} driver makes what drives robots for this page */
+  /** @param {(hub: Hub) => Driver} driver creates this page's driver of the robots */
   constructor(driver) {
     super();
     this.socket = new LiveSocket("/api/live", {
@@ -72,7 +72,7 @@ export class Hub extends Teller {
     setInterval(() => {
       const late = performance.now() - judged > 2 * JUDGE_EVERY_MS;
       judged = performance.now();
-      // After the page itself was held up, what has come meanwhile is read first.
+      // If the page itself was held up, first read the messages that arrived meanwhile.
       if (late) setTimeout(() => this.#judgeFreshness(), JUDGE_EVERY_MS / 2);
       else this.#judgeFreshness();
     }, JUDGE_EVERY_MS);
@@ -82,7 +82,7 @@ export class Hub extends Teller {
     this.socket.open();
   }
 
-  /** @param {Status} status also the answer of a request that changed it */
+  /** @param {Status} status from the socket or from the answer to a request that changed it */
   takeStatus(status) {
     this.status = status;
     this.tell("status");
@@ -107,7 +107,7 @@ export class Hub extends Teller {
       this.log = message.entries;
       this.tell("log");
     }
-    // Told only once the server speaks: one that accepts and hangs up is not back yet.
+    // Only once the server sends something: one that accepts and hangs up is not back yet.
     if (this.#lost) {
       this.#lost = false;
       this.tell("reconnected");
@@ -155,8 +155,8 @@ export class Hub extends Teller {
  *
  * @param {Connection} connection
  * @param {Status | null} status
- * @param {{at: number, age_s: number | null} | null} beat the last word of how old the newest
- *   observation was, and when it came (ms of `now`'s clock)
+ * @param {{at: number, age_s: number | null} | null} beat the last report of the age of the newest
+ *   observation, and when it arrived (ms of `now`'s clock)
  * @param {number} now ms
  * @returns {Freshness}
  */

@@ -1,4 +1,4 @@
-/** The dialog that lists the page's keys: by its button, or by "?". */
+/** The dialog that lists the page's keys, opened by its button or "?". */
 
 import { button, h, icon } from "../elements/dom.js";
 import { declareKeys, declaredKeys, writesText } from "../elements/keys.js";

@@ -1,7 +1,7 @@
 /**
- * Parts of the page that are loaded once its first frame has been painted, so that it comes sooner:
- * those in sight first, then the others, one after another. What is wanted before its turn is loaded
- * at once. Until then its element is as the document has it.
+ * Loads parts of the page after its first frame has been painted, so that this comes sooner:
+ * visible parts first, then the others, one after another. A part needed earlier is loaded at once.
+ * Until it is loaded, its element stays as it is in the document.
  */
 
 import { Part } from "../elements/part.js";
@@ -9,21 +9,21 @@ import { notify } from "./notice.js";
 
 /** @import { Hub } from "./hub.js" */
 
-// Where no frame comes, as while no source is open.
+// Used if no frame comes, for example while no source is open.
 const PATIENCE_MS = 1000;
 
 export class Later {
   #hub;
   #modules;
-  /** What is there or on its way: whether it came. @type {Map<string, Promise<boolean>>} */
+  /** Parts loaded or loading: whether loading succeeded. @type {Map<string, Promise<boolean>>} */
   #begun = new Map();
   /** @type {Set<string>} */
   #attached = new Set();
 
   /**
    * @param {Hub} hub
-   * @param {Record<string, () => Promise<unknown>>} modules what imports the module of each part, by
-   *   the name of its element, in the order of loading
+   * @param {Record<string, () => Promise<unknown>>} modules functions that import each part's
+   *   module, by the name of its element, in loading order
    */
   constructor(hub, modules) {
     this.#hub = hub;
@@ -31,7 +31,7 @@ export class Later {
     const loadAll = () => void this.#loadAll();
     hub.addEventListener("painted", loadAll, { once: true });
     setTimeout(loadAll, PATIENCE_MS);
-    // What was asked for while the server was away.
+    // Load what was requested while the server was away.
     hub.addEventListener("reconnected", loadAll);
     for (const panel of document.querySelectorAll('[role="tabpanel"]'))
       panel.addEventListener("shown", () => void this.#loadWithin(panel));
@@ -43,11 +43,10 @@ export class Later {
   }
 
   /**
-   * Load and attach a part, once. Where it cannot be had a notice says so, and it may be asked for
-   * again.
+   * Load and attach a part once. If that fails, a notice says so, and it may be requested again.
    *
    * @param {string} name of its element
-   * @returns {Promise<boolean>} whether it is there
+   * @returns {Promise<boolean>} whether it is attached
    */
   load(name) {
     const begun = this.#begun.get(name) ?? this.#load(name);
@@ -76,8 +75,8 @@ export class Later {
   }
 
   /**
-   * Load a panel's parts. Until they are there the panel itself takes the focus: who tabs into it by
-   * keyboard does not pass it by.
+   * Load a panel's parts. Until they are attached, the panel itself is focusable, so that tabbing
+   * does not skip it.
    *
    * @param {Element} panel
    */
@@ -95,13 +94,13 @@ export class Later {
     else leave();
   }
 
-  /** Leave time for the page in between. @param {readonly string[]} names */
+  /** Load one after another, leaving time for the page. @param {readonly string[]} names */
   async #loadInTurn(names) {
     for (const name of names) if (!(await this.load(name))) return;
   }
 }
 
-/** @param {string} name @returns {Element[]} those that the page has, not those that parts make */
+/** @param {string} name @returns {Element[]} those in the document, not those made by parts */
 function elements(name) {
   return [...document.querySelectorAll(`${name}[data-part]`)];
 }

@@ -1,11 +1,11 @@
-/** The telemetry WebSocket: opens, reads, and opens again when it is lost. */
+/** A WebSocket that parses messages and reconnects when it is lost. */
 
 import { SESSION_OVER, leaveIfSignedOut, toSignIn } from "./session.js";
 
 /** @typedef {"connecting" | "open" | "closed"} Connection */
 
 const RETRY_MS = [250, 500, 1000, 2000];
-// A socket that is silent for this long is given up; the server speaks every 250 ms.
+// A socket silent for this long is given up; the server sends something every 250 ms.
 const SILENT_MS = 3000;
 const LOOK_EVERY_MS = 500;
 
@@ -30,7 +30,7 @@ export class LiveSocket {
     window.addEventListener("online", () => this.open());
   }
 
-  /** Open now, unless it is open or opening already. */
+  /** Open now, unless it is already open or opening. */
   open() {
     if (this.#socket) return;
     clearTimeout(this.#retry);
@@ -50,7 +50,7 @@ export class LiveSocket {
     });
     socket.addEventListener("close", ({ code }) => {
       if (code === SESSION_OVER) toSignIn();
-      // The reason of a refused handshake is kept from pages.
+      // Browsers hide why a handshake was refused.
       else if (!opened) void leaveIfSignedOut();
       this.#lost(socket);
     });
@@ -64,11 +64,11 @@ export class LiveSocket {
   #giveUpOnSilence() {
     const socket = this.#socket;
     const now = performance.now();
-    // Where the page itself was held up (asleep, drawing slowly), what came is still to be read.
+    // If the page itself was held up (asleep, drawing slowly), messages are still to be read.
     if (now - this.#looked > 2 * LOOK_EVERY_MS) this.#heard = now;
     this.#looked = now;
     if (socket && now - this.#heard > SILENT_MS) {
-      // A dead peer may keep close() waiting for long: do not wait for its event.
+      // A dead peer may delay the close event for long: do not wait for it.
       this.#lost(socket);
       socket.close();
     }
@@ -86,7 +86,7 @@ export class LiveSocket {
 }
 
 /**
- * The same host's WebSocket address.
+ * Return the WebSocket address of a path on the same host.
  *
  * @param {string} path
  */

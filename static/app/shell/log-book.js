@@ -1,4 +1,4 @@
-/** The server's log as this page knows it, and the notices that this page has shown. */
+/** The server's log as known to this page, and the notices this page has shown. */
 
 /** @import { LogEntry } from "../contract" */
 /** @typedef {Pick<LogEntry, "time" | "severity" | "text">} Line */
@@ -6,7 +6,7 @@
 // As many as the server keeps.
 const MOST = 500;
 const MOST_NOTICES = 100;
-// A refusal that the server has logged is shown by the page at about the same time.
+// The page shows a refusal at about the time the server logs it.
 const SAME_S = 10;
 
 export class LogBook {
@@ -21,10 +21,10 @@ export class LogBook {
   }
 
   /**
-   * Add what the server has told.
+   * Add new entries from the server.
    *
    * @param {readonly LogEntry[]} told oldest first
-   * @returns {boolean} false where some in between were missed: ask for all
+   * @returns {boolean} false if entries in between were missed: request all
    */
   add(told) {
     const last = this.#entries.at(-1)?.number ?? 0;
@@ -35,7 +35,7 @@ export class LogBook {
   }
 
   /**
-   * Keep a notice that was shown.
+   * Record a notice that was shown.
    *
    * @param {string} text
    * @param {Line["severity"]} severity
@@ -53,7 +53,7 @@ export class LogBook {
     return all.sort((one, other) => one.time - other.time);
   }
 
-  /** @param {Line} notice what the server has said with another beginning, as in "Refused: " */
+  /** @param {Line} notice known if the server logged it too, even with a prefix like "Refused: " */
   #isKnown({ time, text }) {
     return this.#entries.some(
       (entry) => Math.abs(entry.time - time) < SAME_S && entry.text.endsWith(text.slice(1)),

@@ -1,4 +1,4 @@
-/** The log: what has happened that a person should know, the newest first. */
+/** The log: what has happened that the user should know, newest first. */
 
 import { button, download, h, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -57,7 +57,7 @@ class Log extends Part {
 
   #take() {
     if (this.#book.add(this.hub.log)) this.#render();
-    // Some were missed.
+    // Some entries were missed.
     else this.#ask();
   }
 

@@ -1,4 +1,4 @@
-/** Questions over the page: they cover everything, so each brings a stop button of its own. */
+/** Modal dialogs: they cover everything, so each has its own stop button. */
 
 import { button, h } from "../elements/dom.js";
 
@@ -7,8 +7,8 @@ import { button, h } from "../elements/dom.js";
 let shown = 0;
 
 /**
- * Make a stop button for a dialog, which is seen while a robot is armed. The page behind takes no
- * pointer, but its own stop button may be pressed for it.
+ * Make a stop button for a dialog, visible while a robot is armed. The page behind does not accept
+ * clicks, but its stop button can be triggered by script.
  */
 export function stopCopy() {
   return button(
@@ -19,14 +19,13 @@ export function stopCopy() {
 }
 
 /**
- * Show a dialog over the page until it is closed. What stops the robots is seen in it while one is
- * armed.
+ * Show a modal dialog until it is closed, with a stop button while a robot is armed.
  *
  * @param {"question" | "preview"} kind
  * @param {string} title
  * @param {Child[]} content
- * @param {...HTMLButtonElement} buttons each closes it with its value
- * @returns {Promise<string>} the value of the button that closed it, empty where none did
+ * @param {...HTMLButtonElement} buttons each closes the dialog with its value
+ * @returns {Promise<string>} the value of the button that closed it, empty if none did
  */
 export function showModal(kind, title, content, ...buttons) {
   const id = `dialog-${(shown += 1)}`;
@@ -35,7 +34,7 @@ export function showModal(kind, title, content, ...buttons) {
     { class: kind, "aria-labelledby": id },
     h(
       "form",
-      // Something half typed must not keep a preview open.
+      // An invalid field must not keep a preview open.
       { method: "dialog", novalidate: kind === "preview" },
       h("h2", { id }, title),
       ...content,

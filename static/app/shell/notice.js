@@ -1,4 +1,4 @@
-/** Short messages that pass, and the question before something is deleted. */
+/** Transient notices, confirmations and prompts, and reporting errors of actions. */
 
 import { button, field, h, icon, input, setAttribute, setText } from "../elements/dom.js";
 import { ApiError } from "./api.js";
@@ -10,12 +10,12 @@ export const SHOWN = "notice-shown";
 const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 
 /**
- * Show one sentence in the page's corner; errors are spoken at once. An error that is told
- * again takes the place of the same one before.
+ * Show one sentence in the corner of the page; errors are announced at once. A repeated error
+ * replaces its previous notice.
  *
  * @param {string} text
  * @param {"done" | "error"} [kind]
- * @param {{words: string, act: () => void}} [offer] a button beside it, as in Undo
+ * @param {{words: string, act: () => void}} [offer] a button next to it, such as Undo
  */
 export function notify(text, kind = "done", offer) {
   const host = document.querySelector("#notices");
@@ -37,7 +37,7 @@ export function notify(text, kind = "done", offer) {
     offer ? button(offer.words, taken, { class: "quiet offer" }) : "",
     close,
   );
-  // Not so what can be undone: each has its own button.
+  // Notices with an offer are not merged: each has its own button.
   if (kind === "error") {
     const same = [...host.children].filter((each) => each.firstElementChild?.textContent === text);
     for (const before of same) before.remove();
@@ -54,7 +54,7 @@ export function notifyError(error) {
 }
 
 /**
- * Do something, and tell what went wrong.
+ * Do something and show a notice if it fails.
  *
  * @param {() => unknown} action
  * @returns {Promise<boolean>} whether it was done
@@ -70,14 +70,14 @@ export async function attempt(action) {
 }
 
 /**
- * Do something; where the server refuses it, say why in a place of the page.
+ * Do something; if the server refuses it, say why in an element of the page.
  *
  * @param {HTMLElement} place
  * @param {() => unknown} action
  * @returns {Promise<boolean>} whether it was done
  */
 export async function attemptIn(place, action) {
-  // What was wrong before is taken away; where else is told, it stays until there is news.
+  // Clear an earlier error; other words in the element stay until there are new ones.
   if (place.getAttribute("role") === "alert") refuse(place, "");
   try {
     await action();
@@ -90,10 +90,10 @@ export async function attemptIn(place, action) {
 }
 
 /**
- * Say what is wrong; the fields that the place describes are marked.
+ * Say what is wrong, and mark the fields that the element describes.
  *
  * @param {HTMLElement} place
- * @param {string} message empty takes it away
+ * @param {string} message empty clears it
  */
 export function refuse(place, message) {
   setText(place, message);
@@ -102,13 +102,12 @@ export function refuse(place, message) {
 }
 
 /**
- * Do one thing at a time: what is pressed while another goes on is left out, and what went wrong
- * is told.
+ * Return a function that does one thing at a time, ignores calls while busy, and reports errors.
  *
- * @param {(busy: boolean) => void} [changed] called when something begins and when it has ended
- * @param {HTMLElement | null} [place] says what the server refuses; null: a notice does
+ * @param {(busy: boolean) => void} [changed] called when an action begins and when it has ended
+ * @param {HTMLElement | null} [place] shows refusals of the server; null: a notice does
  * @returns {(action: () => unknown, teller?: Element, words?: string) => Promise<boolean>} whether
- *   it was done; the teller says the words meanwhile
+ *   it was done; the teller shows the words meanwhile
  */
 export function oneAtATime(changed = () => {}, place = null) {
   let busy = false;
@@ -133,7 +132,7 @@ export function oneAtATime(changed = () => {}, place = null) {
  *
  * @param {string} question
  * @param {string} consequence one sentence
- * @param {string} action what the button says
+ * @param {string} action label of the button
  * @returns {Promise<boolean>}
  */
 export async function confirmed(question, consequence, action) {
@@ -152,8 +151,8 @@ export async function confirmed(question, consequence, action) {
  *
  * @param {string} question
  * @param {string} label of the field
- * @param {string} first what it holds at first
- * @returns {Promise<string | null>} null where it was left
+ * @param {string} first initial value
+ * @returns {Promise<string | null>} null if cancelled
  */
 export async function answered(question, label, first) {
   const line = input("text", "answer", { maxlength: 100, required: true, value: first });

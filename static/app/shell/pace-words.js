@@ -1,8 +1,8 @@
-/** Whether the computer keeps up with its source, in words. A pure function. */
+/** Whether the computer keeps up with its source, in words. Pure function. */
 
 /** @import { Status } from "../contract" */
 
-// Below this share of what was asked for, it does not keep up.
+// Below this share of the requested rate, it does not keep up.
 const KEPT_UP = 0.9;
 
 /**

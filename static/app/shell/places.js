@@ -1,4 +1,4 @@
-/** The way between what is live and what was recorded, and the window's title. */
+/** Navigation between the live, recorded and method views, and the window's title. */
 
 import { h, setAttribute } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -6,7 +6,7 @@ import { tourOffer } from "./tour.js";
 
 const NAME = document.title;
 const METHOD = "#steps";
-// What takes the place of the live parts; the first that is shown gives the title.
+// Parts that replace the live ones; the first visible one provides the title.
 const HEADINGS = ["observer-calibration-wizard", "observer-history"].map(
   (part) => `${part}:not([hidden]) > header h2`,
 );

@@ -1,4 +1,4 @@
-/** The read-only links in force, in the dialog that shares them: who watches, and the way to end it. */
+/** The valid read-only links, in the share dialog: how many watch, and revoking. */
 
 import { button, h, item, setText } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
@@ -11,7 +11,7 @@ import { attemptIn, confirmed } from "./notice.js";
 const AGAIN_MS = 2000;
 
 export class RevokeList {
-  /** Called when the link to share is another one. @type {() => Promise<void>} */
+  /** Called when the link to share may have changed. @type {() => Promise<void>} */
   changed = async () => {};
 
   #make = button("New link", () => this.#act(() => request("POST", "/links/read-only", {})), {

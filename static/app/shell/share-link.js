@@ -1,4 +1,4 @@
-/** The links by which others come to this server, one of them as a QR code for a phone. */
+/** Links to share this server with others, also as a QR code for a phone. */
 
 import { button, field, h, icon, input, offer, select, setText } from "../elements/dom.js";
 import { RevokeList } from "./revoke-list.js";
@@ -59,12 +59,12 @@ class Share extends HTMLElement {
 }
 
 /**
- * The dialog's content, which follows what is chosen in it.
+ * Make the dialog's content, which follows the choices in it.
  *
  * @param {typeof CHOICES} offered
  * @param {ShareLinks[]} lists of each choice
  * @param {RevokeList | null} revoking
- * @returns {{content: HTMLElement[], take: (lists: ShareLinks[]) => void}} take: has others shown
+ * @returns {{content: HTMLElement[], take: (lists: ShareLinks[]) => void}} take shows other links
  */
 function sharing(offered, lists, revoking) {
   let drawn = 0;
@@ -103,9 +103,9 @@ function sharing(offered, lists, revoking) {
     );
     const chosen = Number(address.value);
     link.value = links[chosen]?.link ?? "";
-    // No phone can open what only this computer can.
+    // A phone cannot open an address that works only on this computer.
     code.hidden = links[chosen]?.here ?? true;
-    // Another address each time: the browser would show again what it has drawn before.
+    // A new address each time, as otherwise the browser would show a cached image.
     drawn += 1;
     if (!code.hidden) code.src = `/api/links/qr.svg?access=${access}&link=${chosen}&n=${drawn}`;
     setText(copy, "Copy");
@@ -136,7 +136,7 @@ function sharing(offered, lists, revoking) {
 }
 
 /**
- * Copy what a field holds; also where the page came without encryption, and has no clipboard.
+ * Copy a field's text, even if the page came unencrypted and so has no clipboard access.
  *
  * @param {HTMLInputElement} from
  */

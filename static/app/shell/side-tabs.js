@@ -1,8 +1,8 @@
 /**
- * The side panel's tabs, by the keyboard pattern for tabs: arrows, Home and End.
+ * The side panel's tabs, following the keyboard pattern for tabs: arrows, Home and End.
  *
- * Where the window is narrow they are a bar at its foot, and a first one shows what otherwise stands
- * beside the panel; layout.css has the same limit.
+ * In a narrow window they form a bar at the bottom, with an additional first tab for what otherwise
+ * is next to the panel; layout.css has the same limit.
  */
 
 import { declareKeys } from "../elements/keys.js";
@@ -10,7 +10,7 @@ import { declareKeys } from "../elements/keys.js";
 declareKeys("Tabs", ["← →", "Previous or next tab"], ["Home End", "First or last tab"]);
 
 const KEY = "dynamic-observer.tab";
-// What a newcomer wants next after watching: to change something and see what it does.
+// What newcomers want next after watching: change something and see its effect.
 const FIRST = "tab-parameters";
 const VIEW = "tab-view";
 const NARROW = matchMedia("(max-width: 59.99rem)");
@@ -29,7 +29,7 @@ class SideTabs extends HTMLElement {
     this.#fit();
   }
 
-  /** Begin with the view where there is room for one pane only, else with the tab of last time. */
+  /** Start with the view if there is room for one pane only, else with the last tab used. */
   #fit() {
     const wanted = NARROW.matches ? VIEW : (localStorage.getItem(KEY) ?? FIRST);
     const tabs = this.#tabs();
@@ -44,9 +44,9 @@ class SideTabs extends HTMLElement {
       tab.setAttribute("aria-selected", String(selected));
       tab.tabIndex = selected ? 0 : -1;
       const panel = document.getElementById(tab.getAttribute("aria-controls") ?? "");
-      // The view is the page itself, which the style sheet shows or leaves out.
+      // The view is the page itself, which the style sheet shows or hides.
       if (panel && tab.id !== VIEW) panel.hidden = !selected;
-      // What is hidden is not kept up; now it is wanted.
+      // Hidden parts are not updated; let them catch up now.
       if (selected) panel?.dispatchEvent(new Event("shown"));
     }
     document.body.dataset.pane = chosen.id.replace("tab-", "");
@@ -54,7 +54,7 @@ class SideTabs extends HTMLElement {
     if (chosen.id !== VIEW) localStorage.setItem(KEY, chosen.id);
   }
 
-  /** What is beside the page's main part becomes that where the main part is left out. */
+  /** Give the panel the main role while the page's main part is hidden. */
   #tellMain() {
     const beside = document.querySelector("main")?.checkVisibility();
     this.closest("#panel")?.setAttribute("role", beside ? "complementary" : "main");

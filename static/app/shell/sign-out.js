@@ -1,4 +1,4 @@
-/** The button that signs this browser out, or every one. */
+/** The button that signs out this browser or all of them. */
 
 import { button, h, icon } from "../elements/dom.js";
 import { request } from "./api.js";
@@ -6,7 +6,7 @@ import { showModal } from "./modal.js";
 import { attempt } from "./notice.js";
 import { toSignIn } from "./session.js";
 
-/** The resource that ends. @type {Record<string, string>} */
+/** The resource to delete. @type {Record<string, string>} */
 const ENDS = { here: "/session", everywhere: "/sessions" };
 
 class SignOut extends HTMLElement {

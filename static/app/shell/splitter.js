@@ -1,4 +1,4 @@
-/** A bar between two panes: dragged, or moved by arrow keys; it remembers its place. */
+/** A bar between two panes, dragged or moved by arrow keys; it remembers its position. */
 
 import { button, h, setAttribute, svg } from "../elements/dom.js";
 import { declareKeys } from "../elements/keys.js";
@@ -7,14 +7,14 @@ declareKeys("Bar between panes", ["↑ ← ↓ →", "Resize the pane"], ["Enter
 
 const KEY = "dynamic-observer.pane.";
 const STEP_PX = 24;
-// The smallest pane that is of use, and the most that it may take of the window.
+// The smallest useful pane, and the largest share of the window it may take.
 const LEAST_PX = 160;
 const MOST = 0.7;
 
 /**
- * Sets the size of the pane behind it (to its right, or below), named by `pane`, as the custom
- * property `--pane-size-<id>` of the page, and closes and opens it. Where panes do not stand side
- * by side, the style sheet leaves it out.
+ * Sets the size of the pane after it (to its right, or below), named by `pane`, as the custom
+ * property `--pane-size-<id>` of the page, and closes and opens that pane. Where panes are not side
+ * by side, the style sheet hides the bar.
  */
 class Splitter extends HTMLElement {
   #bar = h("div.splitter-bar", { role: "separator", tabindex: "0" });
@@ -69,7 +69,7 @@ class Splitter extends HTMLElement {
     else if (event.key === larger) this.#resize(size + STEP_PX);
     else if (event.key === smaller) this.#resize(size - STEP_PX);
     else return;
-    // Elsewhere on this page an arrow key drives; one that was taken does not.
+    // Elsewhere on the page arrow keys drive; a handled one must not.
     event.preventDefault();
   }
 
@@ -78,7 +78,7 @@ class Splitter extends HTMLElement {
     return this.#upright ? width : height;
   }
 
-  /** Tell it to who cannot see it, in per cent of the window. @param {number} size */
+  /** Tell screen readers the size in per cent of the window. @param {number} size */
   #tell(size) {
     const share = (100 * size) / (this.#upright ? innerWidth : innerHeight);
     setAttribute(this.#bar, "aria-valuenow", String(Math.round(share)));
@@ -117,7 +117,7 @@ class Splitter extends HTMLElement {
 }
 
 /**
- * Open a pane that a splitter may have closed, for what somebody asked to see in it.
+ * Open a pane that a splitter may have closed, to show something in it.
  *
  * @param {string} pane its id
  */

@@ -1,4 +1,4 @@
-/** What others listen to: events are without detail, and say that something is to be read again. */
+/** Fires events without detail: listeners read the changed state themselves. */
 
 export class Teller extends EventTarget {
   /** @param {string} type */

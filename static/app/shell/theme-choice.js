@@ -1,4 +1,4 @@
-/** Light, dark, or as the system has it; remembered in this browser. */
+/** Light, dark or the system's theme; remembered in this browser. */
 
 import { h, icon } from "../elements/dom.js";
 
@@ -46,7 +46,7 @@ function apply(theme) {
   announce();
 }
 
-/** Drawings on canvas read the colours once; this tells them to read again. */
+/** Canvas drawings read the colours only once; tell them to read these again. */
 function announce() {
   window.dispatchEvent(new Event("themechange"));
 }

@@ -1,4 +1,4 @@
-/** A tour of the page: one card that goes from part to part, for whoever wants it. */
+/** An optional tour of the page: one card that moves from part to part. */
 
 import { button, h, setText } from "../elements/dom.js";
 import { giveBackFocus } from "../elements/focus-place.js";
@@ -7,7 +7,7 @@ const KEY = "dynamic-observer.tour";
 const WANTED = "tour-wanted";
 const GAP_PX = 10;
 
-/** What is shown: where it stands on the page, its heading and what it is for. */
+/** Stops of the tour: selector, heading and purpose of each part. */
 const STOPS = /** @type {const} */ ([
   [
     ".first-line-text",
@@ -71,7 +71,7 @@ class Tour extends HTMLElement {
     ),
   );
   #at = 0;
-  /** The element that had the focus when it began. @type {Element | null} */
+  /** The element that had the focus when the tour began. @type {Element | null} */
   #caller = null;
   /** @type {Element[]} */
   #shown = [];
@@ -79,7 +79,7 @@ class Tour extends HTMLElement {
   connectedCallback() {
     if (this.childElementCount) return;
     this.append(button("Take the tour", () => this.#begin()));
-    // Out of the menu, which closes while the card is open.
+    // Outside the menu, which closes while the card is open.
     document.body.append(this.#card);
     this.#card.addEventListener("keydown", (event) => {
       if (event.key === "Escape") this.#end();
@@ -106,7 +106,7 @@ class Tour extends HTMLElement {
 
   /** @param {number} at */
   #go(at) {
-    // What this window has no room for is left out.
+    // Skip parts that this window has no room for.
     const stops = STOPS.filter(([selector]) => document.querySelector(selector)?.checkVisibility());
     const stop = stops[at];
     if (!stop) return this.#end();
@@ -128,7 +128,7 @@ class Tour extends HTMLElement {
     this.#place();
   }
 
-  /** Beside the part where there is room, else over its middle; always within the window. */
+  /** Place the card below or above the part if it fits, else over its middle, within the window. */
   #place() {
     const [part] = this.#shown;
     if (!part) return;
@@ -143,7 +143,7 @@ class Tour extends HTMLElement {
   }
 }
 
-/** Make a button that offers the tour to whoever has not taken it. */
+/** Make a button that offers the tour to users who have not taken it. */
 export function tourOffer() {
   const offer = button("Tour", () => document.dispatchEvent(new Event(WANTED)), {
     class: "quiet tour-offer",

@@ -1,10 +1,10 @@
 /**
- * Says that this browser only watches, and disables what it may not do.
+ * Shows that this browser has read-only access, and disables what it may not do.
  *
- * The server refuses a watcher every change, so here every control counts as one that changes
- * something, new ones included, unless it is marked as one that only looks: it or what it stands in
- * is listed below or has `data-looks`. `data-acts` marks what acts in such a place after all. The
- * nearest mark holds.
+ * The server refuses any change by a watcher, so every control, including new ones, counts as
+ * changing something unless it is marked as harmless: it or an ancestor is listed below or has
+ * `data-looks`. Within such an element, `data-acts` marks controls that do change something. The
+ * nearest mark wins.
  */
 
 import { h, setAttribute } from "../elements/dom.js";
@@ -17,7 +17,7 @@ const LOOKS = [
   "[popovertarget]",
   '[type="search"]',
   '[role="tab"]',
-  // What acts only asks in a dialog, and tells in a notice.
+  // Dialogs only ask and notices only report; the controls that open them are disabled.
   "dialog",
   "#notices",
   // The page itself.
@@ -29,16 +29,16 @@ const LOOKS = [
   "observer-theme-choice",
   "observer-tour",
   ".tour-card",
-  // Whoever sees that something goes wrong stops the robots.
+  // Anyone who sees something go wrong may stop the robots.
   "observer-stop",
-  // What is live.
+  // Live parts.
   "observer-live-views",
   "observer-log",
   "observer-obstacles",
   "observer-scene",
   "observer-speed-chart",
   "observer-status",
-  // What was recorded.
+  // Recordings.
   ".history-head",
   ".export-told",
   "observer-methods-split",
@@ -63,7 +63,7 @@ class Watching extends HTMLElement {
     this.append(h("span.visually-hidden", `. ${WATCHING_ONLY}`));
     this.hidden = false;
     lockAll(document.body);
-    // Controls that are made, enabled or named later.
+    // Controls that are created, enabled or renamed later.
     new MutationObserver((changes) => {
       for (const { type, target, addedNodes } of changes) {
         const touched = type === "childList" ? addedNodes : [target];
@@ -88,7 +88,7 @@ function lock(control) {
   const marked = control.closest(`${LOOKS}, ${ACTS}`);
   if (marked && !marked.matches(ACTS)) return;
   setAttribute(control, "disabled", "");
-  // The words beside a box are pointed at as well.
+  // The label of a checkbox needs the tooltip as well.
   for (const each of [control, control.closest("label")])
     if (each) setAttribute(each, "title", WATCHING_ONLY);
 }

@@ -1,4 +1,4 @@
-/** The cameras that are plugged in: which is left, which right, and how they are set. */
+/** The connected cameras: which is left, which is right, and their settings. */
 
 import {
   details,
@@ -19,7 +19,7 @@ import { Newest } from "../elements/newest.js";
 
 /** @import { Devices, VideoDevice } from "../contract" */
 
-/** Settings of a camera, by their keys in a source's text. @type {[string, string, string][]} */
+/** Camera settings by their keys in a source spec. @type {[string, string, string][]} */
 const SETTINGS = [
   ["exposure", "Exposure, 100 µs", "auto, or a number such as 156"],
   ["gain", "Gain", "auto or a number"],
@@ -29,8 +29,8 @@ const SETTINGS = [
 
 export class CameraPicker extends Part {
   /**
-   * Called with the text that names the chosen cameras, the button that was pressed, and where to
-   * say why they cannot be opened.
+   * Called with the source spec of the chosen cameras, the button pressed, and the element that
+   * shows why they cannot be opened.
    *
    * @type {(spec: string, pressed: HTMLElement, error: HTMLElement) => void}
    */
@@ -61,7 +61,7 @@ export class CameraPicker extends Part {
   #newest = new Newest();
   /** @type {VideoDevice[]} */
   #cameras = [];
-  /** True where there were cameras to choose from at the last look. */
+  /** Whether there were cameras to choose from at the last look. */
   #known = false;
 
   build() {
@@ -103,7 +103,7 @@ export class CameraPicker extends Part {
       if (devices) this.#show(devices);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      // What was found before may still be there.
+      // Cameras found before may still be connected.
       refuse(this.#unheard, error.message);
       if (!this.#known) setText(this.#words, "");
     }

@@ -1,5 +1,5 @@
 /**
- * Sources to choose from: what the server lists, the cameras it found, the runs it keeps. Pure
+ * Sources to choose from: those listed by the server, cameras it found, stored runs. Pure
  * functions.
  */
 
@@ -10,14 +10,14 @@ import { facts, hasImages } from "../runs/run-words.js";
 
 /**
  * @typedef {object} Choice
- * @property {string} spec the text that opens it
+ * @property {string} spec text that opens it
  * @property {string} title
  * @property {string} line what it is, in a few words
- * @property {string} help all that is known of it
+ * @property {string} help everything known about it
  * @property {SourceEntry["group"]} group
- * @property {boolean} template words in capitals stand for what is to be typed
- * @property {string | null} picture where it can be had
- * @property {number | null} recent place among those opened lately
+ * @property {boolean} template its words in capitals are placeholders to be replaced
+ * @property {string | null} picture its address
+ * @property {number | null} recent rank among those opened recently
  */
 
 const PLACEHOLDER = /\b[A-Z]{4,}\b/g;
@@ -68,8 +68,7 @@ export function choicesOfCameras([left, right]) {
 }
 
 /**
- * One list without what is in it twice: the first of each stays, at the place among the recent
- * ones that any of them has.
+ * Remove duplicates: the first of each stays, with the recent rank that any of them has.
  *
  * @param {Choice[]} choices
  * @returns {Choice[]}
@@ -85,7 +84,7 @@ export function merged(choices) {
 }
 
 /**
- * The first few, and always the one that is open.
+ * Return the first few, always including the open one.
  *
  * @param {Choice[]} choices
  * @param {number} few
@@ -99,11 +98,11 @@ export function firstFew(choices, few, open) {
 }
 
 /**
- * What is suggested for what was typed: those opened lately first, then by how well they match.
+ * Return suggestions for a typed text: recently opened ones first, then by how well they match.
  *
  * @param {Choice[]} choices
- * @param {string} typed all of its words are in what is suggested; empty: everything matches
- * @param {number} most of each group, so that no group hides another one
+ * @param {string} typed each suggestion contains all its words; empty: everything matches
+ * @param {number} most of each group, so that no group crowds out another
  * @returns {Choice[]}
  */
 export function suggestions(choices, typed, most) {
@@ -135,7 +134,7 @@ function score({ title, spec, help }, words) {
 
 /**
  * @param {string} spec a template
- * @returns {[number, number]} where what has to be replaced begins and ends
+ * @returns {[number, number]} begin and end of the part to replace
  */
 export function placeholders(spec) {
   const found = [...spec.matchAll(PLACEHOLDER)];
@@ -144,7 +143,7 @@ export function placeholders(spec) {
 }
 
 /**
- * The text that names a source in the fewest words: a run's recording by the run, not by its path.
+ * Return the shortest spec of a source: a run's recording by the run, not by its path.
  *
  * @param {string} spec
  */
@@ -154,10 +153,10 @@ export function shortSpec(spec) {
 }
 
 /**
- * The board that a simulated person shows to the cameras of a source.
+ * Return the board that a simulated person shows to a source's cameras.
  *
  * @param {SourceEntry[]} entries
- * @param {string} spec with a seed or without
+ * @param {string} spec with or without a seed
  * @returns {BoardFacts | null}
  */
 export function boardOf(entries, spec) {
@@ -165,7 +164,7 @@ export function boardOf(entries, spec) {
   return entries.find((entry) => entry.spec === scenario)?.board ?? null;
 }
 
-/** @param {VideoDevice} camera @returns {string} the name that stays when it is plugged in again */
+/** @param {VideoDevice} camera @returns {string} a name that survives replugging, if any */
 export function nameOf(camera) {
   return camera.by_path ?? camera.path;
 }
@@ -185,10 +184,10 @@ export function modesOf(camera) {
 }
 
 /**
- * Compressed images of the usual size: what two cameras on one port can carry.
+ * Return the mode for compressed images of the usual size, which two cameras on one port can carry.
  *
  * @param {VideoDevice | undefined} camera
- * @returns {string} its query, empty where the camera has none such
+ * @returns {string} its query, empty if the camera has no such mode
  */
 export function usualMode(camera) {
   return modesOf(camera).find(([, words]) => words.startsWith("640 × 480, MJPG"))?.[0] ?? "";
@@ -196,8 +195,8 @@ export function usualMode(camera) {
 
 /**
  * @param {string} left
- * @param {string} right empty where the left one delivers both images
- * @param {string} query how they are set
+ * @param {string} right empty if the left one delivers both images
+ * @param {string} query their settings
  */
 export function cameraSpec(left, right, query) {
   return `camera:${right ? `${left},${right}` : `sbs:${left}`}${query ? `?${query}` : ""}`;

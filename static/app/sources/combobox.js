@@ -1,6 +1,6 @@
 /**
- * A text field that suggests: the pattern of a combobox with a list box. Arrows go through the
- * suggestions, Enter takes the one that is marked, Escape closes; anything may be typed.
+ * A text field with suggestions, following the pattern of a combobox with a list box. Arrows move
+ * through the suggestions, Enter takes the marked one, Escape closes; any text may be typed.
  */
 
 import { h, setAttribute } from "../elements/dom.js";
@@ -15,10 +15,10 @@ export class Combobox {
   /** @type {T[]} */
   #items = [];
   #marked = -1;
-  /** Somebody asked for suggestions and did not close them; the list shows where there are any. */
+  /** Whether suggestions were requested and not closed; the list then shows if there are any. */
   #wanted = false;
 
-  /** Called when the suggestions have to be renewed for what the field holds. */
+  /** Called when the suggestions have to be updated for the field's text. */
   asked = () => {};
 
   /** Called with the suggestion that was taken. @type {(item: T) => void} */
@@ -50,7 +50,7 @@ export class Combobox {
     input.addEventListener("click", () => this.#open());
     input.addEventListener("keydown", (event) => this.#pressed(event));
     input.addEventListener("blur", () => this.close());
-    // The field keeps the focus, so that its blur does not close the list before it was pressed.
+    // Keep the focus in the field, as its blur would close the list before the click.
     this.#list.addEventListener("pointerdown", (event) => event.preventDefault());
   }
 
@@ -60,7 +60,7 @@ export class Combobox {
   }
 
   /**
-   * Show these where they are wanted; the one that was marked stays marked where it still is.
+   * Show these items if the list is open; the marked one stays marked if it is still among them.
    *
    * @param {T[]} items
    * @param {(item: T) => string} key
@@ -118,10 +118,10 @@ export class Combobox {
       const opened = !this.isOpen;
       if (opened) this.#open();
       const count = this.#items.length;
-      // With Alt the list opens and nothing is marked.
+      // With Alt the list opens with nothing marked.
       if (count === 0 || (opened && altKey)) return;
       const step = key === "ArrowDown" ? 1 : -1;
-      // Behind the last and before the first one there is the field itself.
+      // After the last item and before the first comes the field itself.
       this.#mark(((this.#marked + 1 + step + count + 1) % (count + 1)) - 1);
     } else if (key === "Enter") {
       const item = this.#items[this.#marked];
@@ -130,7 +130,7 @@ export class Combobox {
         this.#take(item);
       } else this.close();
     } else if (key === "Escape") {
-      // It goes on to whoever else listens: it stops robots, too.
+      // Do not stop its propagation: Escape also stops robots.
       if (this.isOpen) event.preventDefault();
       this.close();
     }

@@ -1,4 +1,4 @@
-/** Live motion capture: what is listened to, what comes from it, and how it is aligned. */
+/** Live motion capture: the stream, the data it delivers, and their alignment. */
 
 import {
   button,
@@ -84,7 +84,7 @@ class LiveTruthForm extends Part {
   #render() {
     const truth = this.hub.status?.truth ?? null;
     const spec = truth?.spec ?? "";
-    // Follow what is listened to, but never overwrite what is being typed.
+    // Follow the stream in use, but never overwrite what is being typed.
     if (spec !== this.#followed && document.activeElement !== this.#spec) {
       this.#spec.value = spec;
       this.#followed = spec;
@@ -104,7 +104,7 @@ class LiveTruthForm extends Part {
     this.#renderBodies(truth);
   }
 
-  /** @param {LiveTruthStatus} truth @param {Element | null} [touched] stays as it was put */
+  /** @param {LiveTruthStatus} truth @param {Element | null} [touched] control to leave unchanged */
   #renderBodies({ bodies, observer, ignore }, touched = document.activeElement) {
     const names = [
       ...new Set([...bodies.map(({ name }) => name), ...ignore, ...(observer ? [observer] : [])]),
@@ -168,10 +168,10 @@ class LiveTruthForm extends Part {
 
   /**
    * @param {LiveTruthChoice} order
-   * @param {HTMLElement} error says why it was not taken
-   * @param {HTMLElement} [button] says what goes on
+   * @param {HTMLElement} error shows why it was refused
+   * @param {HTMLElement} [button] shows what is going on
    * @param {string} [words]
-   * @returns {Promise<boolean>} whether it was taken
+   * @returns {Promise<boolean>} whether it was accepted
    */
   async #put(order, error, button, words) {
     let taken = false;

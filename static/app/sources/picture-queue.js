@@ -1,6 +1,6 @@
-/** Pictures that are fetched a few at a time, so that nothing else of the page waits for them. */
+/** Fetches pictures a few at a time, so that nothing else on the page has to wait for them. */
 
-// A browser has six connections to a server, and making a picture may take seconds.
+// A browser has six connections per server, and rendering a picture may take seconds.
 const AT_ONCE = 2;
 
 export class PictureQueue {
@@ -9,7 +9,7 @@ export class PictureQueue {
   #going = 0;
 
   /**
-   * Fetch a picture when it is its turn; what has none, or is gone from the page, stays as it is.
+   * Fetch a picture when its turn comes; an image removed from the page meanwhile is skipped.
    *
    * @param {HTMLImageElement} image
    * @param {string} address
@@ -19,9 +19,9 @@ export class PictureQueue {
     this.go();
   }
 
-  /** Go on; pictures that nobody can see wait until somebody can. */
+  /** Continue; hidden pictures wait until they are visible. */
   go() {
-    // After what is being put into the page now.
+    // After the elements now being inserted into the page.
     queueMicrotask(() => this.#next());
   }
 

@@ -1,4 +1,4 @@
-/** Playback of files and simulation: pause, step, restart, rate, loop and where it is. */
+/** Playback of files and simulation: pause, step, restart, rate, loop and position. */
 
 import {
   button,
@@ -103,7 +103,7 @@ class PlaybackBar extends Part {
     const playback = this.hub.status?.playback;
     if (!playback) return setText(this.#position, "–");
     const { frame, frame_count: count } = playback;
-    // Where any frame can be gone to, the slider shows the place too.
+    // If the source is seekable, the slider shows the position as well.
     this.#progress.hidden = count === null || playback.seekable;
     if (count) this.#progress.value = Math.min(1, ((frame ?? -1) + 1) / count);
     setText(
@@ -131,7 +131,7 @@ class PlaybackBar extends Part {
     this.#number.value = String(rate);
     this.#slider.value = String(placeOf(rate));
     this.#slider.setAttribute("aria-valuetext", `${rate} times recorded speed`);
-    // The server's status still tells the old rate for a moment.
+    // The server's status still has the old rate for a moment.
     this.#holdRateUntil = performance.now() + 1000;
     clearTimeout(this.#sendTimer);
     this.#sendTimer = setTimeout(() => void this.#send({ rate }), SEND_EVERY_MS);
@@ -151,7 +151,7 @@ class PlaybackBar extends Part {
 }
 
 /**
- * Say how fast it plays where the computer does not keep up; no frame is left out.
+ * Say how fast it plays if the computer does not keep up; no frame is dropped.
  *
  * @param {PlaybackStatus} playback
  */
@@ -163,7 +163,7 @@ function slownessInWords({ paused, ended, rate, achieved_rate: achieved }) {
 /** @param {number} place on the slider, whose scale is logarithmic @returns {number} rate */
 function rateAt(place) {
   const rate = RATE_MIN * (RATE_MAX / RATE_MIN) ** (place / SLIDER_STEPS);
-  // Recorded speed is easy to hit.
+  // Snap to the recorded speed.
   return Math.abs(rate - 1) < 0.04 ? 1 : Number(rate.toFixed(2));
 }
 

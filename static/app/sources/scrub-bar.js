@@ -1,4 +1,4 @@
-/** Going to any frame of a recording: a slider that follows what is played until it is moved. */
+/** Seeking in a recording: a slider that follows playback until it is moved. */
 
 import { h, input, setAttribute } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
@@ -7,15 +7,15 @@ import { attemptIn } from "../shell/notice.js";
 
 /** @import { PlaybackStatus } from "../contract" */
 
-// The server's status still tells the old place for a moment.
+// The server's status still has the old position for a moment.
 const HOLD_MS = 600;
 
 export class ScrubBar extends Part {
-  /** Says why a frame could not be gone to. */
+  /** Shows why seeking failed. */
   error = h("p.field-error", { role: "alert" });
 
   #slider = input("range", "scrub", { min: 0, step: 1, "aria-label": "Frame" });
-  /** The frame that was asked for and not yet sent. @type {number | null} */
+  /** The frame requested but not sent yet. @type {number | null} */
   #wanted = null;
   #busy = false;
   #holdUntil = 0;
@@ -57,7 +57,7 @@ export class ScrubBar extends Part {
     void this.#send();
   }
 
-  /** One request at a time; of the places passed meanwhile only the last is gone to. */
+  /** Send one request at a time; of the positions passed meanwhile only the last counts. */
   async #send() {
     if (this.#busy) return;
     this.#busy = true;

@@ -1,4 +1,4 @@
-/** Sources of one kind as tiles: the first few of them, and all on demand. */
+/** Sources of one kind as tiles: the first few, or all on demand. */
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
@@ -8,7 +8,7 @@ import { firstFew } from "./choices.js";
 /** @import { Choice } from "./choices.js" */
 /** @import { PictureQueue } from "./picture-queue.js" */
 
-/** Drawn where there is no picture, or none yet. @type {Record<SourceEntry["group"], string>} */
+/** Drawn while there is no picture. @type {Record<SourceEntry["group"], string>} */
 const SIGNS = {
   simulated:
     "M8 1.2 14.2 4.6v6.8L8 14.8l-6.2-3.4V4.6zm0 1.7L4.6 4.8 8 6.7l3.4-1.9zM3.3 6v4.5l4 2.2V8.2zm9.4 0-4 2.2v4.5l4-2.2z",
@@ -39,7 +39,7 @@ export class SourceGroup {
    * @param {number} few how many are shown at first
    * @param {PictureQueue} queue
    * @param {(choice: Choice, tile: HTMLButtonElement) => void} press
-   * @param {...HTMLElement} tools beside the title
+   * @param {...HTMLElement} tools next to the title
    */
   constructor(group, title, few, queue, press, ...tools) {
     const id = `sources-${group}`;
@@ -79,13 +79,13 @@ export class SourceGroup {
     this.#shown = shown;
     const told = [...this.#list.children].filter((child) => !child.matches(".source"));
     const beside = told[0]?.previousElementSibling?.getAttribute("data-spec");
-    // Until all are asked for, only the first few are made, and their pictures with them.
+    // Until all are requested, create only the first few tiles and fetch only their pictures.
     this.#items.show(
       this.#all ? choices : few,
       ({ spec }) => spec,
       (choice) => JSON.stringify({ ...choice, recent: null }),
     );
-    // What is said of a tile stays beside it.
+    // Messages about a tile stay next to it.
     const tile = [...this.#list.children].find((each) => each.getAttribute("data-spec") === beside);
     if (tile) tile.after(...told);
     this.#more.hidden = choices.length <= this.#few;

@@ -1,4 +1,4 @@
-/** Choice of the source: one field with suggestions, and tiles of what there is. */
+/** Choice of the source: a field with suggestions, and tiles of the available sources. */
 
 import {
   button,
@@ -35,10 +35,10 @@ import { SourceGroup } from "./source-group.js";
 /** @import { Choice } from "./choices.js" */
 
 /**
- * @typedef {object} Pressed what somebody pressed to open a source
+ * @typedef {object} Pressed the control pressed to open a source
  * @property {HTMLElement} button
- * @property {Element} teller says that it is being opened
- * @property {HTMLElement} error says why it was not
+ * @property {Element} teller shows that it is being opened
+ * @property {HTMLElement} error shows why it was not
  */
 
 declareKeys(
@@ -50,7 +50,7 @@ declareKeys(
 
 const MOST_OF_EACH = 6;
 const MOST_RUNS = 50;
-// Typing goes on; the server is asked once it pauses.
+// Query the server only once typing pauses.
 const SEARCH_AFTER_MS = 200;
 
 class SourcePicker extends Part {
@@ -69,16 +69,16 @@ class SourcePicker extends Part {
   #inRun = h("p.hint", { hidden: true }, "Stop the run to open another source.");
   #pictures = new PictureQueue();
   #cameras = new CameraPicker();
-  /** Moves to the tile that was pressed. */
+  /** Moves to the tile pressed. */
   #tileError = h("p.field-error.source-error", { role: "alert" });
-  /** Moves below the error that it mends. */
+  /** Moves below the error that it remedies. */
   #calibrate = button("Calibrate these cameras", () => this.#toWizard(this.#uncalibrated), {
     hidden: true,
   });
   #groups = this.#makeGroups();
-  /** The runs that tiles show. @type {Choice[]} */
+  /** Runs shown as tiles. @type {Choice[]} */
   #runs = [];
-  /** Runs found by what was typed. @type {Choice[]} */
+  /** Runs found by the typed text. @type {Choice[]} */
   #foundRuns = [];
   /** @type {Choice[]} */
   #foundCameras = [];
@@ -154,7 +154,7 @@ class SourcePicker extends Part {
   async #load() {
     /** @type {SourceEntry[] | null | undefined} */
     const entries = await this.#newest.answer(() => request("GET", "/sources")).catch(() => null);
-    // What was there before stays where the server does not answer now.
+    // Keep the previous sources if the server does not answer.
     if (!entries) return;
     this.hub.sources = entries;
     this.hub.tell("sources");
@@ -171,7 +171,7 @@ class SourcePicker extends Part {
     this.#show();
   }
 
-  /** Show all tiles, those that are there first and then how to name others. */
+  /** Show the tiles, the state of the field and the suggestions. */
   #show() {
     this.#showTiles();
     this.#render();
@@ -214,7 +214,7 @@ class SourcePicker extends Part {
       this.#tilesOf = current;
       this.#showTiles();
     }
-    // Follow what is open, but never overwrite what is being typed.
+    // Follow the open source, but never overwrite what is being typed.
     if (current !== this.#followed && document.activeElement !== this.#spec) {
       this.#spec.value = current;
       this.#followed = current;
@@ -224,7 +224,7 @@ class SourcePicker extends Part {
     const inRun = Boolean(status?.run);
     this.#inRun.hidden = !inRun;
     this.#open.disabled = inRun;
-    // Not disabled while it opens: that would take the focus away.
+    // Not disabled while opening: that would lose the focus.
     setAttribute(this.#open, "aria-disabled", this.#busy ? "true" : null);
     for (const tile of /** @type {NodeListOf<HTMLButtonElement>} */ (
       this.querySelectorAll(".source")
@@ -235,7 +235,7 @@ class SourcePicker extends Part {
     }
   }
 
-  /** What is looked for: what the field holds, and all while that is what is open. */
+  /** The text to search for: that of the field, or empty (all) while it is the open source. */
   get #words() {
     const typed = this.#spec.value.trim();
     return typed === this.#followed ? "" : typed;
@@ -254,7 +254,7 @@ class SourcePicker extends Part {
     this.#suggested.show(suggestions(all, this.#words, MOST_OF_EACH), ({ spec }) => spec);
   }
 
-  /** Find runs by their names among all that there are. @param {string} words */
+  /** Find runs among all stored ones by their names. @param {string} words */
   async #searchRuns(words) {
     const query = new URLSearchParams({ text: words.slice(0, 200), limit: String(MOST_OF_EACH) });
     /** @type {History | null | undefined} */
@@ -301,8 +301,8 @@ class SourcePicker extends Part {
   }
 
   /**
-   * Open a source; one that is there to be calibrated leads to the wizard. The source before stays
-   * where it cannot be opened.
+   * Open a source, or the wizard if the source is meant for calibrating. The previous source stays
+   * open if this one cannot be opened.
    *
    * @param {string} spec
    * @param {Pressed} pressed

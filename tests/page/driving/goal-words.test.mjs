@@ -8,7 +8,7 @@ import { robot, robots } from "../made.mjs";
 
 /** @typedef {{facts?: RobotsMessage | null, observer?: RobotNow | null, ours?: boolean, connected?: boolean, programme?: string}} Known */
 
-/** Everything is there but what a test takes away. @param {Known} changes */
+/** A state in which nothing is missing, with a test's changes. @param {Known} changes */
 function missing(changes) {
   const known = {
     facts: robots(),

@@ -6,7 +6,7 @@ import { beyondStill, Hold } from "../../../static/app/driving/hold.js";
 const AHEAD = { forward: 1, left: 0 };
 const LEFT = { forward: 0, left: 1 };
 
-/** What is held, and the events it told of. */
+/** A hold and the events it has fired. */
 function held() {
   const hold = new Hold();
   /** @type {string[]} */

@@ -7,7 +7,7 @@ import { ParameterStore } from "../../../static/app/parameters/parameter-store.j
 
 /** @typedef {Record<string, ParameterValue>} Values */
 
-/** A server of two parameters below 10, and the changes that it was asked for, in order. */
+/** A fake server with two parameters below 10, and the changes requested, in order. */
 function served() {
   /** @type {Values} */
   const values = { "a.x": 1, "a.y": 2 };

@@ -67,7 +67,7 @@ test("every frame is read when it is wanted, once, with those around it", async 
   assert.equal((await entries.fetch(1202))?.frame, 1202);
   assert.equal(asked.length, 2);
   assert.match(String(asked[1]), /first=1200&count=200$/);
-  // What follows is read before it is needed.
+  // The next page is prefetched.
   await entries.fetch(1301);
   assert.match(String(asked[2]), /first=1400&count=200$/);
   assert.equal((await entries.fetch(COUNT - 1))?.frame, COUNT - 1);

@@ -23,7 +23,7 @@ test("a map that lies as the drawing does has its x upwards and its y to the lef
     b * x + d * y + f,
   ];
   assert.deepEqual(drawn(0, 0), [200, 100]);
-  // Ten cells are a metre.
+  // Ten cells per metre.
   assert.deepEqual(drawn(10, 0), [200, 50]);
   assert.deepEqual(drawn(0, 10), [150, 100]);
 });

@@ -52,7 +52,7 @@ test("a top view holds the camera's way and what was found, to one scale", () =>
   const frames = [frame(0, [0, 0], [[6, 1]]), frame(1, [2, 0], [[6, -3]])];
   const { ahead, left, perMetre } = boundsOf(frames, 452, 252);
   assert.deepEqual([ahead, left], [3, -1]);
-  // 6 m ahead in 200 px; 4 m across would have more room.
+  // 6 m ahead in 200 px set the scale; 4 m across would have more room.
   assert.ok(Math.abs(perMetre - 200 / 6) < 1e-9);
 });
 

@@ -6,7 +6,7 @@ import { listenForClicks, onFloor } from "../../../static/app/scene-frame/floor-
 /** @import { Frame, Vector } from "../../../static/app/scene-frame/scene-client.js" */
 
 /**
- * A robot in a renderer that has y up, turned by an angle to its left.
+ * A robot in a renderer with y up, turned left by an angle.
  *
  * @param {Vector} position @param {number} heading rad
  * @returns {Frame}
@@ -27,7 +27,7 @@ test("a click is where its ray meets the floor, seen from the robot", () => {
   const straight = robotAt([0, 0, 0], 0);
   assertPlace(onFloor({ from: [2, 5, -1], along: [0, -0.5, 0] }, straight), 2, 1);
   assertPlace(onFloor({ from: [0, 2, 0], along: [1, -1, 0] }, straight), 2, 0);
-  // Turned to the left by a quarter, what was to the left is ahead.
+  // After a quarter turn to the left, what was on the left is ahead.
   const turned = robotAt([1, 0, 0], Math.PI / 2);
   assertPlace(onFloor({ from: [1, 3, -2], along: [0, -1, 0] }, turned), 2, 0);
   assertPlace(onFloor({ from: [3, 3, 0], along: [0, -1, 0] }, turned), 0, -2);
@@ -72,7 +72,7 @@ test("a press that stays is a click, one that turns the scene is not", () => {
     events.forEach((event) => inside.dispatchEvent(event));
   send(pointer("pointerdown", 10), pointer("pointermove", 12), pointer("pointerup", 12));
   assert.deepEqual(clicks, [12]);
-  // Also where it comes back.
+  // Even if it comes back.
   send(pointer("pointerdown", 10), pointer("pointermove", 90), pointer("pointerup", 10));
   send(pointer("pointerdown", 10, { button: 2 }), pointer("pointerup", 10, { button: 2 }));
   send(pointer("pointerdown", 10), pointer("pointercancel", 10), pointer("pointerup", 10));

@@ -10,7 +10,7 @@ import {
 
 /** @import { Frame, SceneClient, Vector } from "../../../static/app/scene-frame/scene-client.js" */
 
-// The renderer has y up; the display's z is up, and it has been moved by 4 m.
+// The renderer has y up; the display has z up and is offset by 4 m.
 /** @type {Frame} */
 const DISPLAY = {
   position: [-4, 0, 0],
@@ -28,7 +28,7 @@ const FACTS = {
 };
 
 /**
- * A camera at a place of the display, 0.4 m high, that looks 0.3 rad down.
+ * A camera at a place of the display, 0.4 m high, looking down by 0.3 rad.
  *
  * @param {number} ahead @param {number} left @param {number} heading
  * @returns {Frame}
@@ -90,7 +90,7 @@ test("the eye goes behind the robot and turns with it", () => {
   assertClose(client.looks[0]?.flat() ?? [], [-5.6, 1.5, -1, -1.7, 0.25, 0.1]);
   client.camera = cameraAt(1, 0, Math.PI / 2);
   camera.reset();
-  // Behind is now to the right of where it began, and the eye's left is behind.
+  // "Behind" is now to the right of the start, and the eye's left is behind.
   assertClose(client.at, [-4, 1.5, 1.6]);
 });
 
@@ -109,7 +109,7 @@ test("nothing is asked of a viewer whose camera is where it should be, or is the
   camera.choice = "follow";
   for (let now = 0; now < 10_000; now += 100) camera.step(now);
   assert.equal(client.looks.length, 1);
-  // As the viewer does once, when the first messages arrive.
+  // As the viewer does once when the first messages arrive.
   client.at = [0, 0, 0];
   camera.step(10_100);
   assert.equal(client.looks.length, 2);

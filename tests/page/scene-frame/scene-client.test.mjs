@@ -17,7 +17,7 @@ function viewer() {
         },
       },
       canvas: { getBoundingClientRect: () => ({ left: 100, top: 50, width: 400, height: 200 }) },
-      // 90 degrees high, twice as wide; turned by a quarter to its left, 2 m up.
+      // Vertical field of view 90 degrees, aspect 2 : 1; a quarter turn to the left, 2 m up.
       camera: {
         position: { x: 1, y: 2, z: 3 },
         matrixWorld: { elements: [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 1, 2, 3, 1] },
@@ -83,7 +83,7 @@ test("what a place of the window shows is a ray from the eye", () => {
     return ray.along.map((value) => Math.round((1000 * value) / longest) / 1000 + 0);
   };
   assert.deepEqual(direction(300, 150), [-1, 0, 0]);
-  // The lower edge, and the right one.
+  // The lower edge and the right one.
   assert.deepEqual(direction(300, 250), [-1, -1, 0]);
   assert.deepEqual(direction(500, 150), [-0.5, 0, -1]);
 });

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { ApiError, request } from "../../../static/app/shell/api.js";
 
-/** What the server answers to the next request. @param {() => Response} answer */
+/** Set the server's answer to the next request. @param {() => Response} answer */
 function answers(answer) {
   /** @type {{url: string, options: RequestInit}[]} */
   const asked = [];

@@ -49,7 +49,7 @@ test("what became of it is told until it is taken away", () => {
   const { made } = pick();
   made.say("Not sent: why.", true);
   assert.deepEqual([made.words, made.refused], ["Not sent: why.", true]);
-  // Nothing is asked for, so there is nothing to cancel.
+  // Nothing is requested, so there is nothing to cancel.
   made.cancel();
   assert.equal(made.words, "Not sent: why.");
   made.say("");

@@ -7,7 +7,7 @@ import { judge } from "../../../static/app/shell/hub.js";
 
 const NOW = 100_000;
 
-/** As the hub has it of a source that plays. @param {Record<string, unknown>} [changes] */
+/** The status of a source that is playing. @param {Record<string, unknown>} [changes] */
 function status(changes) {
   const whole = {
     engine: { state: "preview", reason: null },
@@ -16,7 +16,7 @@ function status(changes) {
     live: null,
     ...changes,
   };
-  // The rest of it says nothing of how old things are.
+  // The rest of it does not affect freshness.
   return /** @type {Status} */ (/** @type {unknown} */ (whole));
 }
 

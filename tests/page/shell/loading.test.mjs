@@ -6,7 +6,7 @@ const APP = new URL("../../../static/app/", import.meta.url);
 const PAGE = readFileSync(new URL("../index.html", APP), "utf8");
 const MAIN = read("main.js");
 const FIRST = loadedBy("main.js");
-// Each of them delays the first painted frame.
+// Each module delays the first painted frame.
 const MOST_BEFORE_IT = 60;
 
 /** @param {string} name below static/app */
@@ -14,7 +14,7 @@ function read(name) {
   return readFileSync(new URL(name, APP), "utf8");
 }
 
-/** @param {string} name @returns {string[]} the modules that it imports, in turn too, itself first */
+/** @param {string} name @returns {string[]} it and the modules it imports, directly or not */
 function loadedBy(name) {
   const found = new Set([name]);
   for (const each of found)

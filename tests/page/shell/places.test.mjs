@@ -4,11 +4,11 @@ import { test } from "node:test";
 
 const APP = new URL("../../../static/app/", import.meta.url);
 
-/** What a place may import beside itself; whatever has no entry: elements and shell. @type {Record<string, string[]>} */
+/** What each folder may import besides itself; by default elements and shell. @type {Record<string, string[]>} */
 const ALLOWED = {
   elements: [],
   shell: ["elements"],
-  // Of another page: nothing of this one is there.
+  // It belongs to another page, with nothing of this one.
   "scene-frame": [],
   calibration: ["elements", "shell", "live", "sources"],
   driving: ["elements", "shell", "parameters"],
