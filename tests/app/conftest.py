@@ -1,4 +1,4 @@
-"""An engine and a drive process within the test's own, and a database."""
+"""An engine and a drive process in the test's own process, and a database."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ async def server(peer: PeerEngine, storage: Storage) -> AsyncIterator[Server]:
 
 @pytest.fixture
 def slots() -> Iterator[dict[str, int]]:
-    """What engine and drive process share."""
+    """The shared memory slots of engine and drive process."""
     slots = {name: create_slot(256 * 1024) for name in SHARED_NAMES}
     yield slots
     for fd in slots.values():

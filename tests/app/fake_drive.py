@@ -1,4 +1,4 @@
-"""A drive process within the test's own process, which keeps rules where the real one drives."""
+"""A drive process within the test's own process, which keeps rules instead of driving."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class FakeDrive:
     """Fulfils ``app.server.contracts.Drive``.
 
     Attributes:
-        commands: all that were taken. robots: connected, by role.
+        commands: all that were accepted. robots: the connected ones, by role.
         refuse: what to refuse, by the command's class: ``(refusal, sentence)``.
         hangs: whether it answers nothing. cannot_start: whether it never starts.
-        stops_at_connecting: whether somebody stops all robots while one is connected.
+        stops_at_connecting: whether somebody stops all robots while one is being connected.
     """
 
     def __init__(self) -> None:
@@ -217,7 +217,7 @@ class FakeDrive:
     # --- what it tells ---------------------------------------------------------------------
 
     def tell(self, **more: Any) -> None:
-        """Publish how everything is."""
+        """Publish the state of all robots."""
         self.publish(DriveState(replace(self.facts(), **more), time.monotonic()))
 
     def facts(self) -> DriveFacts:
@@ -254,15 +254,15 @@ class FakeDrive:
         )
 
     def measure(self, role: Role, sent: float, encoder: float | None, ago_s: float = 0.0) -> None:
-        """The speeds of a robot, as ten times a second while it is armed."""
+        """Publish a robot's speeds, as happens ten times a second while it is armed."""
         self.publish(WheelSpeedEvent(role, time.monotonic() - ago_s, sent, encoder))
 
     def happen(self, role: Role | None, sentence: str, kind: Any = "fault") -> None:
-        """Something stopped a robot."""
+        """Publish that something stopped a robot."""
         self.publish(IncidentEvent(role, kind, sentence, time.monotonic(), 0.25))
 
     def come_to_rest(self, role: Role, kind: Any, sentence: str, **more: Any) -> None:
-        """A robot at 0.25 m/s was stopped and stands: by its incident, then as it was measured."""
+        """Stop a robot driving at 0.25 m/s: publish the incident, then the measured stop."""
         now = time.monotonic()
         self.publish(IncidentEvent(role, kind, sentence, now - 0.7, 0.25))
         values = {
@@ -278,7 +278,7 @@ class FakeDrive:
         self.publish(StoppedEvent(role, kind, sentence, now - 0.7, **values))
 
     def of(self, *kinds: type) -> list[Any]:
-        """The commands of some kinds, in order."""
+        """Return the commands of some kinds, in order."""
         return [command for command in self.commands if isinstance(command, kinds)]
 
 

@@ -57,7 +57,7 @@ from observer.robots.contract import RobotPort
 from observer.sources.contract import SourceInfo
 from observer.truth.matching import TrueBodyEntry
 
-# The smallest JPEG there is would do; the bytes are only carried.
+# The smallest valid JPEG would do; the bytes are only passed on.
 JPEG = b"\xff\xd8\xff\xe0 not a picture, but carried like one \xff\xd9"
 
 
@@ -79,7 +79,7 @@ class PeerEngine:
         self.generation = 0
         self.alive = False
         self.opened: OpenSource | None = None
-        # What is calibrated, the views it has, and whether both cameras see the board.
+        # The calibration in progress, its views, and whether both cameras see the board.
         self.calibrating: BeginCalibration | None = None
         self.captured: list[BoardView] = []
         self.board_seen = False
@@ -92,9 +92,9 @@ class PeerEngine:
         self.frame = 0
         self.sequence = 0
         self.playback: dict[str, Any] = {}
-        # Makes observations as large as a test wants them.
+        # Makes observations as large as a test needs.
         self.padding = ""
-        # Drawn like the real engine: what is newly watched at once.
+        # Draw newly watched views at once, like the real engine.
         self.draw_on_watch = True
 
     async def start(self) -> None:
@@ -250,7 +250,7 @@ class PeerEngine:
         return tuple(view.name for view in self.captured)
 
     def capture(self, view: BoardView | None = None) -> BoardView:
-        """One more view, as when a person holds the board still."""
+        """Capture one more view, as when a person holds the board still."""
         assert self.calibrating is not None
         number = max((int(name) for name in self._names()), default=0) + 1
         seen = sighting_of(self.calibrating.board)
@@ -260,7 +260,7 @@ class PeerEngine:
         return taken
 
     def look(self, **more: Any) -> None:
-        """One more pair was looked at."""
+        """Report that one more pair was examined for the board."""
         look = BoardLook(words="Hold the board still", frame=self.frame, seen=[54, 54])
         self.publish(BoardLookEvent(replace(look, **more), time.monotonic()))
 
@@ -338,7 +338,7 @@ class PeerEngine:
 
     @staticmethod
     def recording(**more: Any) -> RecordingStatus:
-        """How a recording is, as the engine tells it."""
+        """Return the status of a recording, as the engine reports it."""
         return replace(RecordingStatus("jpeg", 0, 0.0, 0, None), **more)
 
     def draw(self, name: str) -> None:
@@ -366,7 +366,7 @@ class PeerEngine:
         self.writers[CLOUD_NAME].write(header, cloud.tobytes(), colors.tobytes())
 
     def observe(self, **more: Any) -> ObservationEvent:
-        """One more frame with one obstacle; also draws what is watched."""
+        """Publish one more frame with one obstacle; also draw what is watched."""
         opened = self.opened
         assert opened is not None
         for name in self.watched:
@@ -391,7 +391,7 @@ class PeerEngine:
 
 
 def line(frame: int, segment: int, revision: int, padding: str) -> LiveLine:
-    """A JSON line with one obstacle that drives to the right at 0.4 m/s."""
+    """Return a JSON line with one obstacle that moves to the right at 0.4 m/s."""
     at = [0.4 * frame / 15, 0.1, 3.0]
     return {
         "frame": frame,
@@ -452,7 +452,7 @@ def sighting_of(board: Board) -> BoardSighting:
 
 
 def floor_points(seed: int, height_m: float = 0.4, count: int = 3000) -> np.ndarray[Any, Any]:
-    """A floor below a level camera, (N, 3) metres in its frame, a millimetre rough."""
+    """Return a floor below a level camera, (N, 3) metres in its frame, a millimetre rough."""
     rng = np.random.default_rng(seed)
     points = np.column_stack(
         [rng.uniform(-1, 1, count), np.full(count, height_m), rng.uniform(1.2, 4, count)]

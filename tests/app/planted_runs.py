@@ -1,4 +1,4 @@
-"""A run and the motion capture of it, both computed: what is known of them is exact."""
+"""A run and its motion capture, both computed, so that they are known exactly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from observer.types import StereoFrame
 
 from .peer_engine import rectified_calibration
 
-# To be added to the times of motion capture.
+# Seconds to add to the times of motion capture.
 OFFSET_S = 0.12
 DURATION_S = 26.0
 _RATE_HZ = 15.0
@@ -27,14 +27,14 @@ _INFO = {
 
 
 def run_folder(storage: Storage, run_id: str) -> Path:
-    """The folder of a run's files, made."""
+    """Create and return the folder of a run's files."""
     folder = storage.folder.run(run_id)
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
 def way(t: Float64Array) -> Float64Array:
-    """Metres: waits, drives, waits, comes back, with rounded starts and stops."""
+    """Return metres driven: waits, drives, waits, comes back, with rounded starts and stops."""
     fine = np.arange(-2, DURATION_S + 2, 1e-3)
     driven = 0.35 * (np.clip(fine - 3, 0, 5) - np.clip(fine - 12, 0, 6.3))
     kernel = np.ones(400) / 400
@@ -43,15 +43,15 @@ def way(t: Float64Array) -> Float64Array:
 
 
 def speed(t: Float64Array) -> Float64Array:
-    """m/s, truly."""
+    """Return the true speed, m/s."""
     return np.asarray(np.abs(way(t + 0.005) - way(t - 0.005)) / 0.01)
 
 
 def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef", *, heard: bool = False) -> Path:
-    """A recording without images of a still camera before which one body drives to and fro.
+    """Write a recording without images: one body drives to and fro before a still camera.
 
     Args:
-        heard: also what live motion capture told of it.
+        heard: also include live motion capture.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "recording.mcap"
@@ -79,7 +79,7 @@ def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef", *, heard: bo
 
 
 def truth_csv(path: Path) -> Path:
-    """Motion capture of it as a plain CSV, on a clock of its own."""
+    """Write its motion capture as a plain CSV, on a clock of its own."""
     rows = [f"cart,{each.time:.4f}," + _cells(each.position) for each in _samples()]
     path.write_text("\n".join(["body,t,x,y,z", *rows]) + "\n")
     return path
@@ -102,7 +102,7 @@ def _cells(position: Float64Array | None) -> str:
 def _line(
     number: int, time: float, driven: float, true: float, rng: np.random.Generator
 ) -> dict[str, Any]:
-    # One track until 14 s, then another one of the same body, and nothing is seen in between.
+    # Track 1 until 14 s, then track 2 of the same body; in between nothing is seen.
     track = 1 if time < 14 else 2
     seen = true + rng.normal(0, 0.005)
     x = driven + rng.normal(0, 0.002)

@@ -1,4 +1,4 @@
-"""A machine that has no time for one process."""
+"""A machine too busy for one process."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-# Enough for every processor that this process may use, many times over.
+# Processes per processor: enough to keep all busy, many times over.
 _EACH = 8
 
 
 @contextlib.contextmanager
 def others_at_work(pid: int) -> Iterator[None]:
-    """Let a process and its threads run only where nobody else wants to, and keep others busy."""
+    """Let a process and its threads run only when no other wants to, and keep others busy."""
     command = [sys.executable, "-c", "while True: pass"]
     count = _EACH * len(os.sched_getaffinity(0))
     # Linux may give each session an equal share, whatever its processes do.

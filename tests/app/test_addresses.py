@@ -1,4 +1,4 @@
-"""Addresses at which a server is reached."""
+"""Addresses at which a server can be reached."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def show(monkeypatch: pytest.MonkeyPatch, interfaces: dict[str, list[str]]) -> N
 
 @pytest.fixture
 def networks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A computer on cable and radio, with containers, a cut cable and addresses of one cable."""
+    """A computer on cable and radio, with containers, a cut cable and link-local addresses."""
     interfaces = {
         "lo": ["127.0.0.1", "::1"],
         "wlan0": ["10.0.0.9", "fd00::9", "fe80::9%wlan0"],

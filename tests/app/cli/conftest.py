@@ -1,4 +1,4 @@
-"""The command line within the test's own process, and a scripted server for what asks one."""
+"""The command line in the test's own process, and a scripted server for commands that need one."""
 
 from __future__ import annotations
 
@@ -18,5 +18,5 @@ def server() -> Iterator[ScriptedServer]:
 
 @pytest.fixture
 def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    """``shell(*arguments)``: how the command ended."""
+    """``shell(*arguments)``: run a command and return how it ended."""
     return Shell(capsys)

@@ -1,4 +1,4 @@
-"""A server that follows a script, over real sockets, with robots that do at once as told."""
+"""A server that follows a script, over real sockets, with robots that obey instantly."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from observer.motion_profiles.profile import MotionProfile
 from observer.motion_profiles.profile_file import profile_from_text
 
 TOKEN = "a-token-of-the-tests-with-256-bits-more-or-less"
-# Of the clock between two looks at it: who is held up for longer misses nothing.
+# Seconds: the most its clock advances between two readings, so a stall skips nothing.
 LONGEST_STEP_S = 0.1
 MINE = """
 name: mine
@@ -35,13 +35,13 @@ steps:
 
 
 class ScriptedServer:
-    """Answers as the real one, with robots that do at once what they are told.
+    """Answers like the real one, with robots that obey instantly.
 
     Attributes:
-        takeover: who held the roles before. refuse_arm: the sentence, where arming is refused.
+        takeover: who held the roles before. refuse_arm: the sentence with which arming is refused.
         fresh_s: how long a sign of presence counts.
-        act: called with the time since the programme began, every tick of the facts.
-        calls: REST calls as (method, path). said: messages of the operator, with their arrival.
+        act: called with the time since the programme began, whenever the facts are made.
+        calls: REST calls as (method, path). said: messages of the operator, with arrival times.
     """
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class ScriptedServer:
         self.armed: set[str] = set()
         self.present: dict[str, float] = {}
         self.programme: tuple[MotionProfile, dict[str, Any], float] | None = None
-        # Sentences of the goal's facts, one for each look at them; the last one ends it.
+        # Sentences of the goal's facts, one per request; the last one ends the goal.
         self.way_to_goal = ["Driving to the goal, 1.0 m away.", "The goal is reached."]
         self.goal: dict[str, Any] | None = None
         self.stopped: dict[str, Any] | None = None
@@ -80,7 +80,7 @@ class ScriptedServer:
         self.why = dict.fromkeys(self.why, why)
 
     def clock(self) -> float:
-        """As real time, as long as it is looked at often enough."""
+        """Return real time, as long as it is read often enough."""
         before, self._looked = self._looked, time.monotonic()
         self._now += min(self._looked - before, LONGEST_STEP_S)
         return self._now
@@ -258,7 +258,7 @@ class ScriptedServer:
                 self.armed.discard(role)
 
     def lose(self, **more: Any) -> None:
-        """Tell the operator that the obstacle is somebody else's; from the server's loop."""
+        """Tell the operator that someone else took the obstacle; call it from the server's loop."""
         assert self.socket is not None
         self.act = lambda _: None
         self.armed.discard("obstacle")

@@ -21,7 +21,7 @@ class Done:
 
 
 def in_a_process(*arguments: str) -> Done:
-    """As a person starts it. It takes seconds to begin."""
+    """Run it as a person would. Starting takes seconds."""
     done = subprocess.run(
         [sys.executable, "-m", "app.cli", *arguments],
         capture_output=True,
@@ -34,7 +34,7 @@ def in_a_process(*arguments: str) -> Done:
 
 
 class Shell:
-    """The same in the test's own process, where all is imported already."""
+    """The same in the test's own process, where everything is already imported."""
 
     def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
         self._capsys = capsys

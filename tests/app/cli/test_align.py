@@ -21,7 +21,7 @@ from .shell import Done
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data folder with a run that heard live motion capture, and a file of the same."""
+    """A data folder with a run that recorded live motion capture, and the same data as a file."""
     folder = tmp_path_factory.mktemp("align")
     plant_run(folder / "runs" / "2026-a", "2026-a", heard=True)
     truth_csv(folder / "ride.csv")
@@ -59,14 +59,14 @@ def test_a_file_is_laid_over_a_run_and_drawn_with_it(
     assert len(rows) == 390
     times = np.array([row["time"] for row in rows])
     told = np.array([row["speed"] for row in rows])
-    # All of what was observed, the time in which nothing was seen as well.
+    # Over the whole observation, including the time in which nothing was seen.
     assert np.sqrt(np.mean((told - speed(times)) ** 2)) < 0.02
     chart = folder / "chart.csv"
     done = shell("chart", "2026-a", "--compared", str(output), "--output", str(chart), *data)
     assert done.code == 0, done.err
     table = list(csv.DictReader(chart.read_text().splitlines()))
     bodies = {row["track_id"]: row["body"] for row in table if row["source"] == "estimate"}
-    # The second track is none of them, says the person.
+    # ``--match 0:2=`` says that track 2 is none of the bodies.
     assert bodies == {"1": "cart", "2": ""}
     figure = folder / "chart.pdf"
     options = ["--compared", str(output), "--begin", "3", "--end", "9"]

@@ -61,7 +61,7 @@ TRUTH = """frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw
 
 
 def files(folder: Path) -> tuple[str, str]:
-    """A body that crosses at 2.5 m with 0.3 m/s, reported 0.1 m/s too fast from the start."""
+    """A body that crosses at 2.5 m with 0.3 m/s, reported 0.1 m/s too fast from the first frame."""
     rows, lines = [], []
     for k in range(20):
         t, x = k / 10, -0.3 + 0.03 * k

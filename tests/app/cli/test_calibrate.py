@@ -19,13 +19,13 @@ FOCAL, BASELINE = 520.0, 0.1
 
 
 def calibrate(*arguments: str) -> None:
-    """As the shell would, but without a process of its own: these take seconds to begin."""
+    """Run it as a shell would, but in this process: new processes take seconds to start."""
     build()(args=["calibrate", *arguments], standalone_mode=False)
 
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Nine pairs of a 9x6 board of 25 mm squares, by two ideal cameras 10 cm apart."""
+    """Nine pairs of a 9x6 board of 25 mm squares, seen by two ideal cameras 10 cm apart."""
     folder = tmp_path_factory.mktemp("pictures")
     squares = np.where(np.add.outer(np.arange(9), np.arange(12)) % 2 == 0, 20, 235).astype(np.uint8)
     squares[[0, -1]] = 235

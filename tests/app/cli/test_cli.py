@@ -91,7 +91,7 @@ def test_a_terminal_sees_at_once_that_work_goes_on(command: str, tmp_path: Path)
         "observe": ("observe", "simulated:lab", "--frames", "2", "--output"),
         "simulate": ("simulate", "lab", "--frames", "2", "--output"),
     }[command]
-    # Before the method is imported: where it would be, the process ends.
+    # The output must come before the method is imported: that import ends the process.
     code = (
         "import os, sys\n"
         "from app.cli import main\n"

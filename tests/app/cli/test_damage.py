@@ -1,4 +1,4 @@
-"""What people type behind options and keep in files of the command line: valid or one sentence."""
+"""Option values and files given to the command line: valid, or refused with one sentence."""
 
 from __future__ import annotations
 

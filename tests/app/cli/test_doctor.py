@@ -334,7 +334,7 @@ def test_a_start_that_nothing_hinders_is_exit_code_0(
     monkeypatch.setenv("DYNAMIC_OBSERVER_PORT", str(free_port))
     with pytest.raises(typer.Exit) as ended:
         doctor(tmp_path)
-    # Cameras of this machine that may not be used would hinder, and rightly so.
+    # Cameras of this machine without permissions are rightly a problem.
     text = capsys.readouterr().out
     assert ended.value.exit_code == int("PROBLEM" in text)
     assert f"runs and settings are kept in {tmp_path}" in text

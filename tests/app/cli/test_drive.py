@@ -54,13 +54,13 @@ def test_a_programme_is_taken_armed_driven_and_disarmed(
     )  # fmt: skip
     assert told["duration_s"] == told["elapsed_s"] == pytest.approx(1.6)
     obstacle, observer = told["robots"]["obstacle"], told["robots"]["observer"]
-    # Twice 0.6 s at 0.5 m/s, and sampled ten times a second.
+    # 2 x 0.6 s at 0.5 m/s, sampled ten times a second.
     for way in ("commanded_way_m", "sent_way_m", "encoder_way_m"):
         assert obstacle[way] == pytest.approx(0.6, abs=0.25)
         assert observer[way] == pytest.approx(0.16, abs=0.07)
     assert obstacle["commanded_speed_max_mps"] == obstacle["encoder_speed_max_mps"] == 0.5
     assert observer["sent_speed_max_mps"] == 0.1
-    # In this order.
+    # The order matters.
     steps = [call for call in server.calls if call[1] != "/robots"]
     assert steps == [
         ("GET", "/programmes/mine"),
@@ -104,7 +104,7 @@ def test_somebody_who_drives_is_not_put_out_without_being_asked(
     code, out, err = shell("mine")
     assert (code, out) == (1, "")
     assert "Ann controls the observer; use --takeover to take control" in err
-    # Nothing of hers was touched.
+    # Nothing of Ann's was touched.
     assert [call for call in server.calls if call[0] != "GET"] == []
     assert shell("mine", "--takeover")[0] == 0
     assert all(m["takeover"] for m in server.told("take")[1:])
@@ -155,7 +155,7 @@ def test_a_lease_that_is_taken_over_ends_it(server: ScriptedServer, shell: Shell
     code, _, err = shell("mine")
     assert code == 1
     assert "Ann took control of the obstacle" in err
-    # What is left is given back, and what she has is hers.
+    # The operator gives back the remaining role; Ann keeps hers.
     assert [m["role"] for m in server.told("release")] == ["observer"]
     assert ("POST", "/robots/observer/disarm") in server.calls
     assert ("POST", "/robots/obstacle/disarm") not in server.calls

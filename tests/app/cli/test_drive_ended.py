@@ -1,4 +1,4 @@
-"""``dynamic-observer drive`` ended by a signal, or killed: that is soon known at the server."""
+"""``dynamic-observer drive`` ended by a signal or killed: the server soon knows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``emulate`` as a shell sees it: a process whose port a robot answers at."""
+"""``emulate`` as a shell sees it: a process with a robot that answers at its port."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ START = [sys.executable, "-m", "app.cli", "emulate"]
 
 
 def handshake(write: Callable[[bytes], object], read: Callable[[], bytes]) -> list[bytes]:
-    """The names and the settings that a robot answers with."""
+    """Return the names and the settings that a robot answers with."""
     parser = PacketParser()
     found: list[bytes] = []
 
@@ -53,7 +53,7 @@ def test_a_robot_answers_at_the_port_it_prints_until_ctrl_c() -> None:
             with socket.create_connection((host, int(port)), 5) as client:
                 client.settimeout(5)
                 names, config = handshake(client.sendall, lambda: client.recv(4096))
-                # It goes when it has read all that was sent.
+                # The robot disconnects once it has read all that was sent.
                 client.shutdown(socket.SHUT_WR)
                 while client.recv(4096):
                     pass

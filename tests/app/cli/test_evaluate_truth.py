@@ -1,4 +1,4 @@
-"""``evaluate`` against motion capture that knows neither the run's clock nor its world."""
+"""``evaluate`` against motion capture with a clock and a world frame of its own."""
 
 from __future__ import annotations
 

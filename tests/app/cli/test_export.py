@@ -29,7 +29,7 @@ from .shell import Done
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data folder with two runs of a frame each, and one that was not recorded."""
+    """A data folder with two runs of one frame each, and one that was not recorded."""
     folder = tmp_path_factory.mktemp("data")
     source = open_source("simulated:drive").source
     assert source.calibration is not None
@@ -123,7 +123,7 @@ def test_observe_keeps_a_recording_and_a_video(shell: Callable[..., Done], tmp_p
         "observe", str(recording), "--output", str(played), "--set", "klt_tracking.spacing_px=20"
     )
     assert again.code == 0
-    # Lossless, so the recording as a source gives the same to the last digit.
+    # Lossless: the recording as a source gives identical results to the last digit.
     both = [
         [{**json.loads(text), "timings_ms": {}} for text in path.read_text().splitlines()]
         for path in (lines, played)

@@ -18,7 +18,7 @@ from .shell import Shell
 
 @pytest.fixture
 def running(tmp_path: Path) -> Iterator[AnnouncedServer]:
-    """A server that listens on every address; nothing is asked of it."""
+    """A server that listens on every address; it gets no requests."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         server = AnnouncedServer(
             host="0.0.0.0",
@@ -41,7 +41,7 @@ def test_its_file_is_for_its_owner_and_goes_with_it(tmp_path: Path) -> None:
         assert stat.S_IMODE(file.stat().st_mode) == 0o600
         assert "t" in file.read_text()
     assert not list(tmp_path.iterdir())
-    # Where nothing can be written, the server serves all the same.
+    # Where nothing can be written, the server runs all the same.
     with announced(tmp_path / "missing", server):
         pass
 
@@ -77,7 +77,7 @@ def test_where_no_server_runs_the_next_step_is_told(
     assert (done.code, done.out) == (2, "")
     assert "no server is running" in done.err
     assert "dynamic-observer serve" in done.err
-    # What a killed server left.
+    # Left behind by a killed server.
     left = AnnouncedServer(
         host="127.0.0.1",
         port=free_port,

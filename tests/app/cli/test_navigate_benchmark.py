@@ -31,7 +31,7 @@ def test_it_prints_both_drivers_and_draws_a_figure(shell: Shell, tmp_path: Path)
 
 def test_parameters_of_planner_and_guard_can_be_set(shell: Shell) -> None:
     pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
-    # Half the speed takes twice the time, less what it takes to get there.
+    # Half the speed takes twice the time, apart from the acceleration phase.
     slow = ("--set", "guard.speed_max_mps=0.25", "--set", "navigation.risk_per_metre=0.02")
     done = shell(*CALL, "--seed", "7", "--json", *slow)
     assert done.code == 0, done.err

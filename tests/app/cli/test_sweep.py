@@ -1,4 +1,4 @@
-"""``sweep`` as a shell sees it: two processes' work, ended by Ctrl-C, and gone on with."""
+"""``sweep`` as a shell sees it: two processes work, Ctrl-C ends them, and it is resumed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FRAMES = 15
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Cameras that stand before a wall of noise, in which nothing moves: quickly made."""
+    """Cameras that stand before a wall of noise in which nothing moves: quick to make."""
     home = tmp_path_factory.mktemp("sweep") / "wall"
     rng = np.random.default_rng(1)
     wall = cv2.GaussianBlur(rng.integers(0, 256, (240, 360), dtype=np.uint8), (5, 5), 1.0)
@@ -53,7 +53,7 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
     folder: Path, tmp_path: Path, shell: Shell
 ) -> None:
     grid, output = tmp_path / "grid.yaml", tmp_path / "out"
-    # More than can be finished before Ctrl-C is pressed.
+    # More than can finish before Ctrl-C is pressed.
     spacings = list(range(6, 65))
     grid.write_text(f"klt_tracking.spacing_px: {spacings}\nevidence.memory_s: [0.3, 0.5, 0.7]\n")
     arguments = ["sweep", str(grid), str(folder), "--output", str(output)]
@@ -88,7 +88,7 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
         "tasks", "ranking.md", "ranking.csv", "results.parquet", "sweep.png",
     }  # fmt: skip
 
-    # What is finished needs no process; a busy machine may have begun with any of them.
+    # Finished tasks need no process; a busy machine may have started with any of them.
     kept = json.loads(next(output.glob("tasks/*.json")).read_text())["parameters"]
     spacing, memory = kept["klt_tracking.spacing_px"], kept["evidence.memory_s"]
     grid.write_text(f"klt_tracking.spacing_px: [{spacing}]\nevidence.memory_s: [{memory}]\n")

@@ -1,4 +1,4 @@
-"""The data folder and its database: looked at, never changed."""
+"""The data folder and its database: examined, never changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the doctor says of driving robots, on machines made of files."""
+"""The doctor's findings about driving robots, on machines made of files."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Bench:
         folder = self.files.root / "proc" / "self"
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "status").write_text(STATUS.format(effective))
-        # The hard limit alone permits nothing: it was not taken yet.
+        # The hard limit alone permits nothing: the soft limit has not been raised yet.
         (folder / "limits").write_text(LIMITS.format(nice, 40, realtime))
 
     def rig(self, **ports: str) -> None:
@@ -81,7 +81,7 @@ def test_real_time_is_permitted_by_right_or_by_limit(
 def test_what_to_do_where_it_is_not_permitted(bench: Bench, nice: int, instead: str) -> None:
     bench.rights(NO_RIGHTS, nice, 0)
     (finding,) = bench.look()
-    # A warning for who drives robots, no more than a hint for everybody else.
+    # A warning for a machine that drives robots, only a hint for others.
     assert finding.level == "ok"
     assert instead in finding.text
     assert "'$USER - rtprio 1'" in finding.text

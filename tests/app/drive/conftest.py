@@ -1,4 +1,4 @@
-"""The bench of scripted robots, and a real drive process before emulated ones."""
+"""The bench of scripted robots, and a real drive process with emulated ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A drive process before emulated robots, and who speaks to it as the web process does."""
+"""A drive process with emulated robots, and a client that talks to it as the web process does."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ def until(found: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -
 
 
 class Eyes:
-    """Writes a clear sight into the slot, 30 times a second, as the engine does."""
+    """Writes a clear view into the slot, 30 times a second, as the engine does."""
 
     def __init__(self, slot: int) -> None:
         self._writer = LatestWriter(slot)
         self._ended = threading.Event()
         self.open = True
         self.last = 0.0
-        # How far ahead something stands.
+        # Metres: distance to an obstacle ahead; None: clear.
         self.blocked_m: float | None = None
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -83,7 +83,7 @@ class Eyes:
 def sight_to(blocked_m: float | None, frame: int, now: float) -> Sight:
     bearings = tuple(math.radians(3 * number - 60) for number in range(41))
     count = len(bearings)
-    # Straight ahead alone.
+    # Straight ahead only.
     blocked = tuple(blocked_m if abs(bearing) < 0.15 else None for bearing in bearings)
     known_to = tuple(20.0 if each is None else each for each in blocked)
     scan = FreeScan(bearings, blocked, (0.0,) * count, known_to)
@@ -91,7 +91,7 @@ def sight_to(blocked_m: float | None, frame: int, now: float) -> Sight:
 
 
 class Drive:
-    """A drive process and what a web process says to it."""
+    """A drive process, and the requests of a web process to it."""
 
     def __init__(self, slots: dict[str, int]) -> None:
         self.sock, there = socket.socketpair()
@@ -143,13 +143,13 @@ class Drive:
         for role, robot in robots.items():
             self.value(ConnectRobot(role, robot.port, None, "real"))  # type: ignore[arg-type]
         until(lambda: all(self.state(role) == "disarmed" for role in robots), "the robots")
-        # Who has come to speed sooner can be stopped more often.
+        # The sooner robots reach their speed, the more trials fit into a test.
         self.value(SetGuard({"guard.acceleration_mps2": 3.0}))
 
     def arm(self, role: str) -> None:
         self.leases[role] = self.value(TakeLease(role, "Ann", takeover=True))  # type: ignore[arg-type]
         reply = None
-        # A robot may have to come to rest before.
+        # The robot may have to come to rest first.
         for _ in range(100):
             reply = self.ask(ArmRobot(role, self.leases[role]))  # type: ignore[arg-type]
             if reply.refusal is None:
@@ -158,14 +158,14 @@ class Drive:
         raise AssertionError(reply)
 
     def command(self, role: str, speed: float) -> tuple[float, Any]:
-        """When it was given, and the answer."""
+        """Send a command; return when it was issued, and the answer."""
         self._sequence += 1
         issued = time.monotonic()
         command = DriveCommand(role, self.leases[role], self._sequence, issued, speed, 0.0)  # type: ignore[arg-type]
         return issued, self.value(command)
 
     def speed_up(self, roles: Any, hold_s: float = 0.2) -> float:
-        """Drive until all are at speed; when the last command was given."""
+        """Drive until all are at speed; return when the last command was issued."""
         issued, begun = 0.0, time.monotonic()
         deadline = begun + PATIENCE_S
         while time.monotonic() < begun + hold_s:
@@ -175,13 +175,13 @@ class Drive:
                 if answer.speed_mps < SPEED_MPS - 0.01:
                     begun = time.monotonic()
                 if "let go" in (answer.limited_by or ""):
-                    # This process stood still for too long.
+                    # This process stalled for too long: the key has to be let go first.
                     self.command(role, 0.0)
             time.sleep(random.uniform(0.05, 0.1))
         return issued
 
     def hold(self, role: str, seconds: float) -> bool:
-        """Drive on; whether this process gave every command in time, so that it had to work."""
+        """Drive on; return whether this process was never late, so that the speed had to hold."""
         begun = before = time.monotonic()
         while time.monotonic() < begun + seconds:
             issued, answer = self.command(role, SPEED_MPS)
@@ -209,14 +209,14 @@ class Drive:
 
 
 def zero_after(robot: Serving[EmulatedRobot], moment: float) -> float:
-    """Seconds from a moment to the first packet behind which the robot stands for good."""
+    """Return the seconds from a moment to the first packet after which the robot stays stopped."""
     first = until(lambda: robot.robot.log.first_standing(moment), "zero", 3.0)
     assert not robot.robot.log.unintended
     return float(first.time - moment)
 
 
 def stays_at_rest(robots: Robots, moment: float) -> None:
-    """Behind the first zero nothing but standing was commanded."""
+    """Assert that after the first zero only zeros were commanded."""
     for robot in robots.values():
         behind = robot.robot.log.since(moment)
         start = next(number for number, each in enumerate(behind) if each.stands)

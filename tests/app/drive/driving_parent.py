@@ -1,7 +1,7 @@
 """A stand-in for the web process: connects, arms and drives robots until it is ended.
 
 Arguments: the descriptors of the shared slots in order, then ROLE=PORT for each robot.
-Prints the time at which each round of commands was given, as soon as all robots drive.
+Prints the time of each round of commands, once all robots drive.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
         issued = time.monotonic()
         if issued - begun > 0.2:
             told = True
-            # Before it is sent: a parent that is stopped between has given none that is not told.
+            # Printed first: a parent stopped in between must not have sent an unprinted command.
             sys.stdout.write(f"{issued!r}\n")
             sys.stdout.flush()
         wants_release = False
@@ -69,7 +69,7 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
             try:
                 answer = await supervisor.request(command, 10)
             except ProcessRefused:
-                # It stood still meanwhile, and goes on as if a key were still held.
+                # This process stalled meanwhile; it goes on as if a key were still held.
                 continue
             if answer.speed_mps < SPEED_MPS - 0.01:
                 begun = time.monotonic()
@@ -78,7 +78,7 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
                 if "not armed" in limited and not told:
                     with suppress(ProcessRefused):
                         await supervisor.request(ArmRobot(role, leases[role]), 10)  # type: ignore[arg-type]
-        # A busy machine may hold this up before it drives; behind it a key stays held.
+        # If a stall stops it before it drives, let go of the key; after that the key stays held.
         lets_go = wants_release and not told
         await asyncio.sleep(0.1)
 

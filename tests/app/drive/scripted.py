@@ -1,4 +1,4 @@
-"""Robots, guard and attendants by script, and a bench on which time is told."""
+"""Scripted robots, guard and attendants, and a bench whose clock the test sets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TICK_S = 0.02
 
 
 class ScriptedRobot:
-    """Does as told at once, and writes down what it was told."""
+    """Obeys instantly, and records its commands."""
 
     def __init__(self, port: str = "/dev/robot") -> None:
         self.port = port
@@ -84,7 +84,7 @@ class ScriptedRobot:
 
 
 class ScriptedGuard(Guard):
-    """Permits all, or by ``answers`` what a test says."""
+    """Permits everything, or answers with the ``answers`` of a test."""
 
     def __init__(self) -> None:
         super().__init__(GuardParameters())
@@ -109,7 +109,7 @@ class ScriptedGuard(Guard):
 
 
 class ScriptedAttendant:
-    """Has the robot that a test prepared, or a sentence of why there is none."""
+    """Has the robot that a test prepared, or a sentence that says why there is none."""
 
     def __init__(self, prepared: ScriptedRobot | str) -> None:
         self.prepared = prepared
@@ -133,7 +133,7 @@ class ScriptedAttendant:
 
 
 class Bench:
-    """Both roles, with the clock in the test's hand."""
+    """Both roles, with a clock that the test controls."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -147,7 +147,7 @@ class Bench:
         self.frame = 0
         self.sight: Sight | None = None
         self.plan: Plan | None = None
-        # None: no new frame comes any more.
+        # None: no new frames arrive.
         self.seeing: dict[str, Any] | None = {}
         self.incidents: list[IncidentEvent] = []
 
@@ -188,7 +188,7 @@ class Bench:
         self.take(ArmRobot(role, self.leases.get(role)))
 
     def ready(self, role: Role) -> None:
-        """Connected, leased and armed."""
+        """Connect, lease and arm it."""
         self.connect(role)
         self.lease(role)
         self.arm(role)
@@ -203,13 +203,13 @@ class Bench:
         self.take(Presence(role, self.leases[role], self.sequence, self.now))
 
     def hold(self, role: Role, speed: float, seconds: float, turn: float = 0.0) -> None:
-        """A key held: a command ten times a second."""
+        """Hold a key: send a command ten times a second."""
         for _ in range(round(seconds / 0.1)):
             self.drive(role, speed, turn)
             self.tick(5)
 
     def stay(self, role: Role, seconds: float) -> None:
-        """The page is open: present ten times a second."""
+        """Keep the page open: be present ten times a second."""
         for _ in range(round(seconds / 0.1)):
             self.present(role)
             self.tick(5)
@@ -228,14 +228,14 @@ class Bench:
 
 
 def refused(bench: Bench, command: Any, match: str, kind: str = "state") -> None:
-    """It is answered with a refusal of this kind that says so."""
+    """Assert that the command is refused with this kind and a matching sentence."""
     with pytest.raises(ProcessRefused, match=match) as error:
         bench.take(command)
     assert error.value.refusal == kind
 
 
 def driving(bench: Bench) -> None:
-    """Both roles come to speed."""
+    """Bring both roles to speed."""
     bench.ready("observer")
     bench.ready("obstacle")
     for _ in range(15):
@@ -245,7 +245,7 @@ def driving(bench: Bench) -> None:
 
 
 def both(bench: Bench, seconds: float) -> None:
-    """Both keys are held."""
+    """Hold both keys."""
     for _ in range(round(seconds / 0.1)):
         bench.drive("observer", 0.3)
         bench.drive("obstacle", 0.3)

@@ -1,4 +1,4 @@
-"""Consent: what counts, for how long, and what it takes to count again."""
+"""Consent: what counts, for how long, and what it takes to be given again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drive process as the web process holds it: replaced when it dies or hangs."""
+"""The drive process under its supervisor: replaced when it dies or hangs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PATIENCE_S = 20.0
 
 
 class Watched:
-    """A supervisor and what it published."""
+    """A supervisor and the events that it published."""
 
     def __init__(self, slots: dict[str, int], **more: Any) -> None:
         self.drive: Drive = DriveSupervisor(slots, **more)

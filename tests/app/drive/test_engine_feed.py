@@ -1,4 +1,4 @@
-"""What the engine tells through shared memory: the newest, and nothing that cannot be right."""
+"""The engine's data in shared memory: the newest only, and nothing implausible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The observer on its way to a goal: by plans, consent and guard, and never without one of them."""
+"""The observer drives to a goal: by plan, consent and guard, never without one of them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def start(bench: Bench, ahead: float = 3.0, left: float = 0.0, risk: float = 1e-
 
 
 def stay(bench: Bench, seconds: float, speed: float = 0.3, **more: Any) -> None:
-    """The operator is present, and a plan arrives with every frame."""
+    """Keep the operator present, with a new plan for every frame."""
     for _ in range(round(seconds / 0.1)):
         bench.present("observer")
         for _ in range(5):
@@ -76,7 +76,7 @@ def test_it_drives_as_planned_and_stands_at_the_goal(bench: Bench) -> None:
     assert goal(bench).sentence == "Driving to the goal."
     errand = bench.roles.errand()
     assert errand is not None
-    # Ahead is along y there, and left along -x.
+    # In this pose, ahead is along y and left along -x.
     assert (errand.goal.x, errand.goal.y) == pytest.approx((0.0, 5.0))
     bench.robots["observer"].change(odometry=Odometry(0.1, 4.8, math.pi / 2))
     bench.tick()
@@ -136,7 +136,7 @@ def test_it_stands_at_once_when_its_operator_is_gone(bench: Bench) -> None:
     assert bench.now - left <= 0.3
     ended(bench, "no command from the operator arrived in time")
     assert set(bench.kinds()) == {"expired", "goal"}
-    # Whoever comes back has to send it anew.
+    # An operator who comes back has to send the goal again.
     stay(bench, 1.0)
     assert bench.sent("observer") == (0.0, 0.0)
 

@@ -1,4 +1,4 @@
-"""A robot that drives by itself: what it wants is permitted while somebody is there to consent."""
+"""A robot that drives by itself: its motion is permitted while somebody present consents."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SLOW = Verdict("slow", False, 0.1, 0.0, "obstacle 3 would be met in 0.9 s", 0.1,
 
 
 def guarded(bench: Any) -> Any:
-    """Armed, and somebody is there."""
+    """An armed robot, with somebody present."""
     bench.connect("observer")
     bench.lease("observer")
     robot = bench.robots["observer"]

@@ -1,4 +1,4 @@
-"""Lateness by hand-made numbers."""
+"""Lateness computed from hand-made numbers."""
 
 from __future__ import annotations
 

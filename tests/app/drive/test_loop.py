@@ -28,7 +28,7 @@ from observer.types import Odometry
 
 
 class Turning:
-    """A loop whose turns a test makes."""
+    """A loop that the test turns step by step."""
 
     def __init__(self, bench: Any) -> None:
         self.bench = bench

@@ -1,4 +1,4 @@
-"""What the drive process says of each stop, beside how it really was."""
+"""The drive process's measurement of each stop, compared with what really happened."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .driving import PROMISED_S, SPEED_MPS, Drive, Eyes, Robots, until
 
 
 class Followed:
-    """Where a robot truly was, for as long as it is followed."""
+    """The robot's true positions, for as long as it is followed."""
 
     def __init__(self, robot: EmulatedRobot) -> None:
         self._robot = robot
@@ -39,7 +39,7 @@ class Followed:
         self._thread.join()
 
     def way(self, start: float, end: float) -> float:
-        """Between two moments."""
+        """Return the distance travelled between two moments."""
         times, places = zip(*self._was, strict=True)
         return float(abs(np.interp(end, times, places) - np.interp(start, times, places)))
 
@@ -65,11 +65,11 @@ def test_each_stop_is_measured_as_it_really_was(drive: Drive, robots: Robots, ey
         assert (stop.role, stop.kind) == (role, kind)
         assert stop.zero_time is not None
         assert stop.stood_time is not None
-        # A frame of the engine's may still have been under way; a verdict comes by the next one.
+        # A frame of the engine's may still be in flight; a verdict comes only with the next one.
         assert -0.01 <= stop.cause_time - cause <= (0.25 if kind == "guard" else 0.05)
         first = robot.robot.log.first_standing(cause)
         assert first is not None
-        # To the port and back: a busy machine may look at either end late.
+        # The command has to reach the port: on a busy machine either end may see it late.
         assert first.time == pytest.approx(stop.zero_time, abs=0.1)
         took, stood = stop.zero_time - stop.cause_time, stop.stood_time - stop.cause_time
         way = path.way(stop.cause_time, stop.stood_time)

@@ -1,4 +1,4 @@
-"""The real drive process before emulated robots: how soon the first zero is on their ports.
+"""The real drive process with emulated robots: how soon the first zero reaches their ports.
 
 Each test prints its worst value. DRIVE_TRIALS sets how often each fault is tried.
 """
@@ -77,7 +77,7 @@ def test_one_ports_trouble_never_delays_the_other(
     for role in robots:
         drive.arm(role)
     drive.speed_up(robots)
-    # Its socket is read no more, and it says nothing: it hangs.
+    # Its socket is no longer read, and it sends nothing: it hangs.
     robots["observer"].robot.faults.deaf = robots["observer"].robot.faults.silent = True
 
     def drives_on() -> None:
@@ -87,7 +87,7 @@ def test_one_ports_trouble_never_delays_the_other(
 
     drives_on()
     assert drive.state("observer") != "moving"
-    # Nobody accepts at this port, and nobody answers.
+    # This port accepts no connection and answers nothing.
     with socket.create_server(("127.0.0.1", 0), backlog=1) as hanging:
         port = f"socket://127.0.0.1:{hanging.getsockname()[1]}"
         drive.value(ConnectRobot("observer", port, None, "real"))

@@ -76,7 +76,7 @@ def test_killed_it_leaves_the_robot_to_its_watchdog(robots: Robots, drive: Drive
 
 
 class Parent:
-    """``driving_parent.py``, and when it gave its commands."""
+    """``driving_parent.py``, and the times at which it issued its commands."""
 
     def __init__(self, slots: dict[str, int], robots: Robots) -> None:
         words = [f"{role}={robot.port}" for role, robot in robots.items()]
@@ -97,7 +97,7 @@ class Parent:
             raise
 
     def last_command(self) -> float | None:
-        """When the newest command was given."""
+        """Return when the newest command was issued, None if there was none."""
         assert self.process.stdout is not None
         with contextlib.suppress(BlockingIOError):
             self._text += os.read(self.process.stdout.fileno(), 65536)
@@ -125,7 +125,7 @@ def test_a_parent_that_dies_or_hangs_moves_nothing_any_more(
             parent.process.send_signal(number)
             sent = time.monotonic()
             time.sleep(0.01)
-            # The zero may not come before the fault: nothing else stops here.
+            # Only the fault stops the robots here, so the zero must not come before it.
             moment = parent.last_command() or sent
             for robot in robots.values():
                 first = zero_after(robot, sent)
@@ -137,7 +137,7 @@ def test_a_parent_that_dies_or_hangs_moves_nothing_any_more(
             stays_at_rest(robots, sent)
         finally:
             parent.close()
-        # The drive process says goodbye and is gone, whatever became of its parent.
+        # The drive process says goodbye and exits, whatever happened to its parent.
         until(lambda: not any(r.robot.is_open for r in robots.values()), "goodbye", 5)
     report(number.name, worst)
     assert worst <= PROMISED_S

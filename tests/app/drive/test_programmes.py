@@ -1,4 +1,4 @@
-"""Programmes as they are driven: by consent of everybody whose robot moves."""
+"""Driving programmes: with the consent of everybody whose robot moves."""
 
 from __future__ import annotations
 

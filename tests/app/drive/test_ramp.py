@@ -1,4 +1,4 @@
-"""The ramp: rising is limited, falling is not, and no part is ever larger than wanted."""
+"""The ramp: rising is limited, falling is not, and no component ever exceeds what is wanted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening and closing robots in a thread: nobody waits, and no robot is forgotten."""
+"""Opening and closing robots in a thread: nothing waits, and no robot is forgotten."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.errors import InputError
 
 
 class SlowRobot:
-    """Closes when a test lets it."""
+    """Closes only when the test allows it."""
 
     def __init__(self, port: str) -> None:
         self.port = port

@@ -1,4 +1,4 @@
-"""The state machine of both roles, with the clock in the test's hand and robots by script."""
+"""The state machine of both roles, with scripted robots and a clock that the test controls."""
 
 from __future__ import annotations
 
@@ -284,7 +284,7 @@ def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
         DriveCommand("obstacle", old, 999, bench.now, 0.3, 0.0),
         "you no longer control the obstacle, Bob",
     )
-    # Numbers are counted anew for each lease.
+    # Sequence numbers start again with each lease.
     bench.sequence = 0
     bench.arm("obstacle")
     bench.hold("obstacle", 0.3, 0.3)
@@ -342,7 +342,7 @@ def test_a_key_is_given_to_the_driver_and_told_to_nobody(bench: Any) -> None:
     bench.tick()
     assert bench.attendants["observer"].ports[-1] == port
     assert bench.roles.driven["observer"].connection.port == "external:0.0.0.0:7700"
-    # The same place with another key is the same port.
+    # The same address with another key is the same port.
     with pytest.raises(ProcessRefused, match="is already the port of the observer") as told:
         bench.take(ConnectRobot("obstacle", f"{port}2", None, "real"))
     assert key not in str(told.value)

@@ -1,4 +1,4 @@
-"""What is seen, and what the guard says of it, before robots by script."""
+"""Sight and the guard's verdicts, with scripted robots."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_expired_sight_stops_the_observer_alone(bench: Any) -> None:
         assert bench.now - last <= 0.2 + 0.041
     assert bench.kinds() == ["sight"]
     assert bench.sent("obstacle") == (0.3, 0.0)
-    # A frame that comes again restarts nothing while the key is held.
+    # Frames that come back restart nothing while the key is held.
     bench.seeing = {}
     both(bench, 0.5)
     assert bench.state("observer") == "armed"

@@ -1,4 +1,4 @@
-"""What is left before a robot that was stopped, by what is seen and by what echoes."""
+"""The distance left ahead of a stopped robot, from what is seen and from sonar echoes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ def test_echoes_of_the_robot_at_rest_count_on_its_way() -> None:
 
     assert left(walls, heard(sonar(0, 0.3))) == pytest.approx(0.3)
     assert left(None, heard(sonar(0, 0.3))) == pytest.approx(0.3)
-    # Silence is no distance, beside is not ahead, and what was heard while it rolled is old.
+    # No echo gives no distance, a sonar at the side does not look ahead, and echoes heard while
+    # the robot still rolled are stale.
     aside = (sonar(90, 0.3), sonar(41, 0.08), sonar(180, 0.3))
     for other in (*aside, sonar(0, None), sonar(0, 0.3, STOOD)):
         assert left(walls, heard(other)) == pytest.approx(1.0)

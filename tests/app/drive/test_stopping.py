@@ -1,4 +1,4 @@
-"""Stops measured to their end, by robots that roll out and tell of it every 100 ms."""
+"""Stops measured to their end, with robots that roll out and report every 100 ms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STOPPED = Verdict("stop", False, 0.0, 0.0, "obstacle 7 is too near", 0.0, (), ()
 
 
 class Rolling:
-    """The bench's robots, with wheels that follow what is sent."""
+    """The bench's robots, with wheels that follow the sent commands."""
 
     def __init__(self, bench: Any) -> None:
         self.bench = bench
@@ -109,7 +109,7 @@ def test_an_expired_command_is_measured_from_the_last_sign_to_standing(rolling: 
     assert 0.2 <= stop.zero_time - sign <= 0.26
     assert (stop.speed_mps, stop.before_mps) == (pytest.approx(0.3), pytest.approx(0.3))
     assert stop.stood_time is not None
-    # 0.3 s of braking at 1 m/s^2, told by the next packet.
+    # 0.3 s of braking at 1 m/s^2, reported by the next packet.
     assert 0.28 <= stop.stood_time - stop.zero_time <= 0.42
     assert stop.distance_m == pytest.approx(rolling.x["obstacle"] - x, abs=0.003)
     assert stop.separation_m is None
@@ -119,7 +119,7 @@ def test_lost_sight_counts_from_the_reception_of_the_last_good_frame(rolling: Ro
     bench = rolling.bench
     rolling.ready("observer")
     last = bench.now
-    # Frames that show nothing are no good ones.
+    # Degraded frames are not good ones.
     bench.seeing = {"status": Status.DEGRADED, "reasons": ("the lens is covered",)}
     rolling.hold("observer", 0.3, 1.6)
     stop = rolling.only()
@@ -127,7 +127,7 @@ def test_lost_sight_counts_from_the_reception_of_the_last_good_frame(rolling: Ro
     assert "covered" in stop.sentence
     assert stop.zero_time == pytest.approx(last + TICK_S)
     assert stop.stood_time is not None
-    # Behind it the motors went off as well: that is no other stop.
+    # Afterwards the motors were switched off as well: that is not another stop.
     assert bench.kinds() == ["sight", "sight"]
 
 
@@ -161,7 +161,7 @@ def test_the_guards_stop_tells_what_is_left_by_a_frame_at_rest(rolling: Rolling)
     assert (stop.kind, stop.sentence) == ("guard", "obstacle 7 is too near")
     assert stop.cause_time == stop.zero_time == verdict
     assert stop.speed_mps == pytest.approx(0.1)
-    # It was slowed before it was stopped.
+    # It was slowed down before it was stopped.
     assert stop.before_mps == pytest.approx(0.3)
     assert stop.separation_m == pytest.approx(0.75 - 0.2 - 0.15)
 
@@ -176,7 +176,7 @@ def test_an_echo_at_rest_is_nearer_than_what_is_seen(rolling: Rolling) -> None:
     wall = SeenObstacle(7, 2.75, 0.0, 0.0, 0.0, 0.2, None, None, False)
     bench.seeing = {"obstacles": (wall,)}
     rolling.hold("observer", 0.3, 0.6)
-    # It stands, but its sonar told nothing since.
+    # It stands, but its sonar has not reported since.
     assert rolling.stops == []
     robot.change(sonars=(echo(0.4, bench.now),))
     rolling.tick()
@@ -199,7 +199,7 @@ def test_a_sonar_that_falls_silent_is_not_waited_for(rolling: Rolling) -> None:
     bench.robots["obstacle"].change(length_m=0.3, width_m=0.28, sonars=(echo(0.4, bench.now),))
     bench.guard.answers["obstacle"] = STOPPED
     rolling.hold("obstacle", 0.3, 1.2)
-    # The robot without eyes had nothing else to tell by.
+    # The robot without a camera had no other measurement.
     assert rolling.only().separation_m is None
 
 
@@ -224,7 +224,7 @@ def test_a_fault_counts_from_its_packet_and_zero_as_it_went_out(rolling: Rolling
     robot = bench.robots["obstacle"]
     robot.change(sent=Sent(0.3, 0.0, bench.now))
     rolling.hold("obstacle", 0.3, 0.1)
-    # Its driver waits for no tick: zero is out before one sees the fault.
+    # Its driver does not wait for a tick: the zero is sent before a tick sees the fault.
     packet = bench.now
     robot.change(fault="a wheel stalled", received=packet, sent=Sent(0.0, 0.0, packet + 0.004))
     rolling.run(1.0)
@@ -256,7 +256,7 @@ def test_a_stop_is_measured_of_each_robot_that_moves(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
     rolling.ready("obstacle")
-    # Its operator was silent meanwhile.
+    # The observer's operator was silent meanwhile.
     assert [(stop.role, stop.kind) for stop in rolling.stops] == [("observer", "expired")]
     rolling.stops.clear()
     bench.take(StopRobots("Bob"))
@@ -269,7 +269,7 @@ def test_a_stop_is_measured_of_each_robot_that_moves(rolling: Rolling) -> None:
 def test_who_leaves_at_rest_or_while_it_rolls_out(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("obstacle")
-    # A page that closes lets go, and its lease ends behind that.
+    # A page that closes lets go of the key, then its lease ends.
     bench.drive("obstacle", 0.0)
     given = bench.now
     rolling.tick(2)

@@ -1,4 +1,4 @@
-"""The engine's loop in the test's own process: a source of numbers, an observer that counts."""
+"""The engine's loop in the test's own process: a numbered source, an observer that counts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Numbered = Callable[..., Any]
 
 
 class CountingObserver:
-    """Finds nothing; remembers with which parameters each frame was observed."""
+    """Finds nothing; remembers the parameters with which each frame was observed."""
 
     def __init__(
         self,
@@ -193,7 +193,7 @@ class Bench:
         return reply.value
 
     def wait(self, kind: type, fits: Callable[[Any], bool] = lambda _: True) -> Any:
-        """The first message of this kind that fits, past ones included."""
+        """Return the first message of this kind that fits, past ones included."""
 
         def found() -> Any:
             return next((m for m in self.messages if isinstance(m, kind) and fits(m)), None)

@@ -1,4 +1,4 @@
-"""Sources made of numbers, for tests that need no scene."""
+"""Numbered sources, for tests that need no scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def calibration() -> StereoCalibration:
 
 @dataclass
 class NumberedSource:
-    """Frames whose grey level is their number, 10 per second, beginning at 100 s."""
+    """Frames whose grey level is their number, 10 per second, starting at 100 s."""
 
     count: int = 5
     broken: Collection[int] = ()

@@ -1,9 +1,9 @@
-"""An engine whose sources misbehave on demand; started by the supervisor's tests as a program.
+"""An engine with sources that misbehave on demand; the supervisor's tests run it as a program.
 
-Sources: ``numbers`` counts, ``exit`` ends the process while it is opened, ``hang`` holds the main
-loop at the third frame, ``busy`` computes for every frame, ``bare`` brings no calibration. The
-name of a file that is not there ends the first process that opens it. The first argument may be
-``channel-only``: then the kernel does not end it with its parent, as on other systems than Linux.
+Sources: ``numbers`` counts, ``exit`` ends the process while it is opened, ``hang`` blocks the main
+loop at the third frame, ``busy`` computes for every frame, ``bare`` has no calibration. The
+name of a missing file ends the first process that opens it. The first argument may be
+``channel-only``: then the kernel does not end it with its parent, as on systems other than Linux.
 """
 
 from __future__ import annotations

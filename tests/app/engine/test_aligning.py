@@ -1,4 +1,4 @@
-"""Which alignment holds, as solutions come from the worker."""
+"""Which alignment is in force, as solutions come from the worker."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_delays_that_were_known_are_not_given_up_for_a_few_seconds() -> None:
                 held.append(offset)
         wait_until("the last one holds", lambda: aligner.aligned.alignment.time.offset_s == 0.40)
         assert held in ([0.10, 0.12], [0.10, 0.12, 0.40])
-        # The same source once more: the same delay, and nothing of the old world.
+        # The same source reopened: the same delay, but the world frame is new.
         aligner.begin(2, Choices(), carry=True)
         for _ in range(15):
             aligner.observed({"time": now, "segment": 0, "pose": None, "obstacles": []}, now + 0.01)
@@ -81,7 +81,7 @@ def test_delays_that_were_known_are_not_given_up_for_a_few_seconds() -> None:
         assert carried.carried
         assert carried.alignment.time.offset_s == 0.40
         assert worker.jobs[-1].anew
-        # Another one: nothing of it holds.
+        # Another source: nothing of the old alignment applies.
         aligner.begin(3, Choices(), carry=False)
         wait_until("forgotten", lambda: aligner.aligned is None)
         assert aligner.sentence.startswith("not aligned yet: ")

@@ -1,4 +1,4 @@
-"""Calibrating in the engine's loop: a board that is held here and there before two cameras."""
+"""Calibration in the engine's loop: a board held in several places before two cameras."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ LEFT, RIGHT, AWAY = (30.0, 40.0), (140.0, 100.0), None
 
 
 def picture(corner: tuple[float, float] | None, side: int) -> np.ndarray:
-    """(H, W) uint8; the board faces the camera, its first inner corner is where it is said."""
+    """Return (H, W) uint8: a board that faces the camera, with its first inner corner there."""
     image = np.full(SIZE[::-1], 150, np.uint8)
     if corner is None:
         return image
@@ -66,7 +66,7 @@ def picture(corner: tuple[float, float] | None, side: int) -> np.ndarray:
 
 @dataclass
 class BoardSource:
-    """Frames in which the board is held at each place for so many frames, then at the next."""
+    """Frames in which the board is held at each place for some frames, then at the next."""
 
     places: list[tuple[float, float] | None]
     hold: int = 20
@@ -133,7 +133,7 @@ def test_new_poses_are_captured_and_told_with_their_pictures(bench: Bench) -> No
     second = bench.wait(BoardViewsEvent, lambda event: event.names == ("1", "2"))
     first = bench.wait(BoardViewsEvent)
     assert first.names == ("1",)
-    # Truth by construction: the corners are where the squares meet.
+    # Ground truth by construction: the corners are where the squares meet.
     for event, place in ((first, LEFT), (second, RIGHT)):
         view = event.added
         grid = BOARD.object_points[:, :2] / BOARD.square_m * SQUARE_PX
@@ -175,7 +175,7 @@ def test_automatic_off_captures_nothing_but_what_is_asked_for(bench: Bench) -> N
     assert not bench.all(BoardViewsEvent)
     assert bench.value(ChangeCalibration(capture=True)) == ("1",)
     assert bench.wait(BoardViewsEvent).added.name == "1"
-    # By hand also what is no new pose.
+    # A manual capture also takes a pose that is not new.
     assert bench.value(ChangeCalibration(capture=True)) == ("1", "2")
     assert bench.value(ChangeCalibration(automatic=True)) == ("1", "2")
     bench.forget()
@@ -209,7 +209,7 @@ def test_views_taken_before_go_on_counting_and_can_be_taken_back(bench: Bench) -
     view = bench.wait(BoardViewsEvent).added
     bench.forget()
     bench.value(begin("held", views=(view,)))
-    # The same pose is not new, although this collector never saw it.
+    # The pose counts as known, although this collector never saw it.
     bench.wait(BoardLookEvent, lambda event: event.look.frame > 25)
     assert not bench.all(BoardViewsEvent)
     assert bench.value(ChangeCalibration(capture=True)) == ("1", "2")
@@ -217,7 +217,7 @@ def test_views_taken_before_go_on_counting_and_can_be_taken_back(bench: Bench) -
     told = bench.wait(BoardViewsEvent, lambda event: event.names == ("2",))
     assert (told.added, told.pictures) == (None, None)
     assert bench.value(ChangeCalibration(undo=True)) == ()
-    # What was taken back is not taken again at once.
+    # A view that was undone is not captured again at once.
     time.sleep(0.6)
     assert bench.all(BoardViewsEvent)[-1].names == ()
 
@@ -292,7 +292,7 @@ def test_what_needs_an_observer_is_refused_or_waits(bench: Bench) -> None:
     assert refused.refusal == "state"
     assert bench.value(SetParameters({}, 3)) is None
     bench.wait(BoardLookEvent)
-    # A result is tried out on the cameras that are being calibrated.
+    # A calibration result is previewed on the cameras that are being calibrated.
     text = calibration_text(StereoCalibration.rectified(*SIZE, 300.0, 300.0, 159.5, 119.5, 0.1))
     preview = bench.value(PreviewCalibration(text))
     assert preview.jpeg.startswith(b"\xff\xd8")
@@ -321,7 +321,7 @@ def test_an_image_that_breaks_the_search_ends_nothing(
 def test_the_heart_beats_while_boards_are_looked_for(bench: Bench) -> None:
     bench.value(begin("none"))
     beats = count_after(bench, HeartbeatEvent, 1.0)
-    # 20/s are meant and 10/s promised; this machine may be busy.
+    # The engine sends 20/s and promises 10/s; this machine may be busy.
     assert beats >= 8
     assert len(bench.all(StateEvent)) < 10
 
@@ -363,7 +363,7 @@ def test_kept_views_and_the_ghost_are_seen_where_they_are() -> None:
     assert changed[60, 60]
     assert changed[185, 250]
     assert not changed[200, 60]
-    # The frame of where it should go stands out from the area.
+    # The outline of the target pose stands out from its area.
     assert np.abs(drawn[150, 250] - drawn[185, 250]).max() > 40
 
 

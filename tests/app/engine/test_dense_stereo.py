@@ -1,4 +1,4 @@
-"""The pair that a cloud is made of, and the cloud, on a textured wall at a known distance."""
+"""The pair that a cloud is made from, and the cloud, on a textured wall at a known distance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def wall(width: int, height: int) -> tuple[Any, Any]:
     rng = np.random.default_rng(3)
     noise = rng.integers(0, 256, (height // 3 + 1, (width + 64) // 3 + 1), dtype=np.uint8)
     wide = cv2.resize(noise, (width + 64, height), interpolation=cv2.INTER_CUBIC)
-    # What lies at u in the left image lies at u - disparity in the right one.
+    # A point at u in the left image is at u - disparity in the right one.
     return (
         np.ascontiguousarray(wide[:, :width]),
         np.ascontiguousarray(wide[:, DISPARITY_PX : DISPARITY_PX + width]),
@@ -103,7 +103,7 @@ def test_the_cloud_lies_on_the_wall_whatever_the_grid(width: int, height: int) -
     assert len(color_bytes) == 3 * len(points)
     z = what.camera.fx * BASELINE_M / DISPARITY_PX
     assert np.median(points[:, 2]) == pytest.approx(z, rel=0.01)
-    # Every point lies on the ray of its own pixels: the grid's colours are means of them.
+    # Every point lies on the ray of its own pixels; its colour is their mean.
     u, v = what.camera.project(points)[0].T
     colors = np.frombuffer(color_bytes, np.uint8).reshape(-1, 3)[:, 0].astype(float)
     side = header["coarseness"]
@@ -113,7 +113,7 @@ def test_the_cloud_lies_on_the_wall_whatever_the_grid(width: int, height: int) -
 
 
 def seen_body(what: Observed, z: float, polygon: NDArray[np.float64]) -> Observed:
-    """The same frame in which a body of 0.3 m is reported at this depth, seen in a polygon, px."""
+    """Return the frame with a body of 0.3 m reported at this depth, in a polygon, px."""
     one = replace(
         obstacle(),
         position_camera=np.array([0.0, 0.0, z]),
@@ -153,7 +153,7 @@ def test_points_on_a_body_have_its_colour_and_no_others(width: int, height: int)
     half = (grey + OBSTACLE_RGB) / 2
     assert np.abs(colors - half)[within & on_it].max() <= 1
     assert np.array_equal(colors[without], grey[without])
-    # A body nearer than what is seen there has no part of it.
+    # A body nearer than the points behind its polygon does not colour them.
     _, behind = cloud(seen_body(plain, z - 1.0, square))
     assert np.array_equal(behind[on_it], grey[on_it])
 

@@ -1,4 +1,4 @@
-"""Depth of a place: against the simulated lab's exact rays, and made of known disparity."""
+"""Depth at a pixel: against the simulated lab's exact rays, and from known disparities."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TEXT = calibration_text(StereoCalibration.rectified(WIDTH, HEIGHT, FOCAL, FOCAL,
 
 
 def textured(disparity: np.ndarray, seed: int = 0) -> StereoFrame:
-    """A pair in which every left pixel has the disparity that is said; (H, W) pixels."""
+    """A pair in which every left pixel has the given disparity; (H, W) pixels."""
     rng = np.random.default_rng(seed)
     texture = cv2.GaussianBlur(rng.uniform(0, 255, (HEIGHT, WIDTH + 200)), (0, 0), 1.2)
     texture = cv2.normalize(texture, None, 0, 255, cv2.NORM_MINMAX).astype(np.float32)
@@ -49,7 +49,7 @@ def test_places_of_the_lab_are_where_they_are() -> None:
     assert frame is not None
     text = calibration_text(world.calibration)
     K = world.calibration.K1
-    # Floor near and far, the P3-DX, both crates with what stands on them, the cabinet.
+    # Near and far floor, the P3-DX, both crates with what stands on them, the cabinet.
     places = [
         *((100, 235), (256, 240), (420, 225), (330, 190), (200, 170), (60, 180)),
         *((125, 130), (165, 132), (50, 105)),
@@ -60,7 +60,7 @@ def test_places_of_the_lab_are_where_they_are() -> None:
         depth = 1 / hit.inverse_depth[0]
         found = at(frame, u, v, text)
         assert found.depth_m == pytest.approx(depth, rel=0.03), (u, v)
-        # A tape goes straight to the place.
+        # The range is measured along the ray, as with a tape measure.
         along = float(np.hypot(1, np.linalg.norm(ray)))
         assert found.range_m == pytest.approx(depth * along, rel=0.03), (u, v)
         f_b = K[0, 0] * world.calibration.baseline
@@ -81,7 +81,7 @@ def test_places_at_the_images_border(u: float, v: float) -> None:
 
 
 def test_a_floor_below_a_low_camera_is_no_edge() -> None:
-    # As of a camera 0.3 m above it: a third of a pixel from row to row.
+    # As for a camera 0.3 m above the floor: a third of a pixel from row to row.
     rows = np.maximum(np.arange(HEIGHT) - CENTRE[1], 0) * BASELINE / 0.3 + 2
     frame = textured(np.repeat(rows[:, None], WIDTH, axis=1))
     found = at(frame, 250, 170)
@@ -89,7 +89,7 @@ def test_a_floor_below_a_low_camera_is_no_edge() -> None:
 
 
 def slab(first: int, end: int, near: float = 30.0, far: float = 10.0) -> StereoFrame:
-    """Something flat before a wall: columns ``first`` to ``end`` of the left image."""
+    """A flat body before a wall: columns ``first`` to ``end`` of the left image."""
     things = textured(np.full((HEIGHT, WIDTH), near), 1), textured(np.full((HEIGHT, WIDTH), far), 2)
     columns = np.arange(WIDTH, dtype=float)
     left = np.where((columns >= first) & (columns < end), things[0].left, things[1].left)
@@ -108,7 +108,7 @@ def test_near_an_edge_a_place_is_refused_or_right(end: int) -> None:
         except InputError:
             refused.append(u)
             continue
-        # Blocks of 7 pixels are matched: half of one further the nearer thing ends.
+        # Blocks of 7 pixels are matched: the nearer body seems half a block wider.
         if abs(u - 199.5) > 4 and abs(u - end + 0.5) > 4:
             assert found == pytest.approx(30.0 if 200 <= u < end else 10.0, abs=0.5), u
     assert refused
@@ -128,7 +128,7 @@ def test_a_place_without_texture_is_refused() -> None:
 
 
 def test_what_one_camera_sees_is_refused() -> None:
-    # Its partner would lie 20 px left of the right image's border.
+    # The matching point would lie beyond the right image's left border.
     rng = np.random.default_rng(3)
     frame = textured(np.full((HEIGHT, WIDTH), 20.0))
     left = frame.left.copy()

@@ -1,4 +1,4 @@
-"""What the engine answers of a pixel and tells of the camera's motion, on rendered frames."""
+"""The engine's answers about a pixel and the camera's motion, on rendered frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FRAMES = 14
 
 
 def observe(parameters: Parameters, count: int = FRAMES) -> Observed:
-    """The last of some frames in which a robot drives across before a camera that drives."""
+    """Return the last of some frames in which a robot crosses in front of a moving camera."""
     source = open_source("simulated:lateral").source
     calibration = source.calibration
     assert calibration is not None
@@ -91,7 +91,7 @@ def test_a_planar_motion_is_told_in_its_parts(planar: Observed) -> None:
     assert facts.model == "affine"
     assert facts.inliers == ego.inliers.sum() <= facts.matches == len(ego.inliers)
     assert facts.dt == pytest.approx(2 / 15, abs=1e-3)
-    # Put together again by table I: rotation times scale with shear.
+    # Composed again by table I: rotation times scale with shear.
     parts = facts.decomposition
     c, s = np.cos(parts.rotation_rad), np.sin(parts.rotation_rad)
     (sx, sy), shear = parts.scale, parts.shear

@@ -1,4 +1,4 @@
-"""The thread that works on the latest alone."""
+"""The thread that works only on the latest job."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PATIENCE_S = 10.0
 
 
 class Bench:
-    """A worker whose work waits until it may go on."""
+    """A worker whose work waits for permission to go on."""
 
     def __init__(self, rate_hz: float) -> None:
         self.began: list[tuple[int, float]] = []
@@ -65,13 +65,13 @@ def test_it_keeps_its_rate_however_often_it_is_given_something(bench: Bench) -> 
     while time.monotonic() - begin < 1.0:
         bench.worker.give(job := job + 1)
         time.sleep(0.004)
-    # 20 are meant; a busy machine may delay some, but none may come earlier.
+    # 20 are intended; a busy machine may delay some, but none may come earlier.
     assert 10 <= len(bench.began) <= 21
     assert job > 3 * len(bench.began)
 
 
 def test_jobs_that_cost_much_are_fewer() -> None:
-    """Of 20 ms each, at most a quarter of the time: one every 80 ms."""
+    """Jobs of 20 ms may take at most a quarter of the time: one every 80 ms."""
     began: list[float] = []
 
     def work(_: int) -> None:

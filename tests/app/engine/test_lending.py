@@ -1,4 +1,4 @@
-"""A camera is open for one program once: it is handed from session to session, not opened again."""
+"""Only one program can open a camera: sessions hand it over instead of opening it again."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def calibration(width: int = WIDTH) -> str:
 
 
 class Cameras:
-    """Two devices; a second opening while they are open is refused, as by a driver."""
+    """Two devices; opening them while they are open is refused, as by a driver."""
 
     def __init__(self) -> None:
         self.open = 0
@@ -91,7 +91,7 @@ class Camera:
 
 
 class Desk:
-    """What is current, and the answers to what is asked of it."""
+    """The current session, and the answers to requests."""
 
     def __init__(self, cameras: Cameras) -> None:
         self.done: queue.SimpleQueue[Opening] = queue.SimpleQueue()
@@ -157,7 +157,7 @@ def test_the_same_cameras_are_handed_on_and_never_opened_twice(
         assert time.monotonic() < deadline, "the old sessions still keep their last half minute"
         time.sleep(0.01)
     assert desk.current.session is not None
-    # It delivers, and tells how it is.
+    # The camera delivers frames and reports its state.
     assert desk.current.session.source.read() is not None
     assert desk.current.state().live is not None
 
@@ -197,7 +197,7 @@ def test_cameras_named_otherwise_are_closed_first_and_opened_again_if_refused(
     reply = desk.ask(observed(SPEC, calibration(128)))
     assert reply is not None
     assert reply.error is not None
-    # What was calibrated goes on, once its cameras are open again.
+    # The calibration goes on once its cameras are open again.
     again = desk.finished()
     assert again is not None
     assert again.error is None

@@ -1,4 +1,4 @@
-"""Lines of observations as pages are told them."""
+"""The observation lines that pages receive."""
 
 from __future__ import annotations
 

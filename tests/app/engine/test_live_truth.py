@@ -1,4 +1,4 @@
-"""Live motion capture beside what is observed: alignment, gaps, recording, and nothing else."""
+"""Live motion capture beside observations: alignment, gaps, recording, and nothing else."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from ...observer.truth.live.mishaps import Mishaps, Stream
 from ...observer.truth.live.vrpn_server import VrpnServer
 from .bench import Bench, opening
 
-# The host's clock when the source's showed 0, and the server's.
+# Seconds: the host's clock when the source's showed 0, and the motion capture server's.
 HOST, SERVER = 5000.0, 1.7e9
-# Motion capture takes so long to reach us, frames so long to be received.
+# Seconds: latency of motion capture, and from a frame's exposure to its reception.
 DELAY, EXPOSED = 0.004, 0.015
 INFO = SourceInfo("camera:0,1", "camera", 640, 480, 15.0, None, live=True)
 
 
 class Listener:
-    """In place of a connection: what it hears is put in by hand."""
+    """Stands in for a connection: tests put in what it hears."""
 
     def __init__(self, spec: str) -> None:
         self.spec = spec
@@ -77,7 +77,7 @@ class Listener:
 
 
 class Lab:
-    """A planted room, played faster than it happened; motion capture is 0.12 s behind frames."""
+    """A planted room, played faster than real time; motion capture is 0.12 s behind frames."""
 
     BEHIND = 0.12
 
@@ -105,10 +105,10 @@ class Lab:
         hears: Callable[[float], bool] = lambda _: True,
         sees: Callable[[float], bool] = lambda _: True,
     ) -> list[TrueBodyEntry]:
-        """Observe one, 0.15 s after it was exposed.
+        """Observe a frame, 0.15 s after its exposure.
 
         Args:
-            hears: whether samples of that time come. sees: whether they have a position.
+            hears: whether samples of that time arrive. sees: whether they have a position.
         """
         line = self.room.lines[index]
         seen_at = line["time"]
@@ -185,10 +185,10 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     for index in range(270):
         entries = lab.frame(index)
         assert entries == [] or facts(truth).aligned
-    # The first one may stand on a few seconds only.
+    # The first alignment may rest on a few seconds only.
     wait_until("aligned well", lambda: facts(truth).aligned and sigma(truth) < 0.01)
     told = facts(truth)
-    # As exposed 15 ms before it is received, against motion capture 120 ms and 4 ms behind.
+    # Frames are exposed 15 ms before reception; motion capture is 120 ms and 4 ms late.
     expected = lab.BEHIND - DELAY + EXPOSED
     alignment = told.alignment
     assert alignment.offset_s == pytest.approx(expected, abs=3 * alignment.sigma_s)
@@ -199,7 +199,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
         CaptureBody("P3DX", "obstacle", 100.0),
     ]
 
-    # Motion capture drops out: first it falls silent, then it does not see the bodies.
+    # Motion capture drops out: first it sends nothing, then it does not see the bodies.
     by_time: dict[float, list[TrueBodyEntry]] = {}
     measured = []
     for index in range(270, 340):
@@ -216,7 +216,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
                 off = np.linalg.norm(entry["position"] - lab.room.centre(entry["time"]))
                 assert off < 0.3
             if entry["name"] == "P3DX" and entry["time"] > 18.7:
-                # Until then it turns on the spot, about a middle that nobody has measured.
+                # Before that it turns on the spot, about a centre that nobody has measured.
                 assert entry["speed"] == pytest.approx(lab.room.speed(entry["time"]), abs=0.06)
     names = {t: {entry["name"] for entry in entries} for t, entries in by_time.items()}
     both = {"Amigo", "P3DX"}
@@ -225,11 +225,11 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
         gap = [t for t in names if begin + 0.12 < t < end - 0.02]
         assert len(gap) > 6
         assert not any(names[t] for t in gap), "nothing is interpolated over a drop-out"
-        # Neither before nor behind it is anything told of an instant within it.
+        # No speed is reported for an instant within the gap, neither before it nor after.
         assert not any(begin + 0.02 < t < end - 0.01 for t in measured)
         assert sum(names[t] == both for t in names if end + 0.2 < t < end + 0.9) >= 5
 
-    # The run begins: the same camera is opened anew, which begins another world.
+    # The run begins: the same camera is reopened, which begins a new world frame.
     truth.observing(None)
     assert facts(truth).aligned is False
     truth.observing(ObservedSource(INFO, MOUNT))
@@ -239,7 +239,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     told_again: list[list[TrueBodyEntry]] = []
     for index in range(340, len(lab.room.lines)):
         told_again.append(again.frame(index))
-        # As fast as frames come, the thread looks at them ten times a second.
+        # Frames come as fast as possible; the thread looks at them ten times a second.
         time.sleep(0.12 if index > 358 else 0.0)
         if told_again[-1]:
             break
@@ -248,7 +248,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     place = next(e for e in told_again[-1] if e["name"] == "P3DX")
     assert np.linalg.norm(np.array(place["position"]) - lab.room.centre(place["time"])) < 0.4
 
-    # What was recorded once is not what motion capture tells of now.
+    # Live motion capture does not apply to a recording.
     truth.observing(ObservedSource(SourceInfo("run.mcap", "recording", 640, 480, 15.0, 9), None))
     assert not truth.in_place
     assert again.frame(len(lab.room.lines) - 1) == []
@@ -316,9 +316,9 @@ def test_a_run_records_what_motion_capture_tells(
     assert not told.aligned
     assert bench.state.has_truth
     bench.wait(StateEvent, lambda e: e.truth is not None and e.truth.clock is not None)
-    # A hundred samples of each, on a machine that has time.
+    # Enough for a hundred samples of each on an idle machine.
     time.sleep(1.0)
-    # It drops out in the midst of it: nothing else changes.
+    # Motion capture drops out during the run: nothing else changes.
     before = len(bench.all(ObservationEvent))
     server.drop_clients()
     bench.wait(ObservationEvent, lambda e: e.sequence > before + 20)
@@ -331,7 +331,7 @@ def test_a_run_records_what_motion_capture_tells(
     rising = [s.time for s in amigo]
     assert rising == sorted(rising)
 
-    # Without reopening, and the wrong way.
+    # Changed without reopening the source, then with invalid values.
     value = bench.value(SetTruth(LiveTruthOrder(order.spec, ignore=("P3DX",))))
     assert value.ignore == ("P3DX",)
     reply = bench.answer(SetTruth(LiveTruthOrder("vicon:1")))

@@ -1,4 +1,4 @@
-"""The local map in force: of the way to a goal or of a recording, told when it changes."""
+"""The local map in force, of a goal's planner or of a recording: sent when it changes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_map_is_told_with_its_place_below_the_cameras() -> None:
     assert event is not None
     assert event.map is made
     assert event.T_world_corner is not None
-    # The corner is where the robot is, on the ground: behind the camera and below it.
+    # The corner is at the robot, on the ground: behind the camera and below it.
     in_base = MOUNT.T_base_camera.apply(event.T_world_corner.translation)
     np.testing.assert_allclose(in_base, [0.0, 0.0, 0.0], atol=1e-9)
 
@@ -53,14 +53,14 @@ def test_without_a_place_nothing_is_shown(mount: CameraMount | None, pose: Pose 
 
 
 def test_a_recorded_map_is_told_once_and_where_it_was_in_force() -> None:
-    # Of a clock that has nothing to do with that of now.
+    # On a clock unrelated to the present one.
     first, second = map_at(1e6), map_at(1e6 + 0.5)
     moved = replace(first, robot=(1.1, 2.0, 0.5))
     maps = LocalMaps({3: first, 4: moved, 5: second}, MOUNT)
     told = {k: maps.look(None, k, 0, 0.1 * k, HERE) for k in range(8)}
     shown = {k: None if event.map is None else event.map for k, event in told.items() if event}
     assert shown == {3: first, 5: second, 6: None}
-    # After a jump into the middle, the robot is where it was there.
+    # After a seek into the middle, the robot has the pose of that frame.
     event = maps.look(None, 4, 1, 0.9, HERE)
     assert event is not None
     assert event.map is moved

@@ -1,4 +1,4 @@
-"""The engine's loop: opening, observing, commands, heartbeats, what breaks."""
+"""The engine's loop: opening, observing, commands, heartbeats, failures."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_it_begins_idle_and_beats(bench: Bench) -> None:
     bench.wait(StateEvent, lambda s: s.state is EngineState.IDLE)
     time.sleep(1.0)
     beats = [beat.monotonic for beat in bench.all(HeartbeatEvent)]
-    # 20/s are meant and 10/s promised; this machine may be busy.
+    # The engine sends 20/s and promises 10/s; this machine may be busy.
     assert len(beats) >= 10
 
 
@@ -201,7 +201,7 @@ def test_what_cannot_be_opened_is_refused_and_said(bench: Bench, numbered: Numbe
     assert (bench.state.state, bench.state.reason) == (EngineState.FAILED, reply.error)
     bench.value(opening("many"))
     assert bench.state.state is EngineState.PREVIEW
-    # While something is open, a refusal leaves it as it is.
+    # While something is open, a refused opening leaves it as it is.
     bench.sources["broken"] = OSError("the disk is on fire")
     reply = bench.answer(opening("broken"))
     assert reply.refusal == "failure"
@@ -218,7 +218,7 @@ def test_a_missing_or_unfit_calibration_is_one_sentence(bench: Bench, numbered: 
     assert reply.refusal == "input"
     assert "bare has no calibration" in (reply.error or "")
     assert "choose a calibration" in (reply.error or "")
-    # With the images it was asked for, a calibration can be tried out all the same.
+    # A calibration can still be tried on the images of the source that was refused.
     fitting = calibration_text(numbered().own_calibration)
     assert bench.value(PreviewCalibration(fitting)).jpeg.startswith(b"\xff\xd8")
     unfit = calibration_text(StereoCalibration.rectified(80, 60, 60, 60, 40, 30, 0.1))

@@ -64,7 +64,7 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
             (0, 2),
         ]
         assert revisions[1].difference == threshold
-        # The guard's are noted as well, as no revision of their own.
+        # Changes of the guard are noted as well, but not as a revision of their own.
         assert (revisions[2].revision, revisions[2].difference) == (2, {"guard.margin_m": 0.3})
         assert [s.index for s in recording.skipped()] == [3]
         assert [row.sent_speed for row in recording.robot_rows()] == [0.3]
@@ -72,12 +72,12 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
         assert matched == [[None]] * 4
         truth = recording.truth()
         assert truth is not None
-        # The truth's own world and the frame's time.
+        # In the truth's own world frame, at the frame's time.
         assert truth.bodies(100.0)[0].position.tolist() == [100.0, 0.0, 5.0]
 
 
 class _Mapping:
-    """Plans by no frame, and has a local map of every third one."""
+    """Plans for no frame, and has a local map for every third one."""
 
     def look(self, sight: Observed, _: AllParameters) -> OccupancyMap | None:
         frame = sight.frame
@@ -174,7 +174,7 @@ def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
         assert len(recording.parameter_revisions()) == 1
     with Recording(tmp_path / "within.mcap") as recording:
         assert recording.facts.id == "r1"
-    # The run's own recording is whole, and is not gone on with.
+    # The run's own recording is complete, and is not continued.
     with Recording(tmp_path / "run.mcap") as recording:
         assert not recording.unfinished
 
@@ -183,7 +183,7 @@ def test_before_motion_capture_is_aligned_its_topics_say_why_they_are_empty(
     bench: Bench, numbered: Numbered, tmp_path: Path
 ) -> None:
     path = tmp_path / "recording.mcap"
-    # Nobody listens on that port.
+    # Nothing listens on that port.
     truth = LiveTruthOrder("vrpn:127.0.0.1:1")
     record = RecordOrder(str(path), "none", "a run")
     bench.sources["live"] = numbered(10_000, live=True)
@@ -205,7 +205,7 @@ def test_before_motion_capture_is_aligned_its_topics_say_why_they_are_empty(
 
 
 class Cameras:
-    """Frames as fast as they are read, and what else a live source can do."""
+    """Frames as fast as they are read, and the other methods of a live source."""
 
     def __init__(self, source: Any) -> None:
         self._source = source
@@ -231,7 +231,7 @@ def test_cameras_too_fast_for_the_computer_are_processed_less_and_the_run_says_s
     assert reduced.live.reduced_to == REDUCTIONS[0].words
     least = REDUCTIONS[0].spacing_px
     assert bench.observers[-1].parameters.klt_tracking.spacing_px == least
-    # A change by hand acts as far as there is time for it, and what is asked for is kept.
+    # A manual change acts as far as time permits; the requested values are kept.
     bench.value(SetParameters({"klt_tracking.spacing_px": 12, "flow.window_px": 11}, revision=2))
     assert bench.observers[-1].parameters.flow.window_px == 11
     assert bench.observers[-1].parameters.klt_tracking.spacing_px == least

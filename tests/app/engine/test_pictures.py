@@ -1,4 +1,4 @@
-"""Views and calibration previews, from a trace that is made here."""
+"""Views and calibration previews, from a hand-made trace."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ CAMERA = StereoCamera(WIDTH, HEIGHT, 200.0, 200.0, 160.0, 100.0, 0.1)
 
 
 class Ego:
-    """Of three matches the last one moved by itself."""
+    """Of three matches the last one is on a moving object."""
 
     inliers = np.array([True, True, False])
 
@@ -66,7 +66,7 @@ def observed(
     width: int = WIDTH,
     height: int = HEIGHT,
 ) -> Observed:
-    # Plain grey with a light stripe below, so that every colour found in it was drawn.
+    # Plain grey with a lighter stripe below, so that every colour found in it was drawn.
     left: Image = np.full((height, width), 90, np.uint8)
     left[-30:] = 180
     if not gray:
@@ -112,7 +112,7 @@ def picture(name: str, what: Observed) -> np.ndarray[Any, Any]:
 
 
 def near(image: np.ndarray[Any, Any], at: tuple[int, int], bgr: tuple[int, int, int]) -> bool:
-    """Whether a colour is found within two pixels of (u, v), as far as JPEG leaves it."""
+    """Return whether a colour is found within two pixels of (u, v), as far as JPEG preserves it."""
     u, v = at
     patch = image[v - 2 : v + 3, u - 2 : u + 3].reshape(-1, 3)
     return bool((np.abs(patch - bgr).max(axis=1) < 90).any())
@@ -169,7 +169,7 @@ def test_where_no_image_is_transformed_the_view_says_so_and_names_the_model() ->
         pictures.append(picture("warped", replace(first, parameters=parameters)))
     lit = [int((image.max(axis=2) > 90).sum()) for image in pictures]
     assert not np.array_equal(pictures[0], pictures[1])
-    # With affine this frame only has none yet; the others' sentence takes two lines.
+    # Affine just has no image yet in a first frame; the other models' sentence takes two lines.
     assert min(lit[:2]) > lit[2] > 0
 
 
@@ -220,7 +220,7 @@ def test_small_vertical_errors_are_measured_below_a_pixel(shift_px: float) -> No
 
 
 def test_the_rows_of_a_board_are_those_of_its_corners() -> None:
-    # Its squares look all alike, so features are matched across them.
+    # The board's squares look alike, so its features are matched across them.
     world = World(load_scenario("calibration"), 0)
     frame = SimulatedSource(world).read()
     assert frame is not None
@@ -229,7 +229,7 @@ def test_the_rows_of_a_board_are_those_of_its_corners() -> None:
     assert preview.matches == 54
     assert preview.vertical_error_px is not None
     assert 0 < preview.vertical_error_px < 0.15
-    # Another board is not there; then features are all there is.
+    # No such board is in view, so only features remain.
     assert preview_calibration(frame, text, lambda: None, Board(rows=5)).matches != 54
 
 
@@ -240,7 +240,7 @@ def test_the_left_view_hatches_where_motion_could_not_be_noticed() -> None:
     blind = replace(seen, observation=replace(seen.observation, unseen=unseen))
     changed = np.abs(picture("left", blind) - picture("left", seen)).max(axis=2) > 25
     v, u = np.nonzero(changed)
-    # Two cells of 16 px, each with a stroke, and what JPEG smears around it.
+    # Two cells of 16 px, each with a stroke blurred by JPEG.
     assert len(v) > 16
     assert u.min() >= 4 * 16 - 8
     assert u.max() < 6 * 16 + 8

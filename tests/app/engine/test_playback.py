@@ -1,4 +1,4 @@
-"""Playback against a clock that the test moves."""
+"""Playback against a clock that the test controls."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Numbered = Callable[..., Any]
 
 
 class Host:
-    """Plays as the engine's loop does, on a clock of its own; observing takes ``busy_s``."""
+    """Plays like the engine's loop, on a clock of its own; observing takes ``busy_s``."""
 
     def __init__(self, player: Player, busy_s: float = 0.0) -> None:
         self.player = player
@@ -64,7 +64,7 @@ def test_frames_come_at_the_recorded_pace(numbered: Numbered) -> None:
 def test_the_rate_scales_the_pace(numbered: Numbered, rate: float) -> None:
     host = Host(player(numbered(30), rate=rate))
     host.run(1.0 / rate)
-    # The frame at exactly the end may or may not be counted in.
+    # The frame exactly at the end may or may not be included.
     assert len(host.played) in (10, 11)
     assert host.played[9][0] - host.played[0][0] == pytest.approx(0.9 / rate)
 
@@ -254,7 +254,7 @@ def test_whatever_is_pressed_time_and_index_only_go_forward(
 
 
 class Recorded:
-    """A recording of numbered frames: frame 3 began a segment, frame 6 another engine's run."""
+    """A recording of numbered frames: frame 3 began a segment, frame 6 a second engine's run."""
 
     begun: ClassVar[dict[int, str]] = {0: "observer", 3: "segment", 6: "observer"}
 
@@ -279,7 +279,7 @@ class Recorded:
             return SkippedFrame(at, "its images are lost")
         if at < 6:
             return frame
-        # The other engine opened its source from the beginning.
+        # The second engine opened its source from the beginning.
         return replace(frame, index=at - 6, time=frame.time - 0.6)
 
     def seek(self, position: int) -> None:
@@ -303,7 +303,7 @@ def test_a_recording_begins_anew_where_it_did_then(numbered: Numbered) -> None:
     assert [played.frame.index for played in frames] == list(range(10))
     steps = [b.frame.time - a.frame.time for a, b in itertools.pairwise(frames)]
     assert steps == pytest.approx([0.1] * 9)
-    # Truth is looked up by the time it had then.
+    # Ground truth is looked up by the frame's original time.
     assert frames[6].source_time == pytest.approx(100.0)
 
 
@@ -338,7 +338,7 @@ def test_damaged_frames_behind_what_is_sought_end_nothing(numbered: Numbered) ->
     host.player.change(SetPlayback(seek=8))
     host.run(1.0)
     assert host.player.ended
-    # The skipped beginning of a segment is made up for by the next frame.
+    # If the first frame of a segment is skipped, the next one begins it.
     host = Host(player(Recorded(numbered, broken=(3,))))
     assert [p.position for p in host.run(5.0) if p.new_segment] == [4, 6]
 

@@ -1,4 +1,4 @@
-"""What an observer needs is made ready while the engine answers, and tells if it takes a while."""
+"""The observer is prepared while the engine answers, which reports if that takes a while."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is watched reaches its slot: drawn by the loop, or by the thread of dense stereo."""
+"""Watched views reach their slots: drawn by the loop, or by the dense stereo thread."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def observed(index: int, **changes: Any) -> Observed:
 
 
 class Bench:
-    """A publisher with real slots and a list of what it told."""
+    """A publisher with real slots, and a list of its messages."""
 
     def __init__(self) -> None:
         self.fds = {name: create_slot(2_000_000) for name in (*VIEW_NAMES, CLOUD_NAME)}
@@ -83,7 +83,7 @@ def test_only_what_is_watched_is_written(bench: Bench) -> None:
     publisher, readers = bench.publisher, bench.readers
     publisher.publish(observed(1))
     assert all(reader.read() is None for reader in readers.values())
-    # Who begins to watch sees the newest frame at once, also while nothing is played.
+    # A new watcher sees the newest frame at once, even while nothing is played.
     publisher.watch(("left",))
     latest = readers["left"].read()
     assert latest is not None
@@ -120,7 +120,7 @@ def test_a_cloud_is_made_where_the_method_makes_no_disparity(bench: Bench) -> No
 def test_a_recording_keeps_a_cloud_a_second_though_nobody_looks(bench: Bench) -> None:
     kept: queue.SimpleQueue[tuple[Cloud, float]] = queue.SimpleQueue()
     for index in range(4):
-        # A second apart, so that each is due.
+        # One second apart, so that each cloud is due.
         bench.publisher.publish(observed(index), lambda *given: kept.put(given))
         cloud, received = kept.get(timeout=PATIENCE_S)
         assert received == 50.0 + index

@@ -1,4 +1,4 @@
-"""A computer too slow for its cameras processes less of each frame, and more again once it may."""
+"""A computer too slow for its cameras does less work per frame, and more again once it can."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PERIOD_S = 1 / 15
 
 
 class Loop:
-    """Loop over a camera's frames: it takes the newest one, or waits for the next."""
+    """A loop over a camera's frames: it takes the newest one, or waits for the next."""
 
     def __init__(self, full_s: float, model: str = "rigid") -> None:
         self.full_s = full_s
@@ -79,7 +79,7 @@ def test_processing_is_restored_step_by_step_once_the_load_is_gone() -> None:
 
 def test_a_camera_that_slows_down_in_the_dark_costs_nothing() -> None:
     loop = Loop(1.5 * PERIOD_S)
-    # Its frames come only every third period.
+    # Frames arrive only every third period.
     for _ in range(200):
         began, loop.now = loop.now, loop.now + loop.work_s()
         assert not loop.governor.spent(began, loop.now, loop.model)

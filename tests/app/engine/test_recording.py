@@ -1,4 +1,4 @@
-"""A run's recording beside the loop: nothing waits for the disk, and a full one ends it alone."""
+"""A run's recording beside the loop: nothing waits for the disk; a full disk ends only it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def frames_in(path: Path) -> list[int]:
 
 
 class SlowWriter:
-    """Stands in a frame until it is let go; then it is the writer behind it."""
+    """Blocks in a frame until it is released; then it is the writer behind it."""
 
     def __init__(self, writer: Any) -> None:
         self._writer = writer
@@ -105,7 +105,7 @@ class SlowWriter:
 
 @pytest.fixture
 def file_limit() -> Iterator[Callable[[int], None]]:
-    """Let no file of this process grow beyond a size: EFBIG, as a full disk gives ENOSPC."""
+    """Let no file of this process exceed a size: EFBIG, as a full disk gives ENOSPC."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
@@ -141,7 +141,7 @@ def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
     for index in range(100):
         give(recorder, index, begins=index == 50)
     assert time.monotonic() - begun < 2.0
-    # Three have room, the one that is being written among them.
+    # The queue has room for three, including the one being written.
     assert recorder.facts().dropped == 97
     slow.gate.set()
     eventually(lambda: not recorder._waiting and recorder._waiting_bytes == 0)
@@ -149,10 +149,10 @@ def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
     ended(recorder)
     with Recording(path) as recording:
         assert [f.index for f in recording.frames] == [0, 1, 2, 100]
-        # The world that began with a frame that was lost begins with the next one.
+        # If the frame that began a world is lost, the next one begins it.
         assert recording.frames[-1].begins == "segment"
         lost = [re.match(r"(\d+) messages", each.sentence) for each in recording.incidents()]
-        # Told in one sentence, or in two where the disk came to a message between.
+        # Reported in one sentence, or in two if the disk took a message in between.
         assert sum(int(each[1]) for each in lost if each is not None) == 97
 
 
@@ -233,7 +233,7 @@ def test_a_fault_in_what_is_recorded_ends_the_recording_with_a_sentence(tmp_path
 
 
 def test_an_ended_recording_lets_go_of_its_last_half_minute(tmp_path: Path) -> None:
-    """Whoever asked how it ended keeps it for long, and the next run has a half minute as well."""
+    """A page may keep its final state for long; the next run has a last half minute as well."""
     path, ring = tmp_path / "recording.mcap", Ring()
     writer = RecordingWriter(path, FACTS, ring=ring)
     recorder = RunRecorder(writer, order(path), ring=ring)

@@ -1,4 +1,4 @@
-"""What the engine writes for the drive process, and what it takes over from the wheels."""
+"""What the engine writes for the drive process, and what it takes from the wheel odometry."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WORLD = "simulated:drive:x"
 
 
 class Slots:
-    """Both slots, and a clock that stands."""
+    """Both slots, and a clock that stands still."""
 
     def __init__(self) -> None:
         fds = [create_slot(1 << 16) for _ in (SIGHT_NAME, WHEELS_NAME)]
@@ -98,7 +98,7 @@ def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
         assert sight.published == slots.now
         assert (sight.world, sight.mount_known) == (WORLD, True)
         assert sight.status is observed.observation.status
-        # Nobody's wheels are heard of.
+        # No wheel data have arrived.
         assert sight.scan is None
 
 
@@ -109,7 +109,7 @@ def test_free_floor_is_looked_for_while_a_robot_is_there(slots: Slots) -> None:
     scan = slots.read().scan
     free = [b for a, b in zip(scan.known_from_m, scan.known_to_m, strict=True) if b > a]
     assert len(free) > 0.7 * len(scan.bearings)
-    # In a recording nobody drives; without a mount nobody knows where.
+    # In a recording nobody drives; without a mount the floor is unknown.
     slots.teller.tell(observed, MOUNT, None, GUARD)
     assert slots.read().scan is None
     slots.teller.tell(observed, None, WORLD, GUARD)
@@ -140,7 +140,7 @@ def test_wheels_tell_where_the_robot_was_at_a_frame(slots: Slots) -> None:
     told = slots.feed.odometry(99.75)
     assert told is not None
     assert (told.x, told.y, told.yaw) == pytest.approx((0.125, 0.0, 0.05))
-    # A frame is received before the report of its instant.
+    # A frame arrives before the odometry report of its instant.
     onward = slots.feed.odometry(100.1)
     assert onward is not None
     assert onward.x == pytest.approx(0.3)
@@ -163,7 +163,7 @@ def test_a_yaw_that_jumps_by_a_turn_is_the_same_yaw(slots: Slots) -> None:
 
 
 class Robots:
-    """A world's robots, as far as a session deals with them."""
+    """A world's robots, as far as a session uses them."""
 
     world = "simulated:numbers:1"
 

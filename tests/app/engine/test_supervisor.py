@@ -49,15 +49,15 @@ FAKE = (sys.executable, str(HERE / "fake_engine.py"))
 WORKS = (*FAKE, "works")
 REAL = None
 PATIENCE_S = 40.0
-# What is promised, and a little for a machine on which other tests run at the same time.
+# Seconds: the promised time, plus some for a machine that runs other tests.
 REPLACED_WITHIN_S = 2.0 + 0.5
-# Without a stand-in where none is looked at: each process takes a second to begin.
+# No standby engine for tests that do not need one: each process takes a second to start.
 ALONE = SupervisorLimits(standby_delay_s=None)
 LIMITS = SupervisorLimits(standby_delay_s=0.0)
 
 
 class Watched:
-    """A supervisor and the events it published, with the instant each arrived."""
+    """A supervisor and the events it published, with their arrival times."""
 
     def __init__(
         self, command: tuple[str, ...] | None = WORKS, *, limits: SupervisorLimits = LIMITS
@@ -78,7 +78,7 @@ class Watched:
         return [event for _, event in self.events if isinstance(event, kind)]
 
     async def wait(self, kind: type, fits: Callable[[Any], bool] = lambda _: True) -> Any:
-        """The first event of this kind that fits, past ones included."""
+        """Return the first event of this kind that fits, past ones included."""
         return await self.until(
             lambda: next((e for e in self.all(kind) if fits(e)), None), kind.__name__
         )
@@ -109,7 +109,7 @@ def gone(pid: int) -> bool:
 
 
 async def test_it_starts_answers_observes_and_leaves_nothing() -> None:
-    # What earlier tests left to the collector is closed first, or it would be counted.
+    # Collect garbage of earlier tests first, or its descriptors would be counted.
     gc.collect()
     before = len(os.listdir("/dev/fd"))
     async with Watched() as watched:
@@ -171,7 +171,7 @@ async def test_a_dead_or_hung_engine_is_replaced_in_time(number: signal.Signals)
         health = supervisor.health
         assert health.restarts == 1
         assert health.pid != first
-        # The next engine is idle and does what the first one did.
+        # The next engine is idle and works like the first one.
         assert watched.all(StateEvent)[-1].state is EngineState.IDLE
         await supervisor.request(numbers())
         sequence = supervisor.views["plain"].read()
@@ -209,7 +209,7 @@ async def test_an_engine_that_waits_for_a_processor_is_not_replaced() -> None:
             assert watched.all(EngineLostEvent) == []
         assert watched.supervisor.health.restarts == 0
     sys.stdout.write(f"silent for {longest:.1f} s at most\n")
-    # Otherwise the machine had time to spare, and nothing was tried.
+    # Otherwise the machine was not busy enough, and nothing was tested.
     assert longest > SupervisorLimits().hang_s
 
 
@@ -234,7 +234,7 @@ async def test_a_request_that_is_not_answered_times_out() -> None:
         with pytest.raises(ProcessUnavailable, match="not complete the request to stop run within"):
             await watched.supervisor.request(StopRun(), timeout_s=0.3)
         begin = time.monotonic()
-    # Stopping ends a stopped engine as well.
+    # Stopping the supervisor also ends an engine that is stopped by SIGSTOP.
     assert gone(pid)
     assert time.monotonic() - begin < 10
 
@@ -246,11 +246,11 @@ async def test_a_repeatable_request_is_answered_by_the_next_engine(tmp_path: Pat
         opened = await supervisor.request(numbers(str(tmp_path / "once")), repeatable=True)
         assert opened.state.state == "preview"
         assert supervisor.health.generation == 2
-        # A source that ends every engine is tried twice, not for ever.
+        # A source that ends every engine is tried twice, not forever.
         with pytest.raises(ProcessUnavailable, match="exited before it completed"):
             await supervisor.request(numbers("exit"), repeatable=True)
         assert supervisor.health.generation in (3, 4)
-        # While there is no engine, it waits for one.
+        # While there is no engine, the request waits for one.
         assert (await supervisor.request(numbers(), repeatable=True)).state.state == "preview"
 
 
@@ -307,7 +307,7 @@ async def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
         await asyncio.sleep(0.5)
         assert watched.supervisor.health.pid == pid
         assert watched.all(EngineLostEvent) == []
-        # 50 frames/s for 2.5 s are more than wait for anybody: what was lost was counted.
+        # 50 frames/s for 2.5 s exceed the queue: the lost ones must be counted.
 
         def counted() -> bool:
             sequences = [e.sequence for e in watched.all(ObservationEvent)]
@@ -340,7 +340,7 @@ async def test_a_listener_that_fails_harms_nobody() -> None:
         (signal.SIGTERM, True, "works"),
         (signal.SIGKILL, False, "works"),
         (signal.SIGKILL, False, "channel-only"),
-        # A stopped process runs nothing of its own: only the kernel can end it.
+        # A stopped process cannot run its own code: only the kernel can end it.
         pytest.param(
             signal.SIGKILL,
             True,
@@ -380,7 +380,7 @@ def test_the_end_of_the_parent_is_the_end_of_all(
 
 @pytest.fixture
 def stereo_folder(tmp_path: Path) -> Path:
-    """Ten frames of a textured wall that comes nearer, in front of it a block that crosses."""
+    """Ten frames of a textured wall that approaches, and a block that crosses in front of it."""
     width, height = 320, 200
     (tmp_path / "left").mkdir()
     (tmp_path / "right").mkdir()

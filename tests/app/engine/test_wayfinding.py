@@ -1,4 +1,4 @@
-"""Plans as the engine tells them: one for each frame while the observer is sent somewhere."""
+"""The engine's plans: one for each frame while the observer drives to a goal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STANDING = [[NOW - 0.1 * k, 0.0, 0.0, 0.0] for k in range(9, -1, -1)]
 
 
 class Link:
-    """Both slots, and a wayfinder between them at a time that stands."""
+    """Both slots, and a wayfinder between them, at a fixed time."""
 
     def __init__(self) -> None:
         fds = [create_slot(1 << 16) for _ in range(2)]

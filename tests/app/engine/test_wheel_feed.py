@@ -1,4 +1,4 @@
-"""The observer's errand as the engine reads it from the slot of the wheels."""
+"""The observer's errand as the engine reads it from the wheel slot."""
 
 from __future__ import annotations
 

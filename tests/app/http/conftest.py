@@ -27,7 +27,7 @@ from app.settings import Settings
 from app.storage import Storage
 from app.viewer import NullViewer
 
-# Where FastAPI makes what reads and writes the values of a route.
+# Where FastAPI creates the objects that read and write a route's values.
 _ADAPTERS = "fastapi._compat.v2.TypeAdapter"
 
 TOKEN = "a-token-of-the-tests-with-256-bits-more-or-less"
@@ -42,7 +42,7 @@ class _Server(uvicorn.Server):
 
 @dataclass(frozen=True)
 class Served:
-    """A running server and clients that come with the token."""
+    """A running server and clients that send the token."""
 
     app: Any
     server: Server
@@ -77,7 +77,7 @@ class Served:
 
 
 def _client(url: str, headers: dict[str, str]) -> httpx.AsyncClient:
-    """Without TLS, for which the certificates of all authorities would be read each time."""
+    """Return a client without TLS, which would load all authorities' certificates each time."""
     return httpx.AsyncClient(
         base_url=url, headers=headers, timeout=20, trust_env=False, verify=False
     )
@@ -103,7 +103,7 @@ async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
         client = _client(f"http://127.0.0.1:{port}", headers)
         try:
             async with client:
-                # The first source is opened behind the start.
+                # The first source is opened after the start.
                 while app.state.server.source.state.state is EngineState.IDLE:
                     await asyncio.sleep(0.01)
                 yield Served(app, app.state.server, port, client, listener.strangers)
@@ -114,10 +114,10 @@ async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _routes_typed_once() -> Iterator[None]:
-    """Applications of one test process share the adapters of their routes' types.
+    """Share the type adapters of routes between all applications of a test process.
 
-    They take nine tenths of an application's making, and depend on the type and its metadata
-    alone. Types are compared, too: two of one name are written alike.
+    They take nine tenths of the time to make an application, and depend only on the type and its
+    metadata. Types are compared as well, since two of one name are written alike.
     """
     kept: dict[tuple[Any, str, str], TypeAdapter[Any]] = {}
 
@@ -165,19 +165,19 @@ async def served(serve: ServedFactory) -> AsyncIterator[Served]:
 
 @pytest.fixture
 def http(served: Served) -> httpx.AsyncClient:
-    """The client of ``served`` that comes with the token."""
+    """The client of ``served`` that sends the token."""
     return served.http
 
 
 @pytest.fixture
 def serve_app() -> Callable[[Any, Settings], AbstractAsyncContextManager[Served]]:
-    """Serve an application that the test put together itself."""
+    """Serve an application that the test assembled itself."""
     return serving
 
 
 @pytest.fixture
 def eventually() -> Callable[..., Any]:
-    """Wait until something holds, within a deadline that only a fault can reach."""
+    """Wait until something holds, with a deadline that only a fault can reach."""
 
     async def wait(condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
         async with asyncio.timeout(timeout_s):

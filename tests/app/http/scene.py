@@ -1,4 +1,4 @@
-"""The real 3D scene behind the server, and what speaks with it."""
+"""The real 3D scene behind the server, and the client that speaks to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Making a calibration by REST, over a peer engine and the real worker."""
+"""Making a calibration over REST, with a peer engine and the real worker."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ async def facts(http: Any) -> Any:
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch, calibration_yaml: Any) -> str:
-    """The worker's place is taken by one that knows the result; its text."""
+    """Replace the worker by one that knows the result; return the result's text."""
     text = str(calibration_yaml())
 
     async def work(job: FitViews, progress: Any) -> Fitted:
@@ -111,7 +111,7 @@ async def test_from_the_board_to_the_calibration_in_use(http: Any, peer: Any, qu
 
     asked = await http.post("/api/calibrating/compute", json={"distortion_model": "radtan"})
     assert asked.status_code == 202
-    # From this moment on: who asks at once for another one is refused.
+    # It computes from now on: another request right after it is refused.
     assert asked.json()["calibrating"]["computing"] is not None
     assert (await http.post("/api/calibrating/compute", json={})).status_code == 409
     while (await facts(http))["result"] is None:
@@ -148,7 +148,7 @@ async def test_what_is_not_possible_is_a_sentence(http: Any, peer: Any) -> None:
     assert (await http.delete("/api/calibrating")).is_success
     missing = await refused("POST", "/calibrating", {"source": "missing"}, 422)
     assert "name one that exists" in missing
-    # As it was: nothing is calibrated, and the lab is observed.
+    # Back to the initial state: nothing is calibrated, and the lab is observed.
     assert await facts(http) is None
     assert peer.opened.source == "simulated:lab"
 
@@ -242,7 +242,7 @@ async def test_images_are_looked_through(http: Any) -> None:
     assert told["refused"] == ["readme.txt is not an image (PNG, JPEG, BMP, PGM, TIFF or WebP)"]
     jpeg = await http.get("/api/calibrating/views/1/left.jpg")
     assert jpeg.content.startswith(b"\xff\xd8")
-    # What is no archive leaves these.
+    # A file that is no archive leaves the images in place.
     refused = await http.post("/api/calibrating/images", **images(b"hello"))
     assert refused.status_code == 422
     (problem,) = refused.json()["detail"]
@@ -307,7 +307,7 @@ async def test_harmful_archives_are_refused_at_once(http: Any) -> None:
         assert answer.status_code == 422, (name, answer.text)
         assert answer.json()["detail"][0]["loc"] == ["body", "file"]
         assert took < 2, name
-        # Nothing is expanded, and no worker was started that could.
+        # Nothing is expanded, and no worker was started to do so.
         assert psutil.Process().memory_info().rss - before < 50 * 2**20, name
         assert psutil.Process().children() == children
     assert await facts(http) is None
@@ -349,7 +349,7 @@ async def test_each_path_has_its_own_limit(serve: Any) -> None:
     ) as served:
         http = served.http
         large = b"x" * 400_000
-        # More than a calibration may have, less than images.
+        # More than a calibration file may have, less than images.
         sent = await http.post("/api/calibrating/images", **images(large))
         assert sent.status_code == 422
         calibration = {"files": {"file": ("c.yaml", large, "application/yaml")}}

@@ -1,4 +1,4 @@
-"""Files of calibrations by REST: every format in, three out, and what is kept beside them."""
+"""Calibration files over REST: every format in, three out, and what is kept with them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ EUROC = (
     "resolution: [752, 480]\ncamera_model: pinhole\nintrinsics: [458.0, 457.0, 367.0, 248.0]\n"
     "distortion_model: radial-tangential\ndistortion_coefficients: [-0.28, 0.07, 0, 0]\n"
 )
-# Files, what is told beside them, words of the origin, width and baseline.
+# Words of the origin -> files, form fields, width (px) and baseline (m).
 FORMATS: dict[str, tuple[tuple[NamedFile, ...], dict[str, str], int, float]] = {
     "OpenCV": (export_calibration(RIG, "opencv", "a"), {}, 640, RIG.baseline),
     "ROS": (export_calibration(RIG, "ros", "a"), {}, 640, RIG.baseline),
@@ -101,7 +101,7 @@ async def test_every_format_comes_in_with_notes(served: Any) -> None:
         again = read_any([NamedFile("again", text)]).calibration
         assert (again.width, again.baseline) == (width, pytest.approx(baseline))
         ids.add(entry["id"])
-    # By content: what one format says as the other does is one calibration.
+    # Identified by content: equal calibrations from two formats are one.
     listed = (await served.http.get("/api/calibrations")).json()
     assert {each["id"] for each in listed} == ids
     assert len(ids) >= len(FORMATS) - 2
@@ -133,7 +133,7 @@ async def test_a_unit_is_asked_for_by_its_field_and_may_be_a_square(served: Any)
     assert read.status_code == 201, read.text
     assert read.json()["baseline_m"] == pytest.approx(0.12, abs=1e-4)
     assert "T converted from units of 25 mm: baseline 0.12 m" in read.json()["notes"]
-    # As a form has it where nobody wrote anything.
+    # An empty form field.
     assert (await send(served, opencv(), unit="")).status_code == 201
 
 
@@ -262,7 +262,7 @@ async def test_a_tape_check_is_kept_beside_it_also_when_it_comes_again(
     assert check["sentence"]
     off = await http.post(f"{path}/tape-checks", json={**body, "measured_m": 3.0})
     assert [each["agrees"] for each in off.json()["tape_checks"]] == [True, False]
-    # The same file once more: nobody measured for nothing.
+    # Uploading the same file again keeps its tape checks.
     again = (await send(served, opencv())).json()
     assert again["tape_checks"] == off.json()["tape_checks"]
     (listed,) = (await http.get("/api/calibrations")).json()

@@ -50,7 +50,7 @@ async def test_a_calibration_from_upload_to_use(
     assert peer.opened.calibration_yaml is None
     assert (await http.delete(f"/api/calibrations/{id}")).status_code == 204
     assert (await http.get("/api/calibrations")).json() == []
-    # The run still refers to it, so it can be fetched, but not used any more.
+    # The run still refers to it, so it can be downloaded, but no longer used.
     assert (await http.get(f"/api/calibrations/{id}/file")).text == text
     assert (await http.get(f"/api/calibrations/{id}/preview")).status_code == 404
     assert (await http.get(f"/api/calibrations/{'0' * 64}/file")).status_code == 404

@@ -1,4 +1,4 @@
-"""The command line drives a real robot of one's own by the real server and its drive process."""
+"""The command line drives a user's own robot through the real server and drive process."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PERIOD_S = 0.02
 
 
 class OwnRobot:
-    """A simulated robot that connects to ``port`` and does as it is permitted."""
+    """A simulated robot that connects to ``port`` and obeys its permissions."""
 
     def __init__(self, port: int) -> None:
         self.client = ExternalClient("127.0.0.1", port, name="Robbie")
@@ -94,7 +94,7 @@ async def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
             *command(port, *more), stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
         )
 
-    # Only for its slots; the engine itself is the tests' own.
+    # Used only for its slots; the tests bring their own engine.
     slots = EngineSupervisor()
     app = create_app(
         settings, token, engine=peer, drive=DriveSupervisor(slots.shared_slots),
@@ -109,7 +109,7 @@ async def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
             told = json.loads(out)
             assert told["finished"] is True
             driven = told["robots"]["obstacle"]
-            # 0.5 + 1 + 0.5 s at 0.2 m/s; it gets faster no quicker than the guard lets it.
+            # 0.5 + 1 + 0.5 s at 0.2 m/s; the guard limits its acceleration.
             assert own_robot.robot.x == pytest.approx(0.4, abs=0.08)
             assert driven["encoder_way_m"] == pytest.approx(own_robot.robot.x, abs=0.03)
             assert driven["commanded_way_m"] == pytest.approx(0.4, abs=0.05)
@@ -117,7 +117,7 @@ async def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
             assert facts["robots"]["obstacle"]["state"] == "disarmed"
             assert facts["robots"]["obstacle"]["operator"] is None
 
-            # By its name, for it is kept now; and back, until somebody ends the command.
+            # By name, since it is now kept; in reverse, until the command is interrupted.
             process = await started(served.port, "short", "--reverse")
             await eventually(lambda: own_robot.robot.speed < -0.1, 30)
             process.send_signal(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""Two methods compared on identical frames, and the frames of a run by REST."""
+"""Two methods compared on identical frames, and the frames of a run over REST."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FRAMES = 15
 
 
 async def _compared(http: Any, **wanted: Any) -> dict[str, Any]:
-    """Compare, and wait for the end."""
+    """Start a comparison, and wait for its end."""
     started = await http.post("/api/comparison", json={"seconds": _SECONDS, **wanted})
     assert started.status_code == 202, started.text
     async with asyncio.timeout(60):
@@ -42,7 +42,7 @@ async def test_both_methods_see_the_same_frames(http: Any, peer: Any, tmp_path: 
     assert [run["rerun_of"] for run in runs] == [None, paper]
     assert all(run["state"] == "finished" and run["frames"] == _FRAMES for run in runs)
     assert all(run["tags"] == ["comparison"] and run["calibration_id"] for run in runs)
-    # Nothing that is open was touched.
+    # The open source is left alone.
     assert peer.opened.source == "simulated:lab"
     assert (await http.get("/api/parameters")).json()["preset"] == "default"
     assert not list(tmp_path.glob(".work-*"))
@@ -60,7 +60,7 @@ async def test_both_methods_see_the_same_frames(http: Any, peer: Any, tmp_path: 
             assert recording.facts.id == id
             assert recording.facts.name == f"people_across, {recording.facts.preset}"
 
-    # The re-run has the images of the run that it re-ran.
+    # The re-run uses the images of the original run.
     images = [(await http.get(f"/api/runs/{id}/frames/7.jpg")) for id in (paper, default)]
     assert images[0].content == images[1].content
     shown = cv2.imdecode(np.frombuffer(images[0].content, np.uint8), cv2.IMREAD_COLOR)
@@ -80,7 +80,7 @@ async def test_what_the_worker_kept_is_what_the_command_makes(http: Any, tmp_pat
         file.unlink()
         assert (await http.get(f"/api/runs/{id}/frames")).json() == kept
 
-    # Those of an earlier one are not what came of the next, which is cancelled.
+    # A cancelled comparison does not report the runs of the one before.
     wanted = {"source": "simulated:people_across", "seconds": 30}
     assert (await http.post("/api/comparison", json=wanted)).json()["runs"] is None
     assert (await http.post("/api/comparison/cancel")).json()["runs"] is None
@@ -146,7 +146,7 @@ async def test_frames_that_are_not_there(http: Any) -> None:
     run = (await http.post("/api/runs", json={})).json()
     assert (await http.get(f"/api/runs/{run['id']}/frames/0.jpg")).status_code == 409
     await http.post(f"/api/runs/{run['id']}/stop")
-    # The peer records nothing.
+    # The peer engine records nothing.
     for path in ("frames", "frames/0.jpg"):
         answer = await http.get(f"/api/runs/{run['id']}/{path}")
         assert answer.status_code == 404

@@ -1,4 +1,4 @@
-"""Text is sent compressed to whoever takes it so, and revalidated in either form."""
+"""Text is compressed for clients that accept it, and revalidated in either form."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LONG = "export const words = 'said again and again';\n" * 200
 
 @pytest.fixture
 def panel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Folder that stands in for the panel's."""
+    """A folder that stands in for the panel's."""
     folder = tmp_path / "static"
     folder.mkdir()
     (folder / "index.html").write_text(f"<!doctype html><title>Panel</title><!-- {LONG} -->")
@@ -27,7 +27,7 @@ def panel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 async def sent(client: Any, path: str, **headers: str) -> tuple[Any, bytes]:
-    """An answer, and the bytes of its body as they came."""
+    """Return an answer, and the bytes of its body as received."""
     async with client.stream("GET", path, headers=headers) as answer:
         return answer, b"".join([chunk async for chunk in answer.aiter_raw()])
 
@@ -69,7 +69,7 @@ async def test_either_form_is_revalidated_and_a_changed_file_is_sent_again(
         for coding in ("identity", "gzip"):
             answer, _ = await sent(served.http, "/static/long.js", **{"accept-encoding": coding})
             tags.append(answer.headers["etag"])
-        # Their bytes differ, so the tag of one of them is weak.
+        # The two bodies differ, so the compressed one has a weak tag.
         assert tags[1] == f"W/{tags[0]}"
         for tag in tags:
             again, body = await sent(served.http, "/static/long.js", **{"if-none-match": tag})

@@ -1,4 +1,4 @@
-"""Serial ports as the page is told of them."""
+"""Serial ports as the page lists them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ async def test_serial_ports_are_told_with_lasting_names_and_whether_they_may_be_
         )  # fmt: skip
         assert not locked["usable"]
         assert "sudo usermod -aG dialout ada" in locked["trouble"]
-        # Plugged out: the next request finds the other one alone.
+        # Unplugged: the next request finds only the other one.
         (tmp_path / "dev" / "ttyACM1").unlink()
         (left,) = (await served.http.get("/api/devices")).json()["serial_ports"]
         assert left == ready

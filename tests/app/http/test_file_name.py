@@ -1,4 +1,4 @@
-"""Names of files in answers."""
+"""File names in answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The guided check by REST, from its beginning to its record."""
+"""The guided check over REST, from its beginning to its record."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     TypeAdapter(RobotsNow).validate_python(robots)
     assert "not sight" in robots["check"]["steps"][1]["told"]
     assert robots["check"]["steps"][0]["figures"]["zero_ms"] == pytest.approx(200, abs=1)
-    # Any stop of a robot that moved is measured, checked or not.
+    # Any stop of a moving robot is measured, whether or not a check is running.
     stops = robots["incidents"][0]["stops"]
     assert stops["observer"]["separation_m"] == 0.4
     assert stops["observer"]["stood_ms"] == pytest.approx(500, abs=1)
@@ -68,7 +68,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     answer = await http.get(f"/api/robots/checks/{name}", params={"format": "markdown"})
     assert answer.headers["content-type"].startswith("text/markdown")
     assert answer.text.startswith("# Guard check, observer")
-    # A new one may begin; given up, it is kept as that.
+    # A new check may begin; if it is given up, it is recorded as such.
     assert (await http.post("/api/robots/check")).status_code == 201
     gone = await http.delete("/api/robots/check", params={"name": "Ben"})
     assert (gone.status_code, gone.json()["outcome"]) == (200, "given_up")

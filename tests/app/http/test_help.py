@@ -20,7 +20,7 @@ PAGE = f"""<!doctype html><title>Home</title>
 
 @pytest.fixture
 def built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Folder of a documentation with one page and one script; not there yet."""
+    """The folder of a documentation with one page and one script, not built yet."""
     folder = tmp_path / "site"
     monkeypatch.setattr(http_server, "help_folder", lambda: folder)
     return folder
@@ -41,7 +41,7 @@ async def test_where_it_is_not_built_one_sentence_says_what_builds_it(
             answer = await served.http.get(path)
             assert answer.status_code == 404
             assert answer.text == "<p>The documentation is not built; make docs builds it.</p>"
-        # The server need not be started again.
+        # The server need not be restarted.
         build(built)
         assert (await served.http.get("/help/")).text == PAGE
 
@@ -68,10 +68,10 @@ async def test_a_page_may_run_its_own_inline_scripts_alone(built: Path, serve: A
         assert rules["script-src"] == f"'self' 'sha256-{digest}'"
         assert rules["default-src"] == "'none'"
         assert {*rules["connect-src"].split(), *rules["worker-src"].split()} == {"'self'"}
-        # From no other server, and nothing that a script makes of text.
+        # Nothing from other servers, and no evaluated strings.
         assert "://" not in policy
         assert "eval" not in policy
-        # What belongs to no page of it keeps the strict one.
+        # Whatever is not a page of the documentation keeps the strict policy.
         for path in ("/help/later.js", "/", "/static/index.html", "/api/status", "/help"):
             answer = await served.http.get(path)
             assert answer.headers["Content-Security-Policy"] == PANEL_POLICY, path

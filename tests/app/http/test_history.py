@@ -1,4 +1,4 @@
-"""The history by REST: found, described, deleted with undo."""
+"""The history over REST: found, described, deleted with undo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The log: over REST what was, over the live socket what is added."""
+"""The log: past entries over REST, new ones over the live socket."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What libraries log of clients, in lines that a person can read."""
+"""Libraries' log messages about clients, in lines that a person can read."""
 
 from __future__ import annotations
 

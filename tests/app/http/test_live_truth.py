@@ -1,4 +1,4 @@
-"""Live motion capture as a person chooses it: over REST, over restarts, from the command line."""
+"""Choosing live motion capture: over REST, across restarts, from the command line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PATH = "/api/truth/live"
 
 
 def opened(peer: Any) -> OpenSource:
-    """As the engine was told last."""
+    """Return the engine's latest opening."""
     found: OpenSource = [each for each in peer.commands if isinstance(each, OpenSource)][-1]
     return found
 
@@ -33,11 +33,11 @@ async def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventual
         assert told["sentence"].startswith("not aligned yet: ")
         assert (await served.http.get(PATH)).json() == told
         assert (await served.http.get("/api/status")).json()["truth"] == told
-        # Nothing was opened again for it.
+        # Nothing was reopened for it.
         assert not any(isinstance(each, OpenSource) for each in peer.commands[opens:])
-        # An engine that takes the place of a lost one listens to it at once.
+        # An engine that replaces a lost one listens to it at once.
         peer.lose()
-        # Kept while there is no engine to be told.
+        # Saved even while no engine is running.
         again = await served.http.put(PATH, json={"spec": "vicon-udp:51001"})
         assert (again.status_code, again.json()) == (200, None)
         peer.start_process()
@@ -53,7 +53,7 @@ async def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventual
     # From the command line.
     async with serve(truth="vrpn:mocap") as served:
         assert opened(peer).truth == LiveTruthOrder("vrpn:mocap")
-        # What fits the same server goes on to hold when it is named again.
+        # Choices for the same server still apply when it is named again.
         await served.http.put(PATH, json={"spec": "vrpn:mocap", "observer": "Amigo"})
     # Named again.
     async with serve(truth="vrpn:mocap"):

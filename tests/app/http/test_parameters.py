@@ -1,4 +1,4 @@
-"""Parameters and presets by REST."""
+"""Parameters and presets over REST."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ async def test_parameters_reach_the_engine_and_outlive_the_server(
         assert state["preset"] is None
         assert peer.parameters[THRESHOLD] == 3.5
         assert peer.commands[-1].revision == 1
-        # What changes nothing is no new revision.
+        # Unchanged values make no new revision.
         again = await served.http.patch("/api/parameters", json={THRESHOLD: 3.5})
         assert again.json()["revision"] == 1
         assert (await served.http.get("/api/status")).json()["parameters_revision"] == 1
@@ -79,13 +79,13 @@ async def test_values_keep_the_preset_that_they_come_from(serve: Any) -> None:
         assert await now() == ("default", "default")
         assert await now(**{THRESHOLD: 2.5}) == (None, "default")
         paper = next(p for p in (await http.get("/api/presets")).json() if p["name"] == "paper")
-        # Whoever sends a preset's values has chosen it.
+        # Sending a preset's values selects it.
         assert await now(**paper["values"]) == ("paper", "paper")
         assert await now(**{THRESHOLD: 2.5}) == (None, "paper")
         await http.post("/api/presets", json={"name": "mine"})
         assert await now() == ("mine", "mine")
         assert await now(**{THRESHOLD: 3.0}) == (None, "mine")
-        # Of an unsaved mixture it is said where it comes from.
+        # An unsaved mixture says what it is based on.
         told = await http.patch("/api/parameters?based_on=default", json={"frames.interval": 3})
         assert (told.json()["preset"], told.json()["based_on"]) == (None, "default")
         unknown = await http.patch("/api/parameters?based_on=papre", json={THRESHOLD: 9.0})
@@ -98,7 +98,7 @@ async def test_values_keep_the_preset_that_they_come_from(serve: Any) -> None:
         state = (await served.http.get("/api/parameters")).json()
         assert (state["based_on"], state["revision"]) == ("mine", revision)
         await served.http.delete("/api/presets/mine")
-        # The nearest built-in one takes its place.
+        # The nearest built-in preset takes its place.
         state = (await served.http.get("/api/parameters")).json()
         assert (state["preset"], state["based_on"]) == (None, "paper")
 
@@ -124,14 +124,14 @@ async def test_a_presets_file_is_checked_as_any_change(http: Any) -> None:
         "format": "dynamic-observer preset",
         "name": "theirs",
         "help": "from the other lab",
-        # Of a former version, which did not have all parameters either.
+        # From an older version, which did not have all parameters either.
         "values": {"following.spacing_px": 20, THRESHOLD: 2.5},
     }
     before = (await http.get("/api/parameters")).json()
     taken = (await http.post("/api/presets", json=file)).json()
     assert taken["values"]["klt_tracking.spacing_px"] == 20
     assert set(taken["values"]) == set(before["values"])
-    # It is saved, not put into force.
+    # It is saved, but not activated.
     assert (await http.get("/api/parameters")).json() == before
     for values, sentence in (
         ({THRESHOLD: 99}, "must be a finite number from 0.1 to 20 px"),
@@ -185,7 +185,7 @@ async def test_a_change_of_the_planner_reaches_the_engine_and_no_guard(
         state = (
             await served.http.patch("/api/parameters", json={"navigation.berth_m": 0.3})
         ).json()
-        # Vision goes on as it was; other pages learn of the change all the same.
+        # Vision is unaffected, but other pages learn of the change.
         assert (state["revision"], state["frame"]) == (before["revision"], before["frame"])
         assert state["driving_revision"] == before["driving_revision"] + 1
         assert peer.parameters["navigation.berth_m"] == 0.3

@@ -1,4 +1,4 @@
-"""Calibrating with the real engine: what was captured outlives it."""
+"""Calibrating with the real engine: captured views outlive it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ async def test_views_outlive_a_killed_engine_and_the_numbering_goes_on(
         begun = await http.post("/api/calibrating", json=body)
         assert begun.status_code == 201, begun.text
         await views(2)
-        # From here on by hand, so that the numbers are known.
+        # From here on captured by hand, so that the numbers are known.
         await http.patch("/api/calibrating", json={"automatic": False})
         before = await views(2)
         assert before == [str(k + 1) for k in range(len(before))]

@@ -1,4 +1,4 @@
-"""From the page's socket to the port of an emulated robot, with the real drive process between."""
+"""From the page's socket to the port of an emulated robot, through the real drive process."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ async def until(condition: Any, what: str) -> None:
 
 
 def zero_after(robot: Serving[EmulatedRobot], moment: float) -> float:
-    """Seconds from a moment to the first packet behind which the robot stands."""
+    """Return the seconds from a moment to the first packet after which the robot stands."""
     first = robot.robot.log.first_standing(moment)
     assert first is not None
     return float(first.time - moment)
@@ -56,7 +56,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
     serve_app: Any,
     token: str,
 ) -> None:
-    """The obstacle's robot, which needs no sight."""
+    """Drive the obstacle's robot, which needs no camera."""
     peer.world = "simulated:floor/1"
     peer.robots = (RobotPort("obstacle", robot.port, "p3dx-sh", "an emulated robot"),)
     settings = Settings(data=tmp_path)
@@ -80,9 +80,9 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
         page = Elsewhere(served.port, token, "obstacle")
         page.speed_mps = None
         await until(lambda: driving.health.alive, "the drive process")
-        # By which speeds get their time.
+        # The frame gives speeds their time.
         peer.observe()
-        # The only frame; a live source's clock goes on without any.
+        # It is the only frame; a live source's clock goes on without more.
         served.server.source.time.live = True
         page.start()
         try:
@@ -100,7 +100,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
             blocked_s = zero_after(robot, stood_from)
             stood_until = time.monotonic()
             await asyncio.sleep(1.0)
-            # The key is held all the time: what recovers restarts nothing.
+            # The key is held throughout: a recovered link restarts nothing.
             assert not [each for each in log.since(stood_until) if not each.stands]
             assert driving.facts().robots["obstacle"].state == "armed"
             page.speed_mps = 0.0

@@ -1,4 +1,4 @@
-"""The whole server with its real engine and viewer: what the peers of other tests stand for."""
+"""The whole server with its real engine and viewer, which other tests replace by peers."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ async def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_pat
         assert changed.json()["frame"] > 0
 
         run = (await served.http.post("/api/runs", json={"name": "Killed"})).json()
-        # Frames of before the run may still be on their way, and keep nothing.
+        # Frames from before the run may still be in flight, and are not kept.
         while (await served.http.get(f"/api/runs/{run['id']}")).json()["frames"] == 0:
             await message(live, lambda m: m["type"] == "observation")
         pid = (await served.http.get("/api/status")).json()["engine"]["pid"]
         if permitted_priority() in ("realtime", "raised"):
-            # Robots drive by it, so it goes before what else the machine does.
+            # Robots depend on it, so it has priority over other programs.
             assert os.getpriority(os.PRIO_PROCESS, pid) < 0
         os.kill(pid, signal.SIGKILL)
         killed = time.monotonic()
@@ -60,7 +60,7 @@ async def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_pat
         back = await message(
             live, lambda m: m["type"] == "status" and m["engine"]["state"] == "running"
         )
-        # The supervisor promises 2 s; a machine that runs other tests gets more.
+        # The supervisor promises 2 s; this allows for a machine that runs other tests.
         assert time.monotonic() - killed < 10
         assert back["engine"]["generation"] == 2
         assert back["run"]["id"] == run["id"]
@@ -90,7 +90,7 @@ async def test_a_run_asked_of_a_dying_engine_is_begun_by_the_next_one(real: Any)
         assert begun.status_code == 201, begun.text
         await asyncio.sleep(0.5)
         ended = (await served.http.post(f"/api/runs/{begun.json()['id']}/stop")).json()
-        # A new engine is set up once: opened again, the run would go on in a second segment.
+        # A new engine is set up once: reopening would put the run into a second segment.
         assert (ended["state"], ended["segments"]) == ("finished", 1)
 
 
@@ -168,7 +168,7 @@ def is_failed(status: dict[str, Any]) -> bool:
 
 
 async def message(socket: Any, wanted: Any) -> dict[str, Any]:
-    """The next message that is wanted; acknowledges observations like a page."""
+    """Return the next matching message; acknowledge observations like a page."""
     while True:
         heard: dict[str, Any] = json.loads(await socket.recv())
         if heard["type"] == "observation":

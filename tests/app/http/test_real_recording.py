@@ -1,4 +1,4 @@
-"""A real server records a run without loss; its recording is opened, and gives the run again."""
+"""A real server records a run without loss; opening its recording reproduces the run."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         status = (await served.http.get("/api/status")).json()
         assert status["recording"]["images"] == "lossless"
         assert status["recording"]["trouble"] is None
-        # What is not yet in a chunk is lost with the engine; then it goes on in the same file.
+        # Frames not yet in a chunk are lost with the engine; then the same file is continued.
         os.kill(status["engine"]["pid"], signal.SIGKILL)
         await eventually(lambda: server.source.generation == 2, 40)
         await eventually(lambda: sum(line["segment"] == 1 for line in live) >= 10, 40)
@@ -60,7 +60,7 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
             kept_frames = len(recording.frames)
 
         async def measured() -> bool:
-            """Wait for the length, which an engine that was lost had counted further."""
+            """Return whether the length is measured: the lost engine had counted more frames."""
             nonlocal ended
             ended = (await served.http.get(f"/api/runs/{run['id']}")).json()
             return int(ended["frames"]) == kept_frames
@@ -77,12 +77,12 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         await eventually(lambda: not server.runs.reruns.facts(), 60)
         ended = (await served.http.get(f"/api/runs/{again['id']}")).json()
         assert (ended["state"], ended["record"]) == ("finished", "none")
-        # At full speed, and as long.
+        # At full speed, but with the same duration.
         assert ended["duration_s"] == pytest.approx(chart["run"]["duration_s"])
         file_again.write_bytes(
             (await served.http.get(f"/api/runs/{again['id']}/recording")).content
         )
-        # What is live goes on as before.
+        # The live source is unaffected.
         status = (await served.http.get("/api/status")).json()
         assert status["source"]["spec"] == "simulated:lab"
         assert status["playback"]["rate"] == 1.0
@@ -118,14 +118,14 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         by_number = {(line["segment"], line["frame"]): line for line in live}
         known = [line for line in lines if (line["segment"], line["frame"]) in by_number]
         assert len(known) >= 20
-        # Pages get the silhouettes drawn into their views.
+        # Pages get the silhouettes drawn into their views instead.
         for line in known:
             shown = live_line(cast(ObservationLine, line))
             assert shown == by_number[line["segment"], line["frame"]]
     with Recording(file_again) as recording:
         once_more = list(recording.lines())
         assert len(recording.frames) == len(keys)
-    # As far as the parameters were those that it began with.
+    # Comparable while the parameters are those that the run began with.
     first = lines[0]["parameters_revision"]
     same = [line for line in lines if (line["parameters_revision"], line["segment"]) == (first, 0)]
     assert len(same) >= 10

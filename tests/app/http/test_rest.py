@@ -1,4 +1,4 @@
-"""The status, what is asked of a pixel, the metrics, and the description of it all."""
+"""The status, requests about a pixel, the metrics, and the API's description."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rig by REST: typed in, sent as a file, estimated from the floor."""
+"""The rig over REST: typed in, sent as a file, estimated from the floor."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ async def test_typed_in_kept_and_observed_with(http: Any, peer: Any, tmp_path: P
     }
     assert (told["models"], told["for_simulated"]) == ({"observer": "amigo"}, True)
     assert (await http.get("/api/rig")).json() == told
-    # The open source began again with it.
+    # The open source was reopened with it.
     rig = read_rig(str(opens(peer)[-1].rig_yaml), "it")
     assert rig.mount.height_m is not None
     assert rig.mount.height_m.value == 0.35
@@ -163,14 +163,14 @@ async def test_the_floor_tells_height_tilt_and_roll(http: Any, peer: Any) -> Non
     answer = await http.post("/api/rig/floor")
     assert answer.status_code == 200, answer.text
     told = answer.json()
-    # The peer's floor lies 0.4 m below a level camera.
+    # The peer engine's floor lies 0.4 m below a level camera.
     assert told["height_m"]["value"] == pytest.approx(0.4, abs=0.005)
     assert told["tilt_deg"]["value"] == pytest.approx(0.0, abs=0.2)
     assert told["roll_deg"]["value"] == pytest.approx(0.0, abs=0.2)
     assert told["height_m"]["sigma"] > 0
     assert 0.5 < told["share"] <= 1
     assert told["views"] >= 2
-    # Nothing is changed by looking.
+    # Estimating changes nothing.
     assert (await http.get("/api/rig")).json()["mount"] == {}
     peer.lose()
     assert (await http.post("/api/rig/floor")).status_code == 503

@@ -1,4 +1,4 @@
-"""Robots and programmes by REST."""
+"""Robots and programmes over REST."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ async def test_arming_stopping_and_resetting(http: Any, drive: Any) -> None:
     assert told["process"] == {"alive": True, "pid": 2001, "restarts": 0, "trouble": None}
     armed = await http.post("/api/robots/observer/arm", json={"lease": None})
     assert (armed.status_code, armed.json()["state"]) == (200, "armed")
-    # Without a body it is the same.
+    # An empty body does the same.
     assert (await http.post("/api/robots/observer/arm")).status_code == 200
     disarmed = await http.post("/api/robots/observer/disarm")
     assert (disarmed.status_code, disarmed.json()["state"]) == (200, "disarmed")
@@ -108,7 +108,7 @@ async def test_refusals_of_the_process_have_their_status(http: Any, drive: Any) 
 async def test_a_stop_waits_for_nobody_and_outlives_the_process(
     http: Any, served: Any, drive: Any, peer: Any, eventually: Any
 ) -> None:
-    # While something else holds the server, and wrong tokens are counted.
+    # While something else holds the server's lock, and wrong tokens are counted.
     async with served.server.shared.lock:
         async with served.anonymous(Authorization="Bearer wrong") as client:
             for _ in range(8):
@@ -118,7 +118,7 @@ async def test_a_stop_waits_for_nobody_and_outlives_the_process(
             answer = await http.post("/api/robots/stop")
         assert answer.status_code == 200
     assert len(drive.of(StopRobots)) == 1
-    # The next process begins stopped, before it gets a robot.
+    # The next process starts stopped, before it gets a robot.
     peer.world, peer.robots = "real", ()
     await http.put("/api/source", json={"source": "camera:0,1"})
     await http.put("/api/robots/observer/port", json={"port": "/dev/ttyUSB0"})
@@ -160,13 +160,13 @@ async def test_a_key_is_kept_and_never_shown(
         assert answers[0].json()["ports"]["observer"] == {"port": shown, "model": None}
         await eventually(lambda: drive.robots)
         assert drive.of(ConnectRobot)[-1].port == port
-        # Changed on the page, which knows no key: it stays.
+        # Changed on the page, which does not know the key: the key is kept.
         choice = {"port": shown, "model": "p3dx"}
         answers.append(await http.put("/api/robots/observer/port", json=choice))
         await eventually(
             lambda: drive.of(ConnectRobot)[-1] == ConnectRobot("observer", port, "p3dx", "real")
         )
-        # Nobody gets it by naming another place, and the other role has no key to keep.
+        # Another address does not get the key, and the other role has no key to keep.
         for role, place in (("observer", "external:0.0.0.0:7701"), ("obstacle", shown)):
             refused = await http.put(f"/api/robots/{role}/port", json={"port": place})
             assert refused.status_code == 422
@@ -178,7 +178,7 @@ async def test_a_key_is_kept_and_never_shown(
         for answer in answers:
             assert key not in answer.text, answer.url
         assert all(key not in str(c.rig_yaml) for c in peer.commands if isinstance(c, OpenSource))
-        # The file is the configuration itself: it keeps the key, for this user alone.
+        # The file is the configuration itself: it contains the key, readable by this user only.
         assert key in (await http.get("/api/rig/file")).text
     file = tmp_path / "rig.yaml"
     assert read_rig(file.read_text(), "rig.yaml").ports == {"observer": port}
@@ -215,7 +215,7 @@ async def test_a_port_is_kept_and_changed_in_a_run(
         other = {"port": "socket://10.0.0.7:8101", "model": None}
         assert (await http.put("/api/robots/observer/port", json=other)).is_success
         await eventually(lambda: drive.of(ConnectRobot)[-1].port == other["port"])
-        # The rig's own page leaves ports alone, and changes models in a run too.
+        # The rig's own page leaves ports alone, and can change models during a run too.
         models = {"mount": {}, "models": {"observer": "p3dx"}}
         assert (await http.put("/api/rig", json=models)).status_code == 200
         await eventually(lambda: drive.of(ConnectRobot)[-1].model == "p3dx")
@@ -223,7 +223,7 @@ async def test_a_port_is_kept_and_changed_in_a_run(
         assert answer.json()["ports"]["observer"] is None
         await eventually(lambda: not drive.robots)
         assert drive.of(DisconnectRobot)
-        # Nothing of it began the source again.
+        # None of this reopened the source.
         assert [c for c in peer.commands if isinstance(c, OpenSource)] == opened
 
 
@@ -295,7 +295,7 @@ async def test_a_run_begins_and_ends_with_its_programme(http: Any, served: Any, 
     wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
     assert (await http.post("/api/runs", json=wanted)).status_code == 404
     assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
-    # A run that cannot begin with its programme does not begin.
+    # If the programme cannot begin, the run does not begin either.
     answer = await http.post("/api/runs", json=wanted)
     assert (answer.status_code, answer.json()["detail"]) == (
         409,
@@ -313,7 +313,7 @@ async def test_a_run_begins_and_ends_with_its_programme(http: Any, served: Any, 
     await http.post(f"/api/runs/{begun.json()['id']}/stop")
     assert drive.programme is None
     assert len(drive.of(StopProgramme)) == 1
-    # What stopped a robot is kept with the run, and shown.
+    # Whatever stopped a robot is kept with the run, and shown.
     path = f"/api/runs/{begun.json()['id']}/incidents"
     (incident,) = (await http.get(path)).json()
     assert incident["sentence"] == "the observer's left wheel stalled"
@@ -349,7 +349,7 @@ async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_arm
     assert drive.of(ArmRobot)[-1].lease == "lease"
     assert drive.robots["observer"].world == "simulated:lab/2"
     await http.post(f"/api/runs/{begun.json()['id']}/stop")
-    # A stop in between is not undone by anything.
+    # A stop in between stays in force.
     peer.robots = (RobotPort("observer", "socket://127.0.0.1:5010", "amigo-sh", "x"),)
     drive.stops_at_connecting = True
     answer = await http.post("/api/runs", json={"programme": wanted})
@@ -363,7 +363,7 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
     http: Any, served: Any, drive: Any, peer: Any
 ) -> None:
     async with served.socket("/api/live") as live:
-        # Before a frame nobody knows what time it is there.
+        # Before the first frame the source's time is unknown.
         drive.measure("observer", 0.5, 0.5)
         begun = (await http.post("/api/runs", json={})).json()
         peer.observe()
@@ -373,7 +373,7 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
         drive.measure("observer", 0.3, None)
         drive.measure("observer", float("nan"), None)
         drive.measure("observer", 0.1, float("inf"))
-        # Pages are told when the process tells of the robots, which it does all the time.
+        # Pages get them with the process's next report on the robots, which is sent all the time.
         drive.tell()
         told: list[dict[str, Any]] = []
         while len(told) < 3:
@@ -382,7 +382,7 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
                 told += message["wheels"]
         assert [each["sent_mps"] for each in told] == [0.2, 0.3, 0.1]
         assert [each["encoder_mps"] for each in told] == [0.18, None, None]
-        # On the source's clock, a moment behind the frame.
+        # In the source's time, slightly after the frame.
         for each in told:
             assert each["time"] == pytest.approx(event.line["time"], abs=2.0)
             assert each["time"] >= event.line["time"]
@@ -401,7 +401,7 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
         ("commanded", 0.1),
     ]
     assert {row["role"] for row in wheels} == {"observer"}
-    # The truth's own command is of the obstacle, which nobody drives.
+    # The command from the ground truth is for the obstacle, which nobody drives.
     scripted = [row for row in rows if row["source"] == "commanded" and row["track_id"]]
     assert [row["role"] for row in scripted] == ["obstacle", "obstacle"]
     csv = (await http.get(f"/api/runs/{begun['id']}/speeds?format=csv")).text

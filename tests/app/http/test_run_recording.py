@@ -1,4 +1,4 @@
-"""A run's recording by REST: ordered, shown, told of robots, downloaded, and gone with the run."""
+"""A run's recording over REST: ordered, shown, fed by robots, downloaded, deleted with the run."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ async def test_a_run_is_recorded_and_its_recording_can_be_had(
     assert beyond.status_code == 416
     assert (await http.delete(f"/api/runs/{id}")).status_code == 204
     assert (await http.get(path)).status_code == 404
-    # It can be had back until it is purged.
+    # The run can be recovered until it is purged.
     assert file.exists()
 
 
@@ -114,7 +114,7 @@ async def test_robots_are_told_of_in_the_recording(
     await eventually(told)
     command = told()
     assert command is not None
-    # Told three times, but heard once.
+    # Reported three times, but recorded once.
     assert len(command.rows) == 1
     row = command.rows[0]
     assert (row.role, row.sent_speed, row.encoder_speed) == ("observer", 0.3, 0.2)

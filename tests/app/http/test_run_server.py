@@ -1,4 +1,4 @@
-"""The server as a process: it says where it is, and ends without leaving anything."""
+"""The server as a process: it prints its address, and leaves nothing behind when it ends."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_a_busy_port_is_said_in_one_sentence(tmp_path: Path) -> None:
 
 def test_a_folder_is_one_servers_and_free_behind_its_end_however_it_ended(tmp_path: Path) -> None:
     for _ in range(2):
-        # The second one comes behind one that was killed.
+        # The second server follows one that was killed.
         with (
             server(tmp_path) as (process, _),
             pytest.raises(InputError, match=f"process {process.pid}.*--data"),
@@ -147,12 +147,12 @@ def test_a_bad_certificate_is_said(tmp_path: Path) -> None:
 
 
 def test_what_is_logged_onto_a_full_disk_is_lost_and_disturbs_nothing() -> None:
-    # Linux's full disk; closing it tries to write what is still held.
+    # Linux's full disk; closing it tries to write the rest of its buffer.
     full = Path("/dev/full").open("w", buffering=1)  # noqa: SIM115
     try:
         with pytest.raises(OSError, match="No space left"):
             structlog.PrintLogger(full).error("lost")
-        # What it prints to needs no more than what a text stream is made of.
+        # The logger needs only part of a text stream's interface.
         log = structlog.PrintLogger(cast(TextIO, _Lasting(full)))
         for _ in range(3):
             log.error("lost as well")

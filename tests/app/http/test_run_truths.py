@@ -1,4 +1,4 @@
-"""Truth uploaded, laid over a run, and what is then made of the run; by real commands."""
+"""Uploaded ground truth, aligned with a run, and what is then made from it; by real commands."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def work_folders(tmp_path: Path) -> list[str]:
 
 
 async def planted_again(job: Rerun, *_: Any) -> Rerunned:
-    """Stands in for the worker: what is planted has no images to be observed."""
+    """Stands in for the worker: the planted recording has no images to observe."""
     file = await asyncio.to_thread(plant_run, Path(job.output).parent, job.id)
     Path(job.results).touch()
     return Rerunned(390, 1, 0.0, DURATION_S, file.stat().st_size, 0)
@@ -79,7 +79,7 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
 
     chart = (await http.get(f"/api/runs/{id}/chart")).json()
     assert chart["run"]["id"] == id
-    # What was said is told, so that it can be said again with a correction.
+    # The choices are returned, so that they can be sent again with a correction.
     assert chart["choices"] == {
         "observer": None, "ignore": [], "matches": {"0:1": "cart"}, "expected_offset_s": None,
         "camera_on_body": CAMERA,
@@ -94,7 +94,7 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
     rows = (await http.get(f"/api/runs/{id}/speeds")).json()
     assert {row["source"] for row in rows} == {"truth"}
     assert max(row["speed"] for row in rows) == pytest.approx(0.35, abs=0.02)
-    # The second time it is read where it was kept.
+    # The second time it is read from its file.
     (kept,) = served.server.storage.folder.run(id).glob(".chart-*.json")
     kept.write_bytes(kept.read_bytes().replace(b'"changes"', b'"changed"'))
     assert "changed" in (await http.get(f"/api/runs/{id}/chart")).json()
@@ -107,7 +107,7 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
     assert max(times) <= 4.5
     assert (await http.get(f"/api/runs/{id}/chart.csv?begin=4&end=4")).status_code == 422
 
-    # What was found before stays where nothing can be found.
+    # A failed alignment keeps the one before.
     body = {"truth_id": truth["id"], "ignore": ["cart"]}
     refused = await http.post(f"/api/runs/{id}/align", json=body)
     assert refused.status_code == 422
@@ -119,10 +119,10 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
     ):  # fmt: skip
         assert (await http.post(f"/api/runs/{id}/align", json=wrong)).status_code == 422
 
-    # What observes it again is compared with the same truth.
+    # A re-run is compared with the same truth.
     monkeypatch.setattr(reruns, "rerun_in_worker", planted_again)
     again = (await http.post(f"/api/runs/{id}/rerun", json={})).json()["id"]
-    # Before it counts as done.
+    # The comparison is complete before the re-run counts as done.
     async with asyncio.timeout(60):
         while (await http.get("/api/status")).json()["reruns"]:
             await asyncio.sleep(0.1)
@@ -131,7 +131,7 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
     choices = (await http.get(f"/api/runs/{again}/chart")).json()["choices"]
     assert (choices["camera_on_body"], choices["matches"]) == (CAMERA, {})
 
-    # Runs still need it.
+    # The upload is gone, but its file stays while runs need it.
     assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 204
     assert (await http.delete(f"/api/truth/{truth['id']}")).status_code == 404
     assert served.server.storage.truth_file(truth["id"]).is_file()
@@ -216,7 +216,7 @@ async def test_a_command_ends_with_the_client_that_wanted_it(
             await served.http.get(f"/api/runs/{id}/report")
     await eventually(lambda: not children())
     await eventually(lambda: work_folders(tmp_path) == [])
-    # Others are not held up by it.
+    # Other requests are not held up by it.
     assert (await served.http.get(f"/api/runs/{id}/chart")).is_success
 
 
@@ -238,17 +238,17 @@ async def test_a_run_is_observed_again_with_other_parameters(
     assert again["parameters"]["clustering.min_points"] == 9
     (note,) = again["parameter_notes"]
     assert note.startswith("clustering.min_points has no effect")
-    # What is live stays as it is.
+    # The live source stays as it is.
     assert [each for each in peer.commands if isinstance(each, OpenSource)] == opened
     values = (await http.get("/api/parameters")).json()["values"]
     assert values["ego_motion.ransac_threshold_px"] == 5.0
     (going,) = (await http.get("/api/status")).json()["reruns"]
     assert (going["id"], going["rerun_of"], going["name"]) == (again["id"], id, "again")
-    # The planted recording has no images, which only who reads it sees.
+    # The planted recording has no images, which only its reader notices.
     ended = await rerun_ended(http, again["id"])
     assert ended["state"] == "failed"
     assert "without images" in ended["reason"]
-    # What has no images of its own is made of those of the first.
+    # A re-run of a re-run uses the first run's images.
     third = (await http.post(f"/api/runs/{again['id']}/rerun", json={})).json()
     assert (third["rerun_of"], third["source"]) == (again["id"], "simulated:lab")
     assert (await http.delete(f"/api/runs/{third['id']}")).status_code == 204
@@ -262,7 +262,7 @@ async def test_a_run_is_observed_again_with_other_parameters(
 
 
 async def rerun_ended(http: Any, id: str) -> Any:
-    """A re-run as it is once it has ended."""
+    """Wait for the end of a re-run and return it."""
     async with asyncio.timeout(60):
         while (run := (await http.get(f"/api/runs/{id}")).json())["state"] == "running":
             await asyncio.sleep(0.05)

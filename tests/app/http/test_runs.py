@@ -1,4 +1,4 @@
-"""Sources, playback and runs by REST."""
+"""Sources, playback and runs over REST."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ async def test_a_locked_database_is_answered_with_503(http: Any, peer: Any, tmp_
             assert "locked" in answer.json()["detail"]
             assert answer.headers["retry-after"]
         assert peer.opened.run_id is None
-        # Reading, observing and changing go on.
+        # Reading, observing and changing still work.
         assert (await http.get("/api/runs")).json() == []
         assert (await http.patch("/api/parameters", json={THRESHOLD: 5})).is_success
     finally:
@@ -41,7 +41,7 @@ async def test_choosing_a_source(http: Any, peer: Any) -> None:
     assert answer.json()["source"]["spec"] == "some/folder"
     opened = (await http.get("/api/sources")).json()[0]
     assert (opened["spec"], opened["title"], opened["recent"]) == ("some/folder", "folder", 0)
-    # A folder that is not there, and what nobody listed, have no picture.
+    # A missing folder and sources that were never listed have no picture.
     for spec in ("some/folder", "/etc", "camera:LEFT,RIGHT"):
         answer = await http.get("/api/sources/picture.jpg", params={"spec": spec})
         assert answer.status_code == 404, spec

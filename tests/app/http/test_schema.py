@@ -1,8 +1,8 @@
-"""Every operation answers as the API's description says, whatever it is sent.
+"""Every operation answers as the API's description says, whatever request it gets.
 
-schemathesis makes the requests from the description: at the borders of every value, at random, and
-in chains where one operation uses what another one made. ``API_EXAMPLES=200`` makes so many at
-random for each operation.
+schemathesis generates requests from the description: at the limits of every value, at random, and
+in chains where one operation uses the result of another. ``API_EXAMPLES=200`` sets the number of
+random requests for each operation.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ..peer_engine import rectified_calibration
 from ..planted_runs import plant_run
 
 EXAMPLES = int(os.environ.get("API_EXAMPLES", "3"))
-# Whoever asks for more wants others each time; the seed is printed.
+# A larger number uses new examples each time; the seed is printed.
 SAME_EACH_TIME = "API_EXAMPLES" not in os.environ
-# Values that a schema cannot describe are refused with 422, so that valid ones by the schema may
-# be refused as well; positive_data_acceptance takes that for a fault. That every route wants the
-# token is held in gate/test_gate.py; what is tried at ignored_auth would use up the attempts.
+# Values that a schema cannot describe are refused with 422, so values valid by the schema may be
+# refused as well, which positive_data_acceptance reports as a fault. gate/test_gate.py tests that
+# every route requires the token; ignored_auth would use up the attempts.
 CONFIG = """
 base-url = "{url}"
 headers = {{ Authorization = "{authorization}" }}
@@ -46,7 +46,7 @@ negative_data_rejection.expected-statuses = ["4xx", "503", "507"]
 include-path = ["/api/calibrations/deactivate", "/api/calibrations/refine", "/api/truth/live"]
 checks.allow_header_conformance.enabled = false
 """
-# What is there already, for operations that would find nothing by a name made up.
+# Existing names, for operations that would find nothing by a made-up name.
 KNOWN = """
 [[operations]]
 include-path-regex = "{path}"
@@ -59,14 +59,14 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(240 + 20 * EXAMPLES)]
 
 @pytest.fixture
 def portal() -> Iterator[BlockingPortal]:
-    """The event loop in which the server runs."""
+    """The event loop that the server runs in."""
     with start_blocking_portal() as portal:
         yield portal
 
 
 @pytest.fixture
 def served(portal: BlockingPortal, serve: Any, peer: Any) -> Iterator[Any]:
-    """The application before stand-ins of engine and drive process."""
+    """The application with stand-ins for engine and drive process."""
     with portal.wrap_async_context_manager(serve()) as served:
         portal.call(peer.observe)
         yield served
@@ -97,16 +97,16 @@ def test_every_operation_answers_as_described(
         cwd=tmp_path,
         check=False,
     )
-    # For the person who runs it (pytest -s): how many were sent, and the seed.
+    # For the person who runs it (pytest -s): the number of requests, and the seed.
     sys.stdout.write(done.stdout[done.stdout.rfind("\nTest cases:") :])
     assert done.returncode == 0, done.stdout
-    # What ends early has said nothing.
+    # A run that ended early has not tested every operation.
     described = sum(map(len, served.app.openapi()["paths"].values()))
     assert f"Tested: {described}" in done.stdout, done.stdout
 
 
 async def things(served: Any) -> list[tuple[str, str, str]]:
-    """One of each kind: regular expressions of paths, with a parameter of theirs and its value."""
+    """Return one of each kind: a regular expression of paths, their parameter and its value."""
     bare, run = [await finished_run(served) for _ in range(2)]
     plant_run(served.server.storage.folder.run(run), run)
     file = {"file": ("known.yaml", rectified_calibration())}
@@ -114,7 +114,7 @@ async def things(served: Any) -> list[tuple[str, str, str]]:
     programme = (await served.http.get("/api/programmes")).json()[0]["name"]
     return [
         ("^/api/runs/[{]id[}](/(recover|stop|recording|speeds|incidents|chart))?$", "id", run),
-        # Of one with a recording each answer would take seconds.
+        # For a run with a recording each answer would take seconds.
         ("^/api/runs/[{]id[}]/(align|chart[.]|export|report|rerun)", "id", bare),
         ("^/api/calibrations/[{]id[}]", "id", calibration),
         ("^/api/programmes/[{]name[}]", "name", programme),

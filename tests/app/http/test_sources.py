@@ -1,4 +1,4 @@
-"""Pictures of sources as they are asked for by a page, which may be left meanwhile."""
+"""Source pictures as a page requests them; the page may be closed meanwhile."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's method step by step on one pair, by REST."""
+"""The paper's method step by step on one pair, over REST."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ async def test_nine_steps_of_one_pair(http: Any, peer: Any) -> None:
     last = _numbers(told["steps"][8])
     assert last["#1: true speed"] == pytest.approx(0.4, abs=0.01)
     assert last["#1: error"] == pytest.approx(last["#1: speed"] - last["#1: true speed"])
-    # Nothing that is open was touched.
+    # The open source is left alone.
     assert len(peer.commands) == opened
     assert (await http.get("/api/parameters")).json()["preset"] == "default"
 
@@ -134,7 +134,7 @@ async def test_an_armed_robot_goes_first(
         await eventually(lambda: drive.robots)
         assert (await served.http.get("/api/steps", params=_LAB, timeout=90)).is_success
         assert (await served.http.post("/api/robots/observer/arm", json={})).is_success
-        # What is known already is told all the same.
+        # Cached results are still returned.
         assert (await served.http.get("/api/steps", params=_LAB)).is_success
         refused = await served.http.get("/api/steps/4.png", params=_LAB)
         assert refused.status_code == 409

@@ -1,4 +1,4 @@
-"""Live images: newest only, drawn only while somebody watches."""
+"""Live images: only the newest, drawn only while somebody watches."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ async def test_images_come_as_they_are_acknowledged(
         for _ in range(10):
             peer.observe()
             await asyncio.sleep(0.01)
-        # Nothing comes before the acknowledgement, then only the newest.
+        # Nothing comes before the acknowledgement, then only the newest image.
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(0.2):
                 await socket.recv()
@@ -45,7 +45,7 @@ async def test_only_what_is_watched_is_drawn(served: Any, peer: Any, eventually:
     assert peer.watched == ()
     async with served.socket("/api/views/left") as one, served.socket("/api/views/left") as two:
         await image(one)
-        # The second watcher sees what is there, also while nothing new is drawn.
+        # The second watcher gets the existing image, even if nothing new is drawn.
         await image(two)
         async with served.socket("/api/views/disparity") as three:
             await image(three)
@@ -79,7 +79,7 @@ async def test_snapshots(http: Any, peer: Any, eventually: Any) -> None:
     await eventually(lambda: peer.watched == ())
     assert (await http.get("/api/views/none.jpg")).status_code == 404
     peer.draw_on_watch = False
-    # An image of the past is not shown as one of now.
+    # An old image is not shown as a current one.
     assert (await http.get("/api/views/left.jpg")).status_code == 503
 
 

@@ -1,11 +1,11 @@
-"""What the tests send to the server and read from it."""
+"""Raw data that the tests send to the server and read from it."""
 
 from __future__ import annotations
 
 from typing import Any
 
 JSON = {"Content-Type": "application/json"}
-# How a file begins in a form whose boundary is x.
+# The head of a file in a form whose boundary is x.
 UPLOAD_HEAD = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\n'
 
 

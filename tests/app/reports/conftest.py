@@ -44,8 +44,8 @@ def record(
 
     Args:
         sent: m/s, to a robot in this state.
-        slower: than real time, as frames come on a busy machine.
-        clouds: keep a made-up one with every third frame.
+        slower: factor to real time, as frames come on a busy machine.
+        clouds: keep a made-up cloud with every third frame.
     """
     opened = open_source("simulated:lab")
     source, calibration = opened.source, opened.source.calibration
@@ -100,18 +100,18 @@ def record(
 
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With images and truth."""
+    """A recording with images and truth."""
     return record(tmp_path_factory.mktemp("report") / "recording.mcap")
 
 
 @pytest.fixture(scope="session")
 def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Neither images nor truth."""
+    """A recording with neither images nor truth."""
     path = tmp_path_factory.mktemp("bare") / "recording.mcap"
     return record(path, images="none", truth=False, frames=6)
 
 
 @pytest.fixture(scope="session")
 def report(recording: Path) -> Report:
-    """Of the run with images and truth."""
+    """The report of the run with images and truth."""
     return make_report(recording, lambda _done, _of: None)

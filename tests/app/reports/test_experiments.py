@@ -1,4 +1,4 @@
-"""Stretches of a run by themselves, and the same frames by the method as published."""
+"""Parts of a run by themselves, and the same frames with the method as published."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ..cli.shell import Shell
 
 @pytest.fixture(scope="session")
 def both(recording: Path, report: Report) -> Report:
-    """The run beside the method as published."""
+    """The run's report together with the method as published."""
     return beside_published(report, recording, lambda _done, _of: None)
 
 
@@ -63,7 +63,7 @@ def test_the_same_frames_are_observed_by_the_method_as_published(
     own, published = both.judged
     assert len(published.gathered.lines) == len(report.gathered.lines)
     assert published.gathered.true[0].speeds == pytest.approx(report.gathered.true[0].speeds)
-    # The lines are another method's, not those of the recording.
+    # The lines come from the other method, not from the recording.
     assert [line["obstacles"] for line in published.gathered.lines] != [
         line["obstacles"] for line in report.gathered.lines
     ]
@@ -103,7 +103,7 @@ def test_a_reproduction_has_each_experiment_by_both_methods(
         asked.extend(each.name for each in programmes)
         return Played(recording, driven, ("no camera frame for 200 ms",))
 
-    # Driven and observed once more already; and one format is as good as three.
+    # Already driven and observed again; one format is as good as three.
     monkeypatch.setattr(reproduction, "play_experiments", played)
     monkeypatch.setattr(experiments, "observed_as_published", lambda _path, _progress: published)
     monkeypatch.setattr(report_module, "FORMATS", ("png",))

@@ -19,7 +19,7 @@ from .conftest import record
 
 
 class _Page(HTMLParser):
-    """Whether all that is opened is closed, and what is referred to."""
+    """Checks whether all elements are closed, and collects references."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -130,7 +130,7 @@ def test_the_data_are_those_of_the_figures(report: Report, tmp_path: Path) -> No
     assert [float(row["speed_mps"]) for row in seen] == motion.speeds.tolist()
     assert [float(row["time_s"]) for row in seen] == motion.times.tolist()
     assert {row["source"] for row in rows} == {"observer", "truth", "commanded"}
-    # The same figures and tables from the same data, to the last byte.
+    # The same data give the same figures and tables, to the last byte.
     write_figures(charts, tmp_path / "b")
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name

@@ -1,4 +1,4 @@
-"""Driving the experiments of figure 17, anew where the robots were stopped."""
+"""Driving the experiments of figure 17, again where the robots were stopped."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ LATE = "no camera frame for 200 ms"
 
 
 class Laboratory(ScriptedServer):
-    """Also keeps runs.
+    """A scripted server that also keeps runs.
 
     Attributes:
-        runs: their ids, in order; a new one begins when none goes on. going: the one that does.
+        runs: their ids, in order; a new one begins when none is going. going: the current one.
         late: which drives are stopped, counted from 0.
-        looks: how often the facts were asked for. incidents: what stopped robots.
+        looks: how often the facts were requested. incidents: what stopped robots.
     """
 
     def __init__(self) -> None:
@@ -45,12 +45,12 @@ class Laboratory(ScriptedServer):
 
     @property
     def drives(self) -> int:
-        """How many were begun."""
+        """Return how many drives were begun."""
         return self.calls.count(("POST", "/robots/programme"))
 
     def facts(self) -> dict[str, Any]:
         self.looks += 1
-        # As if the machine had been busy at first, but not by the time somebody looks why.
+        # As if the machine was busy at first, but no longer when somebody looks for the reason.
         return {
             **super().facts(),
             "sight": {"age_s": 0.3 if self.looks < 5 else 0.04},
@@ -95,7 +95,7 @@ class Laboratory(ScriptedServer):
 
 @pytest.fixture
 def laboratory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Laboratory:
-    """In place of a server of our own, without waiting for what stands still."""
+    """Replace our own server by the script, and skip waits for robots to rest."""
     script = Laboratory()
 
     @contextmanager
@@ -122,7 +122,7 @@ def test_both_are_driven_anew_where_the_robots_were_stopped(
     said: list[str] = []
     path = tmp_path / "recording.mcap"
     played = play_experiments(path, (mine, mine), tell=said.append)
-    # Stopped in the first run, in the second one behind its first drive, and driven in the third.
+    # Stopped in the first run, in the second after its first drive; the third drives the rest.
     assert laboratory.runs == ["run-0", "run-1", "run-2"]
     assert laboratory.drives == 5
     assert path.read_bytes() == RECORDED
@@ -146,7 +146,7 @@ def test_both_are_driven_anew_where_the_robots_were_stopped(
 def test_a_later_drive_that_had_hardly_begun_begins_again_where_it_is(
     laboratory: Laboratory, mine: MotionProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # As if what is driven of it in this test were its gesture.
+    # Everything that is driven in this test counts as the gesture.
     monkeypatch.setattr(reproduction, "_BEHIND_S", -9.0)
     laboratory.late = {0, 2}
     played = play_experiments(tmp_path / "r.mcap", (mine, mine), tell=lambda _: None)

@@ -28,7 +28,7 @@ STEP = 1 / 15
 
 
 def _go_on(path: Path) -> None:
-    """Record as many frames again with another engine, for which the lab begins anew."""
+    """Record as many frames again with another engine, for which the lab starts again."""
     source = open_source("simulated:lab").source
     assert source.calibration is not None
     observer = Observer(source.calibration, mount=source.info.mount)

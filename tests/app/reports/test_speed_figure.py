@@ -22,7 +22,7 @@ TIMES = np.arange(40) / 10
 
 @pytest.fixture
 def gathered() -> Gathered:
-    """Two tracks with a gap between and a gap of truth."""
+    """Two tracks with a gap between them, and a gap in the ground truth."""
     speeds = np.where((TIMES > 1.0) & (TIMES < 1.5), np.nan, 0.3)
     words = ("left",) * len(TIMES)
     first = SeenMotion("0:1", "cart", TIMES[:20], TIMES[:20], np.full(20, 0.31), np.full(20, 0.02))
@@ -56,7 +56,7 @@ def test_identities_are_drawn_apart_and_truth_has_its_gap(gathered: Gathered) ->
     assert len(drawn["estimate"]) == 20
     assert np.isnan(drawn["cart, ground truth"]).sum() == 4
     assert {text.get_text() for text in axes.texts} == {"0:1", "0:2"}
-    # Two bands, none between the tracks.
+    # One band per track, none in between.
     bands = [np.asarray(each.get_paths()[0].vertices)[:, 0] for each in axes.collections]
     assert [(float(x.min()), float(x.max())) for x in bands] == [(0.0, 1.9), (2.5, 3.9)]
 
@@ -77,7 +77,7 @@ def test_a_chart_takes_its_colours_from_the_page(gathered: Gathered) -> None:
     assert svg.startswith("<svg")
     assert INK not in svg
     assert "currentColor" in svg
-    # No text in the black that it has without a colour.
+    # No text without a colour, which would be black.
     assert not [part for part in svg.split("<text")[1:] if "fill: " not in part.split(">")[0]]
     assert figure_bytes(figure, "a", "svg") == figure_bytes(figure, "a", "svg")
 
@@ -104,7 +104,7 @@ def test_tracks_are_matched_by_place_and_coasting_ones_left_out() -> None:
     lines = [_line(0, 7, 0.1), _line(1, 7, 0.1), _line(2, 7, 4.1), _line(3, 8, 9.0, "coasting")]
     matched = pair_with_truth(lines, SampledTruth(samples))
     seen, unmatched = seen_motions(lines, matched)
-    # The track that jumped to another body is another stretch there.
+    # The track that jumped to another body is a separate stretch there.
     assert [(each.track, each.body, len(each.times)) for each in seen] == [
         ("0:7", "near", 2),
         ("0:7", "far", 1),

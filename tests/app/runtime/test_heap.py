@@ -1,4 +1,4 @@
-"""What threads have freed is used again by others, instead of adding up with their number."""
+"""Memory freed by one thread is reused by others, instead of growing with their number."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def kept():
             return int(line.split()[1]) / 1024
 before = kept()
 """
-# Of sixteen threads each holds 6 MB for a moment, one after another; prints the MiB that are kept.
+# Sixteen threads in turn hold 6 MB for a moment; prints the MiB that are kept.
 SHARED = """
 meet = threading.Barrier(16)
 turn = threading.Lock()
@@ -35,7 +35,7 @@ for thread in threads:
     thread.join(20)
 print(kept() - before)
 """
-# Small blocks stay between large ones that go; prints the MiB that are kept before and after.
+# Small blocks stay between large freed ones; prints the MiB that are kept before and after.
 RETURNED = """
 held = [(np.ones(200_000, np.uint8), np.ones(200, np.uint8)) for _ in range(400)]
 held = [small for _, small in held]

@@ -1,4 +1,4 @@
-"""Damaged, cut off and hostile bytes between the processes: the channel's own error, or its end."""
+"""Damaged, truncated and hostile bytes between the processes: a channel error, or its end."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SENT = (
     (),
 )
 WIRE = b"".join(map(encode, SENT))
-# A memo's place and sizes that a pickle asks memory for; a class and a function to be called.
+# Pickle opcodes: a memo index and sizes that allocate memory; a class and a function to call.
 PIECES = (
     b"\x80\x05", b".", b"r\xff\xff\xff\x7f", b"\x96" + b"\xff" * 7 + b"\x7f",
     b"B\xff\xff\xff\x7f", b"cos\nsystem\n", b"cbuiltins\nexec\n", b"R", b"\x93", b"\x94",
@@ -93,12 +93,12 @@ def test_one_wrong_byte_is_found_wherever_it_is(
 ) -> None:
     wire = WIRE[:at] + bytes((WIRE[at] ^ flipped,)) + WIRE[at + 1 :]
     messages = read_or_refused(lambda: read(wire), ChannelError)
-    # One that seems to be longer than what is left is the end.
+    # A message that claims to be longer than the rest counts as the end.
     assert messages is None or messages == list(SENT[: len(messages)]) != list(SENT)
 
 
 class _Angry:
-    """Its pickle can be written, and raises when it is loaded."""
+    """Can be pickled, but raises when it is unpickled."""
 
     def __init__(self, error: type[BaseException]) -> None:
         self.error = error
@@ -124,7 +124,7 @@ def _raise(error: type[BaseException]) -> None:
         b"cno_such_module\nName\n.",
         b"capp.runtime.pipe\nno_such_name\n.",
         b"cdatetime\ndate\n(I0\nI99\nI-1\ntR.",
-        # Of what it asks for there is not even the address space.
+        # More memory than the address space has.
         b"\x80\x05\x96" + b"\xff" * 7 + b"\x0f.",
         b"\x80\x05B\xff\xff\xff\x7f.",
         b"(" * 10_000 + b"t" * 10_000,
@@ -151,7 +151,7 @@ def test_a_process_that_cannot_hear_its_parent_any_more_leaves(
     left = threading.Event()
     with here, there:
         receive_until_parent_ends(there, heard.append, expects_end=lambda: False, leave=left.set)
-        # The parent lives on, so this is not the channel's end.
+        # The parent is alive, so this is not the end of the channel.
         here.sendall(GARBAGE)
         assert left.wait(10), "it goes on without hearing anything"
     assert heard == ["whole"]
@@ -181,7 +181,7 @@ async def test_a_child_that_sends_garbage_counts_as_ended(caplog: pytest.LogCapt
 
 @pytest.fixture
 def garbling(tmp_path: Path, repository: Path) -> Worker:
-    """A worker that answers with what is no message, and waits."""
+    """A worker that answers with an invalid message, and waits."""
     (tmp_path / "garbling.py").write_text(
         "import os, sys, time\n"
         "sys.stdin.buffer.read(1)\n"

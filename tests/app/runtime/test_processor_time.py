@@ -1,4 +1,4 @@
-"""What another process gets of the processor."""
+"""How much processor time another process gets."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def program(text: str) -> Iterator[int]:
 
 
 def usable(pid: int, seconds: float, looks: int = 10) -> float:
-    """Seconds for which it could go on, of so many."""
+    """Return for how many of these seconds the process was able to run."""
     processor, found = ProcessorTime(pid), 0.0
     before = time.monotonic()
     for _ in range(looks):
@@ -56,7 +56,7 @@ def test_who_spins_is_given_its_time() -> None:
 @pytest.mark.patient
 def test_who_waits_for_a_processor_could_not_go_on() -> None:
     with program(SPINS) as pid, others_at_work(pid):
-        # The first look has nothing to compare with.
+        # The first look has no earlier one to compare with.
         assert usable(pid, 3.0, looks=30) < 0.1 + 1.0
 
 

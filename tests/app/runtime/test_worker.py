@@ -1,4 +1,4 @@
-"""Workers that do job after job: lost, stopped or not to be started, and the next job is done."""
+"""Workers that do job after job: if one is lost, stuck or cannot start, the next job is done."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_one_that_is_killed_is_told_of_and_replaced(
     assert process() != first
 
 
-# One waits with the job half written, the other for the answer.
+# With LARGE it hangs while the job is written, with small while the answer is awaited.
 @pytest.mark.parametrize("job", [LARGE, b"small"])
 def test_one_that_stands_still_is_given_up(echo: LastingWorker, job: bytes) -> None:
     assert echo.do(job, bytes) == job
@@ -94,7 +94,7 @@ def test_one_that_was_ended_is_not_replaced(
     assert echo.do("a job", str) == "a job"
     echo.end()
     assert echo.do("a job", str) is None
-    # What was wanted is no news.
+    # An intended end is not logged.
     assert caplog.records == []
 
 

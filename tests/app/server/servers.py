@@ -17,7 +17,7 @@ from app.storage import Storage
 async def started(
     peer: Any, storage: Storage, source: str = "simulated:lab", drive: Any = None
 ) -> AsyncIterator[Server]:
-    """A server whose first source is open, or refused."""
+    """Yield a server whose first source is open, or refused."""
     server = Server(peer, storage, source=source, drive=drive)
     try:
         await server.start()
@@ -28,18 +28,18 @@ async def started(
 
 
 async def begin(server: Server, **more: Any) -> Any:
-    """The record of a run that is begun with what is in force, but for ``more``."""
+    """Begin a run with the current settings, changed by ``more``, and return its record."""
     given = {"name": None, "source": None, "calibration_id": None, "preset": None}
     return await server.runs.start(**{**given, "parameters": {}, **more})
 
 
 async def until(condition: Callable[[], Any]) -> None:
-    """Wait until something holds, within a time that only a fault can reach."""
+    """Wait until something holds, with a deadline that only a fault can reach."""
     async with asyncio.timeout(20):
         while not condition():
             await asyncio.sleep(0.005)
 
 
 def opens(peer: Any) -> list[OpenSource]:
-    """The sources that the engine was told to open."""
+    """Return the sources that the engine was told to open."""
     return [command for command in peer.commands if isinstance(command, OpenSource)]

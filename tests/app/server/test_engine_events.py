@@ -1,4 +1,4 @@
-"""Engines that are lost: the next one goes on where they were."""
+"""Lost engines: the next one continues where they were."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ async def test_a_lost_engine_is_given_the_source_again(peer: Any, server: Server
     assert server.source.state.state is EngineState.FAILED
     assert "restarting" in str(server.source.state.reason)
     peer.start_process()
-    # Not idle: what is missing is told until it is back.
+    # Not idle: the loss is reported until the source is back.
     assert server.source.state.state is EngineState.FAILED
     await until(lambda: server.source.state.state is EngineState.PREVIEW)
     assert [o.source for o in opens(peer)] == ["simulated:lab", "a/folder", "a/folder"]
@@ -88,7 +88,7 @@ async def test_without_an_engine_requests_are_refused_for_the_moment(
 
 
 class SlowOpening:
-    """Has the peer open sources only once ``gate`` is set."""
+    """Lets the peer open sources only once ``gate`` is set."""
 
     def __init__(self, peer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         self.gate = asyncio.Event()

@@ -1,4 +1,4 @@
-"""What has happened is noted once, in sentences, and the newest is kept."""
+"""Events are noted once, in sentences, and the newest ones are kept."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ async def test_a_warning_whose_figures_move_is_noted_once(journal: Journal, serv
     server.shared.warnings[-1] = "the disk has 2.9 MB left"
     journal.status_changed()
     assert texts(journal, before) == ["The disk has 3.2 MB left."]
-    # Gone and back again is new.
+    # A warning that went away and came back is new.
     server.shared.warnings.pop()
     journal.status_changed()
     server.shared.warnings.append("the disk has 1.0 MB left")

@@ -1,4 +1,4 @@
-"""The source's clock at instants of the host's, whatever a busy machine does to frames."""
+"""Source times for host times, however a busy machine delays frames."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from app.contract.drive import WheelSpeedEvent
 from app.server.robots.wheels import WheelLog
 from app.server.source_time import RisingTimes, SourceTime
 
-# Host minus source.
+# Seconds: host minus source.
 _OFFSET_S = 900.0
 _STEP_S = 1 / 15
 
 
 @dataclass(frozen=True)
 class Seen:
-    """An observation, as far as clocks are concerned."""
+    """An observation, reduced to its times."""
 
     received: float
     line: dict[str, Any]
@@ -31,7 +31,7 @@ def frame(number: int, late_s: float, segment: int = 0) -> Any:
 
 
 def busy_frames(seed: int, seconds: float) -> list[Any]:
-    """Frames of which one in five is received up to 0.4 s late, and those behind it with it."""
+    """Return frames of which one in five is received up to 0.4 s late, delaying those after it."""
     rng = np.random.default_rng(seed)
     count = int(seconds / _STEP_S)
     late = rng.gamma(2.0, 2e-3, count)
@@ -48,7 +48,7 @@ def test_what_robots_told_rises_on_a_busy_machine(seed: int) -> None:
     heard = _OFFSET_S + 0.05
     for event in busy_frames(seed, 40.0):
         source.observed(event)
-        # A robot tells its state ten times a second; on a busy machine it is read in heaps.
+        # A robot reports ten times a second; on a busy machine its reports are read in batches.
         while heard < event.received - rng.uniform(0.0, 0.3):
             instant = rising.of("obstacle", source.at(heard))
             if instant is not None:
@@ -57,7 +57,7 @@ def test_what_robots_told_rises_on_a_busy_machine(seed: int) -> None:
     host, times = np.array(told).T
     assert len(told) > 200
     assert (np.diff(times) > 0).all()
-    # Late by the least delay of frames, and by no more once a second was seen.
+    # Late only by the minimum delay of frames, once a second or two of them have been seen.
     assert np.abs(times - (host - _OFFSET_S))[host > host[0] + 2].max() < 0.02
 
 
@@ -70,7 +70,7 @@ def test_where_no_frame_comes_the_time_is_unknown() -> None:
     found = source.at(before + 0.2)
     assert found is not None
     assert found.time == pytest.approx(29 * _STEP_S + 0.2, abs=1e-6)
-    # A second without a frame, though the next one is known already.
+    # A second without a frame, though the next one is already known.
     assert source.at(before + 0.5) is None
     assert source.at(before + 1.1) is not None
     source.live = True

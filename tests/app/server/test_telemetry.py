@@ -1,4 +1,4 @@
-"""Figures of the running loop."""
+"""Metrics of the running loop."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_clouds_have_a_rate_and_an_age() -> None:
     shown = telemetry.dense(2.05)
     assert shown.per_s == pytest.approx(10.0)
     assert (shown.age_s, shown.median_ms, shown.coarseness) == (0.05, 30.0, 1)
-    # Nobody watches any more: the newest only grows old.
+    # Nobody watches any more: the newest one only ages.
     shown = telemetry.dense(6.0)
     assert (shown.per_s, shown.age_s, shown.median_ms) == (0.0, 4.0, None)
     telemetry.new_source()

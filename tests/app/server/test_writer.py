@@ -1,4 +1,4 @@
-"""The way into the database, also when it does not answer."""
+"""Writing to the database, even when it does not respond."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _numbers = itertools.count()
 
 @pytest.fixture(scope="session")
 def server_or_reason(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PrivateServer | str]:
-    """One server for all tests of this process, or why there is none."""
+    """One server for all tests of this process, or the reason why there is none."""
     try:
         with private_server() as server:
             server.run(f"CREATE DATABASE {_TEMPLATE}")
@@ -33,7 +33,7 @@ def server_or_reason(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Priva
 
 @pytest.fixture
 def server(server_or_reason: PrivateServer | str) -> PrivateServer:
-    """The server; the test is left out without it, but never in CI: there it must be."""
+    """The server; without it tests are skipped, except in CI, where they fail."""
     if isinstance(server_or_reason, str):
         if os.environ.get("CI"):
             pytest.fail(server_or_reason)
@@ -68,7 +68,7 @@ def location(
     migrated_file: Path,
     server_or_reason: PrivateServer | str,
 ) -> str | Path:
-    """A database of each kind. The server is started before the test: it is none of its own."""
+    """A database of each kind. The server starts first, so that the test does not own it."""
     del server_or_reason
     if request.param == "sqlite":
         shutil.copyfile(migrated_file, file)
@@ -79,7 +79,7 @@ def location(
 
 @pytest.fixture
 def opened(location: str | Path, tmp_path: Path) -> Callable[[], Storage]:
-    """``with opened() as storage``: the test's own database, as often as it likes."""
+    """``with opened() as storage``: open the test's own database, as often as needed."""
     return lambda: Storage(location, folder=tmp_path, busy_timeout_s=1.0).open()
 
 

@@ -37,7 +37,7 @@ def speeds(run_id: str, count: int, start: int = 0) -> list[SpeedRow]:
 
 
 def fill(storage: Storage) -> str:
-    """Something of everything that is kept; the id of its run."""
+    """Store something of everything that is kept; return the id of its run."""
     data = storage.folder.path
     data.mkdir(exist_ok=True)
     calibration = storage.save_calibration(TEXT, name="lab.yaml", info={"rms": 0.1 + 0.2})
@@ -72,7 +72,7 @@ def fill(storage: Storage) -> str:
 
 
 def contents(storage: Storage, run_id: str) -> dict[str, Any]:
-    """All that can be read of it."""
+    """Return everything that can be read back of it."""
     data = storage.folder.path
     tops = ("rig.yaml", "programmes", "truths", "runs", "rings")
     files = [each for top in tops for each in [data / top, *(data / top).rglob("*")]]
@@ -134,7 +134,7 @@ def test_all_comes_back_from_either_database_into_either(
         assert contents(storage, run_id) == before
     assert not (data / "token").exists()
     assert [each.name for each in data.iterdir() if each.name.startswith(".")] == []
-    # And back, over what is there.
+    # And back, over existing data.
     with pytest.raises(BackupError, match="--replace"):
         restore_backup(tmp_path / name, tmp_path, location, replace=False)
     with opened() as storage:
@@ -144,7 +144,7 @@ def test_all_comes_back_from_either_database_into_either(
     done = restore_backup(tmp_path / name, tmp_path, location, replace=True)
     with opened() as storage:
         assert contents(storage, run_id) == before
-        # Numbers go on behind those that came with the rows.
+        # New row numbers continue after the restored ones.
         storage.append_speeds(speeds(run_id, 1, 2100))
         assert storage.speeds(run_id)[-1].track_id == 2100
     folder, database = done.kept
@@ -164,7 +164,7 @@ def test_a_backup_while_a_server_writes_is_of_one_moment(
         def write() -> None:
             batch = 0
             while not ending.is_set():
-                # As a run's rows are written: each batch and how many there are.
+                # As a run's rows are written: each batch, then their number.
                 storage.append_speeds(speeds(run.id, 50, 50 * batch))
                 batch += 1
                 storage.update_run(run.id, frames=50 * batch)
@@ -215,13 +215,13 @@ def test_recordings_are_left_out_and_stay_where_they_are(
 
 
 def listing(folder: Path) -> dict[str, bytes]:
-    # The log's index is the readers' own notebook.
+    # The write-ahead log's index also changes when the database is only read.
     found = (each for each in folder.rglob("*") if each.is_file() and each.suffix != ".sqlite-shm")
     return {str(each): each.read_bytes() for each in found}
 
 
 def refused(source: Path, data: Path, match: str, **given: Any) -> None:
-    """It is, in one sentence, and nothing has changed."""
+    """Assert that a restoration is refused in one sentence and changes nothing."""
     before = listing(data) if data.exists() else None
     with pytest.raises((BackupError, StorageError), match=match) as caught:
         restore_backup(source, data, data / "observer.sqlite", **{"replace": True, **given})
@@ -255,7 +255,7 @@ def test_damage_anywhere_is_found_before_anything_is_touched(kept: tuple[Path, s
         except BackupError:
             assert listing(data) == before
         else:
-            # Bytes of the zip that mean nothing (times, permissions): all came as it was.
+            # The damaged bytes of the zip carry no data (times, permissions): all was restored.
             harmless += 1
             with Storage(data / "observer.sqlite") as storage:
                 assert len(storage.speeds(run_id)) == 2100
@@ -275,7 +275,7 @@ def remake(source: Path, change: Callable[[dict[str, bytes]], None]) -> None:
 
 
 def listed(name: str, content: bytes) -> Callable[[dict[str, bytes]], None]:
-    """A file that the manifest lists with all its marks."""
+    """Return a change that adds a file and lists it in the manifest with size and checksum."""
 
     def change(files: dict[str, bytes]) -> None:
         manifest = json.loads(files["manifest.json"])
@@ -390,7 +390,7 @@ def test_rows_that_a_server_refuses_change_nothing(
 
     with monkeypatch.context() as patch:
         patch.setattr(copying, "_copy", interrupted)
-        # What is there is copied aside as well, which goes well.
+        # The existing data are copied aside as well; that copy succeeds.
         patch.setattr("app.storage.restore.copy_tables", lambda _, file: file.write_bytes(b""))
         with pytest.raises(StorageError, match="is gone"):
             restore_backup(source, data, url, replace=True)

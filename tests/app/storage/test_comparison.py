@@ -1,4 +1,4 @@
-"""The truth that is kept with a run, as commands take it."""
+"""The truth kept with a run, as commands use it."""
 
 from __future__ import annotations
 

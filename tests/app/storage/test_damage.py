@@ -1,4 +1,4 @@
-"""Damaged backups and rows of the database: what is read is what was written, or one sentence says
+"""Damaged backups and database rows: what is read is what was written, or one sentence says
 why not."""
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def test_a_damaged_backup_is_refused_or_whole(
     path = folder / "damaged"
     path.write_bytes(data.draw(damaged([wholes[which]], (b"PK\x05\x06", b"ustar"))))
     found = read_or_refused(lambda: restored(path), BackupError)
-    # The list of files has no checksum of its own: what it calls a file may have changed.
+    # The list of files has no checksum of its own: the name of a file may have changed.
     assert found is None or sorted(found.values()) == sorted(FILES.values())
 
 
@@ -169,7 +169,7 @@ def storage(folder: Path, migrated_file: Path) -> Iterator[Storage]:
         yield storage
 
 
-# Every place where JSON is kept, and a sound value.
+# Every place where JSON is kept, and a valid value.
 PLACES: dict[str, tuple[str, Any]] = {
     "preset": ("presets SET \"values\" = ? WHERE name = 'mine'", VALUES),
     "parameters": ("settings SET value = ? WHERE key = 'parameters.current'", SAVED),
@@ -225,7 +225,7 @@ def test_a_run_of_an_unknown_state_is_listed_as_failed(storage: Storage) -> None
 
 
 def put(storage: Storage, where: str, content: bytes) -> None:
-    """Write the bytes as text, whatever they are, as a hand or a damaged page of the file does."""
+    """Write the bytes as text, as a manual edit or a damaged page of the file does."""
     statement = f"UPDATE {where.replace('?', 'CAST(? AS TEXT)')}"
     with closing(sqlite3.connect(storage.file)) as connection, connection:
         assert connection.execute(statement, [content]).rowcount == 1
@@ -233,7 +233,7 @@ def put(storage: Storage, where: str, content: bytes) -> None:
 
 @pytest.fixture(scope="module")
 def engine() -> PeerEngine:
-    """One for all: it keeps descriptors."""
+    """One for all tests: it holds descriptors."""
     return PeerEngine()
 
 

@@ -1,4 +1,4 @@
-"""The data folder, and what it takes of the disk."""
+"""The data folder, and its disk usage."""
 
 from __future__ import annotations
 

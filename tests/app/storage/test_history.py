@@ -55,7 +55,7 @@ def test_search_by_words_in_name_notes_and_tags(storage: Storage) -> None:
     assert names(storage, "vicon") == ["drive 12", first.name]
     assert names(storage, "GRÖSSE nass") == [first.name]
     assert names(storage, "größe trocken") == []
-    # What a database takes for a pattern is none here.
+    # The database's wildcards are ordinary characters here.
     assert names(storage, "%") == [first.name]
     assert names(storage, "e_2") == ["drive_2"]
     assert names(storage, "\\") == []

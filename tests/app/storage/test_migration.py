@@ -25,7 +25,7 @@ HEAD = ScriptDirectory(str(MIGRATIONS)).get_current_head()
 
 @pytest.fixture
 def later(tmp_path: Path) -> Callable[[str], Path]:
-    """Makes the package's migrations with one more revision whose upgrade is given."""
+    """Makes a copy of the package's migrations with one more revision of the given upgrade."""
 
     def make(body: str) -> Path:
         folder = tmp_path / "migrations"
@@ -40,7 +40,7 @@ def later(tmp_path: Path) -> Callable[[str], Path]:
 
 
 def earlier_migrations(tmp_path: Path, last: int) -> Path:
-    """The package's migrations up to a number."""
+    """Return a copy of the package's migrations up to a number."""
     folder = tmp_path / f"migrations-{last}"
     shutil.copytree(MIGRATIONS, folder, ignore=shutil.ignore_patterns("__pycache__"))
     for each in (folder / "versions").glob("*.py"):
@@ -93,7 +93,7 @@ def test_a_new_or_current_database_is_not_copied(file: Path) -> None:
 def test_the_file_is_copied_before_a_migration(file: Path, later: Callable[[str], Path]) -> None:
     storage = Storage(file).open()
     storage.set_setting("kept", "in the log only")
-    # Still open: what was written last stands in the write-ahead log, not in the file.
+    # Still open: the last writes are in the write-ahead log, not in the file.
     engine = engine_of(file)
     copy = upgrade(engine, file, later('op.execute("CREATE TABLE more (id INTEGER)")'))
     engine.dispose()

@@ -120,7 +120,7 @@ def test_who_was_replaced_meanwhile_says_so_once(
     new_database: NewDatabase, server: PrivateServer
 ) -> None:
     url = new_database()
-    # Wherever another test of this process has the log go.
+    # Whatever log output another test of this process has set up.
     with capture_logs() as said, ServedDatabase(url, look_s=0.3):
         server.run(connections(url).format("pg_terminate_backend(pid)"))
         with ServedDatabase(url):

@@ -1,4 +1,4 @@
-"""What PostgreSQL does otherwise than a file: locks, a server that goes and comes, migrations."""
+"""How PostgreSQL differs from a file: locks, a server that goes and comes back, migrations."""
 
 from __future__ import annotations
 

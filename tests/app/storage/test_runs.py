@@ -102,7 +102,7 @@ def test_running_runs_are_interrupted_at_their_last_sign_of_life(storage: Storag
 
 
 def test_speeds_keep_order_gaps_and_every_digit(storage: Storage, run: RunRecord) -> None:
-    # The file looped after the second row: time starts anew, the order of writing stays.
+    # The file looped after the second row: time starts again, the order of writing stays.
     rows = [
         speed(run.id, 0.1, speed=1 / 3, std=math.pi),
         speed(run.id, 0.2, speed=None, std=None),

@@ -1,4 +1,4 @@
-"""Truth files: one for each content, kept as long as a run needs it."""
+"""Truth files: one per content, kept as long as a run needs it."""
 
 from __future__ import annotations
 

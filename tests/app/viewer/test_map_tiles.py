@@ -47,7 +47,7 @@ def test_the_middle_of_each_cell_is_drawn_where_it_is(
         assert (alpha > 0) == (state != UNKNOWN)
         if state != UNKNOWN:
             assert (red, green, blue) == {FREE: free, BLOCKED: blocked}[int(state)]
-        # Below the lines of the layers on the floor.
+        # Below the line layers on the floor.
         assert -0.01 < in_picture[2] < 0.0
 
 

@@ -141,7 +141,7 @@ def test_the_scene_follows_only_a_robot_that_leaves() -> None:
     follower = Follower(radius_m=4)
     np.testing.assert_allclose(follower.offset(np.array([3.9, 0, 1])), 0)
     np.testing.assert_allclose(follower.offset(np.array([10.0, 0, 1])), [-6, 0, 0])
-    # On the way back it stays until the other side is left.
+    # On the way back it stays until the radius is left on the other side.
     np.testing.assert_allclose(follower.offset(np.array([3.0, 0, 1])), [-6, 0, 0])
     follower.reset()
     np.testing.assert_allclose(follower.offset(np.zeros(3)), 0)
@@ -192,7 +192,7 @@ def test_a_picture_of_one_obstacle(observed: Any) -> None:
 def test_a_box_stands_upright_around_the_body_however_the_camera_is_tilted(
     observed: Any, tilt: float, foot: float, drawn: float
 ) -> None:
-    """A person of 1.7 m, seen from ``foot`` on upwards; what is missing of the feet is added."""
+    """A person of 1.7 m, seen from ``foot`` upwards; the part missing at the feet is added."""
     event = observed.observe()
     mount = CameraMount(0.9, tilt)
     T_world_display = level_pose(mount).inverse()
@@ -309,7 +309,7 @@ def test_zones_and_outline_lie_on_the_floor_around_the_robot_wherever_it_is() ->
     assert marks.slow_zone.shape == (3, 2, 3)
     outline = _in_base(marks.outline, T)
     np.testing.assert_allclose(np.abs(outline[:4, 0, :2]), [[0.3, 0.2]] * 4, atol=1e-9)
-    # What points ahead begins in the middle of the axle.
+    # The line that points ahead begins at the middle of the axle.
     np.testing.assert_allclose(outline[4, :, :2], [[0.0, 0.0], [0.5, 0.0]], atol=1e-9)
     assert (marks.level, marks.text) == ("slow", "slowed: obstacle 3 is 1.2 m ahead")
 
@@ -349,7 +349,7 @@ def test_the_goal_and_the_path_there_lie_on_the_floor_while_it_is_driven_to() ->
     assert (np.abs(path[..., 2]) < 0.03).all()
     goal = _in_base(marks.goal, T)
     assert len(goal) == GOAL_LINES
-    # Within the ring it counts as reached; the flag stands in its middle.
+    # Within the ring the goal counts as reached; the flag stands at its centre.
     ring, pole = goal[:-3], goal[-3]
     np.testing.assert_allclose(
         np.linalg.norm(ring[..., :2] - np.array(_GOAL.place), axis=-1), 0.25, atol=1e-9
@@ -371,7 +371,7 @@ def test_refused_paths_and_the_predicted_meeting_lie_on_the_floor() -> None:
     marks = robot_marks(_ROBOT, _MOUNT, T, _GOAL)
     assert marks is not None
     refused, meeting = _in_base(marks.refused, T), _in_base(marks.meeting, T)
-    # As short as they are told, or thinned out to their end.
+    # Short paths are drawn as reported, long ones thinned out up to their end.
     np.testing.assert_allclose(refused[:2, 1, :2], _GOAL.refused[0].path[1:], atol=1e-9)
     np.testing.assert_allclose(refused[-1, 1, :2], _GOAL.refused[1].path[-1], atol=1e-9)
     assert 2 < len(refused) <= MOST_REFUSED_LINES
@@ -493,7 +493,7 @@ async def test_the_scene_reuses_its_nodes_and_hides_the_place_of_a_robot_that_is
                 await asyncio.sleep(0.01)
             assert not scene._reason.visible
             assert not scene._base.visible
-            # What says that it is old is the page.
+            # The page, not the scene, says that it is old.
             assert scene._cloud.visible
             peer.start_process()
             while not scene._outline.visible:

@@ -1,4 +1,4 @@
-"""Live capture is measured with real streams and processes: short, since only its working is."""
+"""Measuring live capture with real streams and processes: short, only to see that it works."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_the_loop_is_measured_by_cameras_and_from_memory() -> None:
     assert figures.slow.rate < 20.0
     assert figures.slow.work_ms.p10 >= 50.0
     assert figures.slow.cpu_ms.median < figures.live.cpu_ms.median
-    # Memory neither decodes nor waits for it; a camera's pair has to be handed over.
+    # Memory needs neither decoding nor waiting; a camera's pair has to be handed over.
     assert figures.memory.read_wall_ms.median < figures.live.read_wall_ms.median
     assert figures.memory.latency_ms.median < 1.0 < figures.live.latency_ms.median
     assert figures.memory.read_cpu_ms.median < figures.live.read_cpu_ms.median

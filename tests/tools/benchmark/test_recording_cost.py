@@ -1,4 +1,4 @@
-"""Recording's cost, measured on a real server with real runs: short, to see that it works."""
+"""The cost of recording, measured on a real server with real runs: short, to see that it works."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_the_loop_is_measured_with_each_way_to_record_and_without() -> None:
     jpeg, lossless = figures.rates[:2]
     assert jpeg.without == lossless.without > 5.0
     assert jpeg.recorded > 5.0
-    # Pairs of 640x480 in colour, hardly packed, against JPEG.
+    # Pairs of 640x480 in colour, hardly compressed, against JPEG.
     assert lossless.mb_per_s > 3 * jpeg.mb_per_s > 1.0
     assert len(figures.memory_mb) == 4
     assert all(50.0 < megabytes < 1000.0 for megabytes in figures.memory_mb)

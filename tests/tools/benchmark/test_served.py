@@ -1,4 +1,4 @@
-"""The measurement from outside, on a real server: short, since only its working is tested."""
+"""The measurement from outside, on a real server: short, only to see that it works."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_left_behind() -> Iterator[None]:
-    """In place of the check after every test: the server outlives them and starts children."""
+    """Replaces the check after every test: the server outlives tests and starts children."""
     yield
     _, alive = psutil.wait_procs(psutil.Process().children(recursive=True), 3.0)
     left = [each.cmdline() for each in alive]
@@ -38,7 +38,7 @@ def _nothing_left_behind() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def server(_nothing_left_behind: None) -> Iterator[RunningServer]:
-    """One for all: starting it takes longer than what is measured here."""
+    """One server for all: starting it takes longer than the measurements."""
     with running_server("simulated:lab") as server:
         server.wait_for_frames()
         yield server
@@ -46,7 +46,7 @@ def server(_nothing_left_behind: None) -> Iterator[RunningServer]:
 
 @pytest.mark.patient
 def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> None:
-    # Before the others, whose server plays as fast as it can for as long as it lives.
+    # Before the others, whose server plays at full speed for as long as it lives.
     with running_server("simulated:moon") as server:
         until = time.monotonic() + 30
         while not server.request("GET", "/api/status")["engine"]["reason"]:
@@ -122,7 +122,7 @@ def test_viewers_are_measured_beside_one_that_reads_nothing(server: RunningServe
     rates = _stalled_rates(server, 1.0, 2, lambda _: None)
     assert rates.failures == ()
     for each in (rates.without, rates.beside):
-        # Two viewers receive each frame, as far as they keep up.
+        # Two viewers receive each frame, if they keep up.
         assert 0 < each.observations < 3 * each.frames
         assert each.images > 0
     assert rates.ratio <= rates.beside.frames / rates.without.frames

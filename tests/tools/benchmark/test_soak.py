@@ -1,4 +1,4 @@
-"""A soak finds what grows, and only that; and a real server, briefly soaked, holds its own."""
+"""A soak test finds growth, and nothing else; a real server passes a short one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if not sys.platform.startswith("linux"):
     pytest.skip("processes are looked at through Linux's /proc", allow_module_level=True)
 
 HOURS = np.arange(60) / 60
-# At every line it reads, this process keeps more of what it is told to keep.
+# For every line it reads, this process leaks the kind of resource it is told to.
 LEAK = """
 import os, sys, threading
 kept, end = [], threading.Event()
@@ -47,7 +47,7 @@ def leaking() -> Iterator[subprocess.Popen[str]]:
 
 
 def evenings(process: subprocess.Popen[str], kept: str, count: int) -> tuple[Evening, ...]:
-    """As many days, a minute each, at which it keeps something."""
+    """Return that many days, a minute each, on each of which the process leaks something."""
     assert process.stdin is not None
     assert process.stdout is not None
     days = []
@@ -91,7 +91,7 @@ def test_a_slope_is_told_from_noise() -> None:
     assert flat.within(1.0) is True
     assert rising.within(1.0) is False
     assert rising.within(4.0) is True
-    # Far beyond the limit, but so noisy that it may be nothing.
+    # Far beyond the limit, but too noisy to be certain.
     doubtful = slope(HOURS, 100 + 3 * HOURS + 50 * noise)
     assert doubtful is not None
     assert doubtful.within(1.0) is None
@@ -102,7 +102,7 @@ def test_what_wanders_is_not_taken_for_a_trend() -> None:
     rng = np.random.default_rng(2)
     alarms = {"as it is": 0, "as independent": 0}
     for _ in range(200):
-        # Each sample resembles the one before.
+        # Each sample is correlated with the one before.
         wander = np.zeros(len(HOURS))
         for k in range(1, len(HOURS)):
             wander[k] = 0.8 * wander[k - 1] + rng.normal(0.0, 1.0)
@@ -113,7 +113,7 @@ def test_what_wanders_is_not_taken_for_a_trend() -> None:
         plain = np.sqrt(left @ left / 58 / ((HOURS - HOURS.mean()) ** 2).sum())
         alarms["as it is"] += found.within(1.0) is False
         alarms["as independent"] += line[0] > max(1.0, 2.0 * plain)
-    # 2.5 % is what is allowed; the correlation of so few samples is itself uncertain.
+    # 2.5 % are allowed; the correlation of so few samples is itself uncertain.
     assert alarms["as it is"] < 0.08 * 200 < alarms["as independent"]
 
 
@@ -153,13 +153,13 @@ def test_a_busy_server_keeps_neither_threads_nor_descriptors() -> None:
     assert told.tracebacks == 0
     first, last = told.evenings
     assert set(last.use) == {"web", "engine", "drive"}
-    # Web, two engines, drive, and a reader of each camera.
+    # Web, two engines, drive, and a reader for each camera.
     assert last.processes == first.processes == 6
     for name, use in last.use.items():
         assert use.descriptors <= first.use[name].descriptors + 1, (name, told.evenings)
-        # Web's pools start a thread for each of so many tasks at a time, and let some go again.
+        # Web's pools start a thread for each concurrent task, up to a limit, and drop some again.
         more = 8 if name == "web" else 1
         assert use.threads <= first.use[name].threads + more, (name, told.evenings)
-        # What one day takes is far less; a picture kept of every frame is far more.
+        # One day needs far less than this; leaking a picture per frame would need far more.
         assert use.memory_mb < first.use[name].memory_mb + 25.0, (name, told.evenings)
     assert psutil.Process().children() == []

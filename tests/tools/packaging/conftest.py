@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture(scope="session")
 def clone_into(repository: Path) -> Callable[[Path], None]:
-    """Gives a copy of what is under version control as it is now, without what set-ups made."""
+    """Copies the versioned files as they are now, without what set-ups made."""
     if not (repository / ".git").exists():
         pytest.skip(f"{repository} is not a git clone, so its own files cannot be told")
 
@@ -33,7 +33,7 @@ def clone_into(repository: Path) -> Callable[[Path], None]:
 
 @pytest.fixture
 def clone(clone_into: Callable[[Path], None], tmp_path: Path) -> Path:
-    """A fresh clone of one's own."""
+    """A fresh clone for one test."""
     target = tmp_path / "fresh clone"
     clone_into(target)
     return target

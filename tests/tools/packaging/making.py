@@ -1,4 +1,4 @@
-"""``make`` in a clone, in an environment that is not that of the make that runs the tests."""
+"""``make`` in a clone, in an environment separate from the make that runs the tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def make(
     environment: Mapping[str, str] = {
         name: value for name, value in os.environ.items() if not name.startswith("MAKE")
     }
-    # Compiling what is never imported is half the time that pip takes ("no" means --no-compile).
+    # Compiling modules that are never imported is half of pip's time ("no" means --no-compile).
     environment = {**environment, "PIP_NO_COMPILE": "no"}
     if path is not None:
         environment = {**environment, "PATH": path}

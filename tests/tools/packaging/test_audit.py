@@ -1,4 +1,4 @@
-"""The audit asks a real service by pip-audit itself; here one on a port of this machine."""
+"""The audit queries a real service through pip-audit; here one on a port of this machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ADVISORY = {
 
 @dataclass
 class Service:
-    """A vulnerability service that knows one advisory, and what it was asked for."""
+    """A vulnerability service that knows one advisory, and records its requests."""
 
     options: list[str]
     asked: list[str] = field(default_factory=list)
@@ -71,7 +71,7 @@ def project(folder: Path, *pins: str) -> Path:
 def test_every_pin_of_this_project_can_be_asked_for(service: Service, repository: Path) -> None:
     found = audit.audit(repository / "constraints.txt", service.options)
     assert found.vulnerabilities == found.unknown == ()
-    # The first one alone, to see that somebody answers.
+    # The first request only checks that the service answers.
     assert service.asked[0].startswith("pip-audit ")
     assert len(service.asked) - 1 == found.checked > 100
 

@@ -16,8 +16,8 @@ import yaml
 from app.drive import priority
 from app.settings import ENVIRONMENT_PREFIX, Settings
 
-# https://github.com/compose-spec/compose-spec/blob/main/05-services.md, those that are used; types
-# and forms further down as in schema/compose-spec.json there.
+# The keys used here of https://github.com/compose-spec/compose-spec/blob/main/05-services.md;
+# types and forms further down are from schema/compose-spec.json there.
 SERVICE_KEYS = {
     "build", "cap_drop", "command", "devices", "group_add", "healthcheck", "image", "init",
     "ports", "read_only", "restart", "security_opt", "stop_grace_period", "tmpfs", "ulimits",
@@ -42,7 +42,7 @@ def dockerfile(repository: Path) -> dict[str, list[str]]:
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """Refuses a key that is there twice, of which YAML's own loader takes the last."""
+    """Refuses duplicate keys, of which YAML's own loader takes the last."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
@@ -62,7 +62,7 @@ def _service(compose: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def compose(repository: Path) -> dict[str, Any]:
-    # Only this file is held against the specification below.
+    # Only this file is checked against the specification below.
     assert [path.name for path in (repository / "docker").glob("*.y*ml")] == ["compose.yaml"]
     return _strictly((repository / "docker" / "compose.yaml").read_text())
 
@@ -98,7 +98,7 @@ def test_the_image_is_set_up_by_make_and_runs_without_privileges(
 def test_the_environment_names_settings(dockerfile: dict[str, list[str]]) -> None:
     names = re.findall(r"(\w+)=", " ".join(dockerfile["ENV"]))
     assert names
-    # What it is compiled for.
+    # The processor that Numba compiles for, not a setting.
     names.remove("NUMBA_CPU_NAME")
     for name in names:
         assert name.startswith(ENVIRONMENT_PREFIX)
@@ -132,7 +132,7 @@ def test_the_compose_file(
     assert service["command"] == yaml.safe_load(dockerfile["CMD"][0])
 
 
-# A duration as in 1m30s; HOST:CONTAINER with an address and a protocol at will; a mapping of paths.
+# A duration like 1m30s; HOST:CONTAINER with optional address and protocol; a mapping of paths.
 _DURATION = re.compile(r"(?:\d+(?:us|ms|s|m|h))+")
 _PORT = re.compile(r"(?:(?:\d+\.){3}\d+:)?(?:\d+:)?\d+(?:/(?:tcp|udp))?")
 _MAPPING = re.compile(r"[^:]+:/[^:]*(?::[a-z,]+)?")
@@ -144,9 +144,9 @@ _LISTED: dict[str, re.Pattern[str]] = {
 
 
 def _misfits(service: dict[str, Any]) -> list[str]:
-    """Return the keys whose values have no type or form that the specification gives them.
+    """Return the keys whose values lack the type or form that the specification requires.
 
-    Where it allows a short and a long form only the short one is used here.
+    Where it allows a short and a long form, only the short one is accepted here.
     """
     found = []
     for key, form in _LISTED.items():
@@ -173,7 +173,7 @@ def _misfits(service: dict[str, Any]) -> list[str]:
 def test_the_values_have_the_types_of_the_specification(compose: dict[str, Any]) -> None:
     assert re.fullmatch(r"[a-z0-9][a-z0-9_-]*", compose["name"])
     assert _misfits(_service(compose)) == []
-    # Null is a volume as the engine makes it.
+    # Null means a volume with the engine's defaults.
     assert all(value is None or isinstance(value, dict) for value in compose["volumes"].values())
 
 
@@ -182,7 +182,7 @@ def test_named_volumes_are_declared_and_nothing_is_left_to_variables(
 ) -> None:
     named = {each.partition(":")[0] for each in _service(compose)["volumes"]}
     assert named == set(compose["volumes"]), "a path of the host, or a volume nobody uses"
-    # Compose takes a variable that is not set for an empty text.
+    # Compose replaces an unset variable by an empty string.
     text = (repository / "docker" / "compose.yaml").read_text()
     assert not re.findall(r"(?<!\$)\$(?:\{|\w)", text)
 
@@ -199,7 +199,7 @@ def test_the_port_is_the_servers_own(
 
 
 def test_the_service_has_no_more_rights_than_the_image(compose: dict[str, Any]) -> None:
-    # The image's user is no root; nothing here makes the service another or gives it more.
+    # The image's user is not root; the service neither changes the user nor adds rights.
     service = _service(compose)
     assert not {"user", "privileged", "cap_add", "network_mode", "pid", "ipc"} & set(service)
     assert service["cap_drop"] == ["ALL"]
@@ -215,7 +215,7 @@ def test_the_commented_devices_become_valid_when_taken_in(repository: Path) -> N
     assert set(service) <= SERVICE_KEYS
     assert _misfits(service) == []
     assert any(device.startswith("/dev/video") for device in service["devices"])
-    # Robots by names that stay, at places where the doctor and the page look for them.
+    # Robots by stable names, mapped to where the doctor and the page look for them.
     robots = [each.partition(":") for each in service["devices"] if "serial" in each]
     assert all(host.startswith("/dev/serial/by-id/") for host, _, _ in robots)
     assert [inside for _, _, inside in robots] == ["/dev/ttyUSB0", "/dev/ttyUSB1"]

@@ -1,4 +1,4 @@
-"""The distribution of the library alone: nothing missing, nothing of the server."""
+"""The distribution of the library alone: nothing missing, nothing from the server."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-# Name of the import -> name of the package, where they differ.
+# Import name -> package name, where they differ.
 PACKAGES = {
     "coppeliasim_zmqremoteapi_client": "coppeliasim-zmqremoteapi-client",
     "cv2": "opencv-python-headless",
@@ -22,7 +22,7 @@ PACKAGES = {
     "typing_extensions": "typing-extensions",
     "yaml": "pyyaml",
 }
-# Used where the user has it: a notebook's tables.
+# Used if the user has it: tables in notebooks.
 OPTIONAL = {"pandas"}
 
 

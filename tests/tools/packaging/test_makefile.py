@@ -16,7 +16,7 @@ TOOLS = ("sh", "make", "sed", "cat", "id", "touch", "printf", "rm", "uname", "en
 
 @pytest.fixture
 def bare(tmp_path: Path) -> Path:
-    """A folder of commands that holds a shell and make, but neither Python nor npm."""
+    """A folder of commands that has a shell and make, but neither Python nor npm."""
     folder = tmp_path / "bin"
     folder.mkdir()
     for tool in TOOLS:
@@ -27,7 +27,7 @@ def bare(tmp_path: Path) -> Path:
 
 
 def sentences(done: subprocess.CompletedProcess[str]) -> list[str]:
-    """What was said on stderr, without make's own closing line."""
+    """Return what was written to stderr, without make's own closing line."""
     return [line for line in done.stderr.splitlines() if not line.startswith("make")]
 
 
@@ -119,7 +119,7 @@ def test_a_program_is_missing_and_there_is_no_way_to_install_it(
 
 
 def allow_installing(bare: Path, log: Path) -> None:
-    """A superuser's apt-get, which makes the program of the package's name and notes it all."""
+    """Fake a superuser's apt-get: it creates a program named like the package, and logs calls."""
     install = f'printf "#!/bin/sh\\n" > "{bare}/$4"; chmod +x "{bare}/$4"'
     for name, body in (
         ("apt-get", f'echo "$*" >> "{log}"; [ "$1" = install ] || exit 0; {install}'),
@@ -190,7 +190,7 @@ def test_make_alone_lists_the_targets(clone: Path) -> None:
 def test_in_ci_what_failed_is_tried_once_more(
     clone: Path, bare: Path, again: str, code: int
 ) -> None:
-    """By itself, and never where promises hold every time."""
+    """It is retried automatically, except for promises that must hold every time."""
     log, script = clone / "asked", bare / "pytest"
     script.write_text(
         f'#!/bin/sh\necho "$*" >> "{log}"\n'

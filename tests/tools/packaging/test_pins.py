@@ -1,4 +1,4 @@
-"""What a set-up installs is pinned, and no file names a registry's address."""
+"""Everything that a set-up installs is pinned, and no file names a registry's address."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_the_oldest_python_can_install_every_pin(
 def test_the_tools_for_tests_bring_every_extra(project: dict[str, Any]) -> None:
     # Otherwise what an extra adds would never be tested.
     extras = dict(project["optional-dependencies"])
-    # But this one brings 1.2 GB of graphical toolkits that nothing here uses; where it is missing,
+    # This one brings 1.2 GB of graphical toolkits that nothing here uses; where it is missing,
     # its tests are skipped and say why.
     del extras["crowd"]
     assert set(itertools.chain(*extras.values())) == set(extras["dev"])
@@ -72,7 +72,7 @@ def test_the_lock_file_names_no_address(repository: Path) -> None:
     assert [name for name, package in packages.items() if "resolved" in package] == []
     assert all("integrity" in package for name, package in packages.items() if name)
     for package in packages.values():
-        # Where its authors take donations.
+        # Links for donations to the authors.
         package.pop("funding", None)
     assert "://" not in json.dumps(lock)
 

@@ -15,7 +15,7 @@ _ASSIGNMENTS = {"GROUP", "MODE", "SYMLINK", "IMPORT"}
 
 @pytest.fixture(scope="module")
 def rules(repository: Path) -> list[str]:
-    """All rules, those that are offered as comments too."""
+    """All rules, including those offered as comments."""
     text = (repository / "docker" / "60-dynamic-observer.rules").read_text()
     return [line.removeprefix("# ") for line in text.splitlines() if "SUBSYSTEM==" in line]
 
@@ -49,5 +49,5 @@ def test_names_by_path_come_after_the_path_is_known(rules: list[str]) -> None:
 def test_robots_ports_can_be_named_one_by_one(rules: list[str]) -> None:
     named = [rule for rule in rules if 'SYMLINK+="robot-' in rule]
     assert {rule.rpartition('"robot-')[2].rstrip('"') for rule in named} == {"observer", "obstacle"}
-    # Of the same device upwards: the adapter, not any USB device above it by another key.
+    # Both keys match one parent: the adapter itself, not another USB device above it.
     assert all('SUBSYSTEM=="tty", SUBSYSTEMS=="usb"' in rule for rule in named)

@@ -1,6 +1,6 @@
-"""A fresh clone is set up by make, and a wheel serves the panel from what that installed.
+"""``make`` sets up a fresh clone, and a wheel serves the panel from what that installed.
 
-One environment for both: to install all that is needed costs more than all that is checked.
+One environment for both: installing everything takes longer than all the checks.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ def set_up(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPath
 
 @pytest.fixture(scope="module")
 def wheel(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built once, of the files as they are now."""
+    """A wheel, built once from the files as they are now."""
     folder = tmp_path_factory.mktemp("wheel")
     clone = folder / "fresh clone"
     clone_into(clone)
-    # As `make wheel` does it: the build takes up what stands there.
+    # As in `make wheel`: the build includes the documentation that is built here.
     subprocess.run([sys.executable, "-m", "tools.docs"], cwd=clone, check=True, timeout=100)
     done = subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder / "dist"), str(clone)],
@@ -107,7 +107,7 @@ def test_it_serves_from_an_environment_of_what_it_needs_alone(
     environment = set_up / ".venv"
     pip = [str(environment / "bin" / "python"), "-m", "pip", "--disable-pip-version-check"]
     subprocess.run([*pip, "uninstall", "-q", "-y", "dynamic-observer"], check=True, timeout=60)
-    # Without an index it is refused if anything that it asks for were not there.
+    # Without an index it fails if any of its dependencies is missing.
     install = [*pip, "install", "-q", "--no-compile", "--no-index", str(wheel)]
     subprocess.run(install, check=True, timeout=60)
     (installed,) = (environment / "lib").glob("python3.*/site-packages/app")
@@ -146,7 +146,7 @@ def test_clean_removes_all_that_setup_made(set_up: Path) -> None:
 
 
 def wait_for_token(server: subprocess.Popen[bytes], log: Path) -> str:
-    """The token of the link that the server prints once it can be reached."""
+    """Return the token in the link that the server prints once it can be reached."""
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
         found = re.search(r"\?token=([\w-]+)", log.read_text())

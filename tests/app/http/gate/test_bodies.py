@@ -1,4 +1,4 @@
-"""What is no value, no JSON or no number in its range: refused, and nothing changes."""
+"""Bodies with wrong values, invalid JSON or numbers out of range: refused, and nothing changes."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ async def test_any_number_of_unknown_parameters_is_refused_at_once(
     assert (await stopping).status_code == 200
     stopped = time.monotonic()
     assert (await asking).status_code == 422
-    # Guessing at each of the names took 8 s.
+    # Guessing the intended name for each of them took 8 s.
     assert stopped - begun < 4.0
 
 
@@ -221,7 +221,7 @@ KNOWN_KEYS: list[str] = [
 @settings(
     deadline=None,
     max_examples=100,
-    # All examples are sent to one server.
+    # All examples go to the same server.
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(route=st.sampled_from(TAKE_JSON), value=ANY_JSON)

@@ -1,4 +1,4 @@
-"""Nobody comes in who may not: over every route that the application has, new ones too."""
+"""No access without permission: on every route of the application, new ones included."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def concrete(path: str) -> str:
 
 
 def http_routes(app: Any) -> Iterator[tuple[str, str]]:
-    """Method and a concrete path of every HTTP route, files and description included."""
+    """Yield method and a concrete path of every HTTP route, files and description included."""
     for context in iter_route_contexts(app.routes):
         path = concrete(str(context.path))
         if isinstance(context.original_route, Mount):
@@ -163,7 +163,7 @@ async def test_wrong_tokens_are_limited_and_the_right_one_is_not(served: Any) ->
         form = {"token": "wrong"}
         assert (await client.post("/sign-in", data=form)).status_code == 429
     assert (await served.http.get("/api/status")).is_success
-    # Coming without any token is no guess.
+    # A request without a token is not a guess.
     async with served.anonymous() as client:
         assert (await client.get("/api/status")).status_code == 401
 
@@ -287,7 +287,7 @@ async def test_a_huge_upload_costs_no_memory(served: Any, announced: bool) -> No
     writer.write("\r\n".join([*head, "", ""]).encode())
     first = UPLOAD_HEAD.ljust(65536, b"x")
     parts = [first, *(600 * [b"x" * 65536])]
-    # A client that listens while it sends, as they all do.
+    # Like all clients, this one listens while it sends.
     answer = asyncio.ensure_future(reader.readline())
     most = 0
     with contextlib.suppress(ConnectionError):
@@ -345,7 +345,7 @@ def bearer() -> str:
 
 
 async def refusal(served: Any, path: str, *, headers: Any = (), **more: Any) -> int:
-    """The status with which a handshake is refused; 101 if it is not."""
+    """Return the status with which a handshake is refused; 101 if it is accepted."""
     host = dict(headers).pop("Host", None)
     kept = {name: value for name, value in dict(headers).items() if name != "Host"}
     if host is not None:
@@ -379,7 +379,7 @@ async def raw_request(port: int, method: str, path: str, headers: dict[str, str]
 
 
 async def raw(port: int, data: bytes) -> bytes:
-    """Send bytes as they are and read the head of the answer."""
+    """Send raw bytes and read the head of the answer."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     try:
         writer.write(data)
@@ -393,7 +393,7 @@ async def raw(port: int, data: bytes) -> bytes:
 
 
 async def stream(served: Any, method: str, path: str, kind: str, body: Any) -> int:
-    """The status with which a body without a stated length is answered."""
+    """Return the status that answers a body without a stated length."""
     headers = {"Content-Type": kind}
     answer = await served.http.request(method, path, content=body, headers=headers)
     return int(answer.status_code)

@@ -1,4 +1,4 @@
-"""Who came by a read-only link sees everything and changes nothing, on routes of the future too."""
+"""A read-only link shows everything and changes nothing, on future routes too."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ async def test_everything_can_be_read(served: Any, watching: dict[str, str]) -> 
             assert answer.status_code not in (401, 403), path
         assert (await client.get("/api/session")).json() == {"access": "read_only"}
     assert (await served.http.get("/api/session")).json() == {"access": "operator"}
-    # A new socket is looked at before it joins this list: the gate admits watchers to all of them.
+    # Review a new socket before adding it here: the gate admits watchers to all of them.
     assert set(socket_routes(served.app)) == {
         "/api/live", "/api/drive", "/api/views/left", "/viewer", "/viewer/{key}",
         "/no/such/socket",
@@ -136,7 +136,7 @@ async def test_a_browser_watches_by_its_link_until_it_gets_an_operators(
         assert (answer.status_code, answer.json()["detail"]) == (403, WATCHING_ONLY)
         assert (await client.get("/", params={"token": token})).status_code == 303
         assert (await client.get("/api/session")).json() == {"access": "operator"}
-        # An operator who looks at the link for others stays one.
+        # An operator who opens a read-only link remains an operator.
         await client.get("/", params={"token": links.newest.token})
         assert (await client.get("/api/session")).json() == {"access": "operator"}
         assert (await client.patch("/api/parameters", json={})).is_success
@@ -216,7 +216,7 @@ async def test_a_revoked_link_ends_its_sessions_and_sockets_at_once_and_no_other
             await heard(socket, "status")
         await heard(script, "status")
         assert await in_force(served) == [(kept.id, 1, True), (leaked.id, 2, False)]
-        # Who watches passes on the link that they came by, and revokes none.
+        # A watcher can pass on the link they came by, but cannot revoke any.
         own = (await browsers["leaked"][0].get("/api/links")).json()["links"][0]["link"]
         assert own.endswith(f"?token={leaked.token}")
         refused = await browsers["kept"][0].delete(f"/api/links/read-only/{leaked.id}")

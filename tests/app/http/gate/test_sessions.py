@@ -1,4 +1,4 @@
-"""The table of sessions, and the file in which it outlives a restart."""
+"""The session table, and the file that preserves it across restarts."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def found(sessions: Sessions, session_id: str) -> Any:
 
 
 class AgainstAModel(RuleBasedStateMachine):
-    """Whatever happens in whatever order, exactly those are signed in who should be."""
+    """After any sequence of events, exactly those are signed in who should be."""
 
     def __init__(self) -> None:
         super().__init__()
         self.clock = Clock()
         self.sessions = table(self.clock)
-        # Id: when it signed in and was last used, open connections, the session.
+        # Id -> when it signed in, when it was last used, open connections, the session.
         self.known: dict[str, list[Any]] = {}
         self.gone: set[str] = set()
 
@@ -109,7 +109,7 @@ class AgainstAModel(RuleBasedStateMachine):
         if not connected:
             return
         session_id = data.draw(st.sampled_from(connected))
-        # The last one is used until it goes.
+        # The session counts as used until its last connection closes.
         if self._use(session_id) is not None:
             self.known[session_id][2].pop()["context"].__exit__(None, None, None)
 
@@ -148,7 +148,7 @@ class AgainstAModel(RuleBasedStateMachine):
 
     @rule(token=st.sampled_from([TOKEN, TOKEN, "another" + TOKEN]))
     def restart(self, token: str) -> None:
-        """With another token as well: then nobody is signed in any more."""
+        """Restart, sometimes with another token: then nobody is signed in any more."""
         if any(connections for _, _, connections, _ in self.known.values()):
             return
         old, self.sessions = self.sessions, table(self.clock, token)
@@ -284,7 +284,7 @@ async def test_links_and_who_watches_by_them_outlive_a_restart_until_revoked(
     assert [each.token for each in later.links.in_force] == [first.token, second.token]
     links = [found(later, each).link for each in ids]
     assert [link and link.id for link in links] == [None, first.id, second.id]
-    # Made from another token, none of them holds.
+    # With another token none of them is valid.
     other = table(Clock(), token="u" * 43)
     SessionFile(path, other, Clock()).load()
     assert other.links.find([first.token, second.token]) is None
@@ -370,7 +370,7 @@ async def test_who_signed_out_stays_out_though_the_disk_is_full(
     await file.save()
     monkeypatch.setattr("os.replace", full)
     await file.save()
-    # Nobody left, so what is there still holds.
+    # Nobody signed out, so the file is still valid.
     assert len(json.loads(path.read_text())["sessions"]) == 2
     sessions.end(found(sessions, first))
     await file.save()
@@ -397,7 +397,7 @@ async def test_it_is_kept_up_to_date_by_itself(
         async with asyncio.timeout(10):
             while not (tmp_path / "s").exists():
                 await asyncio.sleep(0.001)
-            # Used all the time, but over after its lifetime.
+            # In constant use, but expired at the end of its lifetime.
             clock.now += LIFETIME_S + 1
             await closed.wait()
     keeping.cancel()

@@ -34,7 +34,7 @@ async def status_with(served: Any, headers: dict[str, str]) -> int:
 
 
 async def closed_with(socket: Any) -> int | None:
-    """The code with which the server closes a socket, however much it sends before."""
+    """Return the server's close code for a socket, however much it sends before."""
     async with asyncio.timeout(10):
         with pytest.raises(ConnectionClosed) as closed:
             await read_on(socket)
@@ -47,15 +47,15 @@ async def test_each_browser_gets_a_session_of_its_own(
     async with browser(served, token) as one, browser(served, token) as other:
         assert one.cookies[COOKIE] != other.cookies[COOKIE]
         assert token not in (one.cookies[COOKIE], other.cookies[COOKIE])
-        # The link once more, as from another tab: who drives there is not cut off.
+        # The link opened again, as in another tab: whoever drives is not cut off.
         before = one.cookies[COOKIE]
         again = await one.get("/", params={"token": token})
         assert again.headers["set-cookie"].startswith(f"{COOKIE}={before};")
-        # A wrong link takes nothing away.
+        # A wrong link does not sign out.
         assert (await one.get("/", params={"token": "wrong"})).status_code == 401
         assert (await one.get("/api/status")).is_success
         assert (await one.get("/sign-in")).headers["location"] == "/"
-    # Its token is another one after a restart.
+    # The token changes with a restart, so no sessions are saved.
     assert not (tmp_path / "sessions.json").exists()
 
 
@@ -66,7 +66,7 @@ async def test_neither_the_token_nor_the_old_cookie_is_a_session(served: Any, to
         with pytest.raises(InvalidStatus):
             async with served.socket("/api/live", token=None, headers=headers):
                 pass
-    # Ids of sessions that are over are no guesses at the token: an open page asks often.
+    # Expired session ids are not guesses at the token: an open page retries often.
     statuses = {await status_with(served, {"Cookie": f"{COOKIE}=over"}) for _ in range(8)}
     assert statuses == {401}
 
@@ -100,10 +100,10 @@ async def test_signing_out_closes_everything_of_this_browser_only(
         assert answer.headers["set-cookie"].startswith(f"{COOKIE}=; Path=/; Max-Age=0;")
         assert COOKIE not in mine.cookies
         assert [await closed_with(each) for each in sockets] == len(SOCKETS) * [SESSION_OVER]
-        # What an operator who is lost leaves behind: the drive process stops the robot.
+        # Like an operator whose connection is lost: the drive process stops the robot.
         await eventually(lambda: drive.of(ReleaseLease) and not drive.leases)
         assert time.monotonic() - began < 5
-        # Whoever kept a copy of the cookie has nothing.
+        # A copy of the cookie is worthless.
         assert await status_with(served, headers) == 401
         with pytest.raises(InvalidStatus):
             async with served.socket("/api/live", token=None, headers=headers):
@@ -121,7 +121,7 @@ async def test_signing_out_everywhere_leaves_scripts(served: Any, token: str) ->
             assert await closed_with(socket) == SESSION_OVER
         assert (await other.get("/api/status")).status_code == 401
         assert (await served.http.get("/api/status")).is_success
-        # A script may send everybody away, but has no session of its own.
+        # A script can sign everybody out, but has no session of its own.
         refused = await served.http.delete("/api/session")
         assert refused.status_code == 404
         assert "no session" in refused.json()["detail"]

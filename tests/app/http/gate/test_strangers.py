@@ -1,4 +1,4 @@
-"""Whoever has not signed in may not take the server away from those who have."""
+"""Clients that have not signed in must not block the server for those that have."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_who_is_served_or_signed_in_does_not_count() -> None:
         assert not is_ended(theirs)
         strangers.answered(mine.fileno(), signed_in=True)
         assert strangers.count == 0
-        # Who was answered without signing in waits again, from then on.
+        # A client answered without signing in waits again, from then on.
         mine, theirs = made[1]
         strangers.come(mine, "10.0.0.1")
         strangers.asked(mine.fileno())
@@ -101,7 +101,7 @@ async def test_a_flood_of_strangers_takes_no_stop_away(served: Any, said: bytes)
             held.append(writer)
         for _ in range(5):
             begun = time.monotonic()
-            # On a connection of its own, behind all others.
+            # On a connection of its own, opened after all others.
             async with served.anonymous(Authorization=served.http.headers["Authorization"]) as late:
                 answer = await late.post("/api/robots/stop")
             assert answer.status_code == 200

@@ -1,4 +1,4 @@
-"""The token, its file, the limit on guessing; names and origins."""
+"""The token, its file, the limit on guesses; names and origins."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_read_only_links_have_a_token_of_their_own() -> None:
     for link in (first, second):
         assert gate.check("1.2.3.4", [link.token]) is link
         assert gate.check("1.2.3.4", [link.token, TOKEN]) is Verdict.OPERATOR
-    # No way up from there, and none back.
+    # Links derived from a read-only token are not valid, and a revoked link stays revoked.
     above = ReadOnlyLinks(first.token)
     above.restore(links.kept())
     assert gate.check("1.2.3.4", [above.newest.token]) is Verdict.WRONG
@@ -204,7 +204,7 @@ def test_only_the_servers_own_pages_are_accepted() -> None:
     assert names.answers_to(NetworkName("lab.example", 1234))
     assert names.answers_to(NetworkName("other.example", 8443))
     assert not names.answers_to(NetworkName("other.example", 8080))
-    # The wildcard is no name.
+    # The wildcard address is not a name.
     assert not names.answers_to(NetworkName("0.0.0.0", 8080))
 
 

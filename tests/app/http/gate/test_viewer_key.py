@@ -1,4 +1,4 @@
-"""The key in the address of the 3D scene: what it admits to, and for how long."""
+"""The key in the address of the 3D scene: what it gives access to, and for how long."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ async def test_it_admits_to_the_scene_alone(serve: Any, token: str, eventually: 
             for method in ("POST", "PUT", "DELETE"):
                 refused = await client.request(method, address, headers=SANDBOXED, json={})
                 assert refused.status_code == 403, method
-            # What is not the scene stays closed, whatever the address begins with.
+            # Everything but the scene stays closed, however the address begins.
             for path in ("/api/status", "/", f"{address}../api/status", f"{address}%2e%2e/docs"):
                 elsewhere = httpx.URL(f"http://127.0.0.1:{served.port}{path}")
                 assert (await client.get(elsewhere)).status_code in (401, 404), path

@@ -1,4 +1,4 @@
-"""A client that lags gets half as much, and half again, and everything once it keeps up."""
+"""A lagging client has its rate halved, and halved again; it recovers once it keeps up."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from app.http.sockets.budget import Budget
 
 
 class Client:
-    """A client that takes ``delay_s`` for each; there is a new one every 1/15 s."""
+    """A client that takes ``delay_s`` per message; there is a new one every 1/15 s."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -18,7 +18,7 @@ class Client:
         self.delay_s = 0.05
 
     def take(self, seconds: float) -> float:
-        """Take what comes for so long; how much came in a second."""
+        """Receive messages for some time; return how many came per second."""
         end, taken = self.now + seconds, 0
         while self.now < end:
             self.now += self.budget.wait_s
@@ -34,7 +34,7 @@ def test_who_keeps_up_is_never_held_back() -> None:
     client = Client()
     assert client.take(20.0) > 14.0
     assert client.budget.halvings == 0
-    # One thing that takes long is no lag.
+    # A single slow message is not a lag.
     client.budget.acknowledged(3.0)
     assert client.budget.wait_s == 0.0
 
@@ -48,7 +48,7 @@ def test_a_lagging_client_has_its_own_rate_halved_and_gets_it_back() -> None:
         if client.budget.halvings != seen[-1]:
             seen.append(client.budget.halvings)
     assert seen == [0, 1, 2, 3]
-    # At most three times, however long it lasts.
+    # At most three halvings, however long it lags.
     assert 0.15 < client.take(60.0) < 0.35
     assert client.budget.halvings == 3
     client.delay_s = 0.02
@@ -74,7 +74,7 @@ async def observed(peer: Any, every_s: float) -> None:
 
 
 async def test_a_slow_page_over_a_real_port(served: Any, peer: Any) -> None:
-    """It acknowledges after half a second, later at once; what it is sent is counted."""
+    """It acknowledges after half a second, later at once; its messages are counted."""
     loop = asyncio.get_running_loop()
     came: list[float] = []
     delay_s = 0.5
@@ -102,7 +102,7 @@ async def test_a_slow_page_over_a_real_port(served: Any, peer: Any) -> None:
         frames = asyncio.create_task(observed(peer, 0.05))
         try:
             await asyncio.sleep(1.2)
-            # Two are on the way at a time.
+            # Two messages are in flight at a time.
             own = len(came) / 1.2
             await asyncio.sleep(5.0)
             held = rate(3.0)

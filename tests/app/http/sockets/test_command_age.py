@@ -1,4 +1,4 @@
-"""The age of commands over simulated links: two clocks, delays, and an event loop that stands."""
+"""The age of commands over simulated links: two clocks, delays, and a stalled event loop."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from app.http.sockets.command_age import CommandAge
 
 
 class Wire:
-    """A client whose clock runs on its own, and a link with a way there and a way back.
+    """A client whose clock runs on its own, and a link with a delay in each direction.
 
-    ``up`` and ``down`` give the delay of a message at a host's time, seconds.
+    ``up`` and ``down`` give the delay of a message sent at a host's time, seconds.
     """
 
     def __init__(
@@ -31,11 +31,11 @@ class Wire:
         self._pings = 0
 
     def stamp(self, at: float) -> float:
-        """The client's clock at a host's time."""
+        """Return the client's clock at a host's time."""
         return (at + self.offset) * (1 + self.drift)
 
     def ping(self, at: float) -> float:
-        """One ping and its answer; returns when that arrives."""
+        """Send one ping and its answer; return when the answer arrives."""
         self._pings += 1
         self.link.pinged(self._pings, at)
         there = at + self.down(at)
@@ -44,12 +44,12 @@ class Wire:
         return back
 
     def settle(self, until: float) -> None:
-        """Pings five times a second for two seconds."""
+        """Ping five times a second for two seconds."""
         for number in range(10):
             self.ping(until - 2.0 + 0.2 * number)
 
     def send(self, at: float) -> tuple[float, float]:
-        """A command given at a host's time: its real and its measured age on arrival."""
+        """Send a command at a host's time; return its real and its measured age on arrival."""
         arrival = at + self.up(at)
         age = self.link.age(self.stamp(at), arrival)
         assert age is not None
@@ -65,7 +65,7 @@ def test_ages_hold_over_an_hour_whatever_the_clocks(offset: float, drift: float)
         wire.ping(at)
         if step % 500 == 499:
             real, age = wire.send(at + 0.05)
-            # Drift within the window of 10 s adds up to 1 ms.
+            # Clock drift within the window of 10 s adds up to 1 ms.
             assert age == pytest.approx(real, abs=0.0015)
     state = wire.link.state(at + 0.1)
     assert state.quality == "good"
@@ -84,12 +84,12 @@ def test_jitter_is_age(most_up: float, most_down: float) -> None:
         wire.ping(at)
         if step > 10:
             real, age = wire.send(at + 0.1)
-            # The quickest of fifty messages of each way is nearly as quick as can be.
+            # The fastest of fifty messages in each direction is close to the minimum delay.
             assert age == pytest.approx(real, abs=0.03)
 
 
 def test_a_link_that_becomes_slow_is_told_and_never_learnt_as_normal() -> None:
-    """A queue in the network grows to 0.4 s and stays: no window makes that fresh again."""
+    """A network queue grows to 0.4 s and stays: no window makes its messages fresh again."""
     wire = Wire(up=lambda at: 0.003 if at < 100 else 0.4)
     for step in range(600):
         at = 50.0 + 0.2 * step
@@ -106,7 +106,7 @@ def test_a_link_that_becomes_slow_is_told_and_never_learnt_as_normal() -> None:
 
 
 def test_what_waited_while_the_loop_stood_is_as_old_as_it_is() -> None:
-    """Two seconds of commands are read within a millisecond: only those of the end are fresh."""
+    """Two seconds of commands are read within a millisecond: only the last ones are fresh."""
     wire = Wire()
     wire.settle(100.0)
     stood_until = 102.0
@@ -116,7 +116,7 @@ def test_what_waited_while_the_loop_stood_is_as_old_as_it_is() -> None:
         assert age is not None
         assert age == pytest.approx(stood_until - given, abs=0.005)
         assert (age <= COMMAND_FRESH_S) == (number > 17)
-    # And while no ping was answered since, not even those are driven by.
+    # Without an answered ping since then, not even those are used.
     assert not wire.link.is_fit(stood_until)
 
 
@@ -129,7 +129,7 @@ def test_however_long_it_stood_nothing_old_becomes_fresh(stood_s: float) -> None
     for number in range(int(stood_s * 10)):
         given = 100.0 + 0.1 * number
         if number == 3:
-            # The answer to the last ping stands in the same queue.
+            # The answer to the last ping waited in the same queue.
             wire.link.ponged(99, wire.stamp(100.002), until)
         age = wire.link.age(wire.stamp(given), until)
         if until - given > COMMAND_FRESH_S:
@@ -142,12 +142,12 @@ def test_nothing_is_known_before_a_ping_was_answered() -> None:
     assert wire.link.age(wire.stamp(10.0), 10.002) is None
     assert wire.link.state(10.0).quality == "lost"
     wire.link.pinged(1, 10.1)
-    # Of an answer to a ping that was never sent.
+    # The answer to a ping that was never sent is ignored.
     wire.link.ponged(2, wire.stamp(10.1), 10.104)
     assert wire.link.age(wire.stamp(10.2), 10.202) is None
     wire.link.ponged(1, wire.stamp(10.102), 10.204)
     assert wire.link.age(wire.stamp(10.3), 10.302) is not None
-    # A second answer to the same ping says nothing.
+    # A second answer to the same ping is ignored.
     wire.link.ponged(1, wire.stamp(10.4), 10.404)
     assert wire.link.state(10.5).rtt_s == pytest.approx(0.104)
 
@@ -160,7 +160,7 @@ def test_a_stamp_of_the_future_is_no_age_and_spoils_none(ahead_s: float) -> None
     wire.link.pinged(100, 50.0)
     wire.link.ponged(100, wire.stamp(50.0) + ahead_s, 50.004)
     real, age = wire.send(50.1)
-    # What cannot be told from a quicker way makes others older, never fresher.
+    # If it cannot be told from a faster link, commands seem older, never fresher.
     assert real - 0.001 <= age <= real + 0.011
 
 
@@ -180,7 +180,7 @@ def test_silence_is_lost_and_one_late_command_marks_the_link_for_a_second() -> N
     state = wire.link.state(50.0)
     assert state.quality == "slow"
     assert state.delay_s == pytest.approx(0.35, abs=0.005)
-    # What comes in time is driven by all the same.
+    # Commands that arrive in time are still used.
     assert wire.link.is_fit(50.0)
     for number in range(5):
         wire.ping(50.1 + 0.2 * number)
@@ -194,6 +194,6 @@ def test_memory_is_bounded() -> None:
     link = CommandAge()
     for number in range(10_000):
         link.pinged(number, 0.01 * number)
-    # The oldest are forgotten: their answers say nothing.
+    # The oldest pings are forgotten: their answers are ignored.
     link.ponged(0, 0.0, 100.0)
     assert link.state(100.0).rtt_s is None

@@ -1,4 +1,4 @@
-"""Driving by hand over the socket: leases, ages, and what a client can do to it."""
+"""Manual driving over the socket: leases, command ages, and misbehaving clients."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from app.contract.drive import DriveCommand, Presence, ReleaseLease, StopRobots, TakeLease
 from observer.robots.contract import RobotPort
 
-# A page's clock begins when it is opened.
+# A page's clock starts when the page is opened.
 EPOCH = time.monotonic() - 12.0
 
 
@@ -27,7 +27,7 @@ def clock_ms() -> float:
 
 
 class Hand:
-    """A page: answers pings, keeps what it hears, commands."""
+    """A page: answers pings, keeps what it receives, sends commands."""
 
     def __init__(self, socket: Any) -> None:
         self.socket = socket
@@ -49,7 +49,7 @@ class Hand:
         await self.socket.send(message if isinstance(message, str) else json.dumps(message))
 
     async def next(self, kind: str, **fields: Any) -> dict[str, Any]:
-        """The next message of a kind (and with these fields) that was not taken yet."""
+        """Return the next message of a kind (with these fields) that was not taken yet."""
         async with asyncio.timeout(10), self._news:
             while True:
                 for message in self.heard:
@@ -117,7 +117,7 @@ async def test_take_arm_drive_and_leave(served: Any, drive: Any, eventually: Any
         assert "take control of the observer first" in (await anna.next("refused"))["sentence"]
         lease = await anna.take()
         assert (lease["state"], lease["holder"]) == ("yours", "Anna")
-        # Asked for twice, it is the same.
+        # Taking it twice gives the same lease.
         assert (await anna.take())["lease"] == lease["lease"]
         assert len(drive.of(TakeLease)) == 1
         sequence = await anna.drive()
@@ -151,7 +151,7 @@ async def test_one_drives_and_taking_over_is_explicit(
         refused = await other.take()
         assert (refused["state"], refused["holder"]) == ("refused", "Anna")
         assert "Anna drives the observer" in refused["sentence"]
-        # By REST as well: it is not this one's robot.
+        # Over REST as well: without the lease it cannot be armed.
         assert await arm(served, None) == 409
         assert await arm(served, "another") == 409
         await other.drive()
@@ -166,7 +166,7 @@ async def test_one_drives_and_taking_over_is_explicit(
         assert "observer" not in drive.armed
         await anna.drive()
         assert "take control of the observer first" in (await anna.next("refused"))["sentence"]
-        # The other role is free all the time.
+        # The other role is free throughout.
         assert (await anna.take("obstacle"))["state"] == "yours"
         await other.say({"type": "release", "role": "observer"})
         await eventually(lambda: "observer" not in drive.leases)
@@ -202,7 +202,7 @@ async def test_what_is_old_or_said_before_is_refused(
             await page.drive(sequence=sequence)
             refused = await page.next("refused", sequence=sequence)
             assert "sequence must be greater than" in refused["sentence"]
-        # A stamp of the future is no freshness.
+        # A timestamp in the future does not make a command fresh.
         await page.drive(ago_ms=-5000, sequence=good + 50)
         assert "delay is unknown" in (await page.next("refused", sequence=good + 50))["sentence"]
         assert [command.sequence for command in drive.of(DriveCommand)] == [good]
@@ -256,7 +256,7 @@ async def test_stop_is_for_everybody_and_at_once(served: Any, drive: Any, eventu
         await eventually(lambda: drive.stopped)
         assert drive.of(StopRobots)[0].by == "Bert"
         assert not drive.armed
-        # And while the drive process answers nobody's velocities.
+        # Also while the drive process answers no commands.
         drive.hangs = True
         for _ in range(8):
             await anna.drive()
@@ -279,7 +279,7 @@ async def test_with_the_drive_process_all_leases_go(
         drive.start_process()
         await eventually(lambda: len(drive.robots) == 2)
         assert (await page.take())["state"] == "yours"
-        # Where the process knows nothing of a lease, it is none.
+        # A lease that the process does not know is lost.
         drive.leases.clear()
         for _ in range(2):
             drive.tell()
@@ -311,7 +311,7 @@ async def test_a_client_that_takes_nothing_is_let_go(
         await eventually(lambda: drive.leases)
         socket.transport.pause_reading()
         with contextlib.suppress(ConnectionClosed):
-            # More answers than the buffers of both kernels hold.
+            # The answers must exceed the socket buffers of both ends.
             async with asyncio.timeout(20):
                 while drive.leases:
                     await page.say('{"type": "present", "role": "observer"}')
@@ -319,14 +319,14 @@ async def test_a_client_that_takes_nothing_is_let_go(
         socket.transport.abort()
 
 
-# --- a loop that stands ----------------------------------------------------------------------
+# --- a stalled loop --------------------------------------------------------------------------
 
 
 class Elsewhere(threading.Thread):
-    """A page that goes on commanding, whatever the server's event loop does.
+    """A page that keeps sending commands, whatever the server's event loop does.
 
     Attributes:
-        speed_mps: of its commands; None: it is only present.
+        speed_mps: speed of its commands; None: it is only present.
     """
 
     def __init__(self, port: int, token: str, role: str = "observer") -> None:
@@ -365,7 +365,7 @@ class Elsewhere(threading.Thread):
 
     @property
     def lease(self) -> str | None:
-        """Once it is its own."""
+        """Return its lease, None until it has one."""
         return next((m["lease"] for m in self.heard if m["type"] == "lease"), None)
 
     @staticmethod
@@ -380,7 +380,7 @@ class Elsewhere(threading.Thread):
 async def test_commands_that_waited_while_the_loop_stood_are_all_refused(
     served: Any, drive: Any, eventually: Any, token: str
 ) -> None:
-    """Two seconds of them lie in the kernel then; what is passed on is known to be old."""
+    """Two seconds of commands wait in the kernel; their age is known when they are read."""
 
     page = Elsewhere(served.port, token)
     page.start()
@@ -403,7 +403,7 @@ async def test_commands_that_waited_while_the_loop_stood_are_all_refused(
     assert set(waited) <= refused
     for command in drive.of(DriveCommand):
         given = page.given[command.sequence]
-        # Never said to be fresher than it is, beyond what the clocks leave open.
+        # Never rated fresher than it is, within the uncertainty of the clocks.
         assert command.issued <= given + 0.02
     # The link recovers by itself.
     assert max(c.sequence for c in drive.of(DriveCommand)) > max(waited)

@@ -1,4 +1,4 @@
-"""The live socket: what a page is told, and what a slow one costs."""
+"""The live socket: what a page receives, and what a slow one costs."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ async def test_a_page_that_comes_later_sees_what_stands(served: Any, peer: Any) 
     async with served.socket("/api/live") as socket:
         seen = await next_of(socket, "observation")
         assert seen["line"]["frame"] == 0
-    # What was seen of another source does not stand any more.
+    # Observations of another source are no longer valid.
     await served.http.put("/api/source", json={"source": "another"})
     async with served.socket("/api/live") as socket:
         kinds = {message["type"] for message in await heard_for(socket, 0.5)}
@@ -94,7 +94,7 @@ async def test_heartbeats_come_while_nothing_happens(served: Any) -> None:
     async with served.socket("/api/live") as socket:
         messages = await heard_for(socket, 2.0)
         kinds = [message["type"] for message in messages]
-        # Promised are one every 250 ms, and the status twice a second.
+        # A heartbeat every 250 ms and a status twice a second are promised.
         assert kinds.count("heartbeat") >= 6
         assert kinds.count("status") >= 3
 
@@ -122,7 +122,7 @@ async def test_latency_ends_with_the_acknowledgement(served: Any, peer: Any) -> 
         seen = await next_of(socket, "observation")
         await asyncio.sleep(0.2)
         await painted(socket, seen["sequence"])
-        # Said twice, or never sent: no measurement.
+        # A repeated or unknown sequence number is not a measurement.
         await painted(socket, seen["sequence"])
         await painted(socket, 10**9)
         while True:
@@ -211,7 +211,7 @@ async def test_text_that_is_no_utf8_closes_with_1007(served: Any) -> None:
 async def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_due(
     served: Any, peer: Any
 ) -> None:
-    """A wait that is cancelled as it ends must not go on, or the page would never be closed."""
+    """A wait cancelled just as it ends must still be cancelled, or the page would never close."""
 
     async def closed(served: Any, later: int) -> None:
         hub, socket = LiveHub(served.server, Journal(served.server)), _ScriptedSocket()
@@ -244,7 +244,7 @@ async def test_the_server_ends_while_pages_are_open(serve: Any) -> None:
 
 
 class _ScriptedSocket:
-    """A page's socket that says what it is told to, in the turn of the loop it is told in."""
+    """A page's socket that sends what it is told to, in the same turn of the loop."""
 
     application_state = client_state = WebSocketState.CONNECTED
 

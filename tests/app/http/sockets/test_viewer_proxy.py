@@ -1,4 +1,4 @@
-"""The 3D viewer behind our door: the real viser, a real client of its protocol."""
+"""The 3D viewer behind our gate: the real viser, a real client of its protocol."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ async def test_the_scene_comes_through_and_follows(
 
 
 def messages_of(data: bytes) -> list[dict[str, Any]]:
-    """What viser's client reads in one message of the socket, without its arrays."""
+    """Return the messages in one socket message as viser's client reads them, without arrays."""
     end = 16 + int.from_bytes(data[8:16], "little")
     text = zstandard.ZstdDecompressor().decompress(data[16:end])
     messages: list[dict[str, Any]] = msgspec.msgpack.decode(text)["messages"]
@@ -115,7 +115,7 @@ async def test_layers_hang_from_nodes_that_the_server_leaves_to_the_page(
         assert all(m["visible"] for m in shown if m["name"] == node), node
     assert made[facts["display_node"]]["type"] == "FrameMessage"
     assert made[facts["camera_node"]]["type"] == "CameraFrustumMessage"
-    # The page hides a layer by a message like these, to its own viewer alone.
+    # The page hides a layer with a message like these, sent only to its own viewer.
     for message in shown:
         assert set(message) == {"type", "name", "owner", "visible"}
         assert message["owner"] == ""
@@ -155,7 +155,7 @@ async def test_nobody_reaches_viser_or_the_world_through_it(
             await socket.send(msgspec.msgpack.encode(CAMERA))
             async with asyncio.timeout(5):
                 assert await socket.recv()
-        # Also past the proxy, should a message ever get there.
+        # Also without the proxy, should a message ever get there.
         assert await asyncio.to_thread(viewer._viser.server.request_share_url) is None
         assert tunnels == []
 
@@ -287,7 +287,7 @@ async def test_a_viewer_that_dies_takes_nobody_along(served: Any) -> None:
 async def test_a_slow_viewer_holds_nothing_up(served: Any, peer: Any) -> None:
     await started(served)
     slow = await served.socket("/viewer", subprotocols=[PROTOCOL])
-    # It never reads again: its transport fills, and viser waits for it alone.
+    # It never reads again: its transport fills up, and viser waits for it alone.
     slow.transport.pause_reading()
     async with served.socket("/viewer", subprotocols=[PROTOCOL]) as quick:
         await quick.recv()

@@ -1,4 +1,4 @@
-"""A server with a calibration begun, over the peer engine, and what stands for its worker."""
+"""A server that calibrates, over the peer engine, and a stand-in for its worker."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CAPTURE = ChangeCalibration(capture=True)
 
 
 async def captured(peer: Any, server: Server, count: int = 3) -> None:
-    """Calibrate the cameras, with so many views already taken."""
+    """Begin to calibrate the cameras, with some views already captured."""
     await server.calibrating.begin(CAMERAS, BOARD)
     peer.board_seen = True
     for _ in range(count):
@@ -38,7 +38,7 @@ def begun(peer: Any) -> list[BeginCalibration]:
 
 
 class Computing:
-    """Stands for the worker: hears what it is asked, and answers when it is told to."""
+    """Stands in for the worker: receives its jobs, and answers when it is told to."""
 
     def __init__(self, text: str) -> None:
         self.text = text

@@ -15,6 +15,6 @@ from .capturing import Computing
 def computing(monkeypatch: pytest.MonkeyPatch, calibration_yaml: Any) -> Computing:
     made = Computing(calibration_yaml())
     monkeypatch.setattr(computation, "work", made)
-    # Its archives are none.
+    # The tests' archives are not real ones.
     monkeypatch.setattr(manager, "check_archive", lambda _: None)
     return made

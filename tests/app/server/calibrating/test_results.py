@@ -126,7 +126,7 @@ async def test_a_computation_that_fails_says_why_until_the_next(
 
 
 async def test_leaving_and_stopping_end_the_worker(peer: Any, storage: Storage) -> None:
-    """With the real worker, which takes a second to begin: it never comes to its end."""
+    """With the real worker, which takes a second to start and so never finishes."""
 
     async with started(peer, storage) as server:
         await captured(peer, server)
@@ -175,7 +175,7 @@ async def test_images_take_the_place_of_the_cameras(
     assert facts is not None
     assert (facts.source, facts.refused) == (None, ["b: blurred"])
     assert facts.size == (640, 480)
-    # The cameras are observed again, and lost engines have nothing to go on with.
+    # The cameras are observed again; a lost engine has no calibration to resume.
     assert server.source.state.state is EngineState.PREVIEW
     peer.lose()
     peer.start_process()
@@ -195,7 +195,7 @@ async def test_looking_through_images_holds_nothing_up_and_can_be_cancelled(
     images = Path("/nowhere")
     looking = asyncio.create_task(server.calibrating.take_images(images, BOARD))
     await until(lambda: computing.jobs)
-    # A lost engine is restored, another source opened: minutes are not waited for.
+    # Restoring a lost engine and opening another source do not wait minutes for the job.
     peer.lose()
     peer.start_process()
     await until(lambda: server.source.state.state is EngineState.PREVIEW)

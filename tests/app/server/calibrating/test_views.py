@@ -88,7 +88,7 @@ async def test_leaving_observes_again_what_was_open(peer: Any, server: Server) -
     assert server.calibrating.session.facts() is None
     assert (peer.opened.source, peer.calibrating) == ("a/folder", None)
     assert server.source.state.state is EngineState.PREVIEW
-    # And again: nothing is calibrated, so nothing is opened.
+    # Ending twice does nothing: there is no calibration, so nothing is opened.
     before = len(peer.commands)
     await server.calibrating.end()
     assert len(peer.commands) == before
@@ -115,7 +115,7 @@ async def test_leaving_closes_the_cameras_where_nothing_can_be_opened(
 async def test_leaving_a_source_that_never_opened(peer: Any, storage: Storage) -> None:
     async with started(peer, storage, "uncalibrated") as server:
         assert server.source.state.state is EngineState.FAILED
-        # What is open, or was meant to be: this is how a source gets its first calibration.
+        # The source that is open, or should be: this is how a source gets its first calibration.
         await server.calibrating.begin(None, BOARD)
         assert begun(peer)[-1].source == "uncalibrated"
         await server.calibrating.end()
@@ -126,7 +126,7 @@ async def test_leaving_a_source_that_never_opened(peer: Any, storage: Storage) -
 async def test_a_second_begin_replaces_the_first(peer: Any, server: Server) -> None:
     await captured(peer, server)
     other = Board("charuco", 7, 5, 0.03)
-    # The same cameras again: they are what is open.
+    # The same cameras again, since they are open.
     await server.calibrating.begin(None, other)
     assert begun(peer)[-1] == BeginCalibration(CAMERAS, other)
     assert names(server) == []
@@ -167,7 +167,7 @@ async def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, server
         await until(lambda: peer.calibrating or "in a row" in str(server.source.state.reason))
     assert server.source.state.state is EngineState.FAILED
     assert f"3 times in a row on {CAMERAS}" in str(server.source.state.reason)
-    # The views are there still, and so is the way out.
+    # The views are still there, and the user can still leave.
     assert names(server) == ["1", "2", "3"]
     await server.calibrating.end()
     assert server.source.state.state is EngineState.PREVIEW
@@ -232,7 +232,7 @@ async def test_views_are_captured_taken_back_and_removed(peer: Any, server: Serv
 
 
 async def test_what_is_seen_is_in_the_status(peer: Any, server: Server) -> None:
-    # Of a session that is over: nobody is told.
+    # Looks of a session that is over are ignored.
     peer.look()
     assert status(server).calibrating is None
     await captured(peer, server, 1)
@@ -270,9 +270,9 @@ async def test_swapping_turns_the_views_round_and_forgets_the_result(
     assert (first.left, first.right) == (other, both)
     assert (second.left, second.right) == (None, both)
     assert names(server) == ["1", "2"]
-    # What was computed was of cameras the other way round.
+    # The result was for the cameras the other way round.
     assert server.calibrating.session.computation.result is None
-    # Gone with the engine, they come back swapped.
+    # After the loss of the engine, they come back swapped.
     peer.lose()
     peer.start_process()
     await until(lambda: peer.calibrating)

@@ -1,4 +1,4 @@
-"""The rig's file: written whole, never overwritten where it is somebody's work."""
+"""The rig's file: written whole, and never overwritten if it is somebody's work."""
 
 from __future__ import annotations
 
@@ -62,17 +62,17 @@ def test_what_cannot_be_read_is_told_and_put_aside(path: Path, content: bytes) -
     path.write_bytes(content)
     store = RigStore(path)
     assert "the rig is unknown" in (store.load() or "")
-    # Until somebody saves a rig it stays where it is.
+    # It stays in place until somebody saves a rig.
     assert path.read_bytes() == content
     store.keep(FULL)
     assert path.with_name("rig.yaml.unreadable").read_bytes() == content
     assert loaded(path).rig.mount == FULL.mount
-    # The next one that cannot be read does not take its place.
+    # The next unreadable file does not replace it.
     path.write_bytes(b"mount: 7\n")
     store.keep(Rig())
     assert path.with_name("rig.yaml.unreadable").read_bytes() == content
     assert path.with_name("rig.yaml.unreadable-2").read_bytes() == b"mount: 7\n"
-    # One that can be read is the old rig: it is replaced.
+    # A readable file is just the old rig: it is replaced.
     store.keep(FULL)
     assert len(list(path.parent.iterdir())) == 3
 
@@ -118,7 +118,7 @@ def test_a_change_leaves_what_it_does_not_name(path: Path) -> None:
     assert (rig.for_simulated, rig.calibration) == (True, "abc")
     none = store.changed({}, {}, for_simulated=False, calibration=None)
     assert dict(none.models) == {}
-    # Nothing is in force before it is kept.
+    # Changes are not in force before they are saved.
     assert store.rig is FULL
 
 

@@ -1,4 +1,4 @@
-"""Damaged records of guided checks: listed and told of as records are, or left out."""
+"""Damaged records of guided checks: listed and read like intact ones, or left out."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ AS_ANSWERED = TypeAdapter(list[CheckEntry])
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a whole record, older than the damaged ones that are put beside it."""
+    """A folder with an intact record, older than the damaged ones that are put beside it."""
     folder = tmp_path_factory.mktemp("guard-checks")
     CheckRecords(folder).save(ended())
     return folder

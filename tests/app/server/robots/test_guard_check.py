@@ -88,7 +88,7 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
     assert states(check)[0] == "waiting"
     assert "sight, not guard" in str(check.steps[0].told)
     check.stopped(replace(STOP, role="obstacle"), NOW)
-    # A robot that was slowed first counts by how fast it was before; one that crept does not.
+    # A robot that was slowed first counts with its speed before that; one that crept does not.
     check.stopped(replace(STOP, before_mps=0.05), NOW)
     assert "at 0.05 m/s; it must be driving at 0.1" in str(check.steps[0].told)
     check.stopped(replace(STOP, before_mps=None), NOW)
@@ -165,7 +165,7 @@ def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
     assert names[:2] == ["2026-11-22T0209-observer", "2026-11-22T0209-observer-2"]
     record = json.loads(records.text(names[0], "json"))
     assert record["robot"] == {"name": "amigo", "model": "amigo-sh", "watchdog_s": 2.0}
-    # A port may hold a key.
+    # A port may contain a key.
     assert "127.0.0.1" not in records.text(names[0], "json")
     assert (record["outcome"], record["operators"], record["note"]) == (
         "passed", ["Anna"], "new robot",
@@ -183,7 +183,7 @@ def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
         "2026-12-01T1000-observer", *reversed(names),
     ]  # fmt: skip
     assert (listed[0].outcome, listed[-1].states["unplug"]) == ("given_up", "passed")
-    # What was given up tells nothing of the guard.
+    # A check that was given up says nothing about the guard.
     newest = records.newest("observer")
     assert newest is not None
     assert newest.started_by == "10"
@@ -200,7 +200,7 @@ def test_only_records_are_found_whatever_is_asked_for(tmp_path: Path) -> None:
     for name in ("../secret", "notes", "", ".", "2026-11-22T0209-observer/../../secret", "a\0b"):
         with pytest.raises(NotThere):
             records.text(name, "json")
-    # What somebody left there, or half of a record, is left out.
+    # Foreign files and incomplete records are left out.
     for number, text in enumerate(("", "[]", "{", '{"outcome": 3}', '{"started_at": "x"}')):
         (folder / f"2026-11-23T000{number}-observer.json").write_text(text)
     assert len(records.all()) == 1
@@ -220,7 +220,7 @@ def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
     records.save(ended())
     newest = records.newest("observer")
     assert advice(newest, circumstances(), today) is None
-    # How a robot is reached is nothing to the guard.
+    # The guard does not depend on how a robot is reached.
     rig = Rig(mount=RigMount(height_m=RigValue(0.4)), ports={"observer": "/dev/ttyUSB1"})
     assert advice(newest, circumstances(rig=rig), today) is None
     later = str(advice(newest, circumstances(), today + timedelta(days=30)))

@@ -1,4 +1,4 @@
-"""Driving at the server: which robots the drive process is given, and what it is told."""
+"""Driving at the server: which robots the drive process gets, and what it is told."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_robots_belong_to_the_world_that_is_seen() -> None:
     assert wanted_robots(shows("real"), RIG) == {
         "observer": ConnectRobot("observer", "/dev/ttyUSB0", "amigo-sh", "real")
     }
-    # A world without robots, and what is only replayed: the real robot is not driven by either.
+    # A world without robots, and a recording: neither drives the real robot.
     assert wanted_robots(shows("simulated:lab/1"), RIG) == {}
     assert wanted_robots(shows(None), RIG) == {}
     assert wanted_robots(shows(None, OWN), RIG) == {}
@@ -90,7 +90,7 @@ async def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage:
         await server.source.open("recorded", None)
         await until(lambda: not drive.robots)
         assert {c.role for c in drive.of(DisconnectRobot)} == {"observer", "obstacle"}
-        # Nothing of it is repeated.
+        # Nothing is repeated.
         told = len(drive.commands)
         peer.publish(peer.state())
         await asyncio.sleep(0.05)
@@ -126,7 +126,7 @@ async def test_the_guard_is_told_first_and_of_every_change(
         await server.parameters.change({"guard.speed_max_mps": 0.4})
         await until(lambda: len(drive.of(SetGuard)) == 2)
         assert drive.of(SetGuard)[1].parameters["guard.speed_max_mps"] == 0.4
-        # Another parameter is nothing to it.
+        # Other parameters do not concern the drive process.
         await server.parameters.change({"ego_motion.ransac_threshold_px": 2.0})
         drive.lose()
         drive.start_process()
@@ -154,7 +154,7 @@ async def test_what_cannot_be_connected_is_said_and_not_repeated(
         await asyncio.sleep(0.1)
         assert told == len(drive.of(ConnectRobot)) == 2
         drive.refuse.clear()
-        # Another source's robots are another wish.
+        # The robots of another source are a new request.
         peer.world = "simulated:lab/2"
         await server.source.open("simulated:other", None)
         await until(lambda: len(drive.robots) == 2)
@@ -186,7 +186,7 @@ async def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_
         assert not drive.of(DisconnectRobot)
         peer.world, peer.robots = None, ()
         await server.source.open("simulated:other", None)
-        # For all that is known, it may be connected by now.
+        # It may be connected by now, so it is disconnected in any case.
         await until(lambda: len(drive.of(DisconnectRobot)) == 2)
         await until(lambda: server.driving.warnings == [])
 
@@ -323,12 +323,12 @@ async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
         0.3, 0.3, 0.0612, None,
     )  # fmt: skip
     drive.publish(stopped)
-    # What is told again, or of an incident that nobody knows, is nobody's.
+    # Repeated reports, and those of unknown incidents, are ignored.
     drive.publish(replace(stopped, distance_m=5.0))
     drive.publish(replace(stopped, incident_time=now + 1.0))
     await server.runs.stop(first)
     second = (await begin(server)).id
-    # This one stood only when its run was over, and tells next to nothing.
+    # This robot stood only after its run was over, and its report is nearly empty.
     late = replace(stopped, role="obstacle", zero_time=None, stood_time=None)
     drive.publish(replace(late, speed_mps=None, distance_m=float("nan")))
     drive.publish(IncidentEvent("observer", "fault", "a wheel stalled", now, None))
@@ -356,7 +356,7 @@ async def test_what_wheels_tell_is_kept_while_no_frame_comes(
 ) -> None:
     record = await begin(server)
     peer.observe()
-    # Of cameras, whose clock goes on.
+    # Of a live source, whose clock goes on.
     server.source.time.live = True
     told = 0
     while not any(row.source == "encoder" for row in storage.speeds(record.id)):
@@ -405,5 +405,5 @@ def test_what_is_told_is_json() -> None:
     told = json.loads(json_text(report))
     assert (told["phase"], told["speed_mps"], told["battery_v"]) == ("connected", None, None)
     assert told["warnings"] == ["x"]
-    # Half a surrogate pair, as a name may have it.
+    # Half a surrogate pair, which a name may contain.
     assert json.loads(json_text(replace(report, name="\ud800", speed_mps=0.5, battery_v=None)))

@@ -1,4 +1,4 @@
-"""What goes into the database of a run that is kept."""
+"""What a current run writes into the database."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_rows_are_written_once_although_the_database_was_locked(
     writer.start()
     try:
         run = CurrentRun(record, storage, writer, lambda: 0.0)
-        # On the clock of what was open before.
+        # In the time of the source that was open before.
         run.measured(WheelSample("observer", 41.0, 0.4, 0.4, number=0, segment=0))
         run.frames = 1
         run.measured(WheelSample("observer", 1.0, 0.3, 0.25, number=1, segment=0))
@@ -49,7 +49,7 @@ def test_rows_are_written_once_although_the_database_was_locked(
 def test_a_run_lasts_as_long_as_it_does_whatever_the_time_of_day_does(storage: Storage) -> None:
     storage.open()
     record = storage.create_run(name="a", source="b", parameters={}, versions={})
-    # As if the wall clock went back an hour at once.
+    # As if the wall clock suddenly went back an hour.
     record = replace(record, started_at="2031-05-04T03:02:01.000000+00:00")
     now = [70.0]
     writer = Writer()
@@ -93,7 +93,7 @@ def test_the_length_is_what_was_observed_and_not_how_long_it_took(
         line = {**event.line, "time": time, "segment": segment}
         run.observed(replace(event, line=line, received=received))
 
-    # A tenth of real time, on a busy machine.
+    # At a tenth of real time, as on a busy machine.
     for k in range(21):
         observed(3.0 + k / 20, 100.0 + k / 2)
     assert (run.snapshot().begin_s, run.snapshot().duration_s) == pytest.approx((3.0, 1.0))
@@ -107,7 +107,7 @@ def test_the_length_is_what_was_observed_and_not_how_long_it_took(
     kept = storage.get_run(record.id)
     assert kept is not None
     assert (kept.begin_s, kept.duration_s) == (ended.begin_s, ended.duration_s)
-    # What the page draws lies on the same clock.
+    # The page's curves use the same clock.
     times = [row.time for row in storage.speeds(record.id) if row.source == "commanded"]
     assert times == sorted(times)
     assert (times[0], times[-1]) == pytest.approx((3.0, 4.55))

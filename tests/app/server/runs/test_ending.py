@@ -1,4 +1,4 @@
-"""A run is over whether or not that can be written; what had no room is written when there is."""
+"""A run ends even if that cannot be written; it is written once there is room."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The run that is kept: begun, ended, refused."""
+"""The current run: begun, ended, refused."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ async def test_a_recordings_run_ends_with_the_recording(peer: Any, server: Serve
     found = await server.runs.archive.find(record.id)
     assert (found.state, found.frames) == (RunState.FINISHED, 1)
     assert peer.playback["loop"] is True
-    # The simulated lab goes on until somebody ends it.
+    # The simulated lab runs until somebody ends it.
     await begin(server, source="simulated:lab")
     assert peer.opened.loop is True
 

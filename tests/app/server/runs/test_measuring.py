@@ -1,4 +1,4 @@
-"""The length of runs whose rows do not tell it: older ones, and those that were cut short."""
+"""The length of runs whose rows do not give it: older ones, and interrupted ones."""
 
 from __future__ import annotations
 

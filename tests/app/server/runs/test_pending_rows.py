@@ -1,4 +1,4 @@
-"""Rows of a run while the database does not take them."""
+"""Rows of a run while the database refuses them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from app.storage import RunRecord, RunState, SpeedRow, Storage, StorageBusy
 
 
 class Locked:
-    """A database that takes no speeds until it is told otherwise."""
+    """A database that refuses speeds until it is told otherwise."""
 
     def __init__(self, storage: Storage, monkeypatch: pytest.MonkeyPatch) -> None:
         self.locked = True
@@ -31,7 +31,7 @@ class Locked:
 
 
 def drive(run: CurrentRun, times: Iterable[int]) -> None:
-    # What robots do before a run's first frame is on no clock.
+    # Before a run's first frame, robot data have no source time.
     run.frames = 1
     for at in times:
         run.measured(WheelSample("observer", float(at), 0.01 * at, None, number=1, segment=0))
@@ -55,7 +55,7 @@ def test_no_row_is_lost_however_often_the_database_is_locked(
     storage: Storage, record: RunRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lock = Locked(storage, monkeypatch)
-    # Each write is given up at once, and hardly more than the run's own fit into the queue.
+    # Each write gives up at once, and the queue holds hardly more than the run's own rows.
     writer = Writer(queue_length=2, patience_s=0.0)
     writer.start()
     run = CurrentRun(record, storage, writer, lambda: 0.0)
@@ -81,10 +81,10 @@ def test_while_a_write_is_tried_again_no_further_one_is_queued(
     run = CurrentRun(record, storage, writer, lambda: 0.0)
     drive(run, range(300))
     lock.locked = False
-    # The writer looks again a quarter of a second later, and takes what came meanwhile as well.
+    # The writer retries after a quarter of a second, and also takes the rows added meanwhile.
     deadline = time.monotonic() + 10
     while len(storage.speeds(record.id)) < 300 and time.monotonic() < deadline:
-        # On a busy machine some came after it looked: those are the next write.
+        # On a busy machine some are added after it looked: they are the next write.
         run.flush()
         time.sleep(0.02)
     assert len(storage.speeds(record.id)) == 300

@@ -1,4 +1,4 @@
-"""Re-runs beside what is open: in their order, held, cancelled, failed, ended with the server."""
+"""Re-runs beside the open source: in order, held, cancelled, failed, ended with the server."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ RESULT = FrameResult(
 
 
 class Workers:
-    """Stands in for the worker: each job waits until it is let go on."""
+    """Stands in for the worker: each job waits until it is released."""
 
     def __init__(self) -> None:
         self.jobs: list[Rerun] = []
@@ -63,7 +63,7 @@ async def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
 
 
 async def recorded(server: Server) -> RunRecord:
-    """A finished run; that its recording is none is seen by the worker alone."""
+    """A finished run; only the worker notices that its recording is not one."""
     record = await begin(server, name="Walk", parameters={"ego_motion.ransac_threshold_px": 2.0})
     await server.runs.stop(record.id)
     folder = server.storage.folder.run(record.id)
@@ -104,7 +104,7 @@ async def test_nothing_that_is_live_changes(server: Server, workers: Workers, pe
     assert (row.time, row.track_id, row.speed, row.std) == (2.5, 3, 0.4, 0.01)
     assert not Path(job.results).exists()
     assert server.parameters.current == before
-    # The live run alone opened something.
+    # Only the live run opened a source.
     assert [each.run_id for each in opens(peer)[opened:]] == [live.id]
 
 

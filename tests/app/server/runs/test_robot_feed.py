@@ -1,4 +1,4 @@
-"""What a run keeps of the robots and of the observer's goal."""
+"""What a run keeps about the robots and the observer's goal."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ STILL = Velocity(0.0, 0.0)
 
 
 class Lab:
-    """A feed that hears a robot ten times a second."""
+    """A feed that receives a robot's report ten times a second."""
 
     def __init__(self) -> None:
         self.feed = RobotFeed()
         self.now = 0.0
 
     def hear(self, state: str | None) -> str | None:
-        """Tell the goal's state and return the one that was kept with the robot's row."""
+        """Report the goal's state and return the one kept with the robot's row."""
         self.now += 0.1
         report = RobotReport(RobotPhase.CONNECTED, received=self.now)
         robot = RobotNow(

@@ -1,4 +1,4 @@
-"""The chart of a run that is going, or has no recording."""
+"""The chart of a run that is still going, or has no recording."""
 
 from __future__ import annotations
 

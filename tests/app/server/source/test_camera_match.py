@@ -1,4 +1,4 @@
-"""Calibrations belong to cameras: they are found again by them, and a difference is told."""
+"""Calibrations belong to cameras: found again by them, and a difference is reported."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_the_newest_calibration_of_the_named_cameras_is_taken(opened: Storage) -
     assert found is not None
     assert found.id == newer.id
     assert make_opening(opened, SOURCE, None).calibration == found
-    # What is not live has its own.
+    # Other sources do not get the calibration of these cameras.
     for other in ("simulated:lab", "video:a.mp4,b.mp4", "/a/folder", "camera:7,8"):
         assert make_opening(opened, other, None).calibration is None
 

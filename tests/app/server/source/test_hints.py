@@ -1,4 +1,4 @@
-"""Sentences that list what can be opened name every kind that there is."""
+"""Sentences that list possible sources name every kind that exists."""
 
 from __future__ import annotations
 

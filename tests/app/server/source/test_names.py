@@ -1,4 +1,4 @@
-"""What people call a source, and the way back from a run's recording."""
+"""Display names of sources, and the way back from a run's recording."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ async def test_a_recording_bears_its_runs_name_and_there_is_a_way_back(
     await until(lambda: told(server) == ("Recording of Morning", "simulated:lab"))
     await server.runs.history.annotate(id, name="Evening")
     assert told(server) == ("Recording of Evening", "simulated:lab")
-    # From one recording to the next the way back stays.
+    # Going from one recording to another keeps the way back.
     await server.source.open(str(server.storage.folder.run(id).absolute() / "ring-1.mcap"), None)
     await until(lambda: told(server) == ("Saved clip of Evening", "simulated:lab"))
     run = await begin(server)

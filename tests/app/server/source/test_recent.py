@@ -1,4 +1,4 @@
-"""Sources that were opened lately are kept over restarts, without passwords."""
+"""Recently opened sources are kept over restarts, without passwords."""
 
 from __future__ import annotations
 

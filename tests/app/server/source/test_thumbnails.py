@@ -17,7 +17,7 @@ LAB, PEOPLE = source_entries()[:2]
 
 
 class Maker:
-    """Makes pictures when it is let."""
+    """Makes pictures when it is allowed to."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []

@@ -1,4 +1,4 @@
-"""A source that is there to be calibrated waits for that, however it was chosen."""
+"""A source opened to be calibrated waits for that, however it was chosen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The worker as a process: what it remembers, and what becomes of one that is lost."""
+"""The worker as a process: what it remembers, and what happens when it is lost."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ROOM = make_room(1)
 
 
 def job(begin: float, end: float, choices: Choices | None = None, *, anew: bool = False) -> Solve:
-    """What came of the room in that time."""
+    """Return a job with the data of the room from that time."""
     lines = tuple(line for line in ROOM.lines if begin <= line["time"] < end)
     samples = []
     for name, body in ROOM.capture.bodies.items():
@@ -64,7 +64,7 @@ def test_it_remembers_until_it_is_lost_and_begins_anew(worker: AlignmentWorker) 
     assert isinstance(second.state, Alignment)
     assert second.state.time.offset_s == pytest.approx(0.3, abs=0.03)
     assert second.state.roles == {"Amigo": "observer", "P3DX": "obstacle"}
-    # Robots and pages go first.
+    # Robots and pages have priority.
     (process,) = children()
     assert process.nice() >= 15
     process.kill()
@@ -87,7 +87,7 @@ def test_what_is_ignored_need_not_be_there() -> None:
     told = aligner.solve(job(0, 18, Choices(ignore=("P3DX", "hat"), mount=MOUNT)))
     assert isinstance(told.state, Alignment)
     assert told.state.roles == {"Amigo": "observer"}
-    # Another choice holds from the next solution on.
+    # A changed choice applies from the next solution on.
     told = aligner.solve(job(18, 26, Choices(observer="nobody")))
     assert isinstance(told.state, Alignment), "what was found stays as long as nothing better is"
     told = aligner.solve(replace(job(0, 26, Choices(observer="nobody")), anew=True))

@@ -1,4 +1,4 @@
-"""Damaged archives of images: pairs and images, or one sentence."""
+"""Damaged image archives: pairs and images, or one sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Archives that people send: pairs by their names, and nothing that could do harm."""
+"""Archives that people send: pairs by their names, and nothing harmful."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def packed(entries: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> byt
         (["12_l.png", "12_r.png", "l.png", "r.png"], ["pair", "12"]),
         (["image_00/data/0.png", "image_01/data/0.png"], ["data 0"]),
         (["links-1.png", "rechts-1.png"], ["1"]),
-        # What is called so by chance further up does not count.
+        # Similar words in folders further up do not count.
         (["left behind/left/1.png", "left behind/right/1.png"], ["left behind 1"]),
-        # Two pairs whose names differ in what is left out of them keep both.
+        # Two pairs that get the same name are both kept.
         (["left1.png", "right1.png", "left_1.png", "right_1.png"], ["1", "1 (2)"]),
         (["left/1.png", "right1.png"], []),
         (["1.png", "2.png"], []),
@@ -124,7 +124,7 @@ def encrypted() -> bytes:
 
 
 def listing(count: int, zip64: bool) -> bytes:
-    """A directory of so many entries, of which there is nothing."""
+    """Return a zip directory of that many entries, none of which exists."""
     one = struct.pack("<4s4B4HL2L5H2L", b"PK\1\2", 20, 3, 20, *[0] * 15)
     one = one[:28] + struct.pack("<H", 1) + one[30:46] + b"a"
     start, size = 31, len(one) * count
@@ -167,7 +167,7 @@ def test_what_is_dangerous_or_useless_is_refused(name: str, zipped: Any) -> None
     try:
         with pytest.raises(CalibrationError) as refused:
             ImageArchive(path)
-        # Pass is 2 s; nothing was expanded, and nothing of a listing of millions kept.
+        # The limit is 2 s; nothing was expanded, and no listing of millions kept.
         assert time.monotonic() - begin < 2
         assert tracemalloc.get_traced_memory()[1] < 20_000_000
     finally:
@@ -180,7 +180,7 @@ def test_many_that_grow_a_little_are_too_much_together(
     zipped: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(image_archive, "MAX_EXPANDED_BYTES", 2**20)
-    # Each below the ratio: only their sum gives them away.
+    # Each is below the ratio limit: only their sum gives them away.
     content = b"".join(i.to_bytes(4, "big") + bytes(200) for i in range(500))
     entries = {f"{side}/{i}.png": content for side in ("left", "right") for i in range(6)}
     with pytest.raises(CalibrationError, match="would expand to 1 MB; at most 1 MB"):

@@ -43,7 +43,7 @@ TILTS = [(0, 0), (30, 0), (-30, 0), (0, 30), (0, -30), (20, 25), (-25, 20), (25,
 
 
 def poses() -> list[tuple[np.ndarray, np.ndarray]]:
-    """Rotation and place of the board's corner 0 in the left camera's frame."""
+    """Return rotation and position of the board's corner 0 in the left camera's frame."""
     found = []
     for number, tilt in enumerate(TILTS):
         R = Rotation.from_euler("xyz", [*tilt, 8 * number - 32], degrees=True).as_matrix()
@@ -54,7 +54,7 @@ def poses() -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def views() -> tuple[BoardView, ...]:
-    """Seen by two ideal cameras; corners with a little noise."""
+    """Return views by two ideal cameras; corners with a little noise."""
     rng = np.random.default_rng(0)
 
     def seen(R: np.ndarray, t: np.ndarray) -> BoardSighting:
@@ -90,7 +90,7 @@ def archive_of(path: Path, entries: dict[str, bytes]) -> Path:
 
 
 def large_png(width: int, height: int) -> bytes:
-    """A few kilobytes that would be a hundred megabytes and more of pixels."""
+    """Return a few kilobytes that expand to a hundred megabytes of pixels and more."""
     content = bytearray(cv2.imencode(".png", np.zeros((1, 1), np.uint8))[1].tobytes())
     head = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 0, 0, 0, 0])
     content[16:29] = head
@@ -121,7 +121,7 @@ async def test_boards_are_found_in_an_archive(tmp_path: Path) -> None:
     for k, (R, t) in enumerate(poses()[:4]):
         entries[f"left/{k}.png"] = picture(R, t)
         entries[f"right/{k}.png"] = picture(R, t - [BASELINE, 0, 0])
-    # Beyond what any camera has, none at all, and of another size.
+    # Larger than any camera's image, no image at all, and an image of another size.
     entries["left/huge.png"] = large_png(60_000, 60_000)
     entries["right/huge.png"] = entries["right/0.png"]
     entries["left/none.png"] = entries["right/none.png"] = b"no image"
@@ -205,7 +205,7 @@ async def test_a_worker_ends_with_its_server(repository: Path, tmp_path: Path) -
         "from pathlib import Path\n"
         "asyncio.run(work(FindBoards(Path(sys.argv[1]), Board()), lambda _: None))\n"
     )
-    # Reading a pipe that nobody writes never ends.
+    # Reading a pipe without a writer never ends.
     fifo = tmp_path / "images.zip"
     os.mkfifo(fifo)
     server = subprocess.Popen([sys.executable, "-c", code, str(fifo)], cwd=repository)

@@ -1,4 +1,4 @@
-"""The goal at each frame of a recorded run, and why the robot did what it did."""
+"""The goal at each frame of a recorded run, and why the robot behaved as it did."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _GOAL = GoalNow(
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Eight frames: no goal, one that is driven to, its end, an old version's, no report."""
+    """Eight frames: no goal, driving to one, its end, an old version's report, no usable report."""
     path = tmp_path_factory.mktemp("run") / "run.mcap"
     source = open_source("simulated:drive").source
     assert source.calibration is not None
@@ -81,7 +81,7 @@ def test_each_frame_tells_the_goal_of_its_instant(recording: Path) -> None:
     assert goals[:3] == [None, _GOAL, replace(_GOAL, elapsed_s=1.1)]
     assert goals[3] is not None
     assert (goals[3].state, goals[3].refused) == ("reached", [])
-    # A recording of before.
+    # From an older version.
     assert goals[4] == replace(_GOAL, refused=(), meets_at=None)
-    # What is not understood, and what is long ago.
+    # Reports that cannot be read, and those that are too old.
     assert goals[5:] == [None, None, None]

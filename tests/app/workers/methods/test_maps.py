@@ -1,4 +1,4 @@
-"""Recorded local maps in the scene from above: where they lie, and at which frames they count."""
+"""Recorded local maps in the scene from above: where they lie, and in which frames they apply."""
 
 from __future__ import annotations
 

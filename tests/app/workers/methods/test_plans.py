@@ -21,7 +21,7 @@ from ...planted_runs import plant_run
 
 
 class _Recording:
-    """As much of a recording as a plan is made with."""
+    """As much of a recording as a plan needs."""
 
     def __init__(self, mount: CameraMount | None) -> None:
         self.facts = self

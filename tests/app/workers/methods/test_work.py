@@ -45,7 +45,7 @@ def _job(folder: Path, presets: tuple[str, ...], base: CompareMethods = _JOB) ->
     return replace(base, picture=str(folder / "picture.jpg"), runs=tuple(runs))
 
 
-# What the server makes rows of speeds of.
+# Fields from which the server makes rows of speeds.
 KEPT = ("id", "state", "velocity_time", "speed", "speed_std")
 
 
@@ -67,7 +67,7 @@ def test_every_frame_is_observed_by_both(compared: tuple[Path, Compared]) -> Non
         with Recording(folder / name / "recording.mcap") as recording:
             lines, frames = list(recording.lines()), recording.frames
             assert [line["frame"] for line in lines] == list(range(15))
-            # Log times pass as the source's clock does.
+            # Log times advance like the source's clock.
             received = np.array([frame.received for frame in frames])
             assert np.diff(received) == pytest.approx(np.full(14, 1 / 15), abs=1e-6)
             assert recording.truth() is not None

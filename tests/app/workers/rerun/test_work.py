@@ -1,4 +1,4 @@
-"""A recording observed once more by the worker: the run's own frames, and nothing else changed."""
+"""The worker observes a recording again: the run's own frames, and nothing else changed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ....observer.recording.conftest import facts_of
 from ....observer.recording.conftest import frames as frames
 from ....observer.recording.conftest import lab as lab
 
-# Frames until the engine was replaced, and those behind it.
+# Numbers of frames before and after the engine was replaced.
 FIRST, SECOND = 10, 5
 
 
@@ -71,7 +71,7 @@ def job(folder: Path, **values: Any) -> Rerun:
 
 
 def bare(lines: Sequence[Any]) -> list[dict[str, Any]]:
-    """All results: without what depends on the clock, and the parameters' number."""
+    """Return all results without what depends on the clock, and without the revision number."""
     left_out = {"timings_ms", "parameters_revision"}
     return [{key: v for key, v in line.items() if key not in left_out} for line in lines]
 
@@ -100,7 +100,7 @@ def test_the_same_parameters_give_the_same_run(
         assert done.bytes == (tmp_path / "again.mcap").stat().st_size
     kept = list(read_results(tmp_path / "results.jsonl"))
     assert [each.line["segment"] for each in kept] == [0] * FIRST + [1] * SECOND
-    # The run's clock goes on where the source's began anew.
+    # The run's clock continues where the source's started again.
     clock = [each.offset_s + each.line["time"] for each in kept]
     assert clock == sorted(set(clock))
     assert clock[-1] - clock[0] == pytest.approx(done.duration_s)

@@ -1,4 +1,4 @@
-"""The worker makes pictures of scenarios and of folders, and says why it cannot."""
+"""The worker makes pictures of scenarios and of folders, or says why it cannot."""
 
 from __future__ import annotations
 
