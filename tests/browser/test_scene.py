@@ -314,6 +314,24 @@ def test_a_browser_without_webgl_says_so(
     page.context.close()
 
 
+def test_why_there_is_no_viewer_is_all_that_the_scene_says(
+    server: Server, browser: Browser, keep_picture: KeepPicture
+) -> None:
+    page = browser.new_page()
+    refusal = "<p>The 3D view is unavailable: the 3D viewer could not be started: no port.</p>"
+    page.route(
+        "**/viewer/",
+        lambda route: route.fulfill(status=503, content_type="text/html", body=refusal),
+    )
+    page.goto(server.link)
+    frame = page.frame_locator("observer-scene iframe")
+    expect(frame.locator("p")).to_contain_text("no port", timeout=20_000)
+    expect(page.get_by_text("Loading the 3D scene")).not_to_be_visible()
+    expect(page.locator(".scene-tools")).not_to_be_visible()
+    keep_picture(page, "scene-without-viewer")
+    page.context.close()
+
+
 def test_on_a_narrow_window_the_layers_are_a_list(
     open_scene: Callable[..., Page], keep_picture: KeepPicture
 ) -> None:

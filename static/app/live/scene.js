@@ -15,9 +15,11 @@ declareKeys("Picking a goal", ["Esc", "Cancel, unless a robot is armed"]);
 const ADDRESS = "/viewer/";
 // The viewer is loaded after this even without live data.
 const PATIENCE_MS = 3000;
+// A viewer has started by this time after its page has loaded.
+const STARTED_MS = 1000;
 
 class Scene extends Part {
-  #frame = viewerFrame();
+  #frame = this.#newFrame();
   #trouble = h(
     "p.scene-trouble",
     { role: "status" },
@@ -31,7 +33,6 @@ class Scene extends Part {
   #pick = h("div.scene-pick", { hidden: true }, this.#pickWords, this.#cancel);
   /** @type {SceneFacts | null} */
   #facts = null;
-  #runs = false;
 
   build() {
     this.#trouble.hidden = true;
@@ -55,17 +56,32 @@ class Scene extends Part {
     this.#mark();
   }
 
+  #newFrame() {
+    const frame = h("iframe", {
+      // Without our origin: it may do nothing but draw, and browsers give it its own process.
+      sandbox: "allow-scripts",
+      title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
+    });
+    frame.addEventListener("load", () => setTimeout(() => this.#judge(frame), STARTED_MS));
+    return frame;
+  }
+
+  /** What loaded but did not start is the server's refusal: leave the frame to it. */
+  #judge(/** @type {HTMLIFrameElement} */ frame) {
+    if (frame.src && this.#controls.hidden) this.#wait.hidden = true;
+  }
+
   #load() {
     if (!this.#frame.src) this.#frame.src = ADDRESS;
   }
 
   /** Handle the return of the server; a running viewer restores its link itself. */
   #back() {
-    if (this.#runs) {
+    if (!this.#controls.hidden) {
       this.#tell({ kind: "back" });
     } else if (this.#frame.src) {
       // A new frame: a second address in the old one would add an entry to the browser's history.
-      const frame = viewerFrame();
+      const frame = this.#newFrame();
       this.#frame.replaceWith(frame);
       this.#frame = frame;
       this.#load();
@@ -85,7 +101,6 @@ class Scene extends Part {
 
   /** @param {boolean} draws */
   async #start(draws) {
-    this.#runs = true;
     this.#trouble.hidden = draws;
     this.#paint();
     if (draws) this.#facts ??= await request("GET", "/scene").catch(() => null);
@@ -94,6 +109,7 @@ class Scene extends Part {
       this.#wait.hidden = true;
       return;
     }
+    this.#wait.hidden = false;
     this.#controls.offer(this.#facts.layers);
     this.#controls.hidden = false;
     this.hub.floorPick.possible = true;
@@ -163,14 +179,6 @@ class Scene extends Part {
   #mark() {
     setAttribute(this, "data-freshness", this.hub.freshness.state);
   }
-}
-
-function viewerFrame() {
-  return h("iframe", {
-    // Without our origin: it can do nothing but draw, and browsers give it its own process.
-    sandbox: "allow-scripts",
-    title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
-  });
 }
 
 customElements.define("observer-scene", Scene);
