@@ -268,7 +268,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     anchor = anchor_of(shown)
     place, cov = measured_anchor(shown, anchor, scene)
     if outline.only_legs and anchor != "middle":
-        cov = cov + swing_cov(_along(place, scene))
+        cov = cov + swing_cov(scene.along_sight(place))
     if track.forgotten and not track.rigid:
         outline.offsets.clear()
         before = np.zeros(3) if has_left(track, scene) else track.mean[VELOCITY]
@@ -276,7 +276,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     # When a new anchor takes over, the body is assumed to be where it was expected.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
     if outline.depths.measured:
-        cov = cov + _along(place, scene) * _DEPTH_DRIFT_M**2
+        cov = cov + scene.along_sight(place) * _DEPTH_DRIFT_M**2
     if not track.rigid or not track.by_points:
         track.filter = track.filter.with_position(place - offset, cov)
         if track.filter.manoeuvres:
@@ -285,12 +285,6 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
     track.missed_s = track.merged_s = 0.0
     track.far = False
-
-
-def _along(place: Float64Array, scene: DenseScene) -> Float64Array:
-    """(3, 3) the projection onto the line of sight to a place (3,) m, world."""
-    ahead = place - scene.T_world_camera.translation
-    return np.asarray(ahead[:, None] * ahead / float(ahead @ ahead))
 
 
 # --- beginning -------------------------------------------------------------------------------

@@ -77,16 +77,15 @@ class Stirring:
                 tracks.append(track)
 
     def _note_places(self, found: list[Float64Array], scene: DenseScene) -> None:
-        eye, time = scene.T_world_camera.translation, scene.time
         for at in found:
-            near = min(self._places, key=lambda p: _apart(p.at, at, eye), default=None)
-            if near is None or _apart(near.at, at, eye) > _PLACE_M:
+            near = min(self._places, key=lambda p: _apart(p.at, at, scene), default=None)
+            if near is None or _apart(near.at, at, scene) > _PLACE_M:
                 near = _Place(at)
                 self._places.append(near)
             near.at = near.at + _GAIN * (at - near.at)
-            near.changes.note(time, changed=True)
+            near.changes.note(scene.time, changed=True)
         for place in self._places:
-            place.changes.note(time, changed=False)
+            place.changes.note(scene.time, changed=False)
         self._places = [p for p in self._places if p.changes.known]
 
 
@@ -120,9 +119,9 @@ def _on_and_around(segment: Segment, scene: DenseScene) -> Mask:
     return widened(segment.mask, max(2, round(_REACH_M * scene.grid.per_metre(segment.disparity))))
 
 
-def _apart(a: Float64Array, b: Float64Array, eye: Float64Array) -> float:
-    between, ahead = b - a, a - eye
-    along = between @ ahead * ahead / (ahead @ ahead)
+def _apart(a: Float64Array, b: Float64Array, scene: DenseScene) -> float:
+    between = b - a
+    along = scene.along_sight(a) @ between
     return float(np.linalg.norm(between - along + _ALONG_WEIGHT * along))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
-from observer.geometry import Pose
+from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.corrections import at_one_time, with_bias
 from observer.methods.rigid.dense.depth_image import RowTexture, depth_image
@@ -61,6 +61,11 @@ class DenseScene:
     def T_camera_world(self) -> Pose:
         """The pose, from the world's frame to the camera's."""
         return self.T_world_camera.inverse()
+
+    def along_sight(self, place: Float64Array) -> Float64Array:
+        """(3, 3) the projection onto the line of sight to a place (3,) m, world."""
+        ahead = place - self.T_world_camera.translation
+        return np.asarray(ahead[:, None] * ahead / float(ahead @ ahead))
 
     @cached_property
     def tolerances(self) -> tuple[float, float]:
