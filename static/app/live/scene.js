@@ -81,6 +81,7 @@ class Scene extends Part {
       this.#tell({ kind: "back" });
     } else if (this.#frame.src) {
       // A new frame: a second address in the old one would add an entry to the browser's history.
+      this.#wait.hidden = false;
       const frame = this.#newFrame();
       this.#frame.replaceWith(frame);
       this.#frame = frame;
