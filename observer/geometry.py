@@ -145,17 +145,19 @@ class Pose:
         )
 
 
-def along_arc(x: float, y: float, heading: float, way: float, turned: float) -> tuple[float, float]:
+def along_arc(
+    x: float, y: float, heading: float, distance_m: float, turned: float
+) -> tuple[float, float]:
     """Return the end of an arc over a plane that begins at ``x``, ``y`` along ``heading``.
 
     A circle's chord (Siegwart and Nourbakhsh, Introduction to Autonomous Mobile Robots, 5.2.4).
 
     Args:
-        way: along the arc, metres, negative backwards. turned: over the way, radians.
+        distance_m: along the arc, metres, negative backwards. turned: over it, radians.
     """
     half = turned / 2
-    # way * sinc(turned / 2), along the mean heading.
-    chord = way * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
+    # distance_m * sinc(turned / 2), along the mean heading.
+    chord = distance_m * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
     return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half)
 
 

@@ -37,9 +37,9 @@ class Travelled:
         unknown.
         """
         return {
-            "commanded_way_m": self._commanded.way_m,
-            "sent_way_m": self._sent.way_m,
-            "encoder_way_m": None if self._driven_m is None else round(self._driven_m, 4),
+            "commanded_distance_m": self._commanded.distance_m,
+            "sent_distance_m": self._sent.distance_m,
+            "encoder_distance_m": None if self._driven_m is None else round(self._driven_m, 4),
             "commanded_speed_max_mps": self._commanded.fastest_mps,
             "sent_speed_max_mps": self._sent.fastest_mps,
             "encoder_speed_max_mps": self._encoder.fastest_mps,
@@ -51,19 +51,21 @@ class _Course:
 
     def __init__(self) -> None:
         self._last: float | None = None
-        self._way: float | None = None
+        self._distance_m: float | None = None
         self._fastest: float | None = None
 
     def add(self, speed: float | None, dt: float) -> None:
         if speed is not None:
             if self._last is not None:
-                self._way = (self._way or 0.0) + dt * (abs(self._last) + abs(speed)) / 2
+                self._distance_m = (self._distance_m or 0.0) + dt * (
+                    abs(self._last) + abs(speed)
+                ) / 2
             self._fastest = max(abs(speed), self._fastest or 0.0)
         self._last = speed
 
     @property
-    def way_m(self) -> float | None:
-        return None if self._way is None else round(self._way, 4)
+    def distance_m(self) -> float | None:
+        return None if self._distance_m is None else round(self._distance_m, 4)
 
     @property
     def fastest_mps(self) -> float | None:

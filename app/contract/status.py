@@ -130,7 +130,7 @@ class VergenceStatus:
     ]
     std_rad: float | None
     sentence: str
-    way_m: Annotated[
+    distance_m: Annotated[
         float,
         means("Distance compared with the wheels; 0 if only near and far points are compared."),
     ]

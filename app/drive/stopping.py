@@ -234,11 +234,11 @@ class StopWatch:
             stood_time=stop.stood,
             speed_mps=stop.speed_mps,
             before_mps=stop.before_mps,
-            distance_m=None if stop.stood is None else self._way(stop.cause, stop.stood),
+            distance_m=None if stop.stood is None else self._driven_m(stop.cause, stop.stood),
             separation_m=separation_m,
         )
 
-    def _way(self, start: float, end: float) -> float | None:
+    def _driven_m(self, start: float, end: float) -> float | None:
         """Return the odometry's path length between two moments, at even speed between packets."""
         packets = [each for each in self._packets if each.received <= end]
         within = [each for each in packets if each.received > start]

@@ -71,9 +71,9 @@ class WheelOdometry:
         before, self._before = self._before, (left_rad, right_rad)
         if before is not None:
             left, right = left_rad - before[0], right_rad - before[1]
-            way = (left + right) / 2 * self._radius
+            distance = (left + right) / 2 * self._radius
             turn = (right - left) * self._radius / self._track
-            self._x, self._y = along_arc(self._x, self._y, self._yaw, way, turn)
+            self._x, self._y = along_arc(self._x, self._y, self._yaw, distance, turn)
             self._yaw += turn
         return Odometry(self._x, self._y, self._yaw)
 

@@ -257,7 +257,7 @@ class _Drive:
         if self._simulated is not None and simulated < self._simulated:
             self._odometry.rebase()
         self._simulated = simulated
-        way = self._odometry.add(*pioneer.wheel_angles(connection))
+        odometry = self._odometry.add(*pioneer.wheel_angles(connection))
         left, right = (
             connection.number("getJointVelocity", joint) * pioneer.wheel_radius_m
             for joint in (pioneer.left, pioneer.right)
@@ -271,7 +271,7 @@ class _Drive:
             warnings=self._warnings,
             received=now,
             name=pioneer.name,
-            odometry=way,
+            odometry=odometry,
             speed_mps=(left + right) / 2,
             turn_rate_radps=(right - left) / pioneer.track_m,
             sonars=tuple(self._readings[k] for k in sorted(self._readings)),

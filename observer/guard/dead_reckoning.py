@@ -35,8 +35,8 @@ class DeadReckoning:
             before, x, y, yaw = self._rows[self._count - 1].tolist()
             dt = now - before
             if 0 <= dt <= _LONGEST_GAP_S:
-                middle, way = yaw + turn_rate_radps * dt / 2, speed_mps * dt
-                x, y = x + way * math.cos(middle), y + way * math.sin(middle)
+                middle, distance = yaw + turn_rate_radps * dt / 2, speed_mps * dt
+                x, y = x + distance * math.cos(middle), y + distance * math.sin(middle)
                 self._append(now, x, y, yaw + turn_rate_radps * dt)
                 return True
         self._count = 0

@@ -54,10 +54,10 @@ def poses_along(speed_mps: float, turn_rate_radps: float, times: Float64Array) -
     Autonomous Mobile Robots, 3.2).
     """
     yaw = turn_rate_radps * times
-    way = speed_mps * times
+    distance = speed_mps * times
     half = yaw / 2
     # The chord of an arc; numpy's sinc multiplies its argument by pi.
-    chord = way * np.sinc(half / math.pi)
+    chord = distance * np.sinc(half / math.pi)
     return np.stack([chord * np.cos(half), chord * np.sin(half), yaw], axis=-1)
 
 
@@ -101,8 +101,8 @@ def swept(
         return Way(ring, np.zeros(_RING), np.zeros(_RING, np.bool_), 0.0)
     body, margin = _edge(outline, margin_m, speed_mps)
     reach = math.hypot(*body[0])
-    way = (abs(speed_mps) + abs(turn_rate_radps) * reach) * seconds
-    count = min(_MOST_STEPS, max(2, math.ceil(way / _STEP_M) + 1))
+    longest = (abs(speed_mps) + abs(turn_rate_radps) * reach) * seconds
+    count = min(_MOST_STEPS, max(2, math.ceil(longest / _STEP_M) + 1))
     times = np.linspace(0.0, seconds, count)
     poses = poses_along(speed_mps, turn_rate_radps, times)
     points = placed(body, poses)

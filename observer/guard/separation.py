@@ -37,7 +37,7 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.sight import SeenObstacle
 
 # One standard deviation of the distance driven, as a share of it: wheels slip, floors differ.
-_WAY_SIGMA = 0.05
+_DISTANCE_SIGMA = 0.05
 # Assumed where the uncertainty is unknown.
 _UNKNOWN_POSITION_SIGMA_M = 0.2
 _UNKNOWN_VELOCITY_SIGMA_MPS = 0.3
@@ -70,7 +70,7 @@ class Stopping:
             abs(turn_rate_radps) / p.turn_acceleration_radps2,
             1e-6,
         )
-        return Stopping(p.reaction_s, braking_s, 1 + p.sigmas * _WAY_SIGMA)
+        return Stopping(p.reaction_s, braking_s, 1 + p.sigmas * _DISTANCE_SIGMA)
 
     def way_s(self, share: float = 1.0) -> float:
         """S_r + S_s + Z_r of a share of the wanted velocity."""
@@ -181,7 +181,7 @@ def _within_reach(
     body = math.hypot(outline.length_m, outline.width_m) / 2
     _, _, vx, vy, radius, sigma_p, sigma_v = _numbers(one)
     # Z_r stretches the robot's way.
-    fast = (1 + p.sigmas * _WAY_SIGMA) * abs(wanted[0]) + math.hypot(vx, vy)
+    fast = (1 + p.sigmas * _DISTANCE_SIGMA) * abs(wanted[0]) + math.hypot(vx, vy)
     sigma = sigma_p + sigma_v * seconds
     reach = body + radius + p.margin_m + p.sigmas * sigma + fast * seconds
     return math.hypot(one.x, one.y) <= reach

@@ -275,8 +275,8 @@ def _usable_errand(errand: Errand, now: float) -> bool:
 def _motion(errand: Errand, now: float) -> Motion:
     """Return where the robot is now if it kept its reported velocity."""
     dt = min(max(now - errand.time, 0.0), SIGHT_FRESH_S)
-    way, turned = errand.speed_mps * dt, errand.turn_rate_radps * dt
-    x, y = along_arc(errand.x, errand.y, errand.yaw, way, turned)
+    distance, turned = errand.speed_mps * dt, errand.turn_rate_radps * dt
+    x, y = along_arc(errand.x, errand.y, errand.yaw, distance, turned)
     return Motion(x, y, errand.yaw + turned, errand.speed_mps, errand.turn_rate_radps)
 
 

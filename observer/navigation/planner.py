@@ -41,7 +41,7 @@ _MOST_QUESTIONS: Final = 25
 # The robot does not begin a path on which the guard would permit less than this share.
 _LEAST_SHARE: Final = 0.05
 # Metres: lower bound of the distance by which a risk per metre is divided.
-_LEAST_WAY_M: Final = 0.1
+_LEAST_DISTANCE_M: Final = 0.1
 # Share of a velocity (m/s forward, rad/s to the left) that the guard would permit, and why not all.
 Permits = Callable[[tuple[float, float]], tuple[float, str | None]]
 
@@ -187,7 +187,7 @@ def _risk_until_standing(
     still = stopped.only(STANDING)
     anyway = risk_of(still, people, radius_m, np.ones_like(still.speed)).each
     near = Risk(np.maximum(near.each - anyway, 0.0), near.when_s)
-    return near, near.total / np.maximum(stopped.way_m(), _LEAST_WAY_M)
+    return near, near.total / np.maximum(stopped.driven_m(), _LEAST_DISTANCE_M)
 
 
 def _cost(ways: Rollouts, now: Motion, around: Surroundings) -> Float64Array:

@@ -62,7 +62,7 @@ class Rollouts:
             asked=self.asked[one],
         )
 
-    def way_m(self) -> Float64Array:
+    def driven_m(self) -> Float64Array:
         """(C,) metres driven."""
         return np.asarray(np.abs(self.speed).sum(axis=1) * (self.times[1] - self.times[0]))
 
@@ -132,9 +132,9 @@ def braked(ways: Rollouts, reaction: int, limits: GuardParameters) -> Rollouts:
 
 def _moved(pose: Float64Array, speed: Float64Array, turn: Float64Array, dt: float) -> Float64Array:
     middle = pose[:, 2] + turn * dt / 2
-    way = speed * dt
-    x = pose[:, 0] + way * np.cos(middle)
-    y = pose[:, 1] + way * np.sin(middle)
+    distance = speed * dt
+    x = pose[:, 0] + distance * np.cos(middle)
+    y = pose[:, 1] + distance * np.sin(middle)
     return np.stack([x, y, pose[:, 2] + turn * dt], axis=1)
 
 

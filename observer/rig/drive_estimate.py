@@ -29,7 +29,7 @@ from observer.robust import MAD_TO_SIGMA
 
 # Initial noise of a stretch, metres and radians; the residuals then give the real noise, within
 # these factors of the initial one.
-_WAY_SIGMA_M, _TURN_SIGMA = 0.003, 0.002
+_DISTANCE_SIGMA_M, _TURN_SIGMA = 0.003, 0.002
 _NOISE_FACTOR = (0.3, 30.0)
 # Prior, one standard deviation: a camera is mounted roughly upright, somewhere on its robot.
 # Pan, tilt, roll (rad), forward, left (m), scale.
@@ -43,7 +43,7 @@ _TURN_BIAS = 0.002
 _EXCESS = 1.25
 # Largest standard deviations at which a value is still reported, in the same order.
 _USEFUL = (*(math.radians(1.5),) * 3, 0.02, 0.02, 0.03)
-_LEAST_TURN, _LEAST_WAY_M = math.radians(40), 0.4
+_LEAST_TURN, _LEAST_DISTANCE_M = math.radians(40), 0.4
 _FEWEST_STRETCHES = 3
 # A stretch that turns less than this counts as straight.
 _STRAIGHT = math.radians(3)
@@ -63,7 +63,7 @@ class DriveEstimate:
             as in ``CameraMount``.
         wheel_scale: metres that the camera saw for each metre that the wheels report.
         turn_scale: radians that the camera saw for each radian that the wheels report.
-        way_m, turned_rad: how far the camera moved, and turned, in total.
+        distance_m, turned_rad: how far the camera moved, and turned, in total.
         still_needed: what to drive to determine the rest; empty when nothing is missing.
         sentence: the result in words.
     """
@@ -75,7 +75,7 @@ class DriveEstimate:
     roll_rad: Estimated | None
     wheel_scale: Estimated | None
     turn_scale: Estimated | None
-    way_m: float
+    distance_m: float
     turned_rad: float
     still_needed: tuple[str, ...]
     sentence: str
@@ -97,15 +97,15 @@ def estimate_drive(
     stretches = drive_stretches(samples)
     if isinstance(stretches, Refused):
         return stretches
-    way = sum(stretch.seen_m for stretch in stretches)
+    distance_m = sum(stretch.seen_m for stretch in stretches)
     turned = sum(stretch.seen_rad for stretch in stretches)
     if len(stretches) < _FEWEST_STRETCHES:
         return Refused(
-            f"the robot has hardly moved ({way:.2f} m and {math.degrees(turned):.0f} degrees): "
-            f"{TURN_ON_THE_SPOT}, then {DRIVE_STRAIGHT}"
+            f"the robot has hardly moved ({distance_m:.2f} m and "
+            f"{math.degrees(turned):.0f} degrees): {TURN_ON_THE_SPOT}, then {DRIVE_STRAIGHT}"
         )
     straight = [stretch for stretch in stretches if stretch.seen_rad < _STRAIGHT]
-    if impossible := _impossible_way(straight):
+    if impossible := _impossible_distance(straight):
         return Refused(impossible)
     turned_enough = turned >= _LEAST_TURN
     values, sigmas = _fitted(stretches, standing, standing_sigma_rad)
@@ -116,7 +116,7 @@ def estimate_drive(
             "wheels, where about 1 is expected; check that the odometry's yaw is in radians and "
             "positive to the left"
         )
-    went_straight = sum(stretch.driven_m for stretch in straight) >= _LEAST_WAY_M
+    went_straight = sum(stretch.driven_m for stretch in straight) >= _LEAST_DISTANCE_M
     # Only straight driving shows where ahead is, and with it the offset's direction.
     offset_shown = turned_enough and went_straight
     shown = (
@@ -136,7 +136,7 @@ def estimate_drive(
         needed.append(DRIVE_STRAIGHT)
     return DriveEstimate(
         forward_m=forward, left_m=left, pan_rad=pan, tilt_rad=tilt, roll_rad=roll,
-        wheel_scale=scale, turn_scale=turn_scale, way_m=way, turned_rad=turned,
+        wheel_scale=scale, turn_scale=turn_scale, distance_m=distance_m, turned_rad=turned,
         still_needed=tuple(needed), sentence=_sentence(forward, left, pan, scale, needed),
     )  # fmt: skip
 
@@ -147,7 +147,7 @@ class _Model:
     def __init__(self, stretches: Sequence[Stretch]) -> None:
         self._wheels = WheelPaths(stretches)
         self._turn = np.array([stretch.turn for stretch in stretches])
-        self._way = np.array([stretch.way for stretch in stretches])
+        self._translation = np.array([stretch.translation for stretch in stretches])
 
     def turned(self, values: Float64Array) -> Float64Array:
         """(N, 3) rotation vectors in the base's axes; about z alone if there were no errors."""
@@ -163,7 +163,7 @@ class _Model:
         c, s = np.cos(turn) - 1, np.sin(turn)
         forward, left, scale = values[3:]
         swing = np.stack([c * forward - s * left, s * forward + c * left, np.zeros_like(c)], axis=1)
-        seen = self._way @ _rotation(values[:3]).T
+        seen = self._translation @ _rotation(values[:3]).T
         return np.asarray(seen - swing - scale * self._wheels.driven(turn))
 
 
@@ -177,7 +177,7 @@ def _fitted(
     if standing is not None:
         middle[1:3] = standing.tilt_rad, standing.roll_rad
         prior_sigma[1:3] = standing_sigma
-    noise = np.array([_WAY_SIGMA_M, _TURN_SIGMA])
+    noise = np.array([_DISTANCE_SIGMA_M, _TURN_SIGMA])
 
     def residuals(values: Float64Array) -> Float64Array:
         off = (values - middle) / prior_sigma
@@ -191,7 +191,7 @@ def _fitted(
     # Robust loss: stretches in which the robot slips or the camera loses track count less.
     best = least_squares(residuals, start, loss="soft_l1", f_scale=2.0, max_nfev=30)
     for _ in range(2):
-        noise[0] = _WAY_SIGMA_M * _factor(model.strayed(best.x) / _WAY_SIGMA_M)
+        noise[0] = _DISTANCE_SIGMA_M * _factor(model.strayed(best.x) / _DISTANCE_SIGMA_M)
         noise[1] = _TURN_SIGMA * _factor(model.tipped(best.x) / _TURN_SIGMA)
         best = least_squares(residuals, best.x, loss="soft_l1", f_scale=2.0, max_nfev=30)
     values = np.asarray(best.x, np.float64)
@@ -207,8 +207,8 @@ def _first_pan(stretches: Sequence[Stretch]) -> float:
     for one in stretches:
         if one.seen_rad < _STRAIGHT:
             driven = float(one.steps[:, 0].sum())
-            right += driven * float(one.way[0])
-            ahead += driven * float(one.way[2])
+            right += driven * float(one.translation[0])
+            ahead += driven * float(one.translation[2])
     return math.atan2(right, ahead)
 
 
@@ -238,11 +238,11 @@ def _turn_scale(stretches: Sequence[Stretch], values: Float64Array) -> Estimated
     return Estimated(scale, math.hypot(spread, _TURN_BIAS))
 
 
-def _impossible_way(straight: Sequence[Stretch]) -> str | None:
+def _impossible_distance(straight: Sequence[Stretch]) -> str | None:
     told = sum(stretch.driven_m for stretch in straight)
     seen = sum(stretch.seen_m for stretch in straight)
     low, high = _POSSIBLE_SCALE
-    if told < _LEAST_WAY_M or low <= seen / told <= high:
+    if told < _LEAST_DISTANCE_M or low <= seen / told <= high:
         return None
     return (
         f"the camera measured {seen:.2f} m of straight driving where the wheels report {told:.2f} "

@@ -15,7 +15,7 @@ from observer.types import Odometry
 
 # A stretch ends once one of these is reached: long enough for its motion to stand out from the
 # noise, short enough that there are many of them.
-_STRETCH_TURN, _STRETCH_WAY_M = math.radians(10), 0.15
+_STRETCH_TURN, _STRETCH_DISTANCE_M = math.radians(10), 0.15
 # Limits of one step; beyond, the wheel odometry was reset, the robot was carried, or samples
 # are missing.
 _MOST_STEP_M, _MOST_STEP_RAD, _MOST_STEP_S = 1.0, math.radians(60), 1.0
@@ -41,20 +41,20 @@ class Stretch:
     """Motion of camera and wheels from one instant to a later one.
 
     Attributes:
-        turn: (3,) rotation vector, radians, and way: (3,) metres, of the camera: its later pose
-            in its earlier axes.
+        turn: (3,) rotation vector, radians, and translation: (3,) metres, of the camera: its later
+            pose in its earlier axes.
         steps: (K, 2) metres ahead and to the left by the wheels, each in the axes that the robot
             had at the middle of the step. wheel_turns: (K,) radians to the left.
     """
 
     turn: Float64Array
-    way: Float64Array
+    translation: Float64Array
     steps: Float64Array
     wheel_turns: Float64Array
 
     @property
     def seen_m(self) -> float:
-        return float(np.linalg.norm(self.way))
+        return float(np.linalg.norm(self.translation))
 
     @property
     def seen_rad(self) -> float:
@@ -162,12 +162,12 @@ def _cut(run: list[_Known]) -> Iterator[Stretch]:
             begin = a
         steps.append(step)
         turns.append(turn)
-        way = sum(math.hypot(*one) for one in steps)
-        if not (any(turns) or way):
+        driven_m = sum(math.hypot(*one) for one in steps)
+        if not (any(turns) or driven_m):
             # Still standing: the stretch begins where the robot sets off.
             begin, steps, turns = None, [], []
             continue
-        if abs(sum(turns)) >= _STRETCH_TURN or way >= _STRETCH_WAY_M:
+        if abs(sum(turns)) >= _STRETCH_TURN or driven_m >= _STRETCH_DISTANCE_M:
             moved = begin.T_world_camera.inverse() @ b.T_world_camera
             yield Stretch(moved.rotvec, moved.translation, np.array(steps), np.array(turns))
             begin, steps, turns = None, [], []

@@ -81,10 +81,10 @@ class HandMotion:
         index, since = divmod(rest, self._hold_s + self._move_s)
         k = min(int(index), len(self._poses) - 1)
         s = min(max((since - self._hold_s) / self._move_s, 0.0), 1.0)
-        way = s**3 * (10 - 15 * s + 6 * s * s)
+        share = s**3 * (10 - 15 * s + 6 * s * s)
         a, b = self._centres[k], self._centres[(k + 1) % len(self._poses)]
-        R = self._poses[k].rotation @ Rotation.from_rotvec(way * self._turns[k]).as_matrix()
-        return Pose(R, a + way * (b - a) + self._tremor(rest) - R @ self._centre)
+        R = self._poses[k].rotation @ Rotation.from_rotvec(share * self._turns[k]).as_matrix()
+        return Pose(R, a + share * (b - a) + self._tremor(rest) - R @ self._centre)
 
     def _tremor(self, time: float) -> Float64Array:
         """Return (3,) metres; each pass holds whole oscillations, so that the cycle closes."""

@@ -36,17 +36,17 @@ class PlanarState:
 
 
 def state_on_arc(
-    start: PlanarState, way: float, turned: float, speed: float, turn_rate: float
+    start: PlanarState, distance: float, turned: float, speed: float, turn_rate: float
 ) -> PlanarState:
     """Return the state at the end of an arc that begins along the heading of ``start``.
 
     Args:
-        way: along the arc, metres. turned: over the way, radians.
+        distance: along the arc, metres. turned: over it, radians.
         speed: along the heading at its end, m/s. turn_rate: rad/s.
     """
     heading = start.heading + turned
     return PlanarState(
-        *along_arc(start.x, start.y, start.heading, way, turned),
+        *along_arc(start.x, start.y, start.heading, distance, turned),
         heading,
         speed * math.cos(heading),
         speed * math.sin(heading),
@@ -167,9 +167,9 @@ class Ramp:
         """Durations of the first ramp, of the cruise and of the last ramp, seconds."""
         first = abs(self.cruise - self.start) / self.acceleration
         last = abs(self.cruise - self.end) / self.acceleration
-        way = self.length - first * (self.start + self.cruise) / 2
-        way -= last * (self.end + self.cruise) / 2
-        return first, max(0.0, way / self.cruise), last
+        distance = self.length - first * (self.start + self.cruise) / 2
+        distance -= last * (self.end + self.cruise) / 2
+        return first, max(0.0, distance / self.cruise), last
 
     @property
     def duration(self) -> float:
@@ -181,20 +181,20 @@ class Ramp:
         first, cruise, _ = self._times
         return first + cruise
 
-    def way_and_speed(self, time: float) -> tuple[float, float]:
+    def distance_and_speed(self, time: float) -> tuple[float, float]:
         """Return distance and speed ``time`` seconds after the start."""
         first, cruise, last = self._times
         time = min(max(time, 0.0), first + cruise + last)
         if time <= first:
             a = math.copysign(self.acceleration, self.cruise - self.start)
             return self.start * time + a * time * time / 2, self.start + a * time
-        way = first * (self.start + self.cruise) / 2
+        distance = first * (self.start + self.cruise) / 2
         if time <= first + cruise:
-            return way + self.cruise * (time - first), self.cruise
-        way += self.cruise * cruise
+            return distance + self.cruise * (time - first), self.cruise
+        distance += self.cruise * cruise
         rest = time - first - cruise
         a = math.copysign(self.acceleration, self.end - self.cruise)
-        return way + self.cruise * rest + a * rest * rest / 2, self.cruise + a * rest
+        return distance + self.cruise * rest + a * rest * rest / 2, self.cruise + a * rest
 
 
 @dataclass(frozen=True)
@@ -232,14 +232,16 @@ class _TimedLeg:
         start = self.start
         if self.ramp is None:
             return start
-        way, speed = self.ramp.way_and_speed(time)
+        distance, speed = self.ramp.distance_and_speed(time)
         if not self.leg.travels:
             sign = math.copysign(1.0, self.leg.angle)
-            return PlanarState(start.x, start.y, start.heading + sign * way, turn_rate=sign * speed)
+            return PlanarState(
+                start.x, start.y, start.heading + sign * distance, turn_rate=sign * speed
+            )
         sign = math.copysign(1.0, self.leg.distance)
-        way, speed = sign * way, sign * speed
+        distance, speed = sign * distance, sign * speed
         curvature = self.leg.angle / self.leg.distance
-        return state_on_arc(start, way, curvature * way, speed, curvature * speed)
+        return state_on_arc(start, distance, curvature * distance, speed, curvature * speed)
 
     def commanded_speed(self, time: float) -> float:
         if self.ramp is None or not self.leg.travels:

@@ -13,7 +13,7 @@ from observer.types import Odometry
 _SCALE_SIGMA = 0.01
 _TURN_SIGMA = 0.01
 # Standard deviations per frame: encoders in metres and radians, slip in radians per metre.
-_WAY_SIGMA_M = 0.0003
+_DISTANCE_SIGMA_M = 0.0003
 _YAW_SIGMA = 0.0003
 _SLIP_RADPM = 0.01
 
@@ -47,9 +47,11 @@ class SimulatedOdometry:
         dx, dy = b.x - a.x, b.y - a.y
         ahead, aside = c * dx + s * dy, c * dy - s * dx
         turned = math.remainder(b.heading - a.heading, 2 * math.pi)
-        way, yaw, slip = self._rng.standard_normal(3)
+        along, yaw, slip = self._rng.standard_normal(3)
         moves = math.hypot(dx, dy) > 0 or turned != 0
-        noise = self._scale + (_WAY_SIGMA_M * way / max(abs(ahead), _WAY_SIGMA_M) if moves else 0)
+        noise = self._scale + (
+            _DISTANCE_SIGMA_M * along / max(abs(ahead), _DISTANCE_SIGMA_M) if moves else 0
+        )
         ahead, aside = ahead * noise, aside * self._scale
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         self._x += c * ahead - s * aside

@@ -89,15 +89,15 @@ def _legs_between(x: float, y: float, heading: float, spec: WaypointsSpec) -> li
     rate = math.radians(spec.turn_rate_deg)
     legs: list[Leg] = []
     for px, py in points:
-        way = math.hypot(px - x, py - y)
-        if way < 1e-9:
+        distance = math.hypot(px - x, py - y)
+        if distance < 1e-9:
             raise ScenarioError(
                 f"the waypoint ({px:g}, {py:g}) equals the vehicle's current position"
             )
         turn = math.remainder(math.atan2(py - y, px - x) - heading, 2 * math.pi)
         if abs(turn) > 1e-9:
             legs.append(Leg(angle=turn, rate=rate))
-        legs.append(Leg(distance=way, speed=spec.speed))
+        legs.append(Leg(distance=distance, speed=spec.speed))
         x, y, heading = px, py, heading + turn
     back = math.remainder(first_heading - heading, 2 * math.pi)
     if spec.after == "repeat" and abs(back) > 1e-9:

@@ -66,12 +66,12 @@ def displacement_step(pair: ObservedPair) -> PaperStep:
     numbers: tuple[Number, ...] = ()
     if "motions" in pair.trace:
         motions = pair.trace["motions"]
-        way = np.linalg.norm(motions.points_current - motions.points_previous, axis=1)
+        moved_m = np.linalg.norm(motions.points_current - motions.points_previous, axis=1)
         speed = np.linalg.norm(motions.velocity, axis=1)
         numbers = (
-            Number("Points", len(way)),
+            Number("Points", len(moved_m)),
             Number("dt", pair.dt, "s", 3),
-            Number("Median displacement", known_median(1000 * way), "mm", 0),
+            Number("Median displacement", known_median(1000 * moved_m), "mm", 0),
             Number("Median speed of a point", known_median(speed), "m/s", 2),
         )
     return PaperStep(

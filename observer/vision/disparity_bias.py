@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
-from observer.vision.vergence_fit import SeenTwice, way_equation
+from observer.vision.vergence_fit import SeenTwice, distance_equation
 
 # The weight of a pair of views halves every 40 pairs: the bias drifts as cameras warm up.
 _KEEP = 0.5 ** (1 / 40)
@@ -50,7 +50,7 @@ class DisparityBias:
         Args:
             doubt_px: standard deviation of an error common to all points of the pair.
         """
-        equation = way_equation(seen, camera, (self.px / camera.fx, 0.0), 1.0)
+        equation = distance_equation(seen, camera, (self.px / camera.fx, 0.0), 1.0)
         if equation is None:
             return self
         information = float(equation.information[0, 0]) / camera.fx**2

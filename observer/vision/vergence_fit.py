@@ -46,8 +46,8 @@ class SeenTwice:
         before_px, now_px: (N, 2) pixels, rectified left image.
         before_disparity, now_disparity: (N,) pixels.
         T_now_before: the camera's motion from the images; where the fit starts.
-        way_m: distance the camera moved by wheel odometry, metres; None without odometry.
-        way_std_m: one standard deviation of it beyond the wheels' scale.
+        distance_m: distance the camera moved by wheel odometry, metres; None without odometry.
+        distance_std_m: one standard deviation of it beyond the wheels' scale.
     """
 
     before_px: Float64Array
@@ -55,16 +55,16 @@ class SeenTwice:
     now_px: Float64Array
     now_disparity: Float64Array
     T_now_before: Pose
-    way_m: float | None = None
-    way_std_m: float = 0.0
+    distance_m: float | None = None
+    distance_std_m: float = 0.0
 
     @staticmethod
     def of(
         before: StereoRows,
         now: StereoRows,
         T_now_before: Pose,
-        way_m: float | None = None,
-        way_std_m: float = 0.0,
+        distance_m: float | None = None,
+        distance_std_m: float = 0.0,
     ) -> SeenTwice:
         """Match the points of two views by their numbers.
 
@@ -84,13 +84,13 @@ class SeenTwice:
             now_px=now.px[at_b],
             now_disparity=now.disparity[at_b],
             T_now_before=T_now_before,
-            way_m=way_m,
-            way_std_m=way_std_m,
+            distance_m=distance_m,
+            distance_std_m=distance_std_m,
         )
 
 
 @dataclass(frozen=True, eq=False)
-class WayEquation:
+class DistanceEquation:
     """``information @ (v, s) = vector``: vergence v, rad, and the wheels' scale error s, a share.
 
     The true distance is 1 + s times that of the odometry.
@@ -105,15 +105,15 @@ class WayEquation:
     square: float
 
 
-def way_equation(
+def distance_equation(
     seen: SeenTwice, camera: StereoCamera, start: tuple[float, float], scale_sigma: float
-) -> WayEquation | None:
+) -> DistanceEquation | None:
     """Fit motion, vergence and scale by Gauss-Newton, then eliminate the motion.
 
     Args:
         start: v and s where the fit starts. scale_sigma: prior of s; it only stabilises the fit
-            and is not part of the result, as all pairs of a robot share it. Without ``way_m``, s is
-            undetermined.
+            and is not part of the result, as all pairs of a robot share it. Without
+            ``distance_m``, s is undetermined.
 
     Returns:
         The equation; None if too few points fit one motion.
@@ -160,11 +160,12 @@ def way_equation(
         rows = J.reshape(-1, 8)
         weighted = rows * weight[:, None]
         H, b = weighted.T @ rows, weighted.T @ residual.ravel()
-        if seen.way_m is not None:
-            way = float(np.linalg.norm(t))
-            row = np.concatenate([np.zeros(3), t / way, [0.0, -seen.way_m]]) / seen.way_std_m
+        if seen.distance_m is not None:
+            fitted_m = float(np.linalg.norm(t))
+            row = np.concatenate([np.zeros(3), t / fitted_m, [0.0, -seen.distance_m]])
+            row /= seen.distance_std_m
             H += np.outer(row, row)
-            b += row * (seen.way_m * (1 + theta[1]) - way) / seen.way_std_m
+            b += row * (seen.distance_m * (1 + theta[1]) - fitted_m) / seen.distance_std_m
         held, pull = H.copy(), b.copy()
         held[7, 7] += scale_sigma**-2
         pull[7] -= theta[1] * scale_sigma**-2
@@ -180,4 +181,4 @@ def way_equation(
     own = np.linalg.pinv(information, rcond=1e-6, hermitian=True) @ vector
     if not np.isfinite(own).all():
         return None
-    return WayEquation(information, vector, float(own @ vector))
+    return DistanceEquation(information, vector, float(own @ vector))

@@ -12,7 +12,7 @@ from observer.types import Odometry
 _SHARE_OFF, _TURN_RATE_OFF, _SPEED_OFF = 0.15, 0.1, 0.15
 
 
-def driven_way(before: Odometry | None, now: Odometry | None) -> float | None:
+def driven_distance(before: Odometry | None, now: Odometry | None) -> float | None:
     """Return the metres between two places by odometry; None unless both are known."""
     if before is None or now is None:
         return None
@@ -40,11 +40,11 @@ def agrees(
     """
     if before is None or now is None:
         return False
-    by_wheels, way, turn = driven_step(before, now, mount)
+    by_wheels, driven_m, turn = driven_step(before, now, mount)
     off = by_wheels @ T_now_before.inverse()
     turned = float(np.linalg.norm(off.rotvec))
     moved = float(np.linalg.norm(off.translation))
     lever = mount.lever_sigma_m * turn
     return turned <= _TURN_RATE_OFF * dt + _SHARE_OFF * turn and (
-        moved <= _SPEED_OFF * dt + _SHARE_OFF * way + lever
+        moved <= _SPEED_OFF * dt + _SHARE_OFF * driven_m + lever
     )

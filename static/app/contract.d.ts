@@ -894,7 +894,7 @@ export interface components {
       std_rad: number | null;
       sentence: string;
       /** @description Distance compared with the wheels; 0 if only near and far points are compared. */
-      way_m: number;
+      distance_m: number;
     };
     /** @description Speeds of an armed robot at one instant of the source's clock. */
     WheelSpeed: {

@@ -33,7 +33,7 @@ def run_folder(storage: Storage, run_id: str) -> Path:
     return folder
 
 
-def way(t: Float64Array) -> Float64Array:
+def driven_m(t: Float64Array) -> Float64Array:
     """Return metres driven: waits, drives, waits, comes back, with rounded starts and stops."""
     fine = np.arange(-2, DURATION_S + 2, 1e-3)
     driven = 0.35 * (np.clip(fine - 3, 0, 5) - np.clip(fine - 12, 0, 6.3))
@@ -44,7 +44,7 @@ def way(t: Float64Array) -> Float64Array:
 
 def speed(t: Float64Array) -> Float64Array:
     """Return the true speed, m/s."""
-    return np.asarray(np.abs(way(t + 0.005) - way(t - 0.005)) / 0.01)
+    return np.asarray(np.abs(driven_m(t + 0.005) - driven_m(t - 0.005)) / 0.01)
 
 
 def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef", *, heard: bool = False) -> Path:
@@ -65,11 +65,11 @@ def plant_run(folder: Path, run_id: str = "20260101-120000-abcdef", *, heard: bo
     writer.parameters(ParameterRevision(revision=1, values={}), 100.0)
     image = np.zeros((256, 512), np.uint8)
     times = np.arange(0, DURATION_S, 1 / _RATE_HZ)
-    ways, speeds = way(times), speed(times)
+    driven, speeds = driven_m(times), speed(times)
     for number, time in enumerate(times.tolist()):
         received = 100.0 + time
         writer.frame(StereoFrame(number, time, image, image, received))
-        line = _line(number, time, float(ways[number]), float(speeds[number]), rng)
+        line = _line(number, time, float(driven[number]), float(speeds[number]), rng)
         writer.observation(line, received)
         writer.robot(RobotRow(role="obstacle", received=received, time=time, sent_speed=0.35))
     if heard:
@@ -87,7 +87,7 @@ def truth_csv(path: Path) -> Path:
 
 def _samples() -> list[BodySample]:
     own = np.arange(-0.5, DURATION_S + 0.3, 0.01)
-    places = np.column_stack([1 + way(own + OFFSET_S), 2 + 0 * own, 0.1 + 0 * own])
+    places = np.column_stack([1 + driven_m(own + OFFSET_S), 2 + 0 * own, 0.1 + 0 * own])
     return [
         BodySample("cart", time, 100.0 + time, place, None)
         for time, place in zip(own.tolist(), places, strict=True)

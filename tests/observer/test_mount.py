@@ -63,10 +63,10 @@ def test_without_pan_and_offset_levelling_is_the_robots_own_frame() -> None:
 
 def test_driving_ahead_moves_a_tilted_camera_along_the_floor() -> None:
     mount = CameraMount(0.4, 0.1)
-    step, way, turn = driven_step(Odometry(1, 2, 0), Odometry(1.5, 2, 0), mount)
+    step, distance, turn = driven_step(Odometry(1, 2, 0), Odometry(1.5, 2, 0), mount)
     moved = step.inverse().translation
     np.testing.assert_allclose(moved, 0.5 * np.array([0, -np.sin(0.1), np.cos(0.1)]), atol=1e-12)
-    assert (way, turn) == (pytest.approx(0.5), 0)
+    assert (distance, turn) == (pytest.approx(0.5), 0)
 
 
 def test_a_camera_that_looks_to_the_left_sees_the_robot_drive_to_its_right() -> None:

@@ -209,7 +209,7 @@ export function ageing(changes) {
       vergence_rad: 0,
       std_rad: 0.0002,
       sentence: "vergence agrees with the wheels",
-      way_m: 3,
+      distance_m: 3,
     },
     exposure_skew: null,
     ...changes,

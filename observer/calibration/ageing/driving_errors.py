@@ -121,7 +121,7 @@ def joined_vergence(wheels: VergenceCheck, points: VergenceCheck | None) -> Verg
         better.vergence_rad,
         better.std_rad,
         f"{better.sentence}; {contradiction}",
-        better.way_m,
+        better.distance_m,
     )
 
 

@@ -18,13 +18,13 @@ from observer.geometry import Pose
 from observer.intervals import half_95
 from observer.mount import CameraMount
 from observer.types import Odometry
-from observer.vision.vergence_fit import SeenTwice, WayEquation, way_equation
+from observer.vision.vergence_fit import DistanceEquation, SeenTwice, distance_equation
 from observer.vision.view import StereoRows
-from observer.vision.wheel_odometry import driven_step, driven_way
+from observer.vision.wheel_odometry import driven_distance, driven_step
 
-# Metres between the two views of a pair, and radians at most: a longer way loses the points, and a
-# turn makes the way depend on where the camera is mounted.
-_WAY_M, _MOST_TURN = 0.2, 0.35
+# Metres between the two views of a pair, and radians at most: a longer distance loses the points,
+# and a turn makes the distance depend on where the camera is mounted.
+_LEAST_DISTANCE_M, _MOST_TURN = 0.2, 0.35
 # Seconds between two fits, which take 1 ms.
 _PAUSE_S = 1.0
 # Resolution of the wheel encoders, metres.
@@ -35,9 +35,9 @@ WHEEL_SCALE_SIGMA = 0.01
 # A scale error this large is not a usual one: the wheels slip, or a gear ratio is set wrong.
 _STRANGE_SCALE = 0.05
 # No vergence makes the ways differ by such a factor: the wheels spin, or their count was reset.
-_SAME_WAY = 2.5
+_SAME_DISTANCE = 2.5
 # If the turns by stereo and by the wheels differ by more than these, radians and a share of the
-# turn, the camera tips or swings, and the wheels cannot measure its way.
+# turn, the camera tips or swings, and the wheels cannot measure its motion.
 _SAME_TURN, _SAME_TURN_SHARE = 0.015, 0.1
 _CHECK_WHEELS = (
     "check that they do not slip and that their scale is right, and drive on even ground"
@@ -47,7 +47,7 @@ _CHECK_WHEELS = (
 # the same for all. Both are from simulated drives.
 _SHARED = 10.0
 _BIAS_PX = 0.1
-# How far back the fits count: metres of way over which their weight falls to 1/e.
+# How far back the fits count: metres driven over which their weight falls to 1/e.
 _MEMORY_M = 20.0
 _LEAST_PAIRS = 3.5
 _SURE_SIGMAS = 3.0
@@ -56,7 +56,7 @@ _KNOWN_PX = 0.3
 # Metres: depth errors are reported for objects at this distance.
 _AT_M = 3.0
 _HOW = "drive 2 m straight ahead with wheel odometry, past near and far objects"
-_NO_WAY = f"vergence not measured yet: the robot has not driven; {_HOW}"
+_NOT_DRIVEN = f"vergence not measured yet: the robot has not driven; {_HOW}"
 # More frames without matches than this are not just the first ones of a segment.
 _BLIND_FRAMES = 5
 
@@ -70,14 +70,14 @@ class VergenceCheck:
         vergence_rad: by how much the cameras converge more than calibrated; None where nothing
             is known. std_rad: one standard deviation, the wheels' scale error included.
         sentence: the same in words; while unobserved, what would make it observable.
-        way_m: metres of wheel-measured way that it is based on; 0 without wheels.
+        distance_m: metres driven by the wheels that it is based on; 0 without wheels.
     """
 
     status: Literal["unobserved", "consistent", "drifted"]
     vergence_rad: float | None
     std_rad: float | None
     sentence: str
-    way_m: float = 0.0
+    distance_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +103,9 @@ class VergenceWatch:
         self._segment: int | None = None
         self._fitted_s = -math.inf
         self._information, self._vector = np.zeros((2, 2)), np.zeros(2)
-        self._square = self._pairs = self._way_m = 0.0
+        self._square = self._pairs = self._distance_m = 0.0
         self._blind = 0
-        self._found = _unobserved(_NO_WAY)
+        self._found = _unobserved(_NOT_DRIVEN)
 
     def look(
         self,
@@ -135,16 +135,16 @@ class VergenceWatch:
                 self._found = _unobserved(_missing(odometry))
             return self._found
         if self._blind and self._pairs < _LEAST_PAIRS:
-            self._found = _unobserved(_NO_WAY)
+            self._found = _unobserved(_NOT_DRIVEN)
         self._blind = 0
         if T_world_camera is None:
             return self._found
         key = self._key
         seen = _Seen(rows, T_world_camera, odometry, time_s)
-        way = None if key is None else driven_way(key.odometry, odometry)
-        if key is None or way is None or _turn(key.odometry, odometry) > _MOST_TURN:
+        driven_m = None if key is None else driven_distance(key.odometry, odometry)
+        if key is None or driven_m is None or _turn(key.odometry, odometry) > _MOST_TURN:
             self._key = seen
-        elif way >= _WAY_M:
+        elif driven_m >= _LEAST_DISTANCE_M:
             if time_s - self._fitted_s >= _PAUSE_S:
                 self._fitted_s = time_s
                 self._fit(key, seen)
@@ -152,38 +152,38 @@ class VergenceWatch:
         return self._found
 
     def _fit(self, before: _Seen, now: _Seen) -> None:
-        seen, wheels_way_m = _pair(before, now, self._mount)
-        way_m = float(np.linalg.norm(seen.T_now_before.translation))
+        seen, wheels_m = _pair(before, now, self._mount)
+        seen_m = float(np.linalg.norm(seen.T_now_before.translation))
         turn = float(np.linalg.norm(seen.T_now_before.rotvec))
         wheels_turn = _turn(before.odometry, now.odometry)
-        same = wheels_way_m / _SAME_WAY < way_m < wheels_way_m * _SAME_WAY
+        same = wheels_m / _SAME_DISTANCE < seen_m < wheels_m * _SAME_DISTANCE
         if not same or abs(turn - wheels_turn) > _SAME_TURN + _SAME_TURN_SHARE * wheels_turn:
             if self._pairs < _LEAST_PAIRS:
                 self._found = _unobserved(
-                    f"vergence not measured: the wheels report {wheels_way_m:.2f} m and "
-                    f"{math.degrees(wheels_turn):.0f}° of turn where stereo saw {way_m:.2f} m and "
+                    f"vergence not measured: the wheels report {wheels_m:.2f} m and "
+                    f"{math.degrees(wheels_turn):.0f}° of turn where stereo saw {seen_m:.2f} m and "
                     f"{math.degrees(turn):.0f}°; {_CHECK_WHEELS}"
                 )
             return
         start = (self._found.vergence_rad or 0.0, 0.0)
-        equation = way_equation(seen, self._camera, start, WHEEL_SCALE_SIGMA)
+        equation = distance_equation(seen, self._camera, start, WHEEL_SCALE_SIGMA)
         if equation is None:
             return
-        self._add(equation, wheels_way_m)
+        self._add(equation, wheels_m)
         self._found = self._tell()
 
-    def _add(self, equation: WayEquation, way_m: float) -> None:
-        keep = math.exp(-way_m / _MEMORY_M)
+    def _add(self, equation: DistanceEquation, distance_m: float) -> None:
+        keep = math.exp(-distance_m / _MEMORY_M)
         self._information = keep * self._information + equation.information
         self._vector = keep * self._vector + equation.vector
         self._square = keep * self._square + equation.square
         self._pairs = keep * self._pairs + 1
-        self._way_m = keep * self._way_m + way_m
+        self._distance_m = keep * self._distance_m + distance_m
 
     def _tell(self) -> VergenceCheck:
-        way = f"{self._way_m:.1f} m"
+        driven = f"{self._distance_m:.1f} m"
         if self._pairs < _LEAST_PAIRS:
-            return _unobserved(f"vergence not measured after {way} of driving; {_HOW}")
+            return _unobserved(f"vergence not measured after {driven} of driving; {_HOW}")
         # The variance by which the pairs contradict each other; each gives two unknowns.
         own = np.linalg.pinv(self._information, hermitian=True) @ self._vector
         excess = (self._square - float(own @ self._vector)) / (2 * self._pairs - 2)
@@ -191,46 +191,46 @@ class VergenceWatch:
         information, vector = self._information / excess, self._vector / excess
         information[1, 1] += WHEEL_SCALE_SIGMA**-2
         if np.linalg.cond(information * np.outer(_UNITS, _UNITS)) > 1e12:
-            return _unobserved(f"vergence not measured after {way} of driving; {_HOW}")
+            return _unobserved(f"vergence not measured after {driven} of driving; {_HOW}")
         covariance = np.linalg.inv(information)
         vergence = float(covariance[0] @ vector)
         std = math.hypot(math.sqrt(covariance[0, 0]), _BIAS_PX / self._camera.fx)
         if self._strange(float(own[1]), excess):
             scale = float(own[1])
             return _unobserved(
-                f"vergence not measured: over {way} the wheels report {100 * abs(scale):.0f} % too "
-                f"{'little' if scale > 0 else 'much'} at all distances, which vergence does not "
-                f"explain; {_CHECK_WHEELS}"
+                f"vergence not measured: over {driven} the wheels report {100 * abs(scale):.0f} % "
+                f"too {'little' if scale > 0 else 'much'} at all distances, which vergence "
+                f"does not explain; {_CHECK_WHEELS}"
             )
         return self._judged(vergence, std)
 
     def _judged(self, vergence: float, std: float) -> VergenceCheck:
         """Return the verdict on a vergence and its standard deviation, rad."""
-        way = f"{self._way_m:.1f} m"
+        driven = f"{self._distance_m:.1f} m"
         spread = f"± {math.degrees(half_95(std)):.2f}°"
         if abs(vergence) > _SURE_SIGMAS * std:
             lead, effect = drift_words(vergence, std, self._camera.baseline)
             sentence = (
-                f"{lead}, compared with the wheels over {way}: {effect}; refine the calibration "
+                f"{lead}, compared with the wheels over {driven}: {effect}; refine the calibration "
                 "from the scene or recalibrate with a board"
             )
-            return VergenceCheck("drifted", vergence, std, sentence, self._way_m)
+            return VergenceCheck("drifted", vergence, std, sentence, self._distance_m)
         if std * self._camera.fx > _KNOWN_PX:
             sentence = (
-                f"vergence not measured well enough: {way} of driving determine it only to "
+                f"vergence not measured well enough: {driven} of driving determine it only to "
                 f"{spread} (95 % interval); {_HOW}"
             )
-            return VergenceCheck("unobserved", vergence, std, sentence, self._way_m)
+            return VergenceCheck("unobserved", vergence, std, sentence, self._distance_m)
         share, share_half = (
             _depth_share(angle, self._camera.baseline) for angle in (vergence, half_95(std))
         )
         sentence = (
-            f"the wheels confirm the calibrated vergence over {way}: "
+            f"the wheels confirm the calibrated vergence over {driven}: "
             f"{math.degrees(vergence):+.2f}° {spread} from it, or {share:+.1f} ± {share_half:.1f} "
             f"% of depth at {_AT_M:g} m (95 % intervals, with a "
             f"{100 * half_95(WHEEL_SCALE_SIGMA):.1f} % scale error allowed for the wheels)"
         )
-        return VergenceCheck("consistent", vergence, std, sentence, self._way_m)
+        return VergenceCheck("consistent", vergence, std, sentence, self._distance_m)
 
     def _strange(self, scale: float, excess: float) -> bool:
         """Return whether near and far points alike contradict the wheels, whatever the vergence.
@@ -293,8 +293,8 @@ def _turn(before: Odometry, now: Odometry) -> float:
 
 
 def _pair(before: _Seen, now: _Seen, mount: CameraMount) -> tuple[SeenTwice, float]:
-    """Return the points seen in both views, and the way between them by the wheels, metres."""
-    _, way_m, turn = driven_step(before.odometry, now.odometry, mount)
+    """Return the points seen in both views, and the distance between them by the wheels, metres."""
+    _, distance_m, turn = driven_step(before.odometry, now.odometry, mount)
     T_now_before = now.T_world_camera.inverse() @ before.T_world_camera
-    way_std_m = math.hypot(_STEP_M, mount.lever_sigma_m * turn)
-    return SeenTwice.of(before.rows, now.rows, T_now_before, way_m, way_std_m), way_m
+    distance_std_m = math.hypot(_STEP_M, mount.lever_sigma_m * turn)
+    return SeenTwice.of(before.rows, now.rows, T_now_before, distance_m, distance_std_m), distance_m

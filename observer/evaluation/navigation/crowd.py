@@ -128,9 +128,9 @@ class Crowd:
         self._speed = np.clip(speed, _SLOWEST_MPS, _FASTEST_MPS)
         self._position = _scattered(room, self._radius, keep_clear, self._rng)
         self._target = np.array([self._drawn_target() for _ in range(count)]).reshape(-1, 2)
-        way = self._target - self._position
-        distance = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9)
-        self._velocity = way * (self._speed / distance)[:, None]
+        rest = self._target - self._position
+        distance = np.maximum(np.hypot(rest[:, 0], rest[:, 1]), 1e-9)
+        self._velocity = rest * (self._speed / distance)[:, None]
         # The speed at which a person would walk now if nobody were in the way.
         self._pace = self._speed.copy()
         # Until when each person stands; 0 for those who walk.
@@ -210,8 +210,8 @@ class Crowd:
     def _decide(self) -> None:
         """Let people who have arrived stand, and those who have stood long enough walk on."""
         now = self._steps * _STEP_S
-        way = self._target - self._position
-        arrived = (np.hypot(way[:, 0], way[:, 1]) < _REACHED_M) | (now >= self._gives_up)
+        rest = self._target - self._position
+        arrived = (np.hypot(rest[:, 0], rest[:, 1]) < _REACHED_M) | (now >= self._gives_up)
         stood = self._stands_until > 0
         for i in np.flatnonzero(np.where(stood, now >= self._stands_until, arrived)).tolist():
             if not stood[i]:

@@ -25,13 +25,13 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
         risk = one.setting.risk_per_metre
         if risk is None or one.setting.sees != "model":
             continue
-        count, way = sums.get((one.setting.kind, risk), (0, 0.0))
-        sums[one.setting.kind, risk] = count + one.ahead, way + one.way_m
+        count, driven_m = sums.get((one.setting.kind, risk), (0, 0.0))
+        sums[one.setting.kind, risk] = count + one.ahead, driven_m + one.driven_m
     values = [risk for _, risk in sums]
-    for (kind, risk), (count, way) in sorted(sums.items()):
-        if way <= 0:
+    for (kind, risk), (count, driven_m) in sorted(sums.items()):
+        if driven_m <= 0:
             continue
-        most_likely, low, high = rate(count, way)
+        most_likely, low, high = rate(count, driven_m)
         # Draw both kinds side by side.
         x = risk * (_APART if kind else 1 / _APART)
         colour = COLOURS[int(kind)]

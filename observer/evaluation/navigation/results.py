@@ -44,7 +44,7 @@ class Summary:
             did not reach it counts as infinitely long; None if the median is infinite.
         oracle_ratio: the same as a multiple of the oracle's time; None also for people who avoid
             the robot, whose future depends on it.
-        way_m: driven by all.
+        driven_m: driven by all.
         contacts: people touched while the robot moved. ahead: those of them whom the robot drove
             into. avoidable: those who could have been seen a second before.
         run_ins: people who walked into the standing robot.
@@ -58,7 +58,7 @@ class Summary:
     reached: int
     time_ratio: float | None
     oracle_ratio: float | None
-    way_m: float
+    driven_m: float
     contacts: int
     ahead: int
     avoidable: int
@@ -72,12 +72,12 @@ class Summary:
     @property
     def contacts_per_m(self) -> float | None:
         """Return contacts per metre driven; None if nothing was driven."""
-        return self.contacts / self.way_m if self.way_m > 0 else None
+        return self.contacts / self.driven_m if self.driven_m > 0 else None
 
     @property
     def ahead_per_m(self) -> tuple[float, float, float] | None:
         """Return people driven into per metre, with 95 % interval; None if nothing was driven."""
-        return rate(self.ahead, self.way_m) if self.way_m > 0 else None
+        return rate(self.ahead, self.driven_m) if self.driven_m > 0 else None
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _summary(
         reached=sum(run.reached for run in runs),
         time_ratio=_ratio(runs, [run.free_s for run in runs]),
         oracle_ratio=None if setting.kind else _ratio(runs, [best[_question(r)] for r in runs]),
-        way_m=sum(run.way_m for run in runs),
+        driven_m=sum(run.driven_m for run in runs),
         contacts=sum(run.contacts for run in runs),
         ahead=sum(run.ahead for run in runs),
         avoidable=sum(run.avoidable for run in runs),
@@ -179,7 +179,7 @@ def coverages(walks: Sequence[WalkResult]) -> tuple[Coverage, ...]:
     )
 
 
-def rate(count: int, way_m: float) -> tuple[float, float, float]:
+def rate(count: int, driven_m: float) -> tuple[float, float, float]:
     """Return events per metre and its 95 % interval.
 
     Exact interval of a Poisson process (Garwood, Fiducial limits for the Poisson distribution,
@@ -187,4 +187,4 @@ def rate(count: int, way_m: float) -> tuple[float, float, float]:
     """
     low = float(gammaincinv(count, 0.025)) if count else 0.0
     high = float(gammaincinv(count + 1, 0.975))
-    return count / way_m, low / way_m, high / way_m
+    return count / driven_m, low / driven_m, high / driven_m

@@ -73,7 +73,7 @@ class RunResult:
     Attributes:
         reached: whether the goal was reached within ``IN_TIME`` times the free time. time_s: until
             then, or until it was given up. free_s: time to the goal without people.
-        way_m: driven.
+        driven_m: driven.
         contacts: people touched while the robot moved. ahead: those of them whom it drove into.
             avoidable: those who could have been seen a second before. run_ins: people who walked
             into the robot while it stood.
@@ -86,7 +86,7 @@ class RunResult:
     reached: bool
     time_s: float
     free_s: float
-    way_m: float
+    driven_m: float
     contacts: int
     ahead: int
     avoidable: int
@@ -116,7 +116,7 @@ Watch = Callable[[Moment], None]
 class _Tally:
     """Counts during a run; see ``RunResult``."""
 
-    way_m: float = 0.0
+    driven_m: float = 0.0
     contacts: int = 0
     ahead: int = 0
     avoidable: int = 0
@@ -200,7 +200,7 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
         seen_lately.append(frozenset(people.number[visible].tolist()))
         robot.drive(verdict.speed_mps, verdict.turn_rate_radps, FRAME_S)
         _walk(crowd, robot)
-        tally.way_m += abs(robot.speed_mps) * FRAME_S
+        tally.driven_m += abs(robot.speed_mps) * FRAME_S
         tally.touch(robot, crowd.people, seen_lately[0])
         if math.dist(robot.pose[:2], GOAL) < REACHED_M:
             return _result(case, tally, check, True, time + FRAME_S, free_s)
@@ -241,7 +241,7 @@ def _result(
         reached=reached,
         time_s=time_s,
         free_s=free_s,
-        way_m=tally.way_m,
+        driven_m=tally.driven_m,
         contacts=tally.contacts,
         ahead=tally.ahead,
         avoidable=tally.avoidable,
@@ -263,8 +263,8 @@ def straight(errand: Errand, limits: GuardParameters) -> tuple[float, float]:
 
 def free_time_s(limits: GuardParameters) -> float:
     """Return the time to the goal without people, seconds."""
-    way, speed = math.dist(START, GOAL) - REACHED_M, limits.speed_max_mps
-    return way / speed + speed / (2 * limits.acceleration_mps2)
+    distance, speed = math.dist(START, GOAL) - REACHED_M, limits.speed_max_mps
+    return distance / speed + speed / (2 * limits.acceleration_mps2)
 
 
 def general(reason: str) -> str:

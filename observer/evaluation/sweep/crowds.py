@@ -79,10 +79,10 @@ def driving_figures(crowd: SweepCrowd, parameters: AllParameters) -> dict[str, f
     seeds = range(_FIRST_SEED, _FIRST_SEED + crowd.runs)
     cases = [Case("planner", crowd.density_per_m2, crowd.kind, risk, seed) for seed in seeds]
     done = [run(case, parameters) for case in cases]
-    free_s, way_m = free_time_s(GuardParameters()), sum(each.way_m for each in done)
+    free_s, driven_m = free_time_s(GuardParameters()), sum(each.driven_m for each in done)
     return {
         "time_ratio": statistics.median(each.time_s for each in done) / free_s,
-        "contacts_per_m": sum(each.contacts for each in done) / way_m if way_m > 0 else None,
-        "ahead_per_m": sum(each.ahead for each in done) / way_m if way_m > 0 else None,
+        "contacts_per_m": sum(each.contacts for each in done) / driven_m if driven_m > 0 else None,
+        "ahead_per_m": sum(each.ahead for each in done) / driven_m if driven_m > 0 else None,
         "reached": statistics.fmean(each.reached for each in done),
     }

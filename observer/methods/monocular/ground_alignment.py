@@ -48,7 +48,7 @@ _LEAST_PIXELS, _LEAST_AGREEING, _LEAST_EXPLAINED = 150, 0.7, 0.6
 _SETTLED_M, _FINE_M = 0.002, 0.0002
 _NEAREST_M = 0.1
 # Errors that all pixels share, as a share of the distance: changes in height, and the lens.
-WAY_SHARED = 0.02
+DISTANCE_SHARED = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,19 +64,19 @@ class GroundMotion:
     covariance: Float64Array
 
     @property
-    def way_m(self) -> float:
+    def distance_m(self) -> float:
         """Length of the translation, metres."""
         return float(np.linalg.norm(self.T_now_mark.translation))
 
     @property
-    def way_sigma(self) -> float:
+    def distance_sigma(self) -> float:
         """One standard deviation of the length, as a share of it; infinite if the length is 0."""
-        way = self.way_m
-        if way < 1e-6:
+        distance_m = self.distance_m
+        if distance_m < 1e-6:
             return float("inf")
-        along = self.T_now_mark.translation / way
+        along = self.T_now_mark.translation / distance_m
         variance = float(along @ self.covariance[3:, 3:] @ along)
-        return float(np.hypot(np.sqrt(variance) / way, WAY_SHARED))
+        return float(np.hypot(np.sqrt(variance) / distance_m, DISTANCE_SHARED))
 
 
 class GroundMark:

@@ -11,7 +11,7 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
-from observer.methods.monocular.ground_alignment import WAY_SHARED, GroundMark, GroundMotion
+from observer.methods.monocular.ground_alignment import DISTANCE_SHARED, GroundMark, GroundMotion
 from observer.types import Image
 
 # Radians, one standard deviation: rotation of the map's poses, and the rotation that best explains
@@ -25,9 +25,9 @@ _LEAST_PARALLAX = 0.0005
 _STEP_GAIN = 0.3
 # Metres, least standard deviation of a motion measured from the ground; and standard deviations:
 # if it differs by more from the points' motion, it is not the ground.
-_LEAST_WAY_SIGMA_M, _AGREEING_SIGMAS = 0.001, 4.0
+_LEAST_DISTANCE_SIGMA_M, _AGREEING_SIGMAS = 0.001, 4.0
 # After this translation, metres, or rotation, radians, much of the mark's ground is out of sight.
-_WAY_M, _TURNED_RAD = 0.12, 0.15
+_LEAST_DISTANCE_M, _TURNED_RAD = 0.12, 0.15
 
 
 class GroundFollower:
@@ -88,14 +88,14 @@ class GroundOdometer:
         """
         self._seen = None
         guess = T_camera_world @ self._T_mark.inverse()
-        way = float(np.linalg.norm(guess.translation))
+        distance = float(np.linalg.norm(guess.translation))
         seen = self._mark.aligned(image, guess, _MAP_TURN_SIGMA)
         if seen is None:
             return None
-        shared = WAY_SHARED * way + _LEAST_WAY_SIGMA_M
+        shared = DISTANCE_SHARED * distance + _LEAST_DISTANCE_SIGMA_M
         own = seen.covariance + np.diag([0.0] * 3 + [shared**2] * 3)
         gap = seen.T_now_mark.translation - guess.translation
-        doubt = own[3:, 3:] + covariance[3:, 3:] + (_MAP_SCALE_SIGMA * way) ** 2 * np.eye(3)
+        doubt = own[3:, 3:] + covariance[3:, 3:] + (_MAP_SCALE_SIGMA * distance) ** 2 * np.eye(3)
         if gap @ np.linalg.solve(doubt, gap) > _AGREEING_SIGMAS**2:
             return None
         self._seen = seen
@@ -108,12 +108,12 @@ class GroundOdometer:
         before that, if the distance is too short, and where the ground did not show the motion.
         """
         moved = T_camera_world @ self._T_mark.inverse()
-        way = float(np.linalg.norm(moved.translation))
-        if way < _WAY_M and float(np.linalg.norm(moved.rotvec)) < _TURNED_RAD:
+        distance = float(np.linalg.norm(moved.translation))
+        if distance < _LEAST_DISTANCE_M and float(np.linalg.norm(moved.rotvec)) < _TURNED_RAD:
             return None
         seen = self._seen
         self._mark = GroundMark(image, self._ground, self._camera)
         self._T_mark = T_camera_world
-        if seen is None or way < _WAY_M:
+        if seen is None or distance < _LEAST_DISTANCE_M:
             return None
-        return float(np.log(seen.way_m / way)), seen.way_sigma
+        return float(np.log(seen.distance_m / distance)), seen.distance_sigma

@@ -28,10 +28,10 @@ _REFINE_ROUNDS = 4
 # Noise of the first line of sight, px.
 _FIRST_SIGMA_PX = 0.15
 # Metres: a shorter distance by wheel odometry gives no scale.
-_LEAST_WAY_M = 0.02
+_LEAST_DISTANCE_M = 0.02
 # A distance measured from the ground must be at least this long, metres, and its sigma at most
 # this share of it.
-_LEAST_GROUND_WAY_M, _LARGEST_GROUND_SIGMA = 0.05, 0.06
+_LEAST_GROUND_DISTANCE_M, _LARGEST_GROUND_SIGMA = 0.05, 0.06
 # The points must agree with the ground's motion to within this many standard deviations, and this
 # share of them must be inliers of the resulting motion.
 _AGREEING_SIGMAS, _AGREEING_SHARE = 5.0, 0.6
@@ -80,7 +80,7 @@ def initialize_from_two_views(
     first, now = first[views.inliers], now[views.inliers]
     views = _refined(agreeing, first, now, views, sigma, camera)
     inverse, noise = views.inverse, views.sigma
-    if driven_m is not None and driven_m > _LEAST_WAY_M:
+    if driven_m is not None and driven_m > _LEAST_DISTANCE_M:
         log_scale, doubt = float(np.log(driven_m)), p.odometry_sigma
     elif mount is None:
         return None
@@ -120,7 +120,10 @@ def initialize_over_ground(
         first, now: (N, 3) lines of sight of the points, each in its own camera's axes.
         motion: since the first view.
     """
-    if motion.way_m < _LEAST_GROUND_WAY_M or motion.way_sigma > _LARGEST_GROUND_SIGMA:
+    if (
+        motion.distance_m < _LEAST_GROUND_DISTANCE_M
+        or motion.distance_sigma > _LARGEST_GROUND_SIGMA
+    ):
         return None
     sigma = _sight_sigma(points, camera)
     everything = np.ones(len(points), np.bool_)
@@ -149,7 +152,7 @@ def initialize_over_ground(
         inverse=np.where(told, inverse, points.inverse),
         variance=np.where(told, noise**2, points.variance),
     )
-    return Initialization(T, placed.take(estimate.inliers), motion.way_sigma)
+    return Initialization(T, placed.take(estimate.inliers), motion.distance_sigma)
 
 
 def _sight_sigma(points: RayPoints, camera: StereoCamera) -> float:

@@ -12,11 +12,11 @@ from observer.methods.monocular.scale import (
     correction,
     ground_scale,
     odometry_scale,
-    sigma_after_way,
+    sigma_after_distance,
 )
 from observer.parameters import MonocularParameters
 from observer.types import Image, Odometry
-from observer.vision.wheel_odometry import driven_way
+from observer.vision.wheel_odometry import driven_distance
 
 
 class MapScale:
@@ -63,7 +63,7 @@ class MapScale:
             image: (H, W) grey, of this frame.
         """
         moved = T_camera_world @ T_before_world.inverse()
-        self._sigma = sigma_after_way(self._sigma, float(np.linalg.norm(moved.translation)))
+        self._sigma = sigma_after_distance(self._sigma, float(np.linalg.norm(moved.translation)))
         here = T_camera_world.inverse()
         factor = self._by_odometry(T_camera_world, odometry, p)
         # If the ground is bare, points that seem to lie on it belong to objects in front of it.
@@ -87,11 +87,11 @@ class MapScale:
     def _by_odometry(
         self, T_camera_world: Pose, odometry: Odometry | None, p: MonocularParameters
     ) -> float:
-        driven = driven_way(self.odometry, odometry)
+        driven = driven_distance(self.odometry, odometry)
         if driven is None or self.odometry is None or odometry is None:
             return 1.0
-        way = float(np.linalg.norm((T_camera_world @ self._T_mark.inverse()).translation))
-        told = odometry_scale(way, driven, odometry.yaw - self.odometry.yaw, p.odometry_sigma)
+        mapped_m = float(np.linalg.norm((T_camera_world @ self._T_mark.inverse()).translation))
+        told = odometry_scale(mapped_m, driven, odometry.yaw - self.odometry.yaw, p.odometry_sigma)
         if told is not None:
             self._T_mark, self.odometry = T_camera_world, odometry
         return self._taken(told)

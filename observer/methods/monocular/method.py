@@ -52,7 +52,7 @@ from observer.vision.klt_tracking import (
 )
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import View
-from observer.vision.wheel_odometry import driven_step, driven_way
+from observer.vision.wheel_odometry import driven_distance, driven_step
 
 # Prior of a new point's inverse depth, 1 / camera heights: its mean above the minimum that the
 # ground allows, and its standard deviation.
@@ -63,8 +63,8 @@ _SOME_HEIGHT_M = 1.0
 _NOISE_GAIN = 0.2
 # Standard deviations of the motion since the last frame from the predicted one: with odometry,
 # radians and metres plus shares of the measured motion; without, from a robot's acceleration.
-_STEP_TURN, _STEP_WAY_M = 0.006, 0.0008
-_TURN_SHARE, _WAY_SHARE = 0.05, 0.04
+_STEP_TURN, _STEP_DISTANCE_M = 0.006, 0.0008
+_TURN_SHARE, _DISTANCE_SHARE = 0.05, 0.04
 _TURN_ACCELERATION, _ACCELERATION = 3.0, 3.0
 _FIRST_TURN_RATE, _FIRST_SPEED = 1.0, 1.0
 # Below this share of points with known depth the camera has not translated enough.
@@ -182,10 +182,12 @@ class MonocularMethod:
         """Predict the camera's pose and its information (6, 6)."""
         T = self._T_camera_world
         if self._mount is not None and previous.odometry and view.odometry:
-            step, way, turn = driven_step(previous.odometry, view.odometry, self._mount)
+            step, driven_m, turn = driven_step(previous.odometry, view.odometry, self._mount)
             turn_sigma = _STEP_TURN + _TURN_SHARE * turn
-            way_sigma = _STEP_WAY_M + _WAY_SHARE * way + self._mount.lever_sigma_m * turn
-            return step @ T, _information(turn_sigma, way_sigma)
+            distance_sigma = (
+                _STEP_DISTANCE_M + _DISTANCE_SHARE * driven_m + self._mount.lever_sigma_m * turn
+            )
+            return step @ T, _information(turn_sigma, distance_sigma)
         if self._rate is None:
             return T, _information(_FIRST_TURN_RATE * dt, _FIRST_SPEED * dt)
         step = Pose.from_rotvec(self._rate[0] * dt, self._rate[1] * dt)
@@ -237,7 +239,7 @@ class MonocularMethod:
 
     def _try_to_start(self, points: RayPoints, view: View, p: Parameters) -> str | None:
         """Try to initialize; return None once done, else the reason why it is not possible yet."""
-        driven = driven_way(self._scale.odometry, view.odometry)
+        driven = driven_distance(self._scale.odometry, view.odometry)
         if self._mount is None and driven is None:
             self._view, self._points = view, points
             return NO_SCALE
@@ -383,8 +385,8 @@ def _mount_in_force(rig: CameraMount | None, p: Parameters) -> CameraMount | Non
     return rig
 
 
-def _information(turn_sigma: float, way_sigma: float) -> NDArray[np.float64]:
-    return np.diag([turn_sigma**-2] * 3 + [way_sigma**-2] * 3)
+def _information(turn_sigma: float, distance_sigma: float) -> NDArray[np.float64]:
+    return np.diag([turn_sigma**-2] * 3 + [distance_sigma**-2] * 3)
 
 
 def _keep_background(

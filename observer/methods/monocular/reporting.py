@@ -32,15 +32,15 @@ def describe_ground_track(
     """
     ground, T_world_camera = view.ground, view.T_world_camera
     axes, tilt_sigma = ground.axes, float(np.radians(p.tilt_sigma_deg))
-    camera_way = view.here
+    camera_place = view.here
     camera_ground_velocity = axes.T @ T_world_camera.rotate(camera_velocity)
-    gap = track.place - camera_way
+    gap = track.place - camera_place
     along = gap / max(float(np.linalg.norm(gap)), 1e-9)
     width, height = track.size
     place = track.place + _DEPTH_SHARE * width / 2 * along
     cov = track.covariance[:2, :2] + (_DEPTH_SIGMA * width) ** 2 * np.outer(along, along)
     cov = cov + shared_covariance(track.place, view, p.height_sigma, tilt_sigma)
-    cov = cov + scale_sigma**2 * np.outer(camera_way, camera_way)
+    cov = cov + scale_sigma**2 * np.outer(camera_place, camera_place)
     velocity_cov = track.covariance[2:, 2:] + shared_velocity_covariance(
         track.place, track.velocity - camera_ground_velocity, view, p.height_sigma, tilt_sigma
     )

@@ -21,12 +21,12 @@ _DRIFT = 0.03
 # the encoders' resolution.
 _LEVER_M, _STEP_M = 0.10, 0.003
 # Metres: the shortest distance that is compared with wheel odometry.
-_WAY_M = 0.12
+_LEAST_DISTANCE_M = 0.12
 
 
-def sigma_after_way(sigma: float, way_m: float) -> float:
-    """Return the scale's standard deviation, as a share, after travelling ``way_m``."""
-    return float(np.sqrt(sigma**2 + _DRIFT**2 * way_m))
+def sigma_after_distance(sigma: float, distance_m: float) -> float:
+    """Return the scale's standard deviation, as a share, after travelling ``distance_m``."""
+    return float(np.sqrt(sigma**2 + _DRIFT**2 * distance_m))
 
 
 def correction(sigma: float, log_ratio: float, told_sigma: float) -> tuple[float, float]:
@@ -90,18 +90,18 @@ def ground_scale(
 
 
 def odometry_scale(
-    way_m: float, driven_m: float, turned_rad: float, odometry_sigma: float
+    mapped_m: float, driven_m: float, turned_rad: float, odometry_sigma: float
 ) -> tuple[float, float] | None:
-    """Return the same from the distance driven while the camera moved ``way_m`` in the map.
+    """Return the same from the distance driven while the camera moved ``mapped_m`` in the map.
 
     None if the distance is too short, or too uncertain because of turning.
     """
-    if driven_m < _WAY_M or way_m < _WAY_M / 4:
+    if driven_m < _LEAST_DISTANCE_M or mapped_m < _LEAST_DISTANCE_M / 4:
         return None
     noise = (_LEVER_M * abs(turned_rad) + _STEP_M) / driven_m
     if noise > 0.2:
         return None
-    return float(np.log(driven_m / way_m)), float(np.hypot(odometry_sigma, noise))
+    return float(np.log(driven_m / mapped_m)), float(np.hypot(odometry_sigma, noise))
 
 
 def _densest(value: Float64Array, noise: Float64Array) -> float:

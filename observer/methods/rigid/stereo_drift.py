@@ -24,7 +24,7 @@ from observer.vision.view import StereoRows, View
 
 # The two views of a pair are at least this far apart, as a share of the median depth, and turned
 # by at most this, radians.
-_WAY_SHARE, _MOST_TURN = 0.02, 0.1
+_DISTANCE_SHARE, _MOST_TURN = 0.02, 0.1
 # Seconds between two fits once the bias is known this well, pixels; each fit takes 1 ms.
 _PAUSE_S, _WELL_KNOWN_PX = 0.5, 0.07
 # Seconds, one standard deviation: largest skew assumed if the source gives no right exposure time.
@@ -145,13 +145,15 @@ class StereoDrift:
             self._key = _KeyView(rows, now.T_world_camera, time)
             return
         T_now_key = now.T_camera_world @ key.T_world_camera
-        way_m, turn = (float(np.linalg.norm(v)) for v in (T_now_key.translation, T_now_key.rotvec))
+        distance_m, turn = (
+            float(np.linalg.norm(v)) for v in (T_now_key.translation, T_now_key.rotvec)
+        )
         deep = rows.disparity > 0
         if not deep.any() or median(np.abs(rows.offset_px[deep])) > _MOST_ROW_PX:
             return
         disparity = median(rows.disparity[deep])
         depth_m = self._camera.fx * self._camera.baseline / disparity
-        if way_m < _WAY_SHARE * depth_m and turn < _MOST_TURN:
+        if distance_m < _DISTANCE_SHARE * depth_m and turn < _MOST_TURN:
             return
         due = self.bias.sigma_px > _WELL_KNOWN_PX or time - self._fitted_s >= _PAUSE_S
         doubt_px = self._skew_sigma_s(parameters) * self._camera.fx * turn / (time - key.time)

@@ -30,7 +30,7 @@ _STANDING_MPS = 0.15
 _WAVE_HZ = 0.9
 _WAVE_RAD = 0.6
 # Seconds: sampling interval of the gait's phase.
-_WAY_STEP_S = 0.02
+_DISTANCE_STEP_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,13 +74,13 @@ class Gait:
         self._leg = leg_m
         self._gesture = gesture
         self._swing = swing
-        times = np.arange(0.0, duration_s + 60.0, _WAY_STEP_S)
+        times = np.arange(0.0, duration_s + 60.0, _DISTANCE_STEP_S)
         speeds = np.array([self._speed(t) for t in times.tolist()])
         steps = np.maximum(self._step_m(speeds), 1e-3)
         self._times = times
         # Number of gait cycles, two steps each, completed by each instant.
         self._cycles = np.concatenate(
-            [[0.0], np.cumsum(speeds[:-1] * _WAY_STEP_S / (2 * steps[:-1]))]
+            [[0.0], np.cumsum(speeds[:-1] * _DISTANCE_STEP_S / (2 * steps[:-1]))]
         )
 
     def _speed(self, time: float) -> float:

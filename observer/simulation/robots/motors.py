@@ -30,14 +30,14 @@ class Setpoint:
 
     Attributes:
         speed, turn_rate: m/s and rad/s. wheels: requested by VEL2.
-        way_goal, heading_goal: in the encoders' running totals, m and rad; None without one.
+        distance_goal, heading_goal: in the encoders' running totals, m and rad; None without one.
         hard: brake as hard as possible.
     """
 
     speed: float = 0.0
     turn_rate: float = 0.0
     wheels: bool = False
-    way_goal: float | None = None
+    distance_goal: float | None = None
     heading_goal: float | None = None
     hard: bool = False
 
@@ -156,12 +156,12 @@ class Motors:
             point.turn_rate = _bounded(turn_rate, limits.turn_rate)
             point.wheels = True
         elif number == Command.VEL:
-            point.speed, point.way_goal = _bounded(value / 1000, limits.speed), None
+            point.speed, point.distance_goal = _bounded(value / 1000, limits.speed), None
         elif number == Command.RVEL:
             rate = _bounded(math.radians(value), limits.turn_rate)
             point.turn_rate, point.heading_goal = rate, None
         elif number == Command.MOVE:
-            point.way_goal = _way(wheels) + value / 1000
+            point.distance_goal = _driven_m(wheels) + value / 1000
         elif number == Command.HEAD:
             turn = math.remainder(math.radians(value) - heading, 2 * math.pi)
             point.heading_goal = wheels.yaw + turn
@@ -207,10 +207,10 @@ class Motors:
     def _approach(self, wheels: Wheels) -> None:
         """Drive towards the goals of MOVE, HEAD and DHEAD, slowly enough to stop there."""
         point, limits = self.setpoint, self.limits
-        if point.way_goal is not None:
-            rest = point.way_goal - _way(wheels)
+        if point.distance_goal is not None:
+            rest = point.distance_goal - _driven_m(wheels)
             if abs(rest) < _NEAR_M:
-                point.way_goal, point.speed = None, 0.0
+                point.distance_goal, point.speed = None, 0.0
             else:
                 point.speed = _approach_speed(rest, limits.deceleration, limits.speed)
         if point.heading_goal is not None:
@@ -242,7 +242,7 @@ def _approach_speed(rest: float, deceleration: float, limit: float) -> float:
     return math.copysign(fast, rest)
 
 
-def _way(wheels: Wheels) -> float:
+def _driven_m(wheels: Wheels) -> float:
     return (wheels.left_m + wheels.right_m) / 2
 
 

@@ -84,8 +84,8 @@ def status_data(
 def encoder_data(wheels: Wheels) -> bytes:
     """Return the encoder ticks of both wheels, whose diameter is 195 mm."""
     per_m = _TICKS_PER_TURN / (math.pi * 0.195)
-    ways = (round(way * per_m) for way in (wheels.left_m, wheels.right_m))
-    return bytes([_ENCODER_REPLY]) + struct.pack("<ii", *ways)
+    distances = (round(wheel_m * per_m) for wheel_m in (wheels.left_m, wheels.right_m))
+    return bytes([_ENCODER_REPLY]) + struct.pack("<ii", *distances)
 
 
 def io_data() -> bytes:

@@ -131,39 +131,39 @@ class Vehicle:
             self._rate = 0.0
         self._go((before[0] + self._speed) / 2 * h, (before[1] + self._rate) / 2 * h, around)
 
-    def _go(self, way: float, turned: float, around: Surroundings) -> None:
+    def _go(self, distance: float, turned: float, around: Surroundings) -> None:
         """Move along an arc, unless something is in the way."""
-        if way == 0 and turned == 0:
+        if distance == 0 and turned == 0:
             self._blocked = False
             return
-        x, y = along_arc(self._x, self._y, self._heading, way, turned)
+        x, y = along_arc(self._x, self._y, self._heading, distance, turned)
         new = PlanarState(x, y, self._heading + turned)
         depth = around.depth(outline_at(new, *self._size))
         # It may move out of something that it already overlaps.
         if depth > _TOUCH_M and depth >= around.depth(outline_at(self.state, *self._size)):
             self._blocked = True
             # All bumpers at the pushing end, wherever the contact is.
-            self._touched = (self._bumpers * (way > 0), self._bumpers * (way < 0))
+            self._touched = (self._bumpers * (distance > 0), self._bumpers * (distance < 0))
             self._speed = self._rate = self._asked = self._asked_rate = 0.0
             return
         self._blocked = False
         self._touched = (0, 0)
         self._x, self._y, self._heading = new.x, new.y, new.heading
-        self._count(way, turned)
+        self._count(distance, turned)
 
-    def _count(self, way: float, turned: float) -> None:
+    def _count(self, distance: float, turned: float) -> None:
         """Add one step to the odometry, with its errors."""
-        if way == 0 and turned == 0:
+        if distance == 0 and turned == 0:
             return
-        way, turned = way * self._scale, turned * self._turn
+        distance, turned = distance * self._scale, turned * self._turn
         if self._slip:
-            turned += self._slip * math.sqrt(abs(way)) * float(self._rng.standard_normal())
+            turned += self._slip * math.sqrt(abs(distance)) * float(self._rng.standard_normal())
         self._wheel_x, self._wheel_y = along_arc(
-            self._wheel_x, self._wheel_y, self._wheel_yaw, way, turned
+            self._wheel_x, self._wheel_y, self._wheel_yaw, distance, turned
         )
         self._wheel_yaw += turned
-        self._left += way - self._half_track * turned
-        self._right += way + self._half_track * turned
+        self._left += distance - self._half_track * turned
+        self._right += distance + self._half_track * turned
 
 
 def _ramped(value: float, goal: float, up: float, down: float) -> float:

@@ -62,7 +62,7 @@ class ScriptedServer:
         self.goal: dict[str, Any] | None = None
         self.stopped: dict[str, Any] | None = None
         self.why: dict[str, str | None] = {"observer": None, "obstacle": None}
-        self.way = {"observer": 0.0, "obstacle": 0.0}
+        self.driven_m = {"observer": 0.0, "obstacle": 0.0}
         self.updated = 0.0
         self.ended_at: float | None = None
         self.socket: WebSocket | None = None
@@ -87,7 +87,7 @@ class ScriptedServer:
 
     def facts(self) -> dict[str, Any]:
         now = self.clock()
-        playing, velocity = None, dict.fromkeys(self.way, 0.0)
+        playing, velocity = None, dict.fromkeys(self.driven_m, 0.0)
         if self.programme is not None:
             self.act(now - self.programme[2])
         if self.programme is not None:
@@ -110,7 +110,7 @@ class ScriptedServer:
                     wanted = velocity_at(programme, role, elapsed, repeat=repeat, reverse=reverse)
                     velocity[role] = wanted[0] if wanted else 0.0
         for each, speed in velocity.items():
-            self.way[each] += speed * (now - self.updated)
+            self.driven_m[each] += speed * (now - self.updated)
         self.updated = now
         robots = {
             role: {
@@ -120,7 +120,7 @@ class ScriptedServer:
                 "sent": {"speed_mps": speed, "turn_rate_radps": 0.0},
                 "report": {
                     "speed_mps": speed,
-                    "odometry": {"x": self.way[role], "y": 0.0, "yaw": 0.0},
+                    "odometry": {"x": self.driven_m[role], "y": 0.0, "yaw": 0.0},
                 },
             }
             for role, speed in velocity.items()

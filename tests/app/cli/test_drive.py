@@ -55,9 +55,9 @@ def test_a_programme_is_taken_armed_driven_and_disarmed(
     assert told["duration_s"] == told["elapsed_s"] == pytest.approx(1.6)
     obstacle, observer = told["robots"]["obstacle"], told["robots"]["observer"]
     # 2 x 0.6 s at 0.5 m/s, sampled ten times a second.
-    for way in ("commanded_way_m", "sent_way_m", "encoder_way_m"):
-        assert obstacle[way] == pytest.approx(0.6, abs=0.25)
-        assert observer[way] == pytest.approx(0.16, abs=0.07)
+    for distance in ("commanded_distance_m", "sent_distance_m", "encoder_distance_m"):
+        assert obstacle[distance] == pytest.approx(0.6, abs=0.25)
+        assert observer[distance] == pytest.approx(0.16, abs=0.07)
     assert obstacle["commanded_speed_max_mps"] == obstacle["encoder_speed_max_mps"] == 0.5
     assert observer["sent_speed_max_mps"] == 0.1
     # The order matters.
@@ -93,7 +93,7 @@ def test_a_file_is_brought_to_the_server_and_driven_in_reverse(
     assert "other is finished" in err
     assert profile_from_text(server.kept["other"]).roles == ("obstacle",)
     assert json.loads(out)["reverse"] is True
-    assert server.way["obstacle"] == pytest.approx(-0.2, abs=0.1)
+    assert server.driven_m["obstacle"] == pytest.approx(-0.2, abs=0.1)
     assert [m["role"] for m in server.told("take")] == ["obstacle"]
 
 
@@ -119,7 +119,7 @@ def test_a_robot_that_cannot_be_armed_is_said_in_the_servers_words(
     assert "the observer has no rig; say where its cameras are first" in err
     told = json.loads(out)
     assert (told["finished"], told["elapsed_s"]) == (False, 0)
-    assert told["robots"]["observer"]["encoder_way_m"] is None
+    assert told["robots"]["observer"]["encoder_distance_m"] is None
     assert ("POST", "/robots/programme") not in server.calls
     assert len(server.told("release")) == 2
 

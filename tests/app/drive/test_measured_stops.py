@@ -38,7 +38,7 @@ class Followed:
         self._ended.set()
         self._thread.join()
 
-    def way(self, start: float, end: float) -> float:
+    def distance(self, start: float, end: float) -> float:
         """Return the distance travelled between two moments."""
         times, places = zip(*self._was, strict=True)
         return float(abs(np.interp(end, times, places) - np.interp(start, times, places)))
@@ -72,14 +72,14 @@ def test_each_stop_is_measured_as_it_really_was(drive: Drive, robots: Robots, ey
         # The command has to reach the port: on a busy machine either end may see it late.
         assert first.time == pytest.approx(stop.zero_time, abs=0.1)
         took, stood = stop.zero_time - stop.cause_time, stop.stood_time - stop.cause_time
-        way = path.way(stop.cause_time, stop.stood_time)
+        distance = path.distance(stop.cause_time, stop.stood_time)
         sys.stdout.write(
             f"\n{kind}: zero after {1000 * took:.0f} ms, stood after {1000 * stood:.0f} ms, "
-            f"{stop.distance_m:.3f} m of {way:.3f} m\n"
+            f"{stop.distance_m:.3f} m of {distance:.3f} m\n"
         )
         assert took <= PROMISED_S
         assert stop.speed_mps == pytest.approx(SPEED_MPS, abs=0.03)
-        assert stop.distance_m == pytest.approx(way, abs=0.03)
+        assert stop.distance_m == pytest.approx(distance, abs=0.03)
         length = drive.facts["robots"][role]["report"]["length_m"]
         left = pytest.approx(0.25 - length / 2, abs=0.003) if kind == "guard" else None
         assert stop.separation_m == left

@@ -111,8 +111,8 @@ async def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
             driven = told["robots"]["obstacle"]
             # 0.5 + 1 + 0.5 s at 0.2 m/s; the guard limits its acceleration.
             assert own_robot.robot.x == pytest.approx(0.4, abs=0.08)
-            assert driven["encoder_way_m"] == pytest.approx(own_robot.robot.x, abs=0.03)
-            assert driven["commanded_way_m"] == pytest.approx(0.4, abs=0.05)
+            assert driven["encoder_distance_m"] == pytest.approx(own_robot.robot.x, abs=0.03)
+            assert driven["commanded_distance_m"] == pytest.approx(0.4, abs=0.05)
             facts = (await served.http.get("/api/robots")).json()
             assert facts["robots"]["obstacle"]["state"] == "disarmed"
             assert facts["robots"]["obstacle"]["operator"] is None

@@ -17,8 +17,8 @@ def test_a_quarter_circle_in_one_reading_and_in_many() -> None:
     for steps in (1, 7):
         odometry = WheelOdometry(RADIUS, TRACK)
         for k in range(steps + 1):
-            way = odometry.add(5.0 + left * k / steps, right * k / steps)
-        assert (way.x, way.y, way.yaw) == pytest.approx((1.0, 1.0, math.pi / 2))
+            place = odometry.add(5.0 + left * k / steps, right * k / steps)
+        assert (place.x, place.y, place.yaw) == pytest.approx((1.0, 1.0, math.pi / 2))
 
 
 def test_turning_in_place_and_going_back() -> None:
@@ -33,7 +33,7 @@ def test_turning_in_place_and_going_back() -> None:
 def test_joints_that_are_put_back_are_no_way() -> None:
     odometry = WheelOdometry(RADIUS, TRACK)
     odometry.add(0.0, 0.0)
-    way = odometry.add(10.0, 10.0)
+    place = odometry.add(10.0, 10.0)
     odometry.rebase()
-    assert odometry.add(0.0, 0.0) == way
+    assert odometry.add(0.0, 0.0) == place
     assert odometry.add(1.0, 1.0).x == pytest.approx(1.1)

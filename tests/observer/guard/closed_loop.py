@@ -42,15 +42,15 @@ class Crosser:
     y: float
     heading: float
     speed: float
-    way: float = 4.0
+    length: float = 4.0
     begins: float = -10.0
 
     def state(self, time: float) -> PlanarState:
         since = time - 10 - self.begins
         if since <= 0:
             return PlanarState(self.x, self.y, self.heading, 0.0, 0.0, 0.0)
-        phase = (self.speed * since) % (2 * self.way)
-        along, sign = (phase, 1) if phase < self.way else (2 * self.way - phase, -1)
+        phase = (self.speed * since) % (2 * self.length)
+        along, sign = (phase, 1) if phase < self.length else (2 * self.length - phase, -1)
         c, s = math.cos(self.heading), math.sin(self.heading)
         v = sign * self.speed
         return PlanarState(self.x + c * along, self.y + s * along, self.heading, c * v, s * v, 0.0)
@@ -72,7 +72,7 @@ class Lab:
     v: float = 0.0
     w: float = 0.0
     touched_mps: list[float] = field(default_factory=list)
-    way: float = 0.0
+    driven_m: float = 0.0
     levels: dict[Level, int] = field(default_factory=dict)
     seen_since: float | None = None
     reasons: set[str] = field(default_factory=set)
@@ -98,7 +98,7 @@ class Lab:
         if depth > 1e-6 and depth >= before:
             self.touched_mps.append(abs(self.v))
             self.x, self.y, self.yaw, self.v, self.w = x, y, yaw, 0.0, 0.0
-        self.way += abs(self.v) * TICK_S
+        self.driven_m += abs(self.v) * TICK_S
 
     def sight(self, index: int, time: float, rng: random.Random) -> Sight:
         """Return the sight of a camera 0.4 m high: floor from 1 m on, obstacles 0.4 s late."""

@@ -29,7 +29,7 @@ def test_driving_over_free_floor_is_not_held_up(speed: float) -> None:
     lab = drive(Lab(x=-1.0), steady(speed), 5.0)
     assert share(lab, "stop") == 0
     assert share(lab, "clear") > 0.95
-    assert lab.way > 0.8 * speed * 5 - 0.5 * speed**2 / 0.3 - 0.4 * speed
+    assert lab.driven_m > 0.8 * speed * 5 - 0.5 * speed**2 / 0.3 - 0.4 * speed
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
@@ -46,16 +46,16 @@ def test_what_stands_ahead_is_not_touched_and_come_near_to(speed: float, ahead: 
 def test_backing_stops_before_a_wall_that_only_sonar_hears(speed: float) -> None:
     lab = drive(Lab(x=-2.2), steady(speed), 8.0)
     assert lab.touched_mps == []
-    assert lab.way > 0.2
+    assert lab.driven_m > 0.2
 
 
 def test_without_sonar_no_way_leads_into_ground_that_is_not_seen() -> None:
     for wish in (steady(0.3), steady(-0.3), steady(0.0, 0.5)):
-        assert drive(Lab(), wish, 2.0, sonar=False).way == 0
+        assert drive(Lab(), wish, 2.0, sonar=False).driven_m == 0
 
 
 def test_a_robot_that_crosses_is_not_run_into() -> None:
-    touched, ways = [], []
+    touched, driven = [], []
     for seed in range(SEEDS or 6):
         rng = random.Random(seed)
         crosser = Crosser(
@@ -65,10 +65,10 @@ def test_a_robot_that_crosses_is_not_run_into() -> None:
         lab = Lab((), crosser, x=rng.uniform(-0.5, 0.3))
         drive(lab, steady((0.1, 0.3, 0.5)[seed % 3]), 8.0, seed)
         touched += lab.touched_mps
-        ways.append(lab.way)
-    print(f"fastest contact {max(touched, default=0.0):.3f} m/s, ways {np.round(ways, 2)}")  # noqa: T201
+        driven.append(lab.driven_m)
+    print(f"fastest contact {max(touched, default=0.0):.3f} m/s, driven {np.round(driven, 2)}")  # noqa: T201
     assert max(touched, default=0.0) < 0.05
-    assert min(ways) > 0.3
+    assert min(driven) > 0.3
 
 
 def from_the_side(seed: int) -> tuple[float, Lab, float]:

@@ -100,8 +100,8 @@ def crossing(seed: int) -> tuple[SimulatedLab, float, float]:
     crosses = next(k / 20 for k in range(400) if script.state(k / 20).y <= lane)
     # Both arrive by then; the robot starts with a ramp at 0.3 s.
     meets = min(crosses, 5.0)
-    way = speed * (meets - 0.3 - speed / 0.6 - 0.1)
-    x = script.state(crosses).x - way - 0.165 + rng.uniform(-0.15, 0.15)
+    distance = speed * (meets - 0.3 - speed / 0.6 - 0.1)
+    x = script.state(crosses).x - distance - 0.165 + rng.uniform(-0.15, 0.15)
     return SimulatedLab(world, x, lane, crosses - meets), speed, meets + 1.5
 
 
@@ -120,9 +120,9 @@ def test_one_who_crosses_in_view_is_seen_and_not_run_into(seed: int) -> None:
     lab, speed, seconds = crossing(seed)
     drive(lab, steady(speed), seconds, seed)
     fastest = max(lab.touched_mps, default=0.0)
-    print(f"at {speed} m/s: {lab.way:.2f} m, fastest contact {fastest:.3f} m/s")  # noqa: T201
+    print(f"at {speed} m/s: {lab.driven_m:.2f} m, fastest contact {fastest:.3f} m/s")  # noqa: T201
     assert fastest < 0.05
-    assert lab.way > 0.1
+    assert lab.driven_m > 0.1
     # Reasons that only images can give: moving objects and surfaces.
     by_sight = ("obstacle", "an object that", "an obstruction")
     assert any(why.startswith(by_sight) for why in lab.reasons)

@@ -171,10 +171,10 @@ def test_no_other_pattern_of_pulses_would_do_as_well_by_chance() -> None:
 
 def test_the_gesture_ends_where_it_began_even_for_a_slow_robot() -> None:
     for record in (gesture_record(), gesture_record(0.3)):
-        way = np.cumsum(record) * SAMPLE_S
-        assert abs(way[-1]) < 1e-9
-        assert way.min() > -1e-9
-        assert way.max() <= GESTURE_SPEED_MPS * PULSE_S + 1e-9
+        position = np.cumsum(record) * SAMPLE_S
+        assert abs(position[-1]) < 1e-9
+        assert position.min() > -1e-9
+        assert position.max() <= GESTURE_SPEED_MPS * PULSE_S + 1e-9
     assert 4 <= GESTURE_S <= 6
     assert not gesture_record()[-round(REST_S / SAMPLE_S) :].any()
     differences = [b - a for i, a in enumerate(PULSE_STARTS) for b in PULSE_STARTS[i + 1 :]]

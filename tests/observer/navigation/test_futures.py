@@ -33,8 +33,8 @@ def test_whoever_goes_on_keeps_his_velocity() -> None:
 
 def test_turning_keeps_the_length_of_the_path() -> None:
     fine = np.linspace(0.01, 2.0, 400)
-    way = displaced(np.array([[0.6, -0.8]]), fine)[0]
-    for each in (way[0], way[2], way[3]):
+    path = displaced(np.array([[0.6, -0.8]]), fine)[0]
+    for each in (path[0], path[2], path[3]):
         steps = np.hypot(*np.diff(each, axis=0).T)
         assert steps.sum() == pytest.approx(fine[-1] - fine[0], rel=1e-3)
 

@@ -70,7 +70,7 @@ def test_ways_keep_to_the_limits_and_end_at_the_goal() -> None:
     assert np.abs(driven.turn).max() <= LIMITS.turn_rate_max_radps + 1e-9
     turned = np.diff(np.concatenate([np.full((len(driven.turn), 1), 0.4), driven.turn], axis=1))
     assert np.abs(turned).max() / 0.2 <= LIMITS.turn_acceleration_radps2 + 1e-9
-    assert (driven.way_m() < 0.95).all()
+    assert (driven.driven_m() < 0.95).all()
     assert driven.speed[STANDING, -1] == 0.0
 
 

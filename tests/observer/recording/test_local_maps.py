@@ -90,8 +90,8 @@ def test_the_robot_is_where_it_was_at_each_frame(write: Write) -> None:
     assert maps[2].robot == pytest.approx(ROBOT)
     # The lines report 0.1 m/s along the optical axis, which is tilted slightly.
     x, y, yaw = ROBOT
-    way = 0.1 * ahead[6]
-    expected = (x + way * math.cos(yaw), y + way * math.sin(yaw), yaw)
+    distance = 0.1 * ahead[6]
+    expected = (x + distance * math.cos(yaw), y + distance * math.sin(yaw), yaw)
     assert maps[6].robot == pytest.approx(expected, abs=1e-3)
     opened = open_source(str(path))
     assert opened.local_maps == maps

@@ -52,16 +52,16 @@ def driven(
     samples = [DriveSample(0.0, 0, Pose.identity(), told)]
     for kind, amount in legs:
         steps = 40
-        way = amount / steps if kind in ("drive", "arc") else 0.0
-        turn = {"turn": math.radians(amount) / steps, "arc": way / 0.6}.get(kind, 0.0)
+        distance = amount / steps if kind in ("drive", "arc") else 0.0
+        turn = {"turn": math.radians(amount) / steps, "arc": distance / 0.6}.get(kind, 0.0)
         for _ in range(steps):
-            x += way * math.cos(yaw + turn / 2)
-            y += way * math.sin(yaw + turn / 2)
+            x += distance * math.cos(yaw + turn / 2)
+            y += distance * math.sin(yaw + turn / 2)
             yaw += turn
             heading = told.yaw + turn / turn_scale / 2
             told = Odometry(
-                told.x + way / wheel_scale * math.cos(heading),
-                told.y + way / wheel_scale * math.sin(heading),
+                told.x + distance / wheel_scale * math.cos(heading),
+                told.y + distance / wheel_scale * math.sin(heading),
                 told.yaw + turn / turn_scale,
             )
             T_base0_base = Pose.from_rotvec([0, 0, yaw], [x, y, 0])

@@ -29,10 +29,10 @@ def test_a_ramp_from_rest_to_rest_goes_its_length_and_no_faster(
     length: float, cruise: float, acceleration: float
 ) -> None:
     ramp = Ramp.over(length, 0.0, cruise, 0.0, acceleration)
-    way, speed = ramp.way_and_speed(ramp.duration)
-    assert way == pytest.approx(length, abs=1e-9)
+    distance, speed = ramp.distance_and_speed(ramp.duration)
+    assert distance == pytest.approx(length, abs=1e-9)
     assert speed == pytest.approx(0, abs=1e-6)
-    _, fastest = ramp.way_and_speed(ramp.duration / 2)
+    _, fastest = ramp.distance_and_speed(ramp.duration / 2)
     assert fastest <= cruise + 1e-9
     assert fastest == pytest.approx(min(cruise, math.sqrt(acceleration * length)), rel=1e-6)
 

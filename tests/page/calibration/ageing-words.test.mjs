@@ -9,7 +9,7 @@ const drifted = /** @type {const} */ ({
   vergence_rad: 0.0014,
   std_rad: 0.0001,
   sentence: "the cameras converge more than calibrated",
-  way_m: 0,
+  distance_m: 0,
 });
 
 test("refining names the vergence as kept, or as corrected once it drifted", () => {

@@ -188,8 +188,8 @@ def _is_away(track: BodyTrack, place: Float64Array) -> bool:
     """Return whether a body is farther from a place (3,) m, world, than it is wide."""
     if track.box is None:
         return False
-    way = float(np.linalg.norm(track.centre - place))
-    return way >= float(track.box.size[[0, 2]].max())
+    moved_m = float(np.linalg.norm(track.centre - place))
+    return moved_m >= float(track.box.size[[0, 2]].max())
 
 
 def _shown_by_many(track: BodyTrack) -> bool:

@@ -33,9 +33,9 @@ def misfit(track: BodyTrack, segment: Segment, scene: DenseScene) -> float | Non
     """
     place, cov = measured_anchor(segment, "middle", scene)
     if has_left(track, scene):
-        way = track.missed_s * track.mean[VELOCITY]
-        gap = float(np.linalg.norm((place - (track.centre - way)) * _LEVEL))
-        room = float(np.linalg.norm(way)) + _TURNED_M
+        coasted = track.missed_s * track.mean[VELOCITY]
+        gap = float(np.linalg.norm((place - (track.centre - coasted)) * _LEVEL))
+        room = float(np.linalg.norm(coasted)) + _TURNED_M
         return _FOUND_CHI2 * (gap / room) ** 2 if gap < room else None
     squared = _chi2(track, place - track.centre, cov, _CHANGED_M)
     return squared if squared < _FOUND_CHI2 else None

@@ -17,7 +17,7 @@ from observer.simulation.scenarios import scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
 from observer.types import FullTrace, Odometry
-from observer.vision.vergence_fit import SeenTwice, way_equation
+from observer.vision.vergence_fit import SeenTwice, distance_equation
 from observer.vision.view import StereoRows
 
 CAMERA = StereoCamera(640, 480, 500.0, 500.0, 319.5, 239.5, 0.12)
@@ -50,7 +50,7 @@ def seen(
 def drive(
     watch: VergenceWatch,
     vergence_deg: float,
-    way_m: float = 2.5,
+    distance_m: float = 2.5,
     *,
     wheel_scale: float = 1.0,
     noise_px: float = 0.1,
@@ -62,7 +62,7 @@ def drive(
     points = room(seed) if points is None else points
     vergence = np.deg2rad(vergence_deg)
     found = watch.look(0.0, 0, None, None, None)
-    for k in range(round(way_m / 0.3 / DT)):
+    for k in range(round(distance_m / 0.3 / DT)):
         z = 0.3 * DT * k
         rows = seen(points, Pose(np.eye(3), np.array([0, 0, z])), vergence, noise_px, seed)
         scale = 1 + vergence * 4 / CAMERA.baseline
@@ -79,12 +79,12 @@ def test_one_pair_without_noise_gives_the_truth(vergence_deg: float) -> None:
     a, b = (seen(room(), pose, v, 0.0) for pose in (start, end))
     both = np.intersect1d(a.number, b.number)
     in_a, in_b = (np.searchsorted(rows.number, both) for rows in (a, b))
-    way = float(np.linalg.norm(end.translation))
+    distance_m = float(np.linalg.norm(end.translation))
     pair = SeenTwice(
         a.px[in_a], a.disparity[in_a], b.px[in_b], b.disparity[in_b],
-        end.inverse(), way / 1.02, 0.001,
+        end.inverse(), distance_m / 1.02, 0.001,
     )  # fmt: skip
-    equation = way_equation(pair, CAMERA, (0.0, 0.0), 0.02)
+    equation = distance_equation(pair, CAMERA, (0.0, 0.0), 0.02)
     assert equation is not None
     vergence, scale = np.linalg.solve(equation.information, equation.vector)
     assert vergence == pytest.approx(v, abs=np.deg2rad(0.002))
@@ -155,8 +155,8 @@ def test_a_new_segment_begins_a_new_pair_and_keeps_what_is_known() -> None:
     before = drive(watch, 0.3)
     rows = seen(room(7), Pose.identity(), 0.0, 0.1)
     # Point numbers and the world frame start anew.
-    for k, way in enumerate((3.0, 3.3)):
-        found = watch.look(20 + 2 * k, 1, rows, Pose.identity(), Odometry(way, 0, 0))
+    for k, x in enumerate((3.0, 3.3)):
+        found = watch.look(20 + 2 * k, 1, rows, Pose.identity(), Odometry(x, 0, 0))
         rows = StereoRows(rows.px, rows.offset_px, rows.disparity, rows.number + 10_000)
     assert found.vergence_rad == before.vergence_rad
 

@@ -54,8 +54,8 @@ def test_whoever_has_left_in_time_costs_nothing(monkeypatch: pytest.MonkeyPatch)
 def test_it_goes_round_whoever_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     wall = [(7.0, y, 0.0, 0.0) for y in np.arange(0.0, 7.0, 0.4).tolist()]
     # Past the end of a wall at (7, 6.4) with 0.46 m clearance: two legs of at least 5.34 m.
-    way = 2 * np.hypot(5.0, 6.4 + 0.46 - 5.0) - 0.25
-    least = way / LIMITS.speed_max_mps + free_time_s(LIMITS) - 9.75 / LIMITS.speed_max_mps
+    distance = 2 * np.hypot(5.0, 6.4 + 0.46 - 5.0) - 0.25
+    least = distance / LIMITS.speed_max_mps + free_time_s(LIMITS) - 9.75 / LIMITS.speed_max_mps
     # It grows an octagon, so its time may be up to 8 % shorter.
     assert 0.92 * least <= answer(monkeypatch, *wall) <= least + 0.3
 

@@ -34,7 +34,7 @@ def test_an_empty_room_takes_the_free_time(driver: Driver) -> None:
     result = run(Case(driver, 0.0, False, 1e-3, 1), PARAMETERS, moments.append)
     assert result.reached
     assert result.time_s < 1.2 * free_time_s(LIMITS)
-    assert result.way_m == pytest.approx(9.75, abs=0.2)
+    assert result.driven_m == pytest.approx(9.75, abs=0.2)
     assert (result.contacts, result.run_ins, result.stops) == (0, 0, {})
     assert math.dist(moments[-1].pose[:2], GOAL) < 0.4
     assert (moments[0].plan is None) == (driver == "guard")

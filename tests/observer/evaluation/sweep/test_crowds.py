@@ -134,12 +134,12 @@ def test_figures_are_those_of_the_benchmark() -> None:
     parameters = AllParameters()
     runs = [run(Case("planner", 0.02, False, 1e-3, seed), parameters) for seed in (1, 2, 3)]
     figures = driving_figures(SweepCrowd("crowd:hard:0.02", 0.02, False, 3), parameters)
-    way = sum(each.way_m for each in runs)
+    driven_m = sum(each.driven_m for each in runs)
     times = sorted(each.time_s for each in runs)
     assert figures == {
         "time_ratio": times[1] / free_time_s(parameters.guard),
-        "contacts_per_m": sum(each.contacts for each in runs) / way,
-        "ahead_per_m": sum(each.ahead for each in runs) / way,
+        "contacts_per_m": sum(each.contacts for each in runs) / driven_m,
+        "ahead_per_m": sum(each.ahead for each in runs) / driven_m,
         "reached": 1.0,
     }
 

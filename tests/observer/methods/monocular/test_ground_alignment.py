@@ -65,8 +65,8 @@ def test_joints_tell_the_way_to_three_percent(height: float, tilt: float, turn: 
     guess = wrong_guess(T, ground, np.array([0.004, -0.012]))
     seen = mark.aligned(drawn(ground, T), guess, 0.003)
     assert seen is not None
-    assert seen.way_m == pytest.approx(0.12, rel=0.03)
-    assert 0 < seen.way_sigma < 0.06
+    assert seen.distance_m == pytest.approx(0.12, rel=0.03)
+    assert 0 < seen.distance_sigma < 0.06
     gap = seen.T_now_mark.translation - T.translation
     assert np.linalg.norm(gap) < 0.006
 
@@ -90,11 +90,11 @@ def test_the_ground_is_followed_from_the_first_view_on() -> None:
     ground = ground_of(0.5, 15.0)
     follower = GroundFollower(drawn(ground, Pose.identity()), ground, CAMERA)
     told = [
-        follower.followed(drawn(ground, driven(ground, way)), np.eye(3), 0.01)
-        for way in (0.01, 0.025, 0.04, 0.06)
+        follower.followed(drawn(ground, driven(ground, distance)), np.eye(3), 0.01)
+        for distance in (0.01, 0.025, 0.04, 0.06)
     ]
     assert told[-1] is not None
-    assert told[-1].way_m == pytest.approx(0.06, rel=0.04)
+    assert told[-1].distance_m == pytest.approx(0.06, rel=0.04)
     assert follower.followed(drawn(ground, driven(ground, 0.07)), np.eye(3), 0.0) is None
 
 

@@ -35,8 +35,8 @@ def first_seen() -> RayPoints:
     return RayPoints.begin(px, np.zeros(3), ray, np.full(120, 0.4), np.full(120, 0.36))
 
 
-def moved(way: float) -> Pose:
-    return Pose(np.eye(3), np.array([-way, 0.0, 0.0]))
+def moved(distance: float) -> Pose:
+    return Pose(np.eye(3), np.array([-distance, 0.0, 0.0]))
 
 
 def travelled(steps: int, noise: float = 0.05) -> RayPoints:

@@ -64,15 +64,15 @@ def seen(lateral: list[StereoFrame]) -> list[Observation]:
     return observe(lateral)
 
 
-def way_share(seen: Sequence[Observation], frames: Sequence[StereoFrame]) -> float:
+def distance_share(seen: Sequence[Observation], frames: Sequence[StereoFrame]) -> float:
     """Length of the path over the last frames relative to the true one."""
     start, end = COUNT - 10, COUNT - 1
     poses = [seen[k].T_world_camera for k in (start, end)]
     true = [TRUTH.camera_pose(frames[k].time) for k in (start, end)]
     assert poses[0] is not None
     assert poses[1] is not None
-    way = np.linalg.norm(poses[1].translation - poses[0].translation)
-    return float(way / np.linalg.norm(true[1].translation - true[0].translation))
+    distance = np.linalg.norm(poses[1].translation - poses[0].translation)
+    return float(distance / np.linalg.norm(true[1].translation - true[0].translation))
 
 
 def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(
@@ -109,7 +109,7 @@ def test_the_height_above_the_floor_alone_tells_metres(lateral: list[StereoFrame
     assert seen[5].status is Status.DEGRADED
     assert "not moved far enough" in seen[5].reasons[-1]
     assert {s.segment for s in seen} == {0}
-    assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
+    assert distance_share(seen, lateral) == pytest.approx(1, abs=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,7 @@ def test_plain_tiles_and_the_height_tell_metres_and_a_crossing_robot(
     bare: list[StereoFrame],
 ) -> None:
     seen = observe(bare)
-    assert way_share(seen, bare) == pytest.approx(1, abs=0.08)
+    assert distance_share(seen, bare) == pytest.approx(1, abs=0.08)
     for observation, frame in list(zip(seen, bare, strict=True))[35:]:
         assert observation.status is Status.OK
         (true,) = [b for b in TRUTH.bodies(frame.time) if b.id == 1]
@@ -149,7 +149,7 @@ def test_a_ground_without_any_joint_is_told_not_to_show_the_scale(
 
 def test_odometry_alone_tells_metres(lateral: list[StereoFrame]) -> None:
     seen = observe(lateral, mount=None)
-    assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
+    assert distance_share(seen, lateral) == pytest.approx(1, abs=0.05)
     # The ground on which obstacles stand is unknown.
     assert not any(s.obstacles for s in seen)
 
@@ -159,7 +159,7 @@ def test_a_given_height_counts_rather_than_the_rig(lateral: list[StereoFrame]) -
     tilt = float(np.degrees(MOUNT.tilt_rad))
     given = {"monocular.height_m": 2 * MOUNT.height_m, "monocular.tilt_deg": tilt}
     seen = observe(without_odometry(lateral), parameters=ONE_CAMERA.changed(given))
-    assert way_share(seen, lateral) == pytest.approx(2, abs=0.1)
+    assert distance_share(seen, lateral) == pytest.approx(2, abs=0.1)
 
 
 def test_without_scale_it_refuses_and_says_what_it_needs(lateral: list[StereoFrame]) -> None:

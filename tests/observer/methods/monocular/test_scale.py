@@ -11,7 +11,7 @@ from observer.methods.monocular.scale import (
     ground_scale,
     odometry_scale,
     scale_by_ground,
-    sigma_after_way,
+    sigma_after_distance,
 )
 from observer.mount import CameraMount
 
@@ -74,7 +74,7 @@ def test_odometry_gives_the_scale_once_the_way_is_long_enough() -> None:
 
 
 def test_the_scale_gets_less_certain_with_the_way_and_more_by_measuring() -> None:
-    later = sigma_after_way(0.01, 1.0)
+    later = sigma_after_distance(0.01, 1.0)
     assert later > 0.02
     _, measured = correction(later, 0.0, 0.02)
     assert measured < 0.02

@@ -30,14 +30,14 @@ def test_two_views_tell_the_way_and_the_depths_but_for_their_scale() -> None:
     first, second, distance = views(T, moving=20)
     told = two_views(first, second, 0.1 / 443, CAMERA)
     assert told is not None
-    way = float(np.linalg.norm(T.translation))
-    direction = float(told.T_second_first.translation @ T.translation) / way
+    distance_m = float(np.linalg.norm(T.translation))
+    direction = float(told.T_second_first.translation @ T.translation) / distance_m
     assert np.degrees(np.arccos(min(direction, 1.0))) < 3
     assert not told.inliers[:20].all()
-    sharp = told.inliers & (told.sigma * distance / way < 0.05)
+    sharp = told.inliers & (told.sigma * distance / distance_m < 0.05)
     sharp[:20] = False
     assert sharp.sum() > 30
-    ratio = told.inverse[sharp] / way * distance[sharp]
+    ratio = told.inverse[sharp] / distance_m * distance[sharp]
     assert abs(np.median(ratio) - 1) < 0.05
 
 

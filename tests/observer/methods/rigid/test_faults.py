@@ -112,9 +112,9 @@ def test_black_frames_are_a_loss_that_is_told_and_got_over(lateral: Clip, count:
         assert robot.closing_speed is None
         assert robot.points == 0
         assert robot.velocity_time == seen[19].time
-        way = robot.position_camera - known.position_camera
+        moved = robot.position_camera - known.position_camera
         expected = (lost.time - seen[19].time) * known.velocity_camera
-        np.testing.assert_allclose(way, expected, atol=1e-12)
+        np.testing.assert_allclose(moved, expected, atol=1e-12)
         assert robot.reason.startswith("not seen for")
     assert {o.segment for o in seen} == {0}
     for after in seen[22 + count :]:

@@ -163,8 +163,8 @@ def test_velocity_is_reached_by_the_acceleration_and_told_in_status() -> None:
     seen = newest(heard)
     assert (seen["left"], seen["right"]) == (200, 200)
     assert heard[-1][0] == 0x33
-    way = talk.robot.odometry[0]
-    assert seen["x"] == pytest.approx(way * 1000, abs=5)
+    driven_m = talk.robot.odometry[0]
+    assert seen["x"] == pytest.approx(driven_m * 1000, abs=5)
     talk.say(STOP)
     talk.wait(0.4)
     assert 0.09 < talk.robot.speed_mps < 0.15
@@ -289,15 +289,15 @@ def test_positions_wrap_in_15_bits_of_the_models_unit(model: str, mm: float) -> 
     raw = [
         status(each)["x"] for each in talk.hold(40, command(Command.VEL, 900)) if each[0] == 0x33
     ]
-    way = talk.robot.odometry[0]
-    assert way > 35
+    driven_m = talk.robot.odometry[0]
+    assert driven_m > 35
     assert max(raw) <= 0x7FFF
     unwrapped = 0
     for a, b in itertools.pairwise(raw):
         step = b - a
         unwrapped += step + 0x8000 if step < -0x1000 else step
-    assert sum(b < a for a, b in itertools.pairwise(raw)) == int(way * 1000 / mm / 0x8000)
-    assert (raw[0] + unwrapped) * mm / 1000 == pytest.approx(way, abs=0.1)
+    assert sum(b < a for a, b in itertools.pairwise(raw)) == int(driven_m * 1000 / mm / 0x8000)
+    assert (raw[0] + unwrapped) * mm / 1000 == pytest.approx(driven_m, abs=0.1)
 
 
 def test_seto_makes_here_and_this_heading_zero() -> None:

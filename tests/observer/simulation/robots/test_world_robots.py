@@ -251,11 +251,11 @@ def test_a_velocity_moves_the_camera_truth_odometry_and_commanded_speed(lab: Lab
     body = lab.truth.bodies(lab.time)[0]
     assert body.commanded_speed == pytest.approx(0.2)
     assert body.speed == pytest.approx(0.2, abs=0.005)
-    way = math.hypot(end.x - start.x, end.y - start.y)
-    assert 0.2 < way < 0.4
+    distance = math.hypot(end.x - start.x, end.y - start.y)
+    assert 0.2 < distance < 0.4
     assert end.turn_rate == pytest.approx(math.radians(20), abs=0.01)
     drive = math.hypot(lab.odometry.x - wheels.x, lab.odometry.y - wheels.y)
-    assert drive == pytest.approx(way, rel=0.06)
+    assert drive == pytest.approx(distance, rel=0.06)
     assert np.abs(lab.left.astype(int) - first).mean() > 5
     # The pose moves with it, and time 0 remains the world's origin.
     moved = lab.truth.camera_pose(lab.time).translation

@@ -43,12 +43,12 @@ def observer_path(t: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 def obstacle_path(t: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Return centre (N, 3) and heading: to and fro with stops, turning round between."""
-    way = 0.35 * (np.clip(t - 2, 0, 5) - np.clip(t - 10, 0, 5.7) + np.clip(t - 20, 0, 4.1))
+    moved = 0.35 * (np.clip(t - 2, 0, 5) - np.clip(t - 10, 0, 5.7) + np.clip(t - 20, 0, 4.1))
     # Smoothed, because robots accelerate gradually.
     kernel = np.ones(400) / 400
-    way = np.convolve(np.pad(way, 200, mode="edge"), kernel, "same")[200:-200]
+    moved = np.convolve(np.pad(moved, 200, mode="edge"), kernel, "same")[200:-200]
     turned = np.pi * (np.clip((t - 8) / 1.5, 0, 1) + np.clip((t - 17) / 1.5, 0, 1))
-    return np.column_stack([3 + 0 * t, -1 + way, 0.15 + 0 * t]), np.pi / 2 + turned
+    return np.column_stack([3 + 0 * t, -1 + moved, 0.15 + 0 * t]), np.pi / 2 + turned
 
 
 @dataclass(frozen=True, eq=False)

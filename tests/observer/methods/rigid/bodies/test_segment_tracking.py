@@ -46,12 +46,12 @@ def walk(
 ) -> list[tuple[float, float]]:
     """Let a person walk along ``path`` (x, z metres by time); return the place in each frame."""
     begun = view.time
-    way = []
+    places = []
     for _ in range(frames):
         since = view.time + DT - begun
-        way.append(path(since))
-        view.step([*ROOM, *others, person(*way[-1])], poses(since))
-    return way
+        places.append(path(since))
+        view.step([*ROOM, *others, person(*places[-1])], poses(since))
+    return places
 
 
 def watching(*others: Shape) -> SolidView:
