@@ -17,7 +17,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.contract import StageTimer, Step
 from observer.methods.rigid.bodies.expectation import expected_at
 from observer.methods.rigid.bodies.reporting import describe_body
-from observer.methods.rigid.bodies.seeming import moving_boxes_px
+from observer.methods.rigid.bodies.tentative import moving_boxes_px
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseVision

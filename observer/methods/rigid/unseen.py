@@ -9,7 +9,7 @@ person, the status is degraded: a window of a person's size is unseen by half or
 A mover of exactly the same tone as a plain background shows no outline; only the unseen share
 accounts for it.
 
-Something that seems to move but is not certain enough to be reported yet is marked as well.
+Something that may move but is not certain enough to be reported yet is marked as well.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.kernels.unseen import background, cell_means, fills, told_by_points
-from observer.methods.rigid.bodies.seeming import BoxPx
+from observer.methods.rigid.bodies.tentative import BoxPx
 from observer.methods.rigid.dense.depth_image import RowTexture
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED
 from observer.methods.rigid.dense.grid import Grid
@@ -74,7 +74,7 @@ class UnseenRegions:
         scene: DenseScene | None,
         points: TrackedPoints,
         reported: Sequence[BoxPx],
-        seeming: Sequence[BoxPx],
+        tentative: Sequence[BoxPx],
         parameters: StereoParameters,
     ) -> Unseen:
         """Find where motion would go unnoticed in a view.
@@ -83,7 +83,7 @@ class UnseenRegions:
             scene: of this frame; None while the camera is too fast for it.
             points: as tracked in this frame.
             reported: u0, v0, u1, v1 px around obstacles reported as seen in this frame.
-            seeming: around what may be moving; marked as tentative.
+            tentative: around what may be moving; marked as tentative.
         """
         grid = self._grid
         small = grid.reduced(view.left) if scene is None else scene.left
@@ -101,7 +101,7 @@ class UnseenRegions:
         moves[told] = 0
         hidden = (cause != ord(".")) & ~self._background(cause == ord("p"), stands, moves)
         hides = self._fill(hidden & ~told, _HIDING_SHARE)
-        cause[_within(seeming, grid, plain.shape) & ~told] = ord("t")
+        cause[_within(tentative, grid, plain.shape) & ~told] = ord("t")
         return _told(cause, _SIDE * grid.reduction, hides=hides)
 
     def _fill(self, cells: Mask, share: float) -> bool:

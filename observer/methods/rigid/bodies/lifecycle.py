@@ -44,7 +44,7 @@ _CREEPING, _UNMOVED_SHARE = 3.0, 0.95
 _ACROSS_SHARE = 0.5
 # Where light flickers, a body that is slower than so many times the stopped speed may stand, unless
 # it crosses the view.
-_SEEMS_SLOW = 8.0
+_SLOW_IN_FLICKER = 8.0
 # Frames in which a segment must have entered free space, or been uncovered, and standard deviations
 # of its velocity. A body that goes away is uncovered by itself. What others uncover seems to move
 # across the view as they do, so this share of the velocity must lead away.
@@ -230,7 +230,7 @@ def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
 def _is_slow(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     """Return whether a body is slow and has not been seen to leave its place."""
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
-    return not _has_moved(track) and speed <= _SEEMS_SLOW * parameters.stopped_below_mps
+    return not _has_moved(track) and speed <= _SLOW_IN_FLICKER * parameters.stopped_below_mps
 
 
 def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:

@@ -164,30 +164,30 @@ def test_what_is_nearer_than_stereo_searches_is_told_as_near(disparity: int) -> 
     assert "too close" in unseen.reasons[0]
 
 
-def test_what_seems_to_move_but_is_not_reported_yet_is_told() -> None:
-    unseen = seen_with(seeming=[(64.0, 64.0, 95.0, 95.0)])
+def test_what_may_move_but_is_not_reported_yet_is_marked() -> None:
+    unseen = seen_with(tentative=[(64.0, 64.0, 95.0, 95.0)])
     assert unseen.cause_at((70.0, 70.0)) == "tentative"
     assert unseen.cause_at((130.0, 70.0)) != "tentative"
     assert any("started to move" in reason for reason in unseen.reasons)
     assert unseen.share < 0.03
 
 
-def test_what_is_reported_is_not_told_to_seem_to_move() -> None:
+def test_what_is_reported_is_not_marked_as_tentative() -> None:
     box = (320.0, 180.0, 351.0, 243.0)
-    assert seen_with(seeming=[box], reported=[box]).reasons == ()
+    assert seen_with(tentative=[box], reported=[box]).reasons == ()
 
 
 def test_boxes_may_reach_beyond_the_image() -> None:
-    unseen = seen_with(seeming=[(-50.0, -50.0, 20.0, 2000.0)])
+    unseen = seen_with(tentative=[(-50.0, -50.0, 20.0, 2000.0)])
     assert unseen.cause_at((0.0, 0.0)) == unseen.cause_at((0.0, 399.0)) == "tentative"
-    assert not seen_with(seeming=[(-50.0, 20.0, -10.0, 80.0)]).reasons
+    assert not seen_with(tentative=[(-50.0, 20.0, -10.0, 80.0)]).reasons
 
 
-def seen_with(*, seeming: Sequence[Box] = (), reported: Sequence[Box] = ()) -> Unseen:
+def seen_with(*, tentative: Sequence[Box] = (), reported: Sequence[Box] = ()) -> Unseen:
     """The result for the fully visible textured wall with obstacles in these boxes."""
     now = view(0, nothing)
     scene = DenseVision(CAMERA, MOUNT).look(now, step_to(dt=0.4), P, 0.0)
-    return UnseenRegions(CAMERA).look(now, scene, TrackedPoints.none(), reported, seeming, P)
+    return UnseenRegions(CAMERA).look(now, scene, TrackedPoints.none(), reported, tentative, P)
 
 
 def test_at_speed_only_points_tell() -> None:

@@ -14,8 +14,8 @@ from observer.types import TrackState
 
 BoxPx = tuple[float, float, float, float]
 
-# Standard deviations of its velocity, and number of points, from which a track seems to move.
-_SEEMING_SIGMAS, _SEEMING_POINTS = 2.0, 6
+# Standard deviations of its velocity, and number of points, from which a track may move.
+_LEAST_SIGMAS, _LEAST_POINTS = 2.0, 6
 # A segment of which more than this share entered free space must have come from elsewhere.
 _CAME_SHARE = 0.5
 # Metres: the width and height of a person.
@@ -25,30 +25,30 @@ _WIDTH_M, _HEIGHT_M = 0.5, 1.8
 def moving_boxes_px(
     tracks: list[BodyTrack], scene: DenseScene | None, now: CameraStep
 ) -> tuple[list[BoxPx], list[BoxPx]]:
-    """Return the boxes, px, of the bodies reported as seen, and of those that seem to move."""
+    """Return the boxes, px, of the bodies reported as seen, and of those that may move."""
     ground = None if scene is None else scene.ground
     reported = [t.box_px for t in tracks if t.state is TrackState.CONFIRMED]
-    seeming = []
-    for track in [t for t in tracks if seems_to_move(t)]:
+    tentative = []
+    for track in [t for t in tracks if may_move(t)]:
         # What moves on a reported person is an arm or a shadow, not another person.
         alone = not any(_middle_within(track.box_px, box) for box in reported)
-        seeming.append(
+        tentative.append(
             may_fill(track, ground, now.T_camera_world, now.camera) if alone else track.box_px
         )
-    return reported, seeming
+    return reported, tentative
 
 
-def seems_to_move(track: BodyTrack) -> bool:
+def may_move(track: BodyTrack) -> bool:
     """Return whether a track that is not reported yet may be of something that moves.
 
     The velocity of an outline is hardly known at first, and again once its points turned out to
-    be on limbs. Then it seems to move if it entered free space, or because its points did.
+    be on limbs. Then it may move if it entered free space, or because its points did.
     """
     if track.state is not TrackState.TENTATIVE:
         return False
     outline = track.seen_outline
-    if track.significance >= _SEEMING_SIGMAS:
-        return outline is not None or track.crosses or track.points >= _SEEMING_POINTS
+    if track.significance >= _LEAST_SIGMAS:
+        return outline is not None or track.crosses or track.points >= _LEAST_POINTS
     if outline is None or not outline.is_high:
         return False
     return track.loosened or outline.segment.arrived > _CAME_SHARE
