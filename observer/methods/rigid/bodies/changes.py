@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
-# A body or place stirs if it changed in so many frames of these last seconds, in so many bursts
-# with a pause between them, over at least that many seconds.
+# A body moves in place, as does what is at a place, if it changed in so many frames of these last
+# seconds, in so many bursts with a pause between them, over at least that many seconds.
 _WINDOW_S, _LEAST_FRAMES, _LEAST_BURSTS, _LEAST_SPAN_S = 3.0, 8, 3, 1.2
 _PAUSE_S = 0.12
 
@@ -35,8 +35,8 @@ class Changes:
         return bool(self._times)
 
     @property
-    def stirs(self) -> bool:
-        """True if it changed often, again and again."""
+    def recurring(self) -> bool:
+        """True if it changed often, again and again: something moves in place."""
         times = np.array(self._times)
         if len(times) < _LEAST_FRAMES or times[-1] - times[0] < _LEAST_SPAN_S:
             return False

@@ -105,7 +105,7 @@ def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> Motio
     unsure = sigma > _WALKS_MPS / _MOVING_SIGMAS and track.unsure_s < _UNSURE_S
     if reported and (track.missed_s > 0 or unsure) and not _is_unmoved(track):
         return track.motion
-    return MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
+    return MotionState.IN_PLACE if track.changes.recurring else MotionState.STOPPED
 
 
 def _sigma_along(velocity: Float64Array, cov: Float64Array) -> float:

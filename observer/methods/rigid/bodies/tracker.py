@@ -32,6 +32,7 @@ from observer.methods.rigid.bodies.membership import (
     resting,
     shape_position,
 )
+from observer.methods.rigid.bodies.moving_in_place import MovingInPlace
 from observer.methods.rigid.bodies.occlusion import without_hidden
 from observer.methods.rigid.bodies.segment_tracking import (
     learn_box,
@@ -41,7 +42,6 @@ from observer.methods.rigid.bodies.segment_tracking import (
     without_segments,
 )
 from observer.methods.rigid.bodies.shape import BodyShape
-from observer.methods.rigid.bodies.stirring import Stirring
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.scene import DenseScene
@@ -81,7 +81,7 @@ class BodyTracker:
         """``numbers`` gives each confirmed track its own; from 1 if left out."""
         self.tracks: list[BodyTrack] = []
         self._numbers = TrackIds(numbers)
-        self._stirring = Stirring()
+        self._moving_in_place = MovingInPlace()
         # As of the last frame whose light is known.
         self._light = Light()
 
@@ -110,7 +110,7 @@ class BodyTracker:
         else:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
-            self._stirring.note(self.tracks, scene, self._numbers)
+            self._moving_in_place.note(self.tracks, scene, self._numbers)
             self._light = scene.light
         note_lasting_errors(self.tracks, now, parameters.evidence)
         points = self.associate(points, motion, p)
@@ -249,19 +249,19 @@ class BodyTracker:
                     continue
                 if not moves_as_one(track, group.velocity, len(members)):
                     continue
-                track.stiffen(_begun(group))
+                track.stiffen(_start_filter(group))
             else:
                 track = body_of(group, self.tracks)
             if track is None:
                 track = BodyTrack(
-                    id=self._numbers.provisional(), filter=_begun(group), shape=BodyShape()
+                    id=self._numbers.provisional(), filter=_start_filter(group), shape=BodyShape()
                 )
                 self.tracks.append(track)
             elif track.forgotten or (track.rigid and track.missed_s > 0):
                 # A body lost only for a moment restarts if it is rigid: with limbs, the points
                 # are rather on an arm. Where its points were is of no use any more.
                 obstacle[obstacle == track.id] = NO_OBSTACLE
-                track.restart(_begun(group))
+                track.restart(_start_filter(group))
             elif track.box is not None:
                 room = track.room(parameters.margin)
                 members = members[track.contains(group.places, 2 * room)]
@@ -389,7 +389,7 @@ class BodyTracker:
         return pairs
 
 
-def _begun(group: Group) -> BodyFilter:
+def _start_filter(group: Group) -> BodyFilter:
     """Return the motion of a body known only by a group; its origin is the group's middle."""
     here = np.eye(3) * _ORIGIN_VARIANCE
     return BodyFilter.begin(group.centre, group.velocity, here, group.velocity_cov, _YAW_RATE_SIGMA)

@@ -12,7 +12,7 @@ from observer.kernels.patches import describe_patches
 from observer.kernels.sight import place_of
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
-from observer.methods.rigid.bodies.segment_tracking import begun
+from observer.methods.rigid.bodies.segment_tracking import start_track
 from observer.methods.rigid.dense.people import is_person, standing_segment
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Mask, Segment, opened, widened
@@ -39,7 +39,7 @@ class _Place:
     changes: Changes = field(default_factory=Changes)
 
 
-class Stirring:
+class MovingInPlace:
     """Remembers where the scene changed for some seconds, on bodies and elsewhere."""
 
     def __init__(self) -> None:
@@ -66,13 +66,13 @@ class Stirring:
             track.changes.note(scene.time, changed=changed)
             free &= ~mine
         self._note_places([place for cell, place in changes if free[cell]], scene)
-        for place in [p for p in self._places if p.changes.stirs]:
+        for place in [p for p in self._places if p.changes.recurring]:
             segment = standing_segment(scene, place.at, free)
             if segment is not None and is_person(segment, scene):
                 for part in [t for t in tracks if _lies_on(t, segment)]:
                     tracks.remove(part)
                 free &= ~segment.mask
-                track = begun(numbers.provisional(), segment, scene, _STAYED_MPS)
+                track = start_track(numbers.provisional(), segment, scene, _STAYED_MPS)
                 track.changes, place.changes = place.changes, Changes()
                 tracks.append(track)
 

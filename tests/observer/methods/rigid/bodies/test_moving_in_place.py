@@ -12,8 +12,8 @@ from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.lifecycle import judge
-from observer.methods.rigid.bodies.segment_tracking import begun
-from observer.methods.rigid.bodies.stirring import Stirring
+from observer.methods.rigid.bodies.moving_in_place import MovingInPlace
+from observer.methods.rigid.bodies.segment_tracking import start_track
 from observer.methods.rigid.dense.free_space import STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
@@ -54,11 +54,11 @@ def found(
     pose: Pose = HERE,
 ) -> list[BodyTrack]:
     """The bodies found when something changes in ``frames`` out of ``lasting`` frames."""
-    stirring, numbers, tracks = Stirring(), TrackIds(), list[BodyTrack]()
+    in_place, numbers, tracks = MovingInPlace(), TrackIds(), list[BodyTrack]()
     now = set(frames)
     for k in range(lasting):
         still = scene(k * DT, who, places(k) if k in now else None)
-        stirring.note(tracks, replace(still, T_world_camera=pose), numbers)
+        in_place.note(tracks, replace(still, T_world_camera=pose), numbers)
         for track in tracks:
             judge(track, np.zeros(3), DT, P)
     return tracks
@@ -77,7 +77,7 @@ def test_the_whole_person_is_shown_not_the_hand() -> None:
     assert track.outline.height == pytest.approx(1.6, abs=0.3)
 
 
-def test_who_stands_still_is_not_found() -> None:
+def test_a_person_standing_still_is_not_found() -> None:
     assert found([]) == []
 
 
@@ -108,7 +108,7 @@ def test_after_the_wave_the_person_has_stopped() -> None:
 
 
 @pytest.mark.parametrize(
-    ("times", "stirs"),
+    ("times", "recurring"),
     [
         ([], False),
         (np.arange(0, 2.5, 0.05), False),
@@ -118,11 +118,11 @@ def test_after_the_wave_the_person_has_stopped() -> None:
         ([a + b for a in (0.0, 2.0, 4.0) for b in (0.0, 0.07, 0.14)], False),
     ],
 )
-def test_only_what_changes_again_and_again_stirs(times: list[float], stirs: bool) -> None:
+def test_only_what_changes_again_and_again_recurs(times: list[float], recurring: bool) -> None:
     changes = Changes()
     for time in times:
         changes.note(time, changed=True)
-    assert changes.stirs is stirs
+    assert changes.recurring is recurring
 
 
 def test_a_part_that_was_not_confirmed_becomes_the_whole() -> None:
@@ -131,9 +131,9 @@ def test_a_part_that_was_not_confirmed_becomes_the_whole() -> None:
     now = scene(0.0, WHO, hand())
     assert now.changed is not None
     part = segment_of(now, now.changed)
-    stirring, tracks = Stirring(), [begun(numbers.provisional(), part, now)]
+    in_place, tracks = MovingInPlace(), [start_track(numbers.provisional(), part, now)]
     for k in range(40):
-        stirring.note(tracks, scene(k * DT, WHO, hand() if k in set(WAVING) else None), numbers)
+        in_place.note(tracks, scene(k * DT, WHO, hand() if k in set(WAVING) else None), numbers)
     (track,) = tracks
     assert track.outline is not None
     assert track.outline.height == pytest.approx(1.6, abs=0.3)
