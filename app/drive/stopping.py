@@ -88,7 +88,7 @@ class StopWatch:
         self._zero = _zero_since(self._zero, driven, report, now)
         for incident in incidents:
             if self._open is None and self._concerns(incident):
-                self._open = self._begun(incident, report, driven.verdict)
+                self._open = self._start_stop(incident, report, driven.verdict)
         told = None if self._open is None else self._followed(self._open, now, driven, sight)
         if told is not None:
             self._open = None
@@ -137,7 +137,7 @@ class StopWatch:
 
     # --- from its cause --------------------------------------------------------------------
 
-    def _begun(
+    def _start_stop(
         self, incident: IncidentEvent, report: RobotReport | None, verdict: Verdict | None
     ) -> _Stop | None:
         """Begin measuring a stop; return None where nothing was moving."""
@@ -195,7 +195,7 @@ class StopWatch:
             or driven.robot is None
             or (stop.zero is not None and (stop.speed_mps is None or driven.sent != ZERO))
         )
-        return self._told(stop, None) if over else None
+        return self._stopped_event(stop, None) if over else None
 
     def _stood(self, cause: float) -> float | None:
         for packet in self._packets:
@@ -211,19 +211,21 @@ class StopWatch:
         assert stop.stood is not None
         if stop.incident.kind != "guard" or stop.came:
             # An obstacle that approached by itself may come nearer still.
-            return self._told(stop, None)
+            return self._stopped_event(stop, None)
         direction = math.copysign(1.0, stop.speed_mps or 0.0)
         over = now - stop.stood > _LOOK_S
         if not over and not is_heard(driven.report, stop.stood, direction):
             return None
         if self._role != "observer":
-            return self._told(stop, separation(None, driven.report, stop.stood, direction))
+            return self._stopped_event(stop, separation(None, driven.report, stop.stood, direction))
         if sight is not None and sight.received >= stop.stood and self._good(sight, now, driven):
-            return self._told(stop, separation(sight, driven.report, stop.stood, direction))
+            return self._stopped_event(
+                stop, separation(sight, driven.report, stop.stood, direction)
+            )
         # Sonar alone does not report what only a camera would see.
-        return self._told(stop, None) if over else None
+        return self._stopped_event(stop, None) if over else None
 
-    def _told(self, stop: _Stop, separation_m: float | None) -> StoppedEvent:
+    def _stopped_event(self, stop: _Stop, separation_m: float | None) -> StoppedEvent:
         return StoppedEvent(
             role=self._role,
             kind=stop.incident.kind,

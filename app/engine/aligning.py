@@ -35,7 +35,7 @@ _SIGMAS, _DELAYS_CHANGE_S = 3.0, 0.02
 _LONGER = 1.5
 NOTHING_SEEN = "not aligned yet: no frame has been observed"
 _NO_SERVER_CLOCK = "not aligned yet: motion capture has only just started to send data"
-_ONLY_BEGUN = "not aligned yet: the source has only just started"
+_JUST_STARTED = "not aligned yet: the source has only just started"
 _ANOTHER_CLOCK = (
     "not aligned yet: frames did not arrive in real time because the source paused or was too fast "
     "for this computer; alignment starts over"
@@ -154,7 +154,7 @@ class AlignmentThread(threading.Thread):
         server, source = self._server_clock(), self._source_clock.fit()
         if server is None or source is None:
             if self._lines and not self._slipped:
-                self.sentence = _NO_SERVER_CLOCK if server is None else _ONLY_BEGUN
+                self.sentence = _NO_SERVER_CLOCK if server is None else _JUST_STARTED
             return
         clocks = LiveClocks(server, source)
         if self._carried is not None:

@@ -95,7 +95,7 @@ def play_experiments(
     with running_server(SOURCE) as server:
         server.wait_for_frames()
         while True:
-            begun = server.request(
+            started = server.request(
                 "POST", "/api/runs", {"name": "Figure 17, both experiments", "record": "lossless"}
             )
             try:
@@ -104,8 +104,8 @@ def play_experiments(
                 tries.ended(error)
                 continue
             finally:
-                server.request("POST", f"/api/runs/{begun['id']}/stop")
-            _fetch(server, str(begun["id"]), recording)
+                server.request("POST", f"/api/runs/{started['id']}/stop")
+            _fetch(server, str(started["id"]), recording)
             return Played(recording, experiments, tuple(tries.reasons))
 
 

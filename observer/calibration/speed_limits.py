@@ -162,7 +162,7 @@ def report_delay(
             if np.linalg.norm(own) < 0.5 * p.obstacles.stopped_below_mps:
                 continue
             cov = own_cov * (1 + p.obstacles.noise_correlation * count) / count
-            tracker.tracks.append(_begun(place, own, cov, count))
+            tracker.tracks.append(_start_track(place, own, cov, count))
             continue
         predict(tracker.tracks, still, p.obstacles)
         track = tracker.tracks[0]
@@ -214,7 +214,9 @@ def _threshold(camera: StereoCamera, neighbours: float, p: Parameters) -> float:
     return upper_quantile(p.evidence.false_alarms_per_frame / tests, df=3)
 
 
-def _begun(place: Float64Array, velocity: Float64Array, cov: Float64Array, count: int) -> BodyTrack:
+def _start_track(
+    place: Float64Array, velocity: Float64Array, cov: Float64Array, count: int
+) -> BodyTrack:
     """Return a track as the method begins it."""
     motion = BodyFilter.begin(
         place,

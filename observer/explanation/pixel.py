@@ -51,7 +51,7 @@ def explain_pixel(
         rays, told = trace["rays"], trace["ray_evidence"]
         return explain_by_rays(rays, told, camera, parameters, px, counts)
     if parameters.ego_motion.model == "monocular":
-        return _not_begun(ego.reasons, px, counts)
+        return _not_started(ego.reasons, px, counts)
     if "evidence" in trace:
         left = trace.get("left")
         image = None if left is None else as_gray(left)
@@ -60,7 +60,7 @@ def explain_pixel(
     return explain_by_flow(trace, camera, parameters, px, counts)
 
 
-def _not_begun(
+def _not_started(
     reasons: tuple[str, ...], px: tuple[float, float], counts: Mapping[str, float]
 ) -> PixelAnswer:
     why = reasons[0] if reasons else "monocular depth needs translation"

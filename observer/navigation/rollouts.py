@@ -99,7 +99,7 @@ def rollouts(
     left = np.full(len(wanted), left_m)
     slower, faster = limits.deceleration_mps2 * dt, limits.acceleration_mps2 * dt
     most, step = limits.turn_rate_max_radps, limits.turn_acceleration_radps2 * dt
-    poses, speeds, turns, begun = [], [], [], []
+    poses, speeds, turns, targets = [], [], [], []
     for time in times - dt:
         error = wrapped(bearing + np.where(time < held, aside, 0.0) - pose[:, 2])
         ending = np.sqrt(2 * _GENTLY * limits.deceleration_mps2 * np.maximum(left, 0.0))
@@ -113,8 +113,8 @@ def rollouts(
         poses.append(pose)
         speeds.append(speed)
         turns.append(turn)
-        begun.append(np.stack([target, rate], axis=1))
-    return Rollouts(times, np.stack(poses, 1), np.stack(speeds, 1), np.stack(turns, 1), begun[0])
+        targets.append(np.stack([target, rate], axis=1))
+    return Rollouts(times, np.stack(poses, 1), np.stack(speeds, 1), np.stack(turns, 1), targets[0])
 
 
 def braked(ways: Rollouts, reaction: int, limits: GuardParameters) -> Rollouts:

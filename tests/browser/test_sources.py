@@ -322,8 +322,8 @@ def test_a_scenario_with_a_board_opens_the_wizard_with_that_board(
 
     page.get_by_role("button", name="Start with these cameras").click()
     expect(page.get_by_role("heading", name="Calibrate: Views")).to_be_focused(timeout=15_000)
-    begun = server.get("/status")["calibrating"]
-    assert (begun["source"], begun["board"]["square_mm"]) == ("simulated:calibration", 25)
+    started = server.get("/status")["calibrating"]
+    assert (started["source"], started["board"]["square_mm"]) == ("simulated:calibration", 25)
     server.api.delete("/api/calibrating").raise_for_status()
 
     # Other cameras bring back the printed board.

@@ -151,9 +151,9 @@ def test_guessing_the_token(web: Web) -> None:
     for each in guessers:
         each.start()
     while time.monotonic() < ends:
-        begun = time.monotonic()
+        started = time.monotonic()
         assert web.http.post("/api/robots/stop").is_success
-        stops.append(time.monotonic() - begun)
+        stops.append(time.monotonic() - started)
         time.sleep(0.05)
     for each in guessers:
         each.join()
@@ -188,9 +188,9 @@ def badly_configured(folder: Path) -> Path:
 
 
 def test_a_bad_configuration_is_served_disarmed_and_told(tmp_path: Path) -> None:
-    begun = time.monotonic()
+    started = time.monotonic()
     with served(badly_configured(tmp_path / "data"), "/no/such/folder") as server:
-        seconds = time.monotonic() - begun
+        seconds = time.monotonic() - started
 
         def failed() -> Any:
             status = server.request("GET", "/status")
@@ -217,7 +217,7 @@ def test_a_bad_configuration_is_served_disarmed_and_told(tmp_path: Path) -> None
 def test_a_bad_configuration_ends_a_strict_start(tmp_path: Path) -> None:
     folder = badly_configured(tmp_path / "data")
     command = [sys.executable, "-m", "app.cli", "serve", "/no/such/folder", "--strict"]
-    begun = time.monotonic()
+    started = time.monotonic()
     done = subprocess.run(
         [*command, "--port", "0", "--data", str(folder)],
         capture_output=True,
@@ -225,7 +225,7 @@ def test_a_bad_configuration_ends_a_strict_start(tmp_path: Path) -> None:
         timeout=60,
         check=False,
     )
-    seconds = time.monotonic() - begun
+    seconds = time.monotonic() - started
     last = done.stderr.splitlines()[-1]
     assert done.returncode == 1, done.stderr
     assert [each for each in SAYS if each not in last] == [], done.stderr

@@ -82,7 +82,7 @@ def test_the_wall_clock_jumps(tmp_path: Path) -> None:
         server = system.server
         for process in server.process.children(recursive=True):
             assert process.environ().get("LD_PRELOAD") == clock.environment["LD_PRELOAD"]
-        begun = time.monotonic()
+        started = time.monotonic()
         run = server.request("POST", "/runs", {"name": "jumps", "record": "jpeg"})["id"]
         wait_until("frames", lambda: server.request("GET", f"/runs/{run}")["frames"] > 3, 20.0)
         for trial in range(TRIALS):
@@ -90,7 +90,7 @@ def test_the_wall_clock_jumps(tmp_path: Path) -> None:
             # What stops a robot still does: the operator's silence and blind cameras.
             zeros.append(_silence(system) if trial % 2 == 0 else _blindness(system))
         server.request("POST", f"/runs/{run}/stop")
-        elapsed = time.monotonic() - begun
+        elapsed = time.monotonic() - started
         record = server.request("GET", f"/runs/{run}")
         rows = server.request("GET", f"/runs/{run}/speeds")
     lasted = _seconds(record["ended_at"]) - _seconds(record["started_at"])

@@ -58,12 +58,12 @@ def locked(file: Path) -> Iterator[None]:
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     """Return the seconds a call takes, and its answer or refusal."""
-    begun = time.monotonic()
+    started = time.monotonic()
     try:
         answer = call()
     except Refused as refused:
         answer = refused
-    return time.monotonic() - begun, answer
+    return time.monotonic() - started, answer
 
 
 @pytest.mark.skipif(TRIALS == 1, reason="takes half a minute: FAULT_TRIALS=2 or make faults")
@@ -142,17 +142,17 @@ def spoil(file: Path, chance: random.Random) -> None:
 @pytest.mark.patient
 def test_the_database_is_corrupted(tmp_path: Path) -> None:
     data, chance, starts = tmp_path / "data", random.Random(15), []
-    begun = time.monotonic()
+    started = time.monotonic()
     with served(data, SOURCE) as server:
         wait_until_ready(server)
-        sound = time.monotonic() - begun
+        sound = time.monotonic() - started
         server.request("POST", "/presets", {"name": "kept"})
     for trial in range(min(TRIALS, 10)):
         spoil(data / "observer.sqlite", chance)
-        begun = time.monotonic()
+        started = time.monotonic()
         with served(data, SOURCE) as server:
             wait_until_ready(server)
-            starts.append(time.monotonic() - begun)
+            starts.append(time.monotonic() - started)
             warnings = server.request("GET", "/status")["warnings"]
             assert [each for each in warnings if "was damaged" in each], warnings
             assert server.request("GET", "/runs") == []

@@ -133,9 +133,9 @@ def test_harmful_archives(web: Web, data: Path) -> None:
 
     def send(path: str, name: str, content: bytes) -> tuple[float, Any]:
         file = {"file": (name, content, "application/zip")}
-        begun = time.monotonic()
+        started = time.monotonic()
         answer = web.http.post(path, files=file, data=BOARD if path.endswith("images") else {})
-        return time.monotonic() - begun, answer
+        return time.monotonic() - started, answer
 
     with nothing_changes(web):
         for path in UPLOADS:
@@ -177,9 +177,9 @@ def test_yaml_that_grows(web: Web) -> None:
     took, counted = [], Counter[int]()
     with nothing_changes(web), Memory(web.server.process) as memory:
         for name, (method, path, body) in ways.items():
-            begun = time.monotonic()
+            started = time.monotonic()
             answer = web.http.request(method, path, **body)
-            took.append(time.monotonic() - begun)
+            took.append(time.monotonic() - started)
             counted[answer.status_code] += 1
             assert answer.status_code == 422, (name, answer.text)
             # It was refused for what it is, before being expanded.
@@ -292,11 +292,11 @@ def test_malformed_json(web: Web) -> None:
             needed = operation.described["requestBody"].get("required", False)
             for name, body in MALFORMED.items():
                 if body or needed:
-                    begun = time.monotonic()
+                    started = time.monotonic()
                     answer = web.http.request(
                         operation.method, operation.path, content=body, headers=JSON
                     )
-                    took.append(time.monotonic() - begun)
+                    took.append(time.monotonic() - started)
                     counted[answer.status_code] += 1
                     assert 400 <= answer.status_code < 500, (operation, name, answer.text)
     told(

@@ -278,13 +278,13 @@ def delivery(web: Web, watchers: Iterable[Watcher], frames: int) -> Delivery:
         arrived = sum(each.count for each in all_of_them) / len(all_of_them)
         return arrived, web.http.get("/api/status").json()["frames_observed"]
 
-    begun = time.monotonic()
+    started = time.monotonic()
     before = after = arrived_and_observed()
-    while after[1] < before[1] + frames and time.monotonic() < begun + _PATIENCE_S:
+    while after[1] < before[1] + frames and time.monotonic() < started + _PATIENCE_S:
         time.sleep(0.1)
         after = arrived_and_observed()
     arrived, observed = after[0] - before[0], after[1] - before[1]
-    return Delivery(arrived / (time.monotonic() - begun), arrived / max(1, observed))
+    return Delivery(arrived / (time.monotonic() - started), arrived / max(1, observed))
 
 
 # --- invariants and reports ---------------------------------------------------------------------

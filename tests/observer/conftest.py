@@ -219,13 +219,13 @@ class Watched:
         kept = self.owner, self.which
         self.owner, self.which = owner, which
         px, disparity = self._measured()
-        begun = self.points.none().but(px=px.astype(np.float32), disparity=disparity)
-        place, information = self._seen(begun)
+        new = self.points.none().but(px=px.astype(np.float32), disparity=disparity)
+        place, information = self._seen(new)
         sums = PositionVelocityFilter.begin(place, information)
         found = px.astype(np.float32)
-        begun = TrackedPoints.begin(self._next, found, found, disparity, sums)
+        new = TrackedPoints.begin(self._next, found, found, disparity, sums)
         self._next += len(px)
-        self.points = self.points.joined(begun)
+        self.points = self.points.joined(new)
         self.owner = np.concatenate([kept[0], owner])
         self.which = np.concatenate([kept[1], which])
 

@@ -95,8 +95,8 @@ def _run(page: Page, server: RunningServer) -> None:
 
 def _calibration(page: Page, server: RunningServer) -> None:
     if not server.request("GET", "/api/status")["calibrating"]:
-        begun = {"source": "simulated:calibration", "square_mm": 25}
-        server.request("POST", "/api/calibrating", begun)
+        request = {"source": "simulated:calibration", "square_mm": 25}
+        server.request("POST", "/api/calibrating", request)
     _play(server)
     page.locator("observer-capture-step").wait_for()
     _wait(lambda: len(server.request("GET", "/api/status")["calibrating"]["views"]) >= _VIEWS)

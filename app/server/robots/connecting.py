@@ -78,7 +78,7 @@ class Connecting:
         self._told_guard: dict[str, Any] = {}
         # Generation of the present process (0: none), and of the one that received stop and guard.
         self._generation = 0
-        self._begun = 0
+        self._ready_generation = 0
         self._settings_due = asyncio.Event()
         self._robot_due = {role: asyncio.Event() for role in ROLES}
         self.trouble: dict[Role, str] = {}
@@ -111,7 +111,7 @@ class Connecting:
 
     def _forget(self) -> None:
         self._told, self._told_guard = dict.fromkeys(ROLES), {}
-        self._begun = 0
+        self._ready_generation = 0
         self.trouble.clear()
         self.complaint = None
 
@@ -140,12 +140,12 @@ class Connecting:
             self.complaint = await self._refusal(SetGuard(guard))
             self._told_guard = guard
         if self._generation == generation:
-            self._begun = generation
+            self._ready_generation = generation
             for due in self._robot_due.values():
                 due.set()
 
     async def _tell_robot(self, role: Role) -> None:
-        generation = self._begun
+        generation = self._ready_generation
         wanted = self._wanted.get(role)
         if generation == 0 or (role in self._told and self._told[role] == wanted):
             return
@@ -155,10 +155,10 @@ class Connecting:
                 DisconnectRobot(role) if wanted is None else wanted, _CONNECT_TIMEOUT_S
             )
         except NotAvailable as error:
-            if self._begun == generation:
+            if self._ready_generation == generation:
                 self.trouble[role] = f"the {role} is not connected: {error}"
             raise
-        if self._begun != generation:
+        if self._ready_generation != generation:
             return
         self._told[role] = wanted
         self.trouble.pop(role, None)

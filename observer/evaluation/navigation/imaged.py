@@ -150,7 +150,7 @@ class ImagedEye:
         last = self._last
         rates = np.array([x - last.x, y - last.y, heading - last.heading]) / FRAME_S
         state = PlanarState(x, y, heading, *rates.tolist())
-        if self._driven.begun:
+        if self._driven.started:
             self._driven.add(time, state, float(np.hypot(rates[0], rates[1])))
         else:
             self._driven.begin(time, state)

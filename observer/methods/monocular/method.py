@@ -266,7 +266,7 @@ class MonocularMethod:
         if beginning is not None:
             return beginning
         turned = float(np.linalg.norm(Pose(R, np.zeros(3)).rotvec))
-        if len(points) < _LEAST_LEFT * self._begun_with:
+        if len(points) < _LEAST_LEFT * self._started_with:
             # Too many points have left the view: make this view the new first one.
             self._T_camera_world = Pose(R, np.zeros(3)) @ self._T_camera_world
             self._begin_anew(view, p)
@@ -376,7 +376,7 @@ class MonocularMethod:
                 np.full(len(px), (_FIRST_SIGMA / height) ** 2),
             )
         )
-        self._begun_with = len(self._points)
+        self._started_with = len(self._points)
 
 
 def _mount_in_force(rig: CameraMount | None, p: Parameters) -> CameraMount | None:

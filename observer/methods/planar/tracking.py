@@ -68,7 +68,7 @@ class Tracker:
         ]
         taken = {id(detection) for detection in seen.values()}
         tracks += [
-            self._begun(detection, T_track_camera, parameters)
+            self._start_track(detection, T_track_camera, parameters)
             for detection in detections
             if id(detection) not in taken
         ]
@@ -100,7 +100,7 @@ class Tracker:
             (int(i), int(j)) for i, j in zip(rows, columns, strict=True) if distance[i, j] < _FAR
         ]
 
-    def _begun(
+    def _start_track(
         self, detection: Detection, T_track_camera: Pose, parameters: TrackingParameters
     ) -> Track:
         number = self._numbers.provisional()

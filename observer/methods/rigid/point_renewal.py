@@ -82,8 +82,8 @@ class PointRenewal:
         known = np.asarray(disparity > MOST_NEGATIVE_PX)
         points, disparity = points.take(known), disparity[known]
         disparity = disparity + _skew_s(view) * points.flow[:, 0]
-        begun = self._begun(points.px, points.right_px, disparity, T_camera_world, bias_px)
-        return begun.but(number=points.number, flow=points.flow)
+        started = self._start_points(points.px, points.right_px, disparity, T_camera_world, bias_px)
+        return started.but(number=points.number, flow=points.flow)
 
     def _spawned(
         self,
@@ -108,11 +108,11 @@ class PointRenewal:
         skew_s = _skew_s(view)
         if skew_s and rate is not None:
             disparity = disparity + skew_s * self._static_flow(px, disparity, rate)
-        begun = self._begun(px, right, disparity, T_camera_world, bias_px)
+        started = self._start_points(px, right, disparity, T_camera_world, bias_px)
         self._next_number += len(px)
-        return begun
+        return started
 
-    def _begun(
+    def _start_points(
         self,
         px: NDArray[np.float32],
         right: NDArray[np.float32],

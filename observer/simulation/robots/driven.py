@@ -43,7 +43,7 @@ class Driven:
         self._since: float | None = None
 
     @property
-    def begun(self) -> bool:
+    def started(self) -> bool:
         """True while it is driven."""
         return self._since is not None
 
@@ -163,7 +163,7 @@ class DrivenVehicle:
     @property
     def driven(self) -> bool:
         """True if it is or will be driven from the next frame on."""
-        return self._wanted or self.motion.begun
+        return self._wanted or self.motion.started
 
     @property
     def outline(self) -> Outline:
@@ -176,14 +176,14 @@ class DrivenVehicle:
             self._vehicle.place(self.motion.script.state(time))
             self._time = time
         self._advanced = self._clock()
-        if self._wanted and not self.motion.begun:
+        if self._wanted and not self.motion.started:
             self.motion.begin(self._time, self._vehicle.state)
 
     def advance(self, time: float, around: Surroundings | None) -> None:
         """Step to ``time``; ``around`` is needed while it is driven. The lock is held."""
         if self._time is None or time <= self._time:
             return
-        if self.motion.begun and around is not None:
+        if self.motion.started and around is not None:
             self._vehicle.advance(time - self._time, around)
             drive = self._vehicle.drive
             self.motion.add(time, self._vehicle.state, abs(drive.speed_mps))

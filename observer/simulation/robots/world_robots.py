@@ -139,7 +139,7 @@ class SimulatedRobots:
             for k in range(1, steps + 1):
                 self._time = begin + (time - begin) * k / steps
                 for vehicle in vehicles:
-                    around = self._around(vehicle) if vehicle.motion.begun else None
+                    around = self._around(vehicle) if vehicle.motion.started else None
                     vehicle.advance(self._time, around)
 
     def restart(self) -> None:

@@ -43,7 +43,7 @@ export class BoardStep extends Part {
    *
    * @type {(calibrating: CalibratingFacts) => void}
    */
-  begun = () => {};
+  started = () => {};
 
   #kind = select({ id: "board-kind" }, [
     ["chessboard", "Chessboard"],
@@ -283,7 +283,7 @@ export class BoardStep extends Part {
       return;
     await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: CalibratingFacts}} */
-      const begun = await request("POST", "/calibrating", {
+      const started = await request("POST", "/calibrating", {
         source,
         kind,
         columns,
@@ -291,7 +291,7 @@ export class BoardStep extends Part {
         square_mm,
       });
       this.hub.uncalibrated = "";
-      return begun;
+      return started;
     });
   }
 
@@ -326,7 +326,7 @@ export class BoardStep extends Part {
     setAttribute(this.#start, "aria-disabled", "true");
     try {
       await attemptIn(error, async () => {
-        this.begun((await action()).calibrating);
+        this.started((await action()).calibrating);
       });
     } finally {
       this.#busy = false;

@@ -43,7 +43,7 @@ class CalibrationWizard extends Part {
   #caller = null;
 
   build() {
-    this.#board.begun = (calibrating) => {
+    this.#board.started = (calibrating) => {
       // An older status still on its way must not close a calibration that has just begun.
       const { status } = this.hub;
       if (status) this.hub.takeStatus({ ...status, calibrating });

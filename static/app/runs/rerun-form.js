@@ -189,13 +189,13 @@ export class RerunForm extends Part {
     );
     await this.#do(async () => {
       /** @type {Run} */
-      const begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
+      const rerun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
         ...(name ? { name } : {}),
         ...(preset ? { preset } : {}),
         parameters,
       });
       setText(this.#done, "");
-      if (this.#run?.id === run.id) this.#progress.watch(begun);
+      if (this.#run?.id === run.id) this.#progress.watch(rerun);
       this.hub.tell("runs");
     });
   }

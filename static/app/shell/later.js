@@ -16,7 +16,7 @@ export class Later {
   #hub;
   #modules;
   /** Parts loaded or loading: whether loading succeeded. @type {Map<string, Promise<boolean>>} */
-  #begun = new Map();
+  #loads = new Map();
   /** @type {Set<string>} */
   #attached = new Set();
 
@@ -49,9 +49,9 @@ export class Later {
    * @returns {Promise<boolean>} whether it is attached
    */
   load(name) {
-    const begun = this.#begun.get(name) ?? this.#load(name);
-    this.#begun.set(name, begun);
-    return begun;
+    const loading = this.#loads.get(name) ?? this.#load(name);
+    this.#loads.set(name, loading);
+    return loading;
   }
 
   /** @param {string} name */
@@ -59,7 +59,7 @@ export class Later {
     try {
       await this.#modules[name]?.();
     } catch {
-      this.#begun.delete(name);
+      this.#loads.delete(name);
       notify("Part of this page did not load. Reload the page.", "error");
       return false;
     }

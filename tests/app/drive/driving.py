@@ -166,14 +166,14 @@ class Drive:
 
     def speed_up(self, roles: Any, hold_s: float = 0.2) -> float:
         """Drive until all are at speed; return when the last command was issued."""
-        issued, begun = 0.0, time.monotonic()
-        deadline = begun + PATIENCE_S
-        while time.monotonic() < begun + hold_s:
+        issued, started = 0.0, time.monotonic()
+        deadline = started + PATIENCE_S
+        while time.monotonic() < started + hold_s:
             assert time.monotonic() < deadline, self.facts
             for role in roles:
                 issued, answer = self.command(role, SPEED_MPS)
                 if answer.speed_mps < SPEED_MPS - 0.01:
-                    begun = time.monotonic()
+                    started = time.monotonic()
                 if "let go" in (answer.limited_by or ""):
                     # This process stalled for too long: the key has to be let go first.
                     self.command(role, 0.0)
@@ -182,8 +182,8 @@ class Drive:
 
     def hold(self, role: str, seconds: float) -> bool:
         """Drive on; return whether this process was never late, so that the speed had to hold."""
-        begun = before = time.monotonic()
-        while time.monotonic() < begun + seconds:
+        started = before = time.monotonic()
+        while time.monotonic() < started + seconds:
             issued, answer = self.command(role, SPEED_MPS)
             if issued - before > 0.2:
                 self.speed_up([role])

@@ -52,12 +52,12 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
     for role in ports:
         await supervisor.request(ArmRobot(role, leases[role]), 10)  # type: ignore[arg-type]
     await supervisor.request(SetGuard({"guard.acceleration_mps2": 3.0}), 10)
-    number, begun, told = 0, time.monotonic(), False
+    number, started, told = 0, time.monotonic(), False
     lets_go = False
     while True:
         number += 1
         issued = time.monotonic()
-        if issued - begun > 0.2:
+        if issued - started > 0.2:
             told = True
             # Printed first: a parent stopped in between must not have sent an unprinted command.
             sys.stdout.write(f"{issued!r}\n")
@@ -72,7 +72,7 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
                 # This process stalled meanwhile; it goes on as if a key were still held.
                 continue
             if answer.speed_mps < SPEED_MPS - 0.01:
-                begun = time.monotonic()
+                started = time.monotonic()
                 limited = answer.limited_by or ""
                 wants_release = wants_release or "let go" in limited
                 if "not armed" in limited and not told:

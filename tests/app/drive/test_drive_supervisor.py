@@ -102,10 +102,10 @@ async def test_one_that_dies_or_hangs_is_replaced_and_connects_nothing(
                 await watched.drive.request(ArmRobot("obstacle", lease))
                 pid = watched.drive.health.pid
                 assert pid is not None
-                begun = time.monotonic()
+                started = time.monotonic()
                 os.kill(pid, number)
                 await watched.until(lambda: watched.all(DriveLostEvent), "the loss")
-                lost = time.monotonic() - begun
+                lost = time.monotonic() - started
                 sys.stdout.write(f"\n{number.name}: known to be lost after {lost:.2f} s\n")
                 assert lost < 2.0
                 await watched.until(lambda: len(watched.all(DriveStartedEvent)) == 2, "another")

@@ -81,9 +81,9 @@ def test_one_ports_trouble_never_delays_the_other(
     robots["observer"].robot.faults.deaf = robots["observer"].robot.faults.silent = True
 
     def drives_on() -> None:
-        begun = time.monotonic()
+        started = time.monotonic()
         if drive.hold("obstacle", 2.0):
-            assert all(not each.stands for each in robots["obstacle"].robot.log.since(begun))
+            assert all(not each.stands for each in robots["obstacle"].robot.log.since(started))
 
     drives_on()
     assert drive.state("observer") != "moving"

@@ -36,11 +36,11 @@ def test_a_goodbye_that_takes_long_holds_up_nobody_but_the_next_robot() -> None:
     attendant = AttendantThread("observer", lambda port, _: SlowRobot(port))  # type: ignore[arg-type,return-value]
     attendant.open("first", None)
     first = until(attendant.opened)
-    begun = time.monotonic()
+    started = time.monotonic()
     attendant.close(first)
     attendant.open("second", None)
     assert attendant.opened() is None
-    assert time.monotonic() - begun < 1.0
+    assert time.monotonic() - started < 1.0
     assert attendant.busy
     first.may_close.set()
     second = until(attendant.opened)

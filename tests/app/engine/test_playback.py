@@ -256,7 +256,7 @@ def test_whatever_is_pressed_time_and_index_only_go_forward(
 class Recorded:
     """A recording of numbered frames: frame 3 began a segment, frame 6 a second engine's run."""
 
-    begun: ClassVar[dict[int, str]] = {0: "observer", 3: "segment", 6: "observer"}
+    starts: ClassVar[dict[int, str]] = {0: "observer", 3: "segment", 6: "observer"}
 
     def __init__(self, numbered: Numbered, broken: tuple[int, ...] = ()) -> None:
         self._source = numbered(10)
@@ -274,7 +274,7 @@ class Recorded:
         frame = self._source.read()
         if frame is None:
             return None
-        self.begins = self.begun.get(at)
+        self.begins = self.starts.get(at)
         if at in self._broken:
             return SkippedFrame(at, "its images are lost")
         if at < 6:

@@ -137,10 +137,10 @@ def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
     slow = SlowWriter(RecordingWriter(path, FACTS))
     recorder = RunRecorder(slow, order(path), most_bytes=3 * FRAME_BYTES)  # type: ignore[arg-type]
-    begun = time.monotonic()
+    started = time.monotonic()
     for index in range(100):
         give(recorder, index, begins=index == 50)
-    assert time.monotonic() - begun < 2.0
+    assert time.monotonic() - started < 2.0
     # The queue has room for three, including the one being written.
     assert recorder.facts().dropped == 97
     slow.gate.set()

@@ -80,9 +80,9 @@ def images(content: bytes, **fields: str) -> dict[str, Any]:
 async def test_from_the_board_to_the_calibration_in_use(http: Any, peer: Any, quick: str) -> None:
     assert await facts(http) is None
     body = {**CAMERAS, "kind": "charuco", "columns": 7, "rows": 5, "square_mm": 30.5}
-    begun = await http.post("/api/calibrating", json=body)
-    assert begun.status_code == 201, begun.text
-    told = begun.json()["calibrating"]
+    started = await http.post("/api/calibrating", json=body)
+    assert started.status_code == 201, started.text
+    told = started.json()["calibrating"]
     assert told["source"] == CAMERAS["source"]
     assert (told["board"]["kind"], told["board"]["square_mm"]) == ("charuco", 30.5)
     assert (told["size"], told["automatic"], told["views"]) == ([512, 256], True, [])

@@ -27,10 +27,10 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     now = (await http.get("/api/robots/check")).json()
     assert now["check"] is None
     assert "not been checked yet" in now["advice"]
-    begun = await http.post("/api/robots/check", json={"name": "Anna", "note": "new lens"})
-    assert begun.status_code == 201
-    TypeAdapter(CheckNow).validate_python(begun.json())
-    assert begun.json()["started_by"] == "Anna (127.0.0.1)"
+    started = await http.post("/api/robots/check", json={"name": "Anna", "note": "new lens"})
+    assert started.status_code == 201
+    TypeAdapter(CheckNow).validate_python(started.json())
+    assert started.json()["started_by"] == "Anna (127.0.0.1)"
     assert (await http.post("/api/robots/check")).status_code == 409
     drive.leases["observer"] = ("lease", "Ben")
     drive.tell()

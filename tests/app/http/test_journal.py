@@ -24,8 +24,8 @@ async def test_runs_and_refusals_are_logged_and_told(served: Any) -> None:
             "/api/runs", json={"name": "first", "source": "simulated:lab"}
         )
         assert made.status_code == 201
-        begun = await told('Run "first" started.')
-        assert begun["severity"] == "info"
+        started = await told('Run "first" started.')
+        assert started["severity"] == "info"
         again = await served.http.post("/api/runs", json={"source": "simulated:lab"})
         assert again.status_code == 409
         refused = await told("Refused: the run first")
@@ -35,10 +35,12 @@ async def test_runs_and_refusals_are_logged_and_told(served: Any) -> None:
     page = (await served.http.get("/api/log")).json()["entries"]
     numbers = [entry["number"] for entry in page]
     assert numbers == list(range(1, len(page) + 1))
-    assert {begun["number"], refused["number"], ended["number"]} <= set(numbers)
+    assert {started["number"], refused["number"], ended["number"]} <= set(numbers)
     assert page[0]["text"] == "Server started."
-    rest = (await served.http.get("/api/log", params={"after": begun["number"]})).json()["entries"]
-    assert rest == page[begun["number"] :]
+    rest = (await served.http.get("/api/log", params={"after": started["number"]})).json()[
+        "entries"
+    ]
+    assert rest == page[started["number"] :]
 
 
 async def test_what_only_reads_leaves_no_refusal(served: Any) -> None:

@@ -32,8 +32,8 @@ async def test_views_outlive_a_killed_engine_and_the_numbering_goes_on(
                 await asyncio.sleep(0.05)
 
         body = {"source": "simulated:calibration"}
-        begun = await http.post("/api/calibrating", json=body)
-        assert begun.status_code == 201, begun.text
+        started = await http.post("/api/calibrating", json=body)
+        assert started.status_code == 201, started.text
         await views(2)
         # From here on captured by hand, so that the numbers are known.
         await http.patch("/api/calibrating", json={"automatic": False})

@@ -86,10 +86,10 @@ async def test_a_run_asked_of_a_dying_engine_is_begun_by_the_next_one(real: Any)
         await asyncio.sleep(0.3)
         assert not asking.done()
         os.kill(pid, signal.SIGKILL)
-        begun = await asking
-        assert begun.status_code == 201, begun.text
+        started = await asking
+        assert started.status_code == 201, started.text
         await asyncio.sleep(0.5)
-        ended = (await served.http.post(f"/api/runs/{begun.json()['id']}/stop")).json()
+        ended = (await served.http.post(f"/api/runs/{started.json()['id']}/stop")).json()
         # A new engine is set up once: reopening would put the run into a second segment.
         assert (ended["state"], ended["segments"]) == ("finished", 1)
 

@@ -305,16 +305,16 @@ async def test_a_run_begins_and_ends_with_its_programme(http: Any, served: Any, 
     assert served.server.source.state.state.value == "preview"
     drive.leases["observer"] = ("lease", "Anna")
     await http.post("/api/robots/observer/arm", json={"lease": "lease"})
-    begun = await http.post("/api/runs", json=wanted)
-    assert begun.status_code == 201, begun.text
+    started = await http.post("/api/runs", json=wanted)
+    assert started.status_code == 201, started.text
     assert drive.programme is not None
     assert served.server.source.state.state.value == "running"
     drive.come_to_rest("observer", "fault", "the observer's left wheel stalled")
-    await http.post(f"/api/runs/{begun.json()['id']}/stop")
+    await http.post(f"/api/runs/{started.json()['id']}/stop")
     assert drive.programme is None
     assert len(drive.of(StopProgramme)) == 1
     # Whatever stopped a robot is kept with the run, and shown.
-    path = f"/api/runs/{begun.json()['id']}/incidents"
+    path = f"/api/runs/{started.json()['id']}/incidents"
     (incident,) = (await http.get(path)).json()
     assert incident["sentence"] == "the observer's left wheel stalled"
     assert (incident["kind"], incident["speed_mps"]) == ("fault", 0.25)
@@ -342,13 +342,13 @@ async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_arm
     peer.world = "simulated:lab/2"
     peer.robots = (RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "the same again"),)
     wanted = {"name": "to_and_fro", "leases": {"observer": "lease"}}
-    begun = await http.post("/api/runs", json={"programme": wanted})
-    assert begun.status_code == 201, begun.text
+    started = await http.post("/api/runs", json={"programme": wanted})
+    assert started.status_code == 201, started.text
     kinds = (ConnectRobot, ArmRobot, StartProgramme)
     assert [type(command) for command in drive.of(*kinds)[-3:]] == list(kinds)
     assert drive.of(ArmRobot)[-1].lease == "lease"
     assert drive.robots["observer"].world == "simulated:lab/2"
-    await http.post(f"/api/runs/{begun.json()['id']}/stop")
+    await http.post(f"/api/runs/{started.json()['id']}/stop")
     # A stop in between stays in force.
     peer.robots = (RobotPort("observer", "socket://127.0.0.1:5010", "amigo-sh", "x"),)
     drive.stops_at_connecting = True
@@ -365,7 +365,7 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
     async with served.socket("/api/live") as live:
         # Before the first frame the source's time is unknown.
         drive.measure("observer", 0.5, 0.5)
-        begun = (await http.post("/api/runs", json={})).json()
+        started = (await http.post("/api/runs", json={})).json()
         peer.observe()
         await http.post("/api/robots/observer/arm")
         event = peer.observe()
@@ -390,9 +390,9 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
         while (message := json.loads(await later.recv()))["type"] != "robots":
             pass
         assert message["wheels"] == []
-    ended = await http.post(f"/api/runs/{begun['id']}/stop")
+    ended = await http.post(f"/api/runs/{started['id']}/stop")
     assert ended.json()["state"] == "finished"
-    rows = (await http.get(f"/api/runs/{begun['id']}/speeds")).json()
+    rows = (await http.get(f"/api/runs/{started['id']}/speeds")).json()
     wheels = [row for row in rows if row["track_id"] is None]
     assert [(row["source"], row["speed"]) for row in wheels] == [
         ("commanded", 0.2),
@@ -404,7 +404,7 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
     # The command from the ground truth is for the obstacle, which nobody drives.
     scripted = [row for row in rows if row["source"] == "commanded" and row["track_id"]]
     assert [row["role"] for row in scripted] == ["obstacle", "obstacle"]
-    csv = (await http.get(f"/api/runs/{begun['id']}/speeds?format=csv")).text
+    csv = (await http.get(f"/api/runs/{started['id']}/speeds?format=csv")).text
     assert ",observer,encoder,,0.18,,0" in csv
 
 

@@ -230,9 +230,9 @@ async def test_a_run_is_observed_again_with_other_parameters(
     await http.patch("/api/parameters", json={"ego_motion.ransac_threshold_px": 5.0})
     body = {"name": "again", "parameters": {"clustering.min_points": 9}}
     opened = [each for each in peer.commands if isinstance(each, OpenSource)]
-    begun = await http.post(f"/api/runs/{id}/rerun", json=body)
-    assert begun.status_code == 201, begun.text
-    again = begun.json()
+    started = await http.post(f"/api/runs/{id}/rerun", json=body)
+    assert started.status_code == 201, started.text
+    again = started.json()
     assert (again["rerun_of"], again["name"], again["record"]) == (id, "again", "none")
     assert again["parameters"]["ego_motion.ransac_threshold_px"] == 2.0
     assert again["parameters"]["clustering.min_points"] == 9

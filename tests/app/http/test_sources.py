@@ -17,10 +17,10 @@ PICTURE = "/api/sources/picture.jpg?spec=simulated:lab"
 async def test_a_picture_is_kept_by_the_browser_and_whoever_leaves_ends_its_making(
     serve: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    begun, ended, let = asyncio.Event(), asyncio.Event(), asyncio.Event()
+    started, ended, let = asyncio.Event(), asyncio.Event(), asyncio.Event()
 
     async def make(spec: str) -> bytes:
-        begun.set()
+        started.set()
         try:
             await let.wait()
         finally:
@@ -31,7 +31,7 @@ async def test_a_picture_is_kept_by_the_browser_and_whoever_leaves_ends_its_maki
         served.server.source.thumbnails = Thumbnails(tmp_path / "pictures", make)
         with caplog.at_level(logging.WARNING):
             asking = asyncio.ensure_future(served.http.get(PICTURE))
-            await begun.wait()
+            await started.wait()
             asking.cancel()
             await ended.wait()
             await asyncio.sleep(0.1)

@@ -163,9 +163,9 @@ def test_a_wrong_size_is_named_before_all_images_are_searched(shared_data: Path)
     pairs, _ = read_board_pairs(str(folder / "left*.jpg"), str(folder / "right*.jpg"))
     # As many as one collects by holding up the board for a minute.
     many = [replace(pair, name=f"{number} {pair.name}") for number in range(4) for pair in pairs]
-    begun = time.process_time()
+    started = time.process_time()
     with pytest.raises(CalibrationError, match=r"show a chessboard with 9x6 .* not 8x6"):
         find_boards(many, Board("chessboard", 8, 6, 0.025))
-    spent = time.process_time() - begun
+    spent = time.process_time() - started
     sys.stdout.write(f"a wrong size of 52 pairs is named after {spent:.1f} s of processor time\n")
     assert spent < 15.0

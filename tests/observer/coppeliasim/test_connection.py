@@ -31,10 +31,10 @@ _MOST_S = 2.5
 @contextmanager
 def _told_soon(match: str) -> Iterator[None]:
     """Expect a one-sentence error in time, and no hang."""
-    begun = time.monotonic()
+    started = time.monotonic()
     with pytest.raises(CoppeliaSimError, match=match) as told:
         yield
-    assert time.monotonic() - begun < _MOST_S
+    assert time.monotonic() - started < _MOST_S
     assert "\n" not in str(told.value)
 
 

@@ -171,8 +171,8 @@ def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -
         os.kill(bare.process.pid, signal.SIGSTOP)
         try:
             longest = 0.0
-            begun = time.monotonic()
-            while robot.report().fault is None and time.monotonic() - begun < 5:
+            started = time.monotonic()
+            while robot.report().fault is None and time.monotonic() - started < 5:
                 before = time.monotonic()
                 robot.drive(0.3, 0.0)
                 longest = max(longest, time.monotonic() - before)
@@ -180,7 +180,7 @@ def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -
             report = robot.report()
             assert report.fault is not None
             assert "did not answer" in report.fault
-            assert time.monotonic() - begun < 2.5
+            assert time.monotonic() - started < 2.5
             # No call here waits for the simulator; the rest is the machine's scheduling.
             assert longest < 0.25
             assert report.phase is RobotPhase.WAITING

@@ -43,10 +43,10 @@ def _opened(running: Any) -> Iterator[OpenedSource]:
 
 @contextmanager
 def _told_soon(match: str) -> Iterator[None]:
-    begun = time.monotonic()
+    started = time.monotonic()
     with pytest.raises(SourceError, match=match) as told:
         yield
-    assert time.monotonic() - begun < _MOST_S
+    assert time.monotonic() - started < _MOST_S
     assert "\n" not in str(told.value)
 
 

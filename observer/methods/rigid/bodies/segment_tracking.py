@@ -82,7 +82,7 @@ def track_segments(
         found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)
         if not found:
             whole = whole_person(scene, segment, free)
-            track = begun(numbers.provisional(), whole, scene)
+            track = start_track(numbers.provisional(), whole, scene)
             track.part_moves = whole is not segment
             tracks.append(track)
             continue
@@ -290,7 +290,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
 # --- beginning -------------------------------------------------------------------------------
 
 
-def begun(
+def start_track(
     number: int, segment: Segment, scene: DenseScene, sigma_mps: float = _FIRST_MPS
 ) -> BodyTrack:
     """Return the track of a body with limbs that was found as a segment.

@@ -83,14 +83,14 @@ async def test_any_number_of_unknown_parameters_is_refused_at_once(
     http: Any, method: str, path: str, wrap: Any, count: int
 ) -> None:
     changes = {f"flow.window_pixels_{number}": 1 for number in range(count)}
-    begun = time.monotonic()
+    started = time.monotonic()
     asking = asyncio.create_task(http.request(method, path, json=wrap(changes)))
     stopping = http.post("/api/robots/stop")
     assert (await stopping).status_code == 200
     stopped = time.monotonic()
     assert (await asking).status_code == 422
     # Guessing the intended name for each of them took 8 s.
-    assert stopped - begun < 4.0
+    assert stopped - started < 4.0
 
 
 def test_all_parameters_may_be_changed_at_once() -> None:

@@ -100,12 +100,12 @@ async def test_a_flood_of_strangers_takes_no_stop_away(served: Any, said: bytes)
             writer.write(said)
             held.append(writer)
         for _ in range(5):
-            begun = time.monotonic()
+            started = time.monotonic()
             # On a connection of its own, opened after all others.
             async with served.anonymous(Authorization=served.http.headers["Authorization"]) as late:
                 answer = await late.post("/api/robots/stop")
             assert answer.status_code == 200
-            assert time.monotonic() - begun < 4.0
+            assert time.monotonic() - started < 4.0
         assert served.strangers.count <= 101
     finally:
         for writer in held:

@@ -335,7 +335,7 @@ class Elsewhere(threading.Thread):
         self.speed_mps: float | None = 0.2
         self._url = f"ws://127.0.0.1:{port}/api/drive"
         self._headers = {"Authorization": f"Bearer {token}"}
-        self.begun = threading.Event()
+        self.started = threading.Event()
         self.done = threading.Event()
         self.given: dict[int, float] = {}
         self.heard: list[dict[str, Any]] = []
@@ -361,7 +361,7 @@ class Elsewhere(threading.Thread):
                 else:
                     socket.send(json.dumps({"type": "drive", **command, **moves}))
                 if sequence > 5:
-                    self.begun.set()
+                    self.started.set()
 
     @property
     def lease(self) -> str | None:
@@ -385,7 +385,7 @@ async def test_commands_that_waited_while_the_loop_stood_are_all_refused(
     page = Elsewhere(served.port, token)
     page.start()
     try:
-        await eventually(page.begun.is_set)
+        await eventually(page.started.is_set)
         stood_from = time.monotonic()
         time.sleep(2.0)
         stood_until = time.monotonic()

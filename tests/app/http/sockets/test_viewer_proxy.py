@@ -192,9 +192,9 @@ async def test_a_flood_of_camera_poses_delays_nobody_else(serve: Any) -> None:
             flooding = asyncio.create_task(flood())
             try:
                 for _ in range(5):
-                    begun = time.monotonic()
+                    since = time.monotonic()
                     assert (await served.http.post("/api/robots/stop")).status_code == 200
-                    assert time.monotonic() - begun < 1.5
+                    assert time.monotonic() - since < 1.5
             finally:
                 flooding.cancel()
 

@@ -33,7 +33,7 @@ def names(server: Server) -> list[str]:
     return [view.name for view in facts.views]
 
 
-def begun(peer: Any) -> list[BeginCalibration]:
+def begin_requests(peer: Any) -> list[BeginCalibration]:
     return [command for command in peer.commands if isinstance(command, BeginCalibration)]
 
 

@@ -24,7 +24,7 @@ from .capturing import (
     CAMERAS,
     CAPTURE,
     Computing,
-    begun,
+    begin_requests,
     captured,
     names,
 )
@@ -43,7 +43,7 @@ async def test_views_outlive_the_engine_and_the_numbering_goes_on(
     assert names(server) == ["1", "2"]
     peer.start_process()
     await until(lambda: server.source.state.state is EngineState.CALIBRATING)
-    again = begun(peer)[-1]
+    again = begin_requests(peer)[-1]
     assert (again.source, again.board, again.automatic) == (CAMERAS, BOARD, False)
     assert [view.name for view in again.views] == ["1", "2"]
     await server.calibrating.change(CAPTURE)
@@ -77,7 +77,7 @@ async def test_a_run_is_not_ended_by_calibrating(peer: Any, server: Server) -> N
     await begin(server)
     with pytest.raises(Conflict, match="is in progress; stop it before you calibrate"):
         await server.calibrating.begin(CAMERAS, BOARD)
-    assert begun(peer) == []
+    assert begin_requests(peer) == []
     assert server.calibrating.session.facts() is None
 
 
@@ -117,7 +117,7 @@ async def test_leaving_a_source_that_never_opened(peer: Any, storage: Storage) -
         assert server.source.state.state is EngineState.FAILED
         # The source that is open, or should be: this is how a source gets its first calibration.
         await server.calibrating.begin(None, BOARD)
-        assert begun(peer)[-1].source == "uncalibrated"
+        assert begin_requests(peer)[-1].source == "uncalibrated"
         await server.calibrating.end()
         assert server.source.state.state is EngineState.FAILED
         assert "has no calibration" in str(server.source.state.reason)
@@ -128,7 +128,7 @@ async def test_a_second_begin_replaces_the_first(peer: Any, server: Server) -> N
     other = Board("charuco", 7, 5, 0.03)
     # The same cameras again, since they are open.
     await server.calibrating.begin(None, other)
-    assert begun(peer)[-1] == BeginCalibration(CAMERAS, other)
+    assert begin_requests(peer)[-1] == BeginCalibration(CAMERAS, other)
     assert names(server) == []
     facts = server.calibrating.session.facts()
     assert facts is not None
@@ -264,7 +264,7 @@ async def test_swapping_turns_the_views_round_and_forgets_the_result(
     server.calibrating.session.compute("radtan")
     await until(lambda: server.calibrating.session.computation.result)
     await server.calibrating.swap()
-    again = begun(peer)[-1]
+    again = begin_requests(peer)[-1]
     assert (again.source, again.board) == ("camera:2,0", BOARD)
     first, second = again.views
     assert (first.left, first.right) == (other, both)
@@ -276,8 +276,8 @@ async def test_swapping_turns_the_views_round_and_forgets_the_result(
     peer.lose()
     peer.start_process()
     await until(lambda: peer.calibrating)
-    assert begun(peer)[-1].source == "camera:2,0"
-    assert begun(peer)[-1].views == again.views
+    assert begin_requests(peer)[-1].source == "camera:2,0"
+    assert begin_requests(peer)[-1].views == again.views
 
 
 async def test_what_cannot_be_swapped_stays_as_it_is(

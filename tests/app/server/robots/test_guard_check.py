@@ -69,7 +69,7 @@ def circumstances(**changes: Any) -> Circumstances:
     return Circumstances.of(**values)
 
 
-def begun(role: Any = "observer") -> GuardCheck:
+def start_check(role: Any = "observer") -> GuardCheck:
     check = GuardCheck(role, circumstances(), started_at=NOW, started_by="Anna", note="new robot")
     check.robot_said(ROBOT)
     return check
@@ -80,7 +80,7 @@ def states(check: GuardCheck) -> list[str]:
 
 
 def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
-    check = begun()
+    check = start_check()
     assert [step.name for step in check.steps] == [
         "walk_in", "cover_lens", "unplug", "close_browser",
     ]  # fmt: skip
@@ -121,7 +121,7 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
     ],
 )
 def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> None:
-    check = begun("obstacle")
+    check = start_check("obstacle")
     assert [step.name for step in check.steps] == ["walk_in", "close_browser"]
     check.stopped(replace(STOP, role="obstacle", **changes), NOW)
     assert states(check) == ["failed", "waiting"]
@@ -131,7 +131,7 @@ def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> N
 
 
 def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
-    check = begun()
+    check = start_check()
     check.robot_said(replace(ROBOT, report=replace(REPORT, speed_mps=-0.2)))
     assert states(check)[0] == "driving"
     check.robot_said(None)
@@ -141,7 +141,7 @@ def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
     check.stopped(GONE, NOW)
     assert check.outcome == "incomplete"
     assert check.facts().steps[1].skipped_by == "Bob (10.0.0.7)"
-    other = begun()
+    other = start_check()
     other.give_up("Bob", NOW)
     other.stopped(STOP, NOW)
     other.skip("Bob", NOW)
@@ -149,7 +149,7 @@ def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
 
 
 def ended(outcome: str = "passed", started_at: str = NOW) -> CheckRecord:
-    check = begun()
+    check = start_check()
     check.started_at = started_at
     if outcome == "given_up":
         check.give_up("Bob", NOW)

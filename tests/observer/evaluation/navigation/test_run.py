@@ -49,8 +49,10 @@ def test_what_is_counted_is_what_was_watched() -> None:
     moments: list[Moment] = []
     result = run(Case("guard", 0.1, False, 1e-3, 2), PARAMETERS, moments.append)
     stopped = [each.verdict.level == "stop" for each in moments]
-    begun = sum(now and not before for before, now in zip([False, *stopped], stopped, strict=False))
-    assert sum(result.stops.values()) == begun
+    started = sum(
+        now and not before for before, now in zip([False, *stopped], stopped, strict=False)
+    )
+    assert sum(result.stops.values()) == started
     assert result.stopped_s == pytest.approx(0.1 * sum(stopped))
     assert not any(any(c.isdigit() for c in reason.split()[1]) for reason in result.stops)
 

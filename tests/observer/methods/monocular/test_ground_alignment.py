@@ -120,7 +120,7 @@ def test_what_contradicts_the_points_is_not_taken_for_the_ground() -> None:
     assert not odometer.sees
 
 
-def begun(true_ahead: float, told_ahead: float) -> Initialization | None:
+def initialized(true_ahead: float, told_ahead: float) -> Initialization | None:
     """The initialization over the ground with 150 points 2 to 5 m away."""
     ground = ground_of(0.5, 15.0)
     rng = np.random.default_rng(8)
@@ -137,7 +137,7 @@ def begun(true_ahead: float, told_ahead: float) -> Initialization | None:
 
 
 def test_points_start_with_depth_over_the_way_that_the_ground_tells() -> None:
-    start = begun(0.1, 0.1)
+    start = initialized(0.1, 0.1)
     assert start is not None
     assert np.linalg.norm(start.T_now_first.translation) == pytest.approx(0.1, rel=0.05)
     sure = start.points.variance < 0.03**2
@@ -147,8 +147,8 @@ def test_points_start_with_depth_over_the_way_that_the_ground_tells() -> None:
 
 def test_what_drives_ahead_is_not_taken_for_the_ground() -> None:
     # A robot covers the ground and drives faster: relative to it the camera moves backwards.
-    assert begun(0.1, -0.1) is None
+    assert initialized(0.1, -0.1) is None
 
 
 def test_a_way_that_is_too_short_starts_nothing() -> None:
-    assert begun(0.02, 0.02) is None
+    assert initialized(0.02, 0.02) is None

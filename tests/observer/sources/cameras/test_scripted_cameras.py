@@ -120,9 +120,9 @@ def test_a_pair_that_shows_nothing_new_is_left_out(watch: Watch, left: Path) -> 
     write_script(left, mode="twice")
     time.sleep(3 * PERIOD_S)
     watch.read_frames(1)
-    begun = len(watch.frames)
+    first = len(watch.frames)
     watch.read_frames(12)
-    for before, after in itertools.pairwise(watch.frames[begun:]):
+    for before, after in itertools.pairwise(watch.frames[first:]):
         assert (before.left != after.left).any()
     assert watch.troubles == []
 

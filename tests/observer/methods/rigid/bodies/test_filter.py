@@ -44,7 +44,7 @@ def on_circle(state: np.ndarray, dt: float) -> np.ndarray:
     return out
 
 
-def begun(state: np.ndarray, sigma: np.ndarray = FIRST_SIGMA) -> BodyFilter:
+def started(state: np.ndarray, sigma: np.ndarray = FIRST_SIGMA) -> BodyFilter:
     """A filter that starts from a state (8,) with standard deviations (8,)."""
     cov = np.diag(sigma**2)
     motion = BodyFilter.begin(
@@ -93,7 +93,7 @@ def test_errors_are_as_large_as_stated_where_the_noise_is_as_declared(
     a, yaw_a = 0.5, 1.0
     for _ in range(draws):
         state = truth(rate=rate)
-        motion = begun(state + rng.normal(0, FIRST_SIGMA))
+        motion = started(state + rng.normal(0, FIRST_SIGMA))
         for _ in range(steps):
             jolt, twist = rng.normal(0, a, 3), rng.normal(0, yaw_a)
             state = on_circle(state, DT)
@@ -114,7 +114,7 @@ def test_what_is_stated_of_steady_motion_is_never_too_little(rate: float) -> Non
     errors: dict[str, list[float]] = {"place": [], "velocity": [], "turn": []}
     for _ in range(draws):
         state = truth(rate=rate)
-        motion = begun(state + rng.normal(0, FIRST_SIGMA))
+        motion = started(state + rng.normal(0, FIRST_SIGMA))
         for _ in range(30):
             state = on_circle(state, DT)
             motion = motion.predicted(DT, ACCELERATION, YAW_ACCELERATION, None)
@@ -152,7 +152,7 @@ def test_two_modes_are_patient_with_steady_motion_and_quick_with_a_brake() -> No
             states.append(state)
         noise = rng.multivariate_normal(np.zeros(4), NOISE, len(states))
         for name, acceleration in modes.items():
-            motion = begun(states[0])
+            motion = started(states[0])
             for k, state in enumerate(states[1:]):
                 motion = motion.predicted(DT, acceleration, YAW_ACCELERATION, None)
                 motion = motion.updated(state[MEASURED] + noise[k], NOISE)
@@ -169,7 +169,7 @@ def test_two_modes_are_patient_with_steady_motion_and_quick_with_a_brake() -> No
 @pytest.mark.parametrize("rate", [0.0, 0.5, -0.8])
 def test_a_body_that_is_known_is_predicted_on_its_circle(rate: float) -> None:
     state = truth(rate=rate)
-    motion = begun(state, np.full(STATE_SIZE, 1e-4))
+    motion = started(state, np.full(STATE_SIZE, 1e-4))
     for _ in range(15):
         motion = motion.predicted(DT, (1e-3, 1e-3), (1e-3, 1e-3), None)
     np.testing.assert_allclose(motion.mean, on_circle(state, 1.0), atol=5e-4)
@@ -184,8 +184,8 @@ def test_prediction_adds_up_over_time(parts: list[float], rate: float) -> None:
     """Without noise, one step or several give the same mean and covariance."""
     state = truth(rate=rate)
     sigma = np.array([0.02] * 3 + [0.05] * 3 + [0.01, 0.02])
-    once = begun(state, sigma).predicted(sum(parts), (0, 0), (0, 0), None)
-    often = begun(state, sigma)
+    once = started(state, sigma).predicted(sum(parts), (0, 0), (0, 0), None)
+    often = started(state, sigma)
     for dt in parts:
         often = often.predicted(dt, (0, 0), (0, 0), None)
     # The chord over half the turn has a second-order error: 1/24 of the turned angle squared.
@@ -200,7 +200,7 @@ def test_prediction_adds_up_over_time(parts: list[float], rate: float) -> None:
 
 def test_unsteadiness_adds_up_over_time() -> None:
     """White acceleration: velocity's variance grows with the number of frames."""
-    motion = begun(truth(speed=0.0), np.full(STATE_SIZE, 1e-6))
+    motion = started(truth(speed=0.0), np.full(STATE_SIZE, 1e-6))
     for _ in range(9):
         motion = motion.predicted(DT, (0.5, 0.5), (1.0, 1.0), None)
     np.testing.assert_allclose(np.diag(motion.covariance)[VELOCITY], 9 * (DT * 0.5) ** 2, rtol=1e-3)
@@ -209,7 +209,7 @@ def test_unsteadiness_adds_up_over_time() -> None:
 
 def test_along_its_axis_a_body_may_accelerate_more_than_across() -> None:
     axis = np.array([0.6, 0.0, 0.8])
-    motion = begun(truth(), np.full(STATE_SIZE, 1e-6)).predicted(DT, (1, 1), (1, 1), axis)
+    motion = started(truth(), np.full(STATE_SIZE, 1e-6)).predicted(DT, (1, 1), (1, 1), axis)
     cov = motion.covariance[VELOCITY, VELOCITY]
     across = np.array([0.8, 0.0, -0.6])
     assert axis @ cov @ axis == pytest.approx(DT**2, rel=1e-3)
@@ -225,7 +225,7 @@ def test_where_the_world_begins_makes_no_difference() -> None:
     state = truth(rate=0.3)
     far_state = state.copy()
     far_state[POSITION] += shift
-    near, far = begun(state), begun(far_state)
+    near, far = started(state), started(far_state)
     for k in range(20):
         state = on_circle(state, DT)
         if k == 10:
@@ -244,7 +244,7 @@ def test_rebased_is_the_same_motion_told_of_another_point() -> None:
     """The other point of a turning body moves on its own circle."""
     state, offset = truth(rate=0.7), np.array([0.2, -0.1, 0.3])
     state[YAW] = 0.4
-    motion = begun(state, np.full(STATE_SIZE, 1e-3)).rebased(offset)
+    motion = started(state, np.full(STATE_SIZE, 1e-3)).rebased(offset)
     step = 1e-5
     here, soon = state, on_circle(state, step)
     place, later = (s[POSITION] + yaw_matrix(s[YAW]) @ offset for s in (here, soon))
@@ -265,7 +265,7 @@ def test_rebased_there_and_back_is_nothing() -> None:
     A = rng.normal(0, 0.05, (STATE_SIZE, STATE_SIZE))
     state = truth(rate=0.7)
     state[YAW] = -0.6
-    motion = begun(state)
+    motion = started(state)
     motion.covariances[:] = A @ A.T + 1e-4 * np.eye(STATE_SIZE)
     offset = np.array([0.2, 0.05, -0.3])
     back = motion.rebased(offset).rebased(-offset)
@@ -277,7 +277,7 @@ def test_the_covariance_of_another_point_is_that_of_many_draws() -> None:
     rng = np.random.default_rng(5)
     A = rng.normal(0, 0.01, (STATE_SIZE, STATE_SIZE))
     state, offset = truth(rate=0.7), np.array([0.4, 0.0, 0.5])
-    motion = begun(state)
+    motion = started(state)
     motion.covariances[:] = A @ A.T + 1e-5 * np.eye(STATE_SIZE)
     drawn = rng.multivariate_normal(state, motion.covariance, 20000)
     told = drawn.copy()
@@ -320,7 +320,7 @@ ACTIONS = st.lists(
 def test_the_covariance_stays_one_whatever_happens(
     actions: list[tuple[str, float, float]], rate: float, agile: float
 ) -> None:
-    motion = begun(truth(rate=rate))
+    motion = started(truth(rate=rate))
     axis = np.array([0.6, 0.0, 0.8])
     for what, a, b in actions:
         if what == "predict":
@@ -349,7 +349,7 @@ def test_a_position_or_a_velocity_alone_corrects_its_own_part(rate: float) -> No
         (POSITION, BodyFilter.with_position),
         (VELOCITY, BodyFilter.with_velocity),
     ):
-        motion = begun(state)
+        motion = started(state)
         seen = measure(motion, state[part] + 0.1, np.eye(3) * 1e-8)
         np.testing.assert_allclose(seen.mean[part], state[part] + 0.1, atol=1e-3)
         assert np.trace(seen.covariance[part, part]) < 1e-3 * np.trace(
@@ -362,7 +362,7 @@ def test_a_position_or_a_velocity_alone_corrects_its_own_part(rate: float) -> No
 
 def test_positions_alone_tell_the_velocity_over_time() -> None:
     rng, state = np.random.default_rng(6), truth()
-    motion = begun(
+    motion = started(
         state * np.array([1, 1, 1, 0, 0, 0, 1, 1]), FIRST_SIGMA * [1, 1, 1, 4, 4, 4, 1, 1]
     )
     for _ in range(40):
@@ -373,7 +373,7 @@ def test_positions_alone_tell_the_velocity_over_time() -> None:
 
 
 def test_a_measurement_that_says_nothing_changes_nothing() -> None:
-    motion = begun(truth())
+    motion = started(truth())
     for measure in (motion.with_position, motion.with_velocity):
         seen = measure(np.full(3, 5.0), np.eye(3) * 1e12)
         np.testing.assert_allclose(seen.mean, motion.mean, atol=1e-9)
@@ -381,7 +381,7 @@ def test_a_measurement_that_says_nothing_changes_nothing() -> None:
 
 
 def test_straightened_it_moves_alike_but_turns_no_more() -> None:
-    motion = begun(truth(rate=0.8)).predicted(DT, ACCELERATION, YAW_ACCELERATION, None)
+    motion = started(truth(rate=0.8)).predicted(DT, ACCELERATION, YAW_ACCELERATION, None)
     straight = motion.straightened()
     rest = [k for k in range(STATE_SIZE) if k != YAW_RATE]
     np.testing.assert_array_equal(straight.mean[rest], motion.mean[rest])

@@ -45,10 +45,10 @@ def walk(
     poses: Callable[[float], Pose] = lambda _: Pose.identity(),
 ) -> list[tuple[float, float]]:
     """Let a person walk along ``path`` (x, z metres by time); return the place in each frame."""
-    begun = view.time
+    start_s = view.time
     places = []
     for _ in range(frames):
-        since = view.time + DT - begun
+        since = view.time + DT - start_s
         places.append(path(since))
         view.step([*ROOM, *others, person(*places[-1])], poses(since))
     return places
