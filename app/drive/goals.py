@@ -109,8 +109,8 @@ class Goals:
     def sent(self, driven: DrivenRole) -> None:
         """Note why the robot stands in spite of the velocity asked for, if it does."""
         if self.going is not None:
-            stands = driven.sent == ZERO
-            self.going.hindrance = driven.hindrance if stands else None
+            stationary = driven.sent == ZERO
+            self.going.hindrance = driven.hindrance if stationary else None
 
     def give_up(self, driven: DrivenRole, why: str | None, now: float) -> IncidentEvent | None:
         """End the goal at zero before it is reached; return its incident.

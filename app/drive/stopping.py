@@ -22,7 +22,7 @@ from observer.rig.rig import Role
 from observer.robots.contract import RobotPhase, RobotReport
 
 # Below this encoder speed the robot stands.
-STANDS_MPS = 0.01
+STATIONARY_MPS = 0.01
 # A stop is followed for this long: it covers a firmware watchdog of 2 s and the braking after it.
 _FOLLOWED_S = 4.0
 # Waiting time for a frame and sonar readings of the robot at rest, for the separation.
@@ -143,9 +143,9 @@ class StopWatch:
         """Begin measuring a stop; return None where nothing was moving."""
         cause = self._cause(incident, report)
         speed, lately = self._speed_at(cause), self._speed_at(incident.time)
-        if speed is not None and abs(speed) < STANDS_MPS:
+        if speed is not None and abs(speed) < STATIONARY_MPS:
             return None
-        if self._sent == ZERO and (lately is None or abs(lately) < STANDS_MPS):
+        if self._sent == ZERO and (lately is None or abs(lately) < STATIONARY_MPS):
             # Whatever the cause, the robot stands already.
             return None
         before = speed
@@ -200,7 +200,7 @@ class StopWatch:
     def _stood(self, cause: float) -> float | None:
         for packet in self._packets:
             speed = packet.speed_mps
-            if packet.received > cause and speed is not None and abs(speed) < STANDS_MPS:
+            if packet.received > cause and speed is not None and abs(speed) < STATIONARY_MPS:
                 return packet.received
         return None
 

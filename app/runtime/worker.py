@@ -120,12 +120,12 @@ class Worker:
 
 async def _hold(process: Process, held: Callable[[], bool]) -> None:
     """Suspend the process while it is held, and resume it afterwards."""
-    stands = False
+    paused = False
     while True:
-        if held() != stands:
-            stands = not stands
+        if held() != paused:
+            paused = not paused
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGSTOP if stands else signal.SIGCONT)
+                os.killpg(process.pid, signal.SIGSTOP if paused else signal.SIGCONT)
         await asyncio.sleep(_HELD_S)
 
 

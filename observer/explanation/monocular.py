@@ -58,13 +58,13 @@ def explain_by_rays(
 def _judge(
     moving: bool, middle: float, threshold: float, distance: float, parameters: Parameters
 ) -> tuple[PixelVerdict, str, str]:
-    stands_out = f"{middle:.1f} σ, where {threshold:.1f} σ is needed"
+    significance = f"{middle:.1f} σ, where {threshold:.1f} σ is needed"
     rate = f"{_RATE} (now {parameters.evidence.false_alarms_per_frame:g})"
     if moving:
         return (
             PixelVerdict.DYNAMIC,
             "It moves: the points here do not stay on the epipolar lines of static points "
-            f"({stands_out}).",
+            f"({significance}).",
             f"A lower {rate} would require more evidence.",
         )
     if not np.isfinite(distance):
@@ -76,7 +76,7 @@ def _judge(
         )
     return (
         PixelVerdict.STATIC,
-        f"It is static, {distance:.1f} m away: the apparent motion is noise ({stands_out}).",
+        f"It is static, {distance:.1f} m away: the apparent motion is noise ({significance}).",
         f"A higher {rate} would require less evidence; motion straight along the line of sight "
         f"may remain invisible to {count_of(1, 'camera')}.",
     )

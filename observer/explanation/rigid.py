@@ -154,15 +154,15 @@ def _judge(
     speed = float(np.linalg.norm(evidence.velocity[speaker]))
     agreeing, obstacle = int(evidence.neighbours[speaker]), int(evidence.obstacle_id[speaker])
     pooled = count_of(agreeing, "feature")
-    stands_out = f"{middle:.1f} σ, where {threshold:.1f} σ is needed"
+    significance = f"{middle:.1f} σ, where {threshold:.1f} σ is needed"
     if moving:
         return (
             PixelVerdict.DYNAMIC,
             f"It moves at {speed:.2f} m/s over ground, on the evidence of "
-            f"{pooled}{_whose(obstacle)}: {stands_out}."
+            f"{pooled}{_whose(obstacle)}: {significance}."
             if middle > threshold or obstacle == NO_OBSTACLE
             else f"It is part of {_name(obstacle)}, which was seen to move; the motion here is now "
-            f"{speed:.2f} m/s ({stands_out}).",
+            f"{speed:.2f} m/s ({significance}).",
             _until_it_ends(evidence, speaker, parameters)
             if obstacle != NO_OBSTACLE
             else _until(middle, threshold, parameters),
@@ -205,7 +205,7 @@ def _judge(
     if middle > _STANDING_LENGTH:
         return (
             PixelVerdict.UNDECIDED,
-            f"It may move, at {speed:.2f} m/s, but this is not significant enough: {stands_out}.",
+            f"It may move, at {speed:.2f} m/s, but this is not significant enough: {significance}.",
             _sooner(middle, threshold, parameters),
         )
     least = _least_speed(evidence, speaker)
@@ -214,7 +214,7 @@ def _judge(
     return (
         PixelVerdict.STATIC,
         f"It is static, on the evidence of {pooled}: the apparent motion of {speed:.2f} m/s is "
-        f"noise ({stands_out}).",
+        f"noise ({significance}).",
         f"Anything faster than {least:.2f} m/s would be detected here. "
         f"{_sooner(middle, threshold, parameters)}",
     )

@@ -36,7 +36,7 @@ _DELAY_S = 0.05
 # Error of the odometry, as a share of the distance driven since.
 _DRIFT = 0.05
 # An echo where there already was one this long ago comes from a static object.
-_STANDS_S = 0.45
+_STATIC_S = 0.45
 # Two echoes further apart in time are not compared.
 _LONGEST_GAP_S = 0.8
 # Readings of one sonar at shorter intervals add no information.
@@ -150,12 +150,12 @@ class SonarWatch:
         driven = np.hypot(rows[:, 1, None] - x, rows[:, 2, None] - y)
         tolerance = (_TOLERANCE_M + _DRIFT * driven)[:, None, :]
         clear = (aside <= along * surely) & (distance < reach - tolerance) & (age > 0)
-        stands = (
+        static = (
             (aside <= along * math.tan(half + 3 * _DEGREE))
             & (np.abs(distance - echo) <= tolerance)
-            & (age >= _STANDS_S)
+            & (age >= _STATIC_S)
         )
-        moved_in = clear.any(axis=2) & ~stands.any(axis=2)
+        moved_in = clear.any(axis=2) & ~static.any(axis=2)
         return np.asarray(moved_in.mean(axis=1))
 
     def _follow(self, index: int, row: list[float], share: float, p: GuardParameters) -> None:

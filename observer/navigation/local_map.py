@@ -23,7 +23,7 @@ _SIZE: Final = 2 * _HALF + 1
 # A surface is static if it was seen in one place for this long, with gaps no longer than this.
 # Others are ignored: the robot would drive around places that people have walked past, and for
 # such a short time the guard handles whatever is new ahead.
-_STANDS_S: Final = 0.6
+_STATIC_S: Final = 0.6
 _GAP_S: Final = 0.5
 # Time for which it is remembered where nothing newer is seen.
 _REMEMBERED_S: Final = 10.0
@@ -146,8 +146,8 @@ class LocalMap:
         begins = time - self._last[x, y] > _GAP_S
         self._since[x, y] = np.where(begins, time, self._since[x, y])
         self._last[x, y] = np.maximum(self._last[x, y], time)
-        stands = time - self._since[x, y] >= _STANDS_S
-        x, y = x[stands], y[stands]
+        static = time - self._since[x, y] >= _STATIC_S
+        x, y = x[static], y[static]
         self._until[x, y] = np.maximum(self._until[x, y], time + remembered_s)
 
     def _clear(self, points: Float64Array, pose: Float64Array, time: float) -> None:

@@ -46,7 +46,7 @@ _IMPOSSIBLE: Final = 1e6
 # Assumed for a robot that does not report its outline.
 _RADIUS_M: Final = 0.3
 # A slower person blocks the map like a static obstacle, for this long after each plan.
-_STANDS_MPS, _STANDS_S = 0.15, 0.3
+_STATIONARY_MPS, _STATIONARY_S = 0.15, 0.3
 # People who could not come this near within the horizon are ignored.
 _NEAR_M: Final = 2.0
 
@@ -132,8 +132,8 @@ class Navigator:
         weights = self._habits.weights(seen, now, planner.prior)
         people = futures(seen, weights, TIMES, planner.acceleration_noise)
         for one in seen:
-            if math.hypot(one.vx, one.vy) < _STANDS_MPS:
-                self._map.stand(one, now + _STANDS_S)
+            if math.hypot(one.vx, one.vy) < _STATIONARY_MPS:
+                self._map.stand(one, now + _STATIONARY_S)
         around = Surroundings.of(
             self._map,
             (errand.goal.x, errand.goal.y),
@@ -160,7 +160,7 @@ class Navigator:
         assert self._sight is not None
         speed, turn = choice.velocity
         poses = choice.ways.poses[choice.best]
-        path = () if choice.stands else tuple((x, y) for x, y, _ in poses.tolist())
+        path = () if choice.is_standstill else tuple((x, y) for x, y, _ in poses.tolist())
         return Plan(
             goal=errand.goal.number,
             received=self._sight.received,

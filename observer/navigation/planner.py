@@ -82,7 +82,7 @@ class Choice:
         return float(self.per_metre[self.best])
 
     @property
-    def stands(self) -> bool:
+    def is_standstill(self) -> bool:
         """Return whether the robot is to stand."""
         return self.best == STANDING
 

@@ -47,7 +47,7 @@ def reason_of(choice: Choice, people: Futures, left_m: float) -> Reason:
         people: as they were given to the choice. left_m: straight distance to the goal, metres.
     """
     decider = _decider(choice, people)
-    if choice.stands:
+    if choice.is_standstill:
         return _standing(choice, decider)
     if decider is not None and _turns_aside(choice, people, decider):
         return replace(decider, sentence=_passing(choice, people, decider))

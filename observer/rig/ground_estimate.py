@@ -200,9 +200,9 @@ def _combined(
     found: list[_GroundView], left_out: int, camera: StereoCamera
 ) -> GroundEstimate | Refused:
     fb = camera.fx * camera.baseline
-    stands = np.array([stand_of(view.coefficients, fb) for view in found])
-    middle = np.median(stands, axis=0)
-    spread = MAD_TO_SIGMA * np.median(np.abs(stands - middle), axis=0)
+    poses = np.array([stand_of(view.coefficients, fb) for view in found])
+    middle = np.median(poses, axis=0)
+    spread = MAD_TO_SIGMA * np.median(np.abs(poses - middle), axis=0)
     # Covariance of the coefficients by the bias that the calibration leaves: slopes and offset.
     edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
     bias = np.diag((_BIAS_PX / edge) ** 2)

@@ -156,7 +156,7 @@ def _best_hypothesis(
     if not usable.any():
         return None
     coefficients = np.linalg.solve(A[usable], d[usable][..., None])[..., 0]
-    coefficients = coefficients[_possible(_stands(coefficients, fb))]
+    coefficients = coefficients[_possible(_camera_poses(coefficients, fb))]
     if not len(coefficients):
         return None
     few = points.chosen(rng.permutation(len(points))[:_SCORED])
@@ -198,16 +198,16 @@ def _near(points: DisparityPoints, coefficients: Float64Array, gate_px: float) -
     return np.asarray(near, np.bool_)
 
 
-def _stands(coefficients: Float64Array, fb: float) -> Float64Array:
+def _camera_poses(coefficients: Float64Array, fb: float) -> Float64Array:
     """(N, 3) as ``stand_of``, for many planes."""
     length = np.maximum(np.linalg.norm(coefficients, axis=1), 1e-9)
     x, y, z = (coefficients / length[:, None]).T
     return np.stack([fb / length, np.arctan2(z, np.hypot(x, y)), np.arctan2(x, y)], axis=1)
 
 
-def _possible(stands: Float64Array) -> Mask:
+def _possible(poses: Float64Array) -> Mask:
     """(N,) which planes can be the ground, given how the camera stands above them, (N, 3)."""
-    height, tilt, roll = stands.T
+    height, tilt, roll = poses.T
     low, high = _HEIGHT_M
     level = (np.abs(tilt) <= _MOST_TILT) & (np.abs(roll) <= _MOST_ROLL)
     return np.asarray(level & (height >= low) & (height <= high), np.bool_)

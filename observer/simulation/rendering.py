@@ -55,7 +55,7 @@ class Renderer:
         if world.board is not None:
             self._board = _Thing(world.T_room_board, (), (), (world.board.part,))
         # Otherwise no two images share a background, and caching it would only cost time.
-        self._keeps = self._board is not None and world.camera_stands and not moving
+        self._keeps = self._board is not None and world.camera_is_static and not moving
         # What is behind the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m.
         self._backgrounds: dict[tuple[View, bytes], tuple[Image, Float32Array]] = {}
         self._textures: dict[int, Texture] = {}

@@ -248,7 +248,7 @@ class World:
         return self.T_room_left(time) @ self.T_right_left.inverse()
 
     @property
-    def camera_stands(self) -> bool:
+    def camera_is_static(self) -> bool:
         """True if the left camera never moves in the room."""
         shakes = any(oscillation.amplitude for oscillation in self._shake.values())
         return isinstance(self.observer.motion, Parked) and not shakes

@@ -95,7 +95,7 @@ class _Hands:
         self.press("Control+a")
         self._page.keyboard.type(text)
 
-    def stands_at(self, name: str) -> None:
+    def focus_is_on(self, name: str) -> None:
         """Wait until the focus has moved there by itself."""
         self._page.wait_for_function(
             "(name) => document.activeElement.textContent.trim().startsWith(name)", arg=name
@@ -166,7 +166,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     expect(page.get_by_role("button", name="Calibrate cameras")).to_be_visible()
     hands.go("Calibrate cameras")
     hands.press("Enter")
-    hands.stands_at("Calibrate: Board")
+    hands.focus_is_on("Calibrate: Board")
 
     hands.go("Square, mm")
     hands.enter("25")
@@ -174,7 +174,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.enter(source)
     hands.go("Start with these cameras")
     hands.press("Enter")
-    hands.stands_at("Calibrate: Views")
+    hands.focus_is_on("Calibrate: Views")
     assert _now(server)["board"]["square_mm"] == 25
     keep_picture(page, "calibrating-views")
 
@@ -200,7 +200,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.press("Enter")
     eventually(lambda: len(_now(server)["views"]) == taken - 1)
     if taken == 1:
-        hands.stands_at("Capture now")
+        hands.focus_is_on("Capture now")
     else:
         assert hands.focus()[0] == "Undo"
     hands.go("Capture automatically")
@@ -221,15 +221,15 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
 
     hands.go("Compute calibration")
     hands.press("Enter")
-    hands.stands_at("Cancel")
+    hands.focus_is_on("Cancel")
     hands.press("Enter")
-    hands.stands_at("Compute calibration")
+    hands.focus_is_on("Compute calibration")
     assert _now(server)["computing"] is None
     assert _now(server)["result"] is None
     hands.press("Enter")
-    hands.stands_at("Cancel")
+    hands.focus_is_on("Cancel")
     page.wait_for_selector("observer-result-step:not([hidden]) .verdict-table", timeout=90_000)
-    hands.stands_at("Calibrate: Result")
+    hands.focus_is_on("Calibrate: Result")
     verdict = page.locator("observer-result-step .verdict.big")
     expect(verdict).to_have_text(
         re.compile(r"At 3 m, depth is accurate to ± \d+(\.\d)? c?m\b.* at \d+(\.\d+)? m/s")
@@ -247,7 +247,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.enter(_NAME)
     hands.go("Save and use")
     hands.press("Enter")
-    hands.stands_at("Calibrate cameras")
+    hands.focus_is_on("Calibrate cameras")
     expect(page.locator("observer-calibration-wizard")).to_be_hidden()
     expect(page.locator(".first-line-context")).to_contain_text(f"calibration {_NAME}")
     assert server.get("/status")["calibration"]["name"] == _NAME

@@ -64,7 +64,7 @@ def test_an_obstacle_is_confirmed_with_box_and_row(
     keep_picture(page, "rigid")
 
 
-def _stands_out(answer: dict[str, Any]) -> bool:
+def _is_significant(answer: dict[str, Any]) -> bool:
     """Return whether the pixel is on a moving point of an obstacle.
 
     The answer differs for a significant pixel beside an obstacle that is not one of its points yet.
@@ -84,14 +84,14 @@ def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confi
     verdicts = {answer["verdict"] for answer in answers}
     assert {"dynamic", "static", "too_few_features"} <= verdicts
     of_it = [a for a in answers if a["obstacle"] and a["obstacle"]["id"] == number]
-    points = [a for a in of_it if _stands_out(a)]
+    points = [a for a in of_it if _is_significant(a)]
     assert points, [a["would_change"] for a in of_it]
     # A click may miss the intended pixel, as the picture is scaled down.
     told = next(
         a
         for a in points
         if all(
-            _stands_out(server.get(f"/pixel?u={a['u'] + right}&v={a['v'] + down}"))
+            _is_significant(server.get(f"/pixel?u={a['u'] + right}&v={a['v'] + down}"))
             for right, down in ((-2, 0), (2, 0), (0, -2), (0, 2))
         )
     )

@@ -180,4 +180,4 @@ class System:
 
     def moves_since(self, time_: float) -> list[Any]:
         """Return the commands since then that ask for motion."""
-        return [each for each in self.robot.robot.log.since(time_) if not each.stands]
+        return [each for each in self.robot.robot.log.since(time_) if not each.is_standstill]

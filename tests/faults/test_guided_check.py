@@ -19,7 +19,7 @@ _SMALL = "based_on: drive\ncamera: {width: 320, height: 160}\n"
 TURN_RADPS = 0.6
 # A robot that stands still this long despite drive commands has been stopped: stops are reported
 # once it stands, and after a stop the operator has to let go before driving on.
-_STANDS_S = 2.0
+_STATIONARY_S = 2.0
 _PATIENCE_S = 150.0
 
 
@@ -97,7 +97,7 @@ def _driven(server: Server, operator: Operator, step: str) -> bool:
     arm(server, operator)
     operator.hold(SPEED_MPS)
     drove = time.monotonic()
-    while not _settled(server, step) and time.monotonic() - drove < _STANDS_S:
+    while not _settled(server, step) and time.monotonic() - drove < _STATIONARY_S:
         if _speed(server) > 0.1:
             drove = time.monotonic()
         time.sleep(0.05)

@@ -128,4 +128,4 @@ def _driving(system: System) -> tuple[float, bool]:
     time.sleep(DROPPED_S)
     came = system.robot.robot.log.since(began)
     times = [began, *(each.time for each in came), time.monotonic()]
-    return max(b - a for a, b in pairwise(times)), any(each.stands for each in came)
+    return max(b - a for a, b in pairwise(times)), any(each.is_standstill for each in came)

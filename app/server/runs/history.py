@@ -71,7 +71,7 @@ class RunHistory:
             asyncio.to_thread(self._storage.run_tags),
         )
         return History(
-            runs=tuple(filled(Run, self._as_it_stands(run)) for run in found.runs),
+            runs=tuple(filled(Run, self._up_to_date(run)) for run in found.runs),
             total=found.total,
             tags=all_tags,
             disk=await self._disk_now(),
@@ -101,7 +101,7 @@ class RunHistory:
             )
         if name is not None:
             await self._renamed()
-        return self._as_it_stands(record)
+        return self._up_to_date(record)
 
     async def discard(self, run_id: str) -> None:
         """Hide a run until it is recovered or purged.
@@ -137,7 +137,7 @@ class RunHistory:
         except StorageMissing as error:
             raise NotThere(f"the run {run_id[:80]!r} no longer exists") from error
 
-    def _as_it_stands(self, record: RunRecord) -> RunRecord:
+    def _up_to_date(self, record: RunRecord) -> RunRecord:
         current = self._current()
         return current.snapshot() if current and current.record.id == record.id else record
 

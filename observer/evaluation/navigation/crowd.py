@@ -134,7 +134,7 @@ class Crowd:
         # The speed at which a person would walk now if nobody were in the way.
         self._pace = self._speed.copy()
         # Until when each person stands; 0 for those who walk.
-        self._stands_until = np.zeros(count)
+        self._stationary_until = np.zeros(count)
         self._gives_up = _PATIENCE * distance / self._speed + _PATIENCE_S
         self._steps = 0
         self._start_simulation()
@@ -212,19 +212,19 @@ class Crowd:
         now = self._steps * _STEP_S
         rest = self._target - self._position
         arrived = (np.hypot(rest[:, 0], rest[:, 1]) < _REACHED_M) | (now >= self._gives_up)
-        stood = self._stands_until > 0
-        for i in np.flatnonzero(np.where(stood, now >= self._stands_until, arrived)).tolist():
+        stood = self._stationary_until > 0
+        for i in np.flatnonzero(np.where(stood, now >= self._stationary_until, arrived)).tolist():
             if not stood[i]:
                 # Nobody turns round while walking: they come to a stop first.
                 stays = self._rng.uniform(*_STAND_S) if self._rng.random() < _STAND_CHANCE else 0.0
-                self._stands_until[i] = now + self._pace[i] / _ACCELERATION_MPS2 + stays
+                self._stationary_until[i] = now + self._pace[i] / _ACCELERATION_MPS2 + stays
             else:
-                self._stands_until[i] = 0.0
+                self._stationary_until[i] = 0.0
                 self._target[i] = self._drawn_target()
                 distance = math.dist(self._target[i], self._position[i])
                 self._gives_up[i] = now + _PATIENCE * distance / self._speed[i] + _PATIENCE_S
                 self._send(i)
-        wanted = np.where(self._stands_until > 0, 0.0, self._speed)
+        wanted = np.where(self._stationary_until > 0, 0.0, self._speed)
         change = np.clip(wanted - self._pace, *(_STEP_S * _ACCELERATION_MPS2 * np.array([-1, 1])))
         self._pace += change
         for i in np.flatnonzero(change).tolist():

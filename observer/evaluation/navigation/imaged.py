@@ -38,7 +38,7 @@ from observer.types import StereoFrame
 # Time constant of a body's turn towards its direction of motion, and speed below which it does not
 # turn.
 _TURNING_S: Final = 0.3
-_STANDS_MPS: Final = 0.2
+_STATIONARY_MPS: Final = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def walks_of(steps: Sequence[People], origin: tuple[float, float]) -> list[Walke
 
 def _headings(velocity: Float64Array) -> Float64Array:
     """(T,) continuous headings of a body that moves with velocities (T, 2)."""
-    moving = np.hypot(*velocity.T) > _STANDS_MPS
+    moving = np.hypot(*velocity.T) > _STATIONARY_MPS
     ways = np.arctan2(velocity[:, 1], velocity[:, 0])
     heading = float(ways[np.argmax(moving)])
     share = 1 - math.exp(-FRAME_S / _TURNING_S)

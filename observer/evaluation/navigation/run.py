@@ -43,7 +43,7 @@ CLEAR_M: Final = 1.5
 # A goal counts as reached within this many times the free time, when the run ends.
 IN_TIME: Final = 3.0
 # Slower than this it stands.
-_STANDS_MPS: Final = 0.02
+_STATIONARY_MPS: Final = 0.02
 _SEEN_BEFORE_S: Final = 1.0
 
 
@@ -141,7 +141,7 @@ class _Tally:
         touched = robot.touched(people)
         new = touched - self.touching
         self.touching = touched
-        if abs(robot.speed_mps) < _STANDS_MPS:
+        if abs(robot.speed_mps) < _STATIONARY_MPS:
             self.run_ins += len(new)
         else:
             self.contacts += len(new)

@@ -90,7 +90,7 @@ class UnseenRegions:
         texture = RowTexture.of(small) if scene is None else scene.texture
         plain = _shares(texture.near) < _HALF
         dark = (_CONTRAST * _shares(small) < texture.step) | (_shares(small >= _WHITE) >= _HALF)
-        known, stands, moves = _known(scene, points, grid, plain.shape)
+        known, static, moves = _known(scene, points, grid, plain.shape)
         cause = np.full(plain.shape, ord("f" if scene is None else "u"), np.uint8)
         cause[plain] = ord("p")
         cause[dark] = ord("d")
@@ -99,7 +99,7 @@ class UnseenRegions:
             cause[_near(view, parameters.max_disparity_px, known)] = ord("n")
         told = _within(reported, grid, plain.shape)
         moves[told] = 0
-        hidden = (cause != ord(".")) & ~self._background(cause == ord("p"), stands, moves)
+        hidden = (cause != ord(".")) & ~self._background(cause == ord("p"), static, moves)
         hides = self._fill(hidden & ~told, _HIDING_SHARE)
         cause[_within(tentative, grid, plain.shape) & ~told] = ord("t")
         return _told(cause, _SIDE * grid.reduction, hides=hides)
@@ -108,10 +108,10 @@ class UnseenRegions:
         """Return whether the cells (rows, columns) fill this share of any person-sized window."""
         return fills(cells, *self._fits, share)
 
-    def _background(self, plain: Mask, stands: Weights, moves: Weights) -> Mask:
+    def _background(self, plain: Mask, static: Weights, moves: Weights) -> Mask:
         """Return the cells of plain regions around which nearly everything known is static."""
         count, regions = cv2.connectedComponents(plain.view(np.uint8), connectivity=4)
-        return background(regions.astype(np.int64), count, stands, moves, *self._fits)
+        return background(regions.astype(np.int64), count, static, moves, *self._fits)
 
 
 def _told(cause: Letters, cell_px: int, *, hides: bool) -> Unseen:
@@ -139,17 +139,17 @@ def _known(
 
     What was not in view before counts as neither static nor moving, unless a point is tracked.
     """
-    known = stands = moves = np.zeros(shape, np.float32)
+    known = static = moves = np.zeros(shape, np.float32)
     if scene is not None:
         depth, evidence = np.isfinite(scene.disparity), scene.evidence
         known = _shares(depth)
-        stands = _shares(depth & (~scene.standing | (evidence == STATIC)))
+        static = _shares(depth & (~scene.standing | (evidence == STATIC)))
         moves = _shares((evidence == ARRIVED) | (evidence == UNCOVERED))
     # A point seen only once, or by one camera only, is no evidence of motion.
     tells = (points.sightings > 1) & np.isfinite(points.disparity) & points.cornered
     side_px, least = np.float32(_SIDE * grid.reduction), np.float32(_SEEN_SHARE)
     px, dynamic = points.px[tells], points.dynamic[tells]
-    return told_by_points(known, stands, moves, px, dynamic, side_px, least)
+    return told_by_points(known, static, moves, px, dynamic, side_px, least)
 
 
 def _within(boxes: Sequence[BoxPx], grid: Grid, shape: tuple[int, ...]) -> Mask:

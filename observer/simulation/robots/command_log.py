@@ -34,7 +34,7 @@ class Arrived:
     unintended: bool
 
     @property
-    def stands(self) -> bool:
+    def is_standstill(self) -> bool:
         """True if this command makes the robot stand still."""
         return not self.enabled or (self.speed_mps == 0.0 and self.turn_rate_radps == 0.0)
 
@@ -72,4 +72,4 @@ class CommandLog:
 
     def first_standing(self, time: float) -> Arrived | None:
         """Return the first command from ``time`` on that makes the robot stand still."""
-        return next((each for each in self.since(time) if each.stands), None)
+        return next((each for each in self.since(time) if each.is_standstill), None)

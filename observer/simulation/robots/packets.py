@@ -23,10 +23,10 @@ from observer.simulation.robots.motors import (
 # Sonars per array: those of one array fire in turn, the arrays in parallel.
 SONAR_ARRAY = 8
 STRANGE = (0x98, 0xB0, 0xB8)
-_STATUS_STANDS, _STATUS_MOVES = 0x32, 0x33
+_STATUS_STATIONARY, _STATUS_MOVES = 0x32, 0x33
 _CONFIG_REPLY, _ENCODER_REPLY, _IO_REPLY = 0x20, 0x90, 0xF0
 # Below these speeds a robot counts as standing.
-_STANDS_MPS, _STANDS_RADPS = 0.002, 0.004
+_STATIONARY_MPS, _STATIONARY_RADPS = 0.002, 0.004
 _TICKS_PER_TURN = 500
 
 
@@ -50,11 +50,11 @@ def status_data(
     """
     x, y, yaw = odometry
     speed, turn_rate = wheels.speed_mps, wheels.turn_rate_radps
-    moves = abs(speed) > _STANDS_MPS or abs(turn_rate) > _STANDS_RADPS
+    moves = abs(speed) > _STATIONARY_MPS or abs(turn_rate) > _STATIONARY_RADPS
     ahead, across = speed * 1000, turn_rate / spec.wheel_turn
     fixed = struct.pack(
         "<BHHhhhBHhHBB",
-        _STATUS_MOVES if moves else _STATUS_STANDS,
+        _STATUS_MOVES if moves else _STATUS_STATIONARY,
         round(x * 1000 / spec.distance_mm) & 0x7FFF,
         round(y * 1000 / spec.distance_mm) & 0x7FFF,
         round(math.remainder(yaw, 2 * math.pi) / spec.angle_rad),

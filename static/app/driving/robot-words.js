@@ -29,7 +29,7 @@ export function stateInWords(robot) {
  * @param {RobotsMessage | null} facts
  * @param {boolean} ours whether this page holds its lease
  */
-export function standsBecause(role, robot, facts, ours) {
+export function standstillReason(role, robot, facts, ours) {
   if (!robot) return lackBecause(role, facts);
   if (facts?.stopped)
     return `Stopped by ${facts.stopped.by}. Reset the stop at the top of the page to continue.`;

@@ -25,7 +25,7 @@ import {
   driverInWords,
   figuresOf,
   incidentInWords,
-  standsBecause,
+  standstillReason,
   stateInWords,
 } from "./robot-words.js";
 import { isArmed, ROLE_WORDS, ROLES } from "./roles.js";
@@ -165,7 +165,7 @@ class RobotsPanel extends Part {
     this.#trouble.hidden = !lost || !robots;
     // Stale data do not tell whether or why it is standing still.
     setAttribute(this, "data-old", lost ? "" : null);
-    setText(this.#why, lost && robots ? "" : standsBecause(driver.role, robot, robots, ours));
+    setText(this.#why, lost && robots ? "" : standstillReason(driver.role, robot, robots, ours));
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
     // After a key press on one of these, the focus moves to a button that can be pressed now.

@@ -6,7 +6,7 @@ import { SIGMAS_95 } from "./glossary.js";
 
 const STRAIGHT_RAD = (8 * Math.PI) / 180;
 // A true body slower than this stands still; one less visible than this need not be detected.
-const STANDS_BELOW_MPS = 0.02;
+const STATIONARY_BELOW_MPS = 0.02;
 const HIDDEN_BELOW = 0.2;
 
 /**
@@ -50,7 +50,7 @@ export function headingInWords(obstacle, pose) {
   if (!obstacle.velocity || !pose) return "";
   const [x = 0, , z = 0] = rotateInverse(pose.orientation_wxyz, obstacle.velocity);
   const length = Math.hypot(x, z);
-  if (length < STANDS_BELOW_MPS) return "";
+  if (length < STATIONARY_BELOW_MPS) return "";
   const parts = [];
   // A component is named if it is at least tan(22.5 degrees) times the other.
   if (Math.abs(x) > 0.414 * Math.abs(z)) parts.push(x > 0 ? "to the right" : "to the left");
@@ -84,7 +84,7 @@ export function firstLine(line, truth) {
   const missed = truth.find(
     (body) =>
       body.role !== "observer" &&
-      body.speed > STANDS_BELOW_MPS &&
+      body.speed > STATIONARY_BELOW_MPS &&
       (body.visible === null || body.visible > HIDDEN_BELOW),
   );
   let text = standing ? `Nothing moves; obstacle ${standing.id} has stopped.` : "Nothing moves.";

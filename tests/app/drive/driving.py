@@ -219,8 +219,8 @@ def stays_at_rest(robots: Robots, moment: float) -> None:
     """Assert that after the first zero only zeros were commanded."""
     for robot in robots.values():
         behind = robot.robot.log.since(moment)
-        start = next(number for number, each in enumerate(behind) if each.stands)
-        assert all(each.stands for each in behind[start:]), "it was set in motion again"
+        start = next(number for number, each in enumerate(behind) if each.is_standstill)
+        assert all(each.is_standstill for each in behind[start:]), "it was set in motion again"
 
 
 def report(what: str, worst: float) -> None:

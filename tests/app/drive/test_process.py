@@ -83,7 +83,9 @@ def test_one_ports_trouble_never_delays_the_other(
     def drives_on() -> None:
         started = time.monotonic()
         if drive.hold("obstacle", 2.0):
-            assert all(not each.stands for each in robots["obstacle"].robot.log.since(started))
+            assert all(
+                not each.is_standstill for each in robots["obstacle"].robot.log.since(started)
+            )
 
     drives_on()
     assert drive.state("observer") != "moving"

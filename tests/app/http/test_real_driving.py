@@ -101,7 +101,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
             stood_until = time.monotonic()
             await asyncio.sleep(1.0)
             # The key is held throughout: a recovered link restarts nothing.
-            assert not [each for each in log.since(stood_until) if not each.stands]
+            assert not [each for each in log.since(stood_until) if not each.is_standstill]
             assert driving.facts().robots["obstacle"].state == "armed"
             page.speed_mps = 0.0
             await asyncio.sleep(0.3)

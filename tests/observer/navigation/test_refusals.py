@@ -87,13 +87,13 @@ def test_paths_that_meet_somebody_are_refused_and_say_whom_and_when() -> None:
 def test_the_guards_sentence_stands_where_it_refuses() -> None:
     sentence = "an obstruction ahead is within the stopping distance"
     room = Room(share=0.0, sentence=sentence)
-    assert room.choice.stands
+    assert room.choice.is_standstill
     assert len(room.refused) > 2
     assert {(path.cause, path.track, path.guard) for path in room.refused} == {
         ("guard", None, sentence)
     }
     slower = Room(share=0.5, sentence=sentence)
-    assert not slower.choice.stands
+    assert not slower.choice.is_standstill
     assert slower.refused == ()
 
 

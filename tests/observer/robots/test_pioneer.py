@@ -60,7 +60,7 @@ def test_nothing_but_enabling_switches_motors_on_and_nothing_moves_before(driven
     before = time.monotonic()
     it.drive(0.3)
     assert ENABLE_1 not in it.heard(before)
-    assert all(each.stands for each in it.there.log.since(before))
+    assert all(each.is_standstill for each in it.there.log.since(before))
 
 
 def test_velocities_are_clamped_to_the_limits_in_force(
@@ -167,7 +167,7 @@ def test_a_fault_stops_it_and_latches(
 
     it.until(forgiven)
     it.drive(0.15)
-    assert all(each.stands for each in it.there.log.since(told[0].time))
+    assert all(each.is_standstill for each in it.there.log.since(told[0].time))
     it.arm()
     it.drive(0.25)
     assert it.there.speed_mps > 0.1
@@ -255,7 +255,7 @@ def test_an_unplugged_port_is_a_fault_and_comes_back_at_zero(
     it.robot.enable()
     it.drive(0.2)
     assert ENABLE_1 not in it.heard(since), "a fault is not forgiven by connecting anew"
-    assert all(each.stands for each in it.there.log.since(since))
+    assert all(each.is_standstill for each in it.there.log.since(since))
     it.robot.clear()
     it.arm()
     it.drive(0.25)

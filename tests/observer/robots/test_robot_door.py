@@ -80,7 +80,7 @@ class Door:
         self.served.close()
 
     def say(self, data: bytes) -> None:
-        """Write all of it; the robot reads it while its clock stands."""
+        """Write all of it; the robot reads it while its clock wheels_stand."""
         at = 0
         while at < len(data):
             # A pseudo terminal takes at most 4096 bytes at once.
@@ -113,9 +113,9 @@ class Door:
             self.say(fuzz.OPENING)
         self.say(command(Command.ENABLE, 0) + ENABLE)
         self.understood()
-        until(self.stands)
+        until(self.wheels_stand)
 
-    def stands(self) -> bool:
+    def wheels_stand(self) -> bool:
         self.wait(PAUSE_S)
         return self.robot.speed_mps == 0.0
 

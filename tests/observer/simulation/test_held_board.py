@@ -107,7 +107,7 @@ def test_a_held_board_trembles_by_less_than_a_tenth_of_a_pixel() -> None:
 def test_the_board_stands_in_the_room_and_not_on_the_camera() -> None:
     drive = "{kind: course, legs: [{kind: drive, distance_m: 0.1, speed: 0.2}]}"
     here = World(scenario_from_text(f"{ABOVE}observer: {{motion: {drive}}}\n", "drives"))
-    assert not here.camera_stands
+    assert not here.camera_is_static
     assert here.T_room_board(0.0).matrix == pytest.approx(here.T_room_board(0.5).matrix)
     assert here.board_pose(0.5).translation[2] < here.board_pose(0.0).translation[2] - 0.02
 

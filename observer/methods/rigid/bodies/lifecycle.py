@@ -170,7 +170,7 @@ def _confirmed(
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:
-        return track.outline is not None and track.outline.segment.stands_apart
+        return track.outline is not None and track.outline.segment.is_separate
     return _confirmed_by_outline(track, camera_position, parameters, light)
 
 

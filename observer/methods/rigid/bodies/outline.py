@@ -243,8 +243,8 @@ class Outline:
         begins to walk, or comes straight on, is still mostly where he was.
         """
         grown = _shown(self.segment) > _SWALLOWING * self.moving_area
-        stands = self.is_static and not (tentative and may_stand)
-        idle = self.seen and (self.merged or stands) and (tentative or grown)
+        static = self.is_static and not (tentative and may_stand)
+        idle = self.seen and (self.merged or static) and (tentative or grown)
         self.idle_frames = self.idle_frames + 1 if idle else 0
         return self.idle_frames
 

@@ -193,11 +193,11 @@ def _follow(
         segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
         if segment is None:
             continue
-        if track.outline is None and (segment.stands_apart or track.crosses):
+        if track.outline is None and (segment.is_separate or track.crosses):
             # What crosses the view but does not stand apart may be a head.
             segment = _first_seen(track, segment, scene, free)
         found = track.outline is None or track.missed_s > _SEEN_BEFORE * now.dt
-        if found and not segment.stands_apart:
+        if found and not segment.is_separate:
             continue
         if track.outline is not None and leaps(track, segment, scene):
             continue

@@ -23,7 +23,7 @@ _BESIDE_M, _BODY_M = 0.75, 1.8
 # A person, arms included: metres, least height seen, and most width and height.
 _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
 # An arm is at most this share of a person, who stands while more than this share of him is static.
-_ARM_SHARE, _STANDS_SHARE = 0.35, 0.6
+_ARM_SHARE, _STATIC_SHARE = 0.35, 0.6
 # Head and shoulders are in this upper share of the rows: arms swing below it.
 SHOULDERS_SHARE = 0.35
 # Cosine of a camera's tilt up to which what is above in the image is above in the world.
@@ -34,7 +34,7 @@ def is_person(segment: Segment, scene: DenseScene) -> bool:
     """Return whether a segment stands apart, and is as large and as upright as a person."""
     width, height = extent_m(segment, scene.grid)
     upright = _LEAST_HEIGHT_M < height < _MOST_HEIGHT_M and width < min(_MOST_WIDTH_M, height)
-    return segment.stands_apart and upright
+    return segment.is_separate and upright
 
 
 def whole_person(scene: DenseScene, part: Segment, free: Mask) -> Segment:
@@ -49,7 +49,7 @@ def whole_person(scene: DenseScene, part: Segment, free: Mask) -> Segment:
     whole = standing_segment(scene, scene.T_world_camera.apply(at), free | part.mask)
     if whole is None or not is_person(whole, scene) or part.area > _ARM_SHARE * whole.area:
         return part
-    return whole if whole.static > _STANDS_SHARE else part
+    return whole if whole.static > _STATIC_SHARE else part
 
 
 def standing_segment(scene: DenseScene, place: Float64Array, free: Mask) -> Segment | None:
@@ -105,7 +105,7 @@ def with_head(scene: DenseScene, body: Segment, free: Mask) -> Segment:
     if mask is None or np.count_nonzero(mask) < body.area + LEAST_CELLS:
         return body
     whole = segment_of(scene, mask)
-    return whole if whole.stands_apart and whole.apart >= body.apart else body
+    return whole if whole.is_separate and whole.apart >= body.apart else body
 
 
 def _looks_level(scene: DenseScene) -> bool:

@@ -121,11 +121,11 @@ class DenseVision:
         self._ground.update(disparity, now.T_camera_world, view.index)
         plane = self._ground.plane(now.T_camera_world)
         near = near_enough(disparity, self._grid)
-        stands = near & above_ground(disparity, plane, self._grid)
+        standing = near & above_ground(disparity, plane, self._grid)
         frame = DepthFrame(view.time, disparity, now.T_camera_world)
-        evidence = self._space.evidence(frame, stands)
+        evidence = self._space.evidence(frame, standing)
         self._space.keep(frame)
-        changed = self._change.changed(frame, left, stands)
+        changed = self._change.changed(frame, left, standing)
         return DenseScene(
             time=view.time,
             grid=self._grid,
@@ -134,7 +134,7 @@ class DenseVision:
             texture=texture,
             disparity=disparity,
             near=near,
-            standing=stands,
+            standing=standing,
             evidence=evidence,
             changed=changed,
             light=self._change.light,

@@ -71,7 +71,7 @@ class Segment:
     cut: tuple[bool, bool, bool, bool]
 
     @property
-    def stands_apart(self) -> bool:
+    def is_separate(self) -> bool:
         """True if it is a separate thing, and no part of a wall or a slope."""
         least = _CLEAR if self.arrived > self.uncovered else _CLEAR_UNCOVERED
         goes = self.uncovered > _MOVED_SHARE and self.apart > _APART_AWAY
@@ -159,7 +159,7 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
         if mask is None or np.count_nonzero(mask) < least_cells(scene, SEGMENT_M2, d):
             continue
         segment = segment_of(scene, mask)
-        if segment.stands_apart:
+        if segment.is_separate:
             left &= ~mask
             found.append(segment)
     return found

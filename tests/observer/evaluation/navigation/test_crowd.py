@@ -163,9 +163,9 @@ def test_velocity_is_that_of_the_positions(hard: Walk) -> None:
 
 
 def test_people_stop_and_go(walk: Walk) -> None:
-    stands = walk.speed < 0.05
+    stationary = walk.speed < 0.05
     # For at least 1 s at a stretch.
-    long = np.lib.stride_tricks.sliding_window_view(stands, 10, axis=0).all(axis=-1)
+    long = np.lib.stride_tricks.sliding_window_view(stationary, 10, axis=0).all(axis=-1)
     paused = long.any(axis=0)
     assert paused.mean() > 0.3
     # Everybody who stood still walks again, except those who have just stopped.

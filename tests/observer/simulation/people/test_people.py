@@ -188,7 +188,7 @@ def test_every_seed_leaves_people_inside_the_room(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["people_near", "people_toward"])
 def test_an_observer_that_is_said_to_stand_stands(name: str) -> None:
-    assert World(load_scenario(name), 2).camera_stands
+    assert World(load_scenario(name), 2).camera_is_static
 
 
 def test_people_in_plain_clothes_wear_no_pattern() -> None:

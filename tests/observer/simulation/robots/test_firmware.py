@@ -481,4 +481,4 @@ def test_the_log_tells_when_it_was_first_told_to_stand() -> None:
     assert [each.unintended for each in log.since(talk.now)][-2:] == [False, True]
     assert log.unintended == 1
     talk.say(command(Command.ENABLE, 0))
-    assert log.since()[-1].stands
+    assert log.since()[-1].is_standstill

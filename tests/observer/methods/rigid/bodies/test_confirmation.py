@@ -105,14 +105,14 @@ def test_a_confirmed_one_stays_confirmed_when_it_stops(guest: MakeTrack) -> None
 
 def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: MakeTrack) -> None:
     """Unless they are many and stand above the ground: reflections lie below it."""
-    for points, merged_s, stands, state in (
+    for points, merged_s, off_ground, state in (
         (11, 0.1, True, TrackState.TENTATIVE),
         (11, 0.0, True, TrackState.CONFIRMED),
         (20, 0.1, True, TrackState.CONFIRMED),
         (20, 0.1, False, TrackState.TENTATIVE),
     ):
         track = make_track()
-        track.points, track.merged_s, track.off_ground = points, merged_s, stands
+        track.points, track.merged_s, track.off_ground = points, merged_s, off_ground
         assert judged(track, P.confirm_hits + 5) is state
 
 

@@ -53,7 +53,7 @@ def test_a_confirmed_one_may_stand(guest: MakeTrack) -> None:
     assert ends_after(track) is None
 
 
-def stands(track: BodyTrack, at: tuple[float, float, float], frames: int) -> list[bool]:
+def ends_while_static(track: BodyTrack, at: tuple[float, float, float], frames: int) -> list[bool]:
     """Whether it is over, for each frame in which it stands there."""
     cov = 1e-4 * np.eye(3)
     track.filter = BodyFilter.begin(np.array(at), np.array(STOOD), cov, cov, 0.01)
@@ -70,7 +70,7 @@ def test_one_that_stands_where_it_was_confirmed_ends_and_one_that_walked_stays(
     for at, ends in (((0.3, 0.0, 4.1), True), ((0.9, 0.0, 4.0), False)):
         track = guest(arrived=3)
         judged(track)
-        over = stands(track, at, 12)
+        over = ends_while_static(track, at, 12)
         assert not any(over[:6])
         assert any(over) is ends
 
@@ -78,17 +78,17 @@ def test_one_that_stands_where_it_was_confirmed_ends_and_one_that_walked_stays(
 def test_one_that_walked_and_came_back_does_not_end_where_it_began(guest: MakeTrack) -> None:
     track = guest(arrived=3)
     judged(track)
-    assert not any(stands(track, (0.9, 0.0, 4.0), 2))
-    assert not any(stands(track, (0.0, 0.0, 4.0), 20))
+    assert not any(ends_while_static(track, (0.9, 0.0, 4.0), 2))
+    assert not any(ends_while_static(track, (0.0, 0.0, 4.0), 20))
 
 
 def test_where_it_would_be_out_of_sight_it_was_not_seen_to_walk(guest: MakeTrack) -> None:
     track = guest(arrived=3)
     judged(track)
     track.missed_s = 0.1
-    stands(track, (0.9, 0.0, 4.0), 2)
+    ends_while_static(track, (0.9, 0.0, 4.0), 2)
     track.missed_s = 0.0
-    assert any(stands(track, (0.0, 0.0, 4.0), 20))
+    assert any(ends_while_static(track, (0.0, 0.0, 4.0), 20))
 
 
 def test_a_short_stop_and_points_that_show_it_end_nothing(guest: MakeTrack) -> None:
@@ -96,11 +96,11 @@ def test_a_short_stop_and_points_that_show_it_end_nothing(guest: MakeTrack) -> N
     judged(track)
     going = track.filter
     for _ in range(4):
-        assert not any(stands(track, (0.0, 0.0, 4.0), 5))
+        assert not any(ends_while_static(track, (0.0, 0.0, 4.0), 5))
         track.filter = going
         judged(track)
     track.points = 30
-    assert not any(stands(track, (0.0, 0.0, 4.0), 20))
+    assert not any(ends_while_static(track, (0.0, 0.0, 4.0), 20))
 
 
 def test_a_confirmed_one_that_swallows_what_stands_ends(guest: MakeTrack) -> None:

@@ -212,12 +212,12 @@ def test_a_body_that_lost_its_outline_is_one_with_its_surroundings(make_track: M
 
 
 def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
-    for place, stands in (((0.5, -0.2, 4.0), True), ((0.5, 0.9, 3.0), False)):
+    for place, off_ground in (((0.5, -0.2, 4.0), True), ((0.5, 0.9, 3.0), False)):
         track = make_track(place, number=1)
         track.points = 9
         tracked([track], points_on(patch(*place)), seen([*ROOM, NEAR_WALL]))
         assert track.merged_s > 0
-        assert track.off_ground is stands
+        assert track.off_ground is off_ground
 
 
 def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrack) -> None:

@@ -192,7 +192,7 @@ def test_the_same_seed_gives_the_same_ground_to_the_last_digit() -> None:
 PLANE = Ground(GRID, MOUNT).plane(HERE)
 
 
-def stands(shapes: Sequence[Shape]) -> np.ndarray:
+def above_ground_cells(shapes: Sequence[Shape]) -> np.ndarray:
     return above_ground(disparity_of(shapes), PLANE, GRID)
 
 
@@ -201,7 +201,7 @@ def stands(shapes: Sequence[Shape]) -> np.ndarray:
 def test_things_stand_and_the_ground_does_not(x: float, z: float, yaw: float) -> None:
     crate = on_floor(x, z, (0.5, 0.8, 0.4), yaw)
     room: list[Shape] = [FLOOR, crate]
-    found, true = stands(room), cells_of(crate, room)
+    found, true = above_ground_cells(room), cells_of(crate, room)
     assert not found[~true].any()
     # near its foot it is not nearer than the ground
     rows = np.flatnonzero(true.any(axis=1))
@@ -225,7 +225,7 @@ def test_reflections_in_the_ground_do_not_stand() -> None:
 
 def test_above_the_horizon_everything_stands_however_far() -> None:
     for z in (6.0, 20.0):
-        assert stands([Plane((0.0, 0.0, 1.0), z)])[: GRID.height // 2 - 2].all()
+        assert above_ground_cells([Plane((0.0, 0.0, 1.0), z)])[: GRID.height // 2 - 2].all()
 
 
 def test_the_unknown_never_stands() -> None:

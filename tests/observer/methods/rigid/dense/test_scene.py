@@ -48,9 +48,9 @@ def test_the_first_frame_knows_depth_but_nothing_of_motion(scenes: list[DenseSce
 
 
 def test_who_comes_has_arrived_and_the_wall_beside_is_static(scenes: list[DenseScene]) -> None:
-    evidence, stands = scenes[1].evidence, scenes[1].standing
+    evidence, standing = scenes[1].evidence, scenes[1].standing
     assert (evidence[ON_GUEST] == ARRIVED).mean() > 0.95
-    beside = stands.copy()
+    beside = standing.copy()
     beside[35:105, 115:205] = False
     assert (evidence[beside] == STATIC).mean() > 0.97
 

@@ -77,7 +77,7 @@ def test_what_arrived_is_one_segment(x: float, z: float) -> None:
     scene = world(arrived=[guest])
     segment, true = only(scene), cells(scene, guest)
     assert overlap(segment.mask, true) > 0.95
-    assert segment.stands_apart
+    assert segment.is_separate
     assert (segment.arrived, segment.uncovered, segment.static) == (1.0, 0.0, 0.0)
     assert segment.disparity == pytest.approx(60.0 / (z - 0.125), rel=0.01)
     assert segment.area == segment.mask.sum()
@@ -87,7 +87,7 @@ def test_what_came_out_of_hiding_is_a_segment_too() -> None:
     thing = person(0.4, 4.0)
     segment = only(world(uncovered=[thing]))
     assert segment.uncovered == 1.0
-    assert segment.stands_apart
+    assert segment.is_separate
 
 
 def test_what_is_static_is_none() -> None:
@@ -148,7 +148,7 @@ def test_of_two_who_arrived_one_before_the_other_the_second_is_found_once_the_fi
 def test_a_box_before_a_wall_stands_apart() -> None:
     scene = world(person(0.3, 4.0))
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
-    assert segment.stands_apart
+    assert segment.is_separate
     assert segment.apart > 0.95
 
 
@@ -158,7 +158,7 @@ def test_a_band_of_a_slanted_wall_does_not_stand_apart(slant: float) -> None:
     scene = seen([FLOOR, wall])
     band = scene.standing.copy()
     band[:, :140] = band[:, 175:] = False
-    assert not segment_of(scene, band).stands_apart
+    assert not segment_of(scene, band).is_separate
 
 
 @pytest.mark.parametrize("slant", [0.0, 0.5])
@@ -181,7 +181,7 @@ def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, a
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
     area = int(share * segment.mask.size)
     segment = replace(segment, area=area, arrived=arrived, uncovered=0.0, apart=0.9, clear=0.15)
-    assert segment.stands_apart is apart
+    assert segment.is_separate is apart
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,7 @@ def test_so_has_of_who_goes_away_and_clearly_stands_apart(
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
     area = int(share * segment.mask.size)
     segment = replace(segment, area=area, arrived=0.0, uncovered=uncovered, apart=apart, clear=0.15)
-    assert segment.stands_apart is whole
+    assert segment.is_separate is whole
 
 
 def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> None:
@@ -213,8 +213,8 @@ def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> Non
         scene.evidence[mask] = kind
         segments.append(segment_of(scene, mask))
     assert 0.2 < segments[0].clear < 0.35
-    assert segments[0].stands_apart
-    assert not segments[1].stands_apart
+    assert segments[0].is_separate
+    assert not segments[1].is_separate
 
 
 # --- what cuts it off ----------------------------------------------------------------------
