@@ -257,7 +257,7 @@ UNSEEN_BECAUSE = {
     "tentative": "something may have started to move, not certain yet",
 }
 # Smaller shares of the view are not mentioned.
-_TOLD_SHARE = 0.005
+_REPORTED_SHARE = 0.005
 
 
 @dataclass(frozen=True)
@@ -285,20 +285,20 @@ class Unseen:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Reasons why this degrades a frame, one sentence each; empty if it does not."""
-        told = []
+        reasons = []
         if self.hides_person:
             causes = ", ".join(
                 f"{UNSEEN_BECAUSE[cause]} ({100 * share:.0f} %)"
                 for cause, share in self.causes.items()
-                if share >= _TOLD_SHARE and cause != "tentative"
+                if share >= _REPORTED_SHARE and cause != "tentative"
             )
-            told.append(
+            reasons.append(
                 f"motion could not be detected in {100 * self.share:.0f} % of the view, in one "
                 f"place large enough to hide a person: {causes}"
             )
         if "tentative" in self.causes:
-            told.append(UNSEEN_BECAUSE["tentative"])
-        return tuple(told)
+            reasons.append(UNSEEN_BECAUSE["tentative"])
+        return tuple(reasons)
 
     def cause_at(self, px: tuple[float, float]) -> str | None:
         """Return the cause at a pixel u, v of the image; None where motion would be noticed."""

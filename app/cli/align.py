@@ -101,8 +101,8 @@ def align(
             observed = ObservedRun.of_lines(recording.lines())
             comparison = Comparison(solve(observed, capture, choices), file)
     facts = None if comparison.alignment is None else plain(alignment_facts(comparison.alignment))
-    told = comparison.as_dict() | {"words": comparison.words, "facts": facts}
-    write_file(output, json.dumps(told, allow_nan=False).encode())
+    result = comparison.as_dict() | {"words": comparison.words, "facts": facts}
+    write_file(output, json.dumps(result, allow_nan=False).encode())
     if speeds is not None:
         with ComparedRecording(path, comparison) as compared:
             rows = true_speeds(compared)

@@ -138,7 +138,7 @@ def _chosen(api: Any, programme: str) -> Any:
 @contextmanager
 def _shown(duration_s: float, repeat: int, roles: Sequence[str]) -> Iterator[Watch]:
     """Show the drive on stderr: a bar on a terminal, and each limiting reason once."""
-    told: set[str] = set()
+    shown: set[str] = set()
     with drawn_progress() as progress:
         task = progress.add_task("starting", total=duration_s)
 
@@ -151,8 +151,8 @@ def _shown(duration_s: float, repeat: int, roles: Sequence[str]) -> Iterator[Wat
                 speed = (facts.get("report") or {}).get("speed_mps")
                 words.append(f"{role} {'-' if speed is None else f'{speed:.2f} m/s'}")
                 why = f"{role}: {facts['why']}" if facts.get("why") else None
-                if why is not None and why not in told:
-                    told.add(why)
+                if why is not None and why not in shown:
+                    shown.add(why)
                     progress.console.print(why, markup=False, highlight=False)
             progress.update(task, completed=playing["elapsed_s"], description=", ".join(words))
 

@@ -73,19 +73,19 @@ def export(
         progress_bar(f"exporting {path.name}") as progress,
     ):
         if ros2:
-            told = _bag(recording, part, storage, progress)
+            summary = _bag(recording, part, storage, progress)
         elif ending in (".csv", ".parquet"):
-            told = _table(recording, part, table, ending)
+            summary = _table(recording, part, table, ending)
         elif ending == ".tum":
-            told = _trajectory(recording, part, track)
+            summary = _trajectory(recording, part, track)
         elif ending == ".mp4":
-            told = _video(recording, part, progress)
+            summary = _video(recording, part, progress)
         elif ending == ".ply":
-            told = _cloud(recording, part, frame, cloud_frame)
+            summary = _cloud(recording, part, frame, cloud_frame)
         else:
-            told = _archive(recording, part, tables, frame, cloud_frame, progress)
+            summary = _archive(recording, part, tables, frame, cloud_frame, progress)
     unfinished = " (from an incomplete recording)" if recording.unfinished else ""
-    typer.echo(f"{output}: {told}{unfinished}", err=True)
+    typer.echo(f"{output}: {summary}{unfinished}", err=True)
 
 
 def _bag(recording: Recording, part: Path, storage: _Storage, progress: ProgressCallback) -> str:

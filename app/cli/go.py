@@ -68,15 +68,15 @@ def go(
 @contextmanager
 def _shown() -> Iterator[Watch]:
     """Show the drive on stderr: the distance left on a terminal, and each new sentence."""
-    told: str | None = None
+    shown: str | None = None
     with drawn_progress() as progress:
         task = progress.add_task("starting", total=None)
 
         def watch(goal: dict[str, Any]) -> None:
-            nonlocal told
+            nonlocal shown
             distance, sentence = goal["distance_m"], goal["sentence"]
-            if _without_numbers(sentence) != told:
-                told = _without_numbers(sentence)
+            if _without_numbers(sentence) != shown:
+                shown = _without_numbers(sentence)
                 progress.console.print(sentence, markup=False, highlight=False)
             words = "place unknown" if distance is None else f"{distance:.1f} m left"
             progress.update(task, description=words)

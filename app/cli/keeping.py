@@ -49,7 +49,7 @@ class Keeper:
         self._rectification = rectification
 
     @property
-    def video_told(self) -> str:
+    def video_summary(self) -> str:
         """Describe the length and encoding of the video."""
         assert self._video is not None
         return f"{self._video.pictures} frames as {self._video.codec}"

@@ -37,8 +37,8 @@ def link(
     others = [token_link(each, token) for each in address.elsewhere]
     here = token_link(address.here, token)
     if as_json:
-        told = {"access": "read_only" if read_only else "operator", "here": here, "others": others}
-        typer.echo(json.dumps(told, indent=2))
+        links = {"access": "read_only" if read_only else "operator", "here": here, "others": others}
+        typer.echo(json.dumps(links, indent=2))
         return
     can = "watch" if read_only else "watch, change everything and drive"
     typer.echo(f"Anyone with one of these links can {can}.\n")

@@ -73,7 +73,7 @@ class Observing:
                     opened, observer, file, progress, self.frames, self.tentative, kept
                 )
             if self.video is not None:
-                typer.echo(f"{self.video}: {kept.video_told}", err=True)
+                typer.echo(f"{self.video}: {kept.video_summary}", err=True)
         finally:
             opened.close()
         if skipped:

@@ -46,12 +46,12 @@ def reproduce(
         report = reproduction_report(played, published, progress)
     write_file(output / "report.html", report_html(report).encode())
     written = write_figures(report, output / "figures")
-    told = {
+    plain = {
         "experiments": [each.title for each in played.experiments],
         # Failed drives are not part of the experiments, only of how they were made.
         "ended_early": played.interrupted,
     }
-    write_file(output / "experiments.json", (json.dumps(told, indent=2) + "\n").encode())
+    write_file(output / "experiments.json", (json.dumps(plain, indent=2) + "\n").encode())
     _tell_errors(report)
     typer.echo(
         f"{output / 'report.html'} is written, and {len(written)} files in {output / 'figures'}",

@@ -28,10 +28,10 @@ def restore(
         done = restore_backup(
             file, settings.data, settings.database_location, replace=replace, progress=progress
         )
-    told = (
+    message = (
         f"the backup of {done.manifest.made_at[:19].replace('T', ' ')} UTC is restored in "
         f"{settings.data}"
     )
     if done.kept:
-        told += f"; the previous data is kept as {', '.join(map(str, done.kept))}"
-    typer.echo(told, err=True)
+        message += f"; the previous data is kept as {', '.join(map(str, done.kept))}"
+    typer.echo(message, err=True)

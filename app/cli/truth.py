@@ -28,23 +28,23 @@ def truth(
     from observer.truth.files.angles import AnglesUnclear
 
     try:
-        told = _understood(file, rate, angles)
+        answer = _understood(file, rate, angles)
     except AnglesUnclear as error:
         if output is None:
             raise
         # An open question, for the caller to pass on to the user.
-        told = {"question": str(error)}
+        answer = {"question": str(error)}
     if output is not None:
-        write_file(output, json.dumps(told, allow_nan=False).encode())
+        write_file(output, json.dumps(answer, allow_nan=False).encode())
         return
-    rate_hz = "" if told["rate_hz"] is None else f", {told['rate_hz']:g} Hz"
-    duration = "" if told["duration_s"] is None else f", {told['duration_s']:.1f} s"
-    typer.echo(f"{told['format']}{rate_hz}{duration}")
-    for body in told["bodies"]:
+    rate_hz = "" if answer["rate_hz"] is None else f", {answer['rate_hz']:g} Hz"
+    duration = "" if answer["duration_s"] is None else f", {answer['duration_s']:.1f} s"
+    typer.echo(f"{answer['format']}{rate_hz}{duration}")
+    for body in answer["bodies"]:
         speed = body["highest_speed_mps"]
         fastest = "" if speed is None else f", up to {speed:.2f} m/s"
         typer.echo(f"  {body['name']}: {body['seen']} samples, {body['gaps']} missing{fastest}")
-    for note in told["notes"]:
+    for note in answer["notes"]:
         typer.echo(f"  {note}")
 
 

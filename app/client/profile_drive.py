@@ -142,8 +142,8 @@ class ProfileDrive:
         if not reasons:
             # The reason may be gone by now.
             newest = facts.get("incidents", ())[-_NEWEST_INCIDENTS:]
-            told = [each["sentence"] for each in newest if each["kind"] == "programme"]
-            reasons = [each for each in told[-1:] if self._request.name in each]
+            sentences = [each["sentence"] for each in newest if each["kind"] == "programme"]
+            reasons = [each for each in sentences[-1:] if self._request.name in each]
         raise DrivingFailed(
             f"{self._request.name} ended after {self._elapsed_s:.1f} of {whole:.1f} s: "
             f"{'; '.join(reasons) or 'the server does not say why'}"

@@ -147,9 +147,9 @@ def _unreadable(file: Path, error: sqlite3.Error) -> Finding:
 
 
 def _moved_aside(file: Path, reason: str) -> Finding:
-    told = " ".join(reason.split())
+    sentence = " ".join(reason.split())
     return _SECTION.warning(
-        f"the database {file} is damaged ({told}); the next start renames it and creates a new "
+        f"the database {file} is damaged ({sentence}); the next start renames it and creates a new "
         "one: restore a backup before that, if you have one"
     )
 

@@ -353,5 +353,5 @@ class DrivenRole:
 
     def incidents(self) -> list[IncidentEvent]:
         """Return the incidents since the last call."""
-        told, self._incidents = self._incidents, []
-        return told
+        incidents, self._incidents = self._incidents, []
+        return incidents

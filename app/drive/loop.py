@@ -87,7 +87,7 @@ class DriveLoop:
         self._lateness = Lateness(None, None)
         self._wheels = Wheels()
         self._stop_watches = [StopWatch(role) for role in ROLES]
-        self._told: object = None
+        self._reported: object = None
         self._tick_of_event = -_EVENT_TICKS
         self._failures = 0
         self.leaving = False
@@ -193,10 +193,10 @@ class DriveLoop:
         due = ticks - self._tick_of_event >= _EVENT_TICKS
         if due:
             self._tell_wheel_speeds(now)
-        if due or outline != self._told:
+        if due or outline != self._reported:
             if due:
                 self._tick_of_event = ticks
-            self._told = outline
+            self._reported = outline
             facts = drive_facts(self._roles, now, ticks, self._lateness, self._priority)
             self._send(DriveState(facts, now))
 

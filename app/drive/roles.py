@@ -173,10 +173,10 @@ class Roles:
 
     def incidents(self) -> list[IncidentEvent]:
         """Return the incidents since the last call."""
-        told, self._incidents = self._incidents, []
+        incidents, self._incidents = self._incidents, []
         for driven in self.driven.values():
-            told += driven.incidents()
-        return told
+            incidents += driven.incidents()
+        return incidents
 
     # --- commands --------------------------------------------------------------------------
 

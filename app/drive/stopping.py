@@ -89,11 +89,11 @@ class StopWatch:
         for incident in incidents:
             if self._open is None and self._concerns(incident):
                 self._open = self._start_stop(incident, report, driven.verdict)
-        told = None if self._open is None else self._followed(self._open, now, driven, sight)
-        if told is not None:
+        stopped = None if self._open is None else self._followed(self._open, now, driven, sight)
+        if stopped is not None:
             self._open = None
         self._remember(now, driven, sight)
-        return told
+        return stopped
 
     def _concerns(self, incident: IncidentEvent) -> bool:
         if incident.kind in ("programme", "goal"):

@@ -18,7 +18,7 @@ class CalibrationAgeing:
     def __init__(self, camera: StereoCamera, mount: CameraMount | None) -> None:
         self._watch = AgeingWatch(camera, mount)
         self._age: CalibrationAge | None = None
-        self._told: CalibrationAge | None = None
+        self._reported: CalibrationAge | None = None
         self._facts: AgeingStatus | None = None
 
     def look(self, observed: Observed) -> None:
@@ -39,19 +39,19 @@ class CalibrationAgeing:
         """Return the facts as ``StateEvent.ageing`` holds them."""
         age = self._age
         # Called several times a frame, while the watch has news only once a second.
-        if age is None or (self._told is not None and _same(age, self._told)):
+        if age is None or (self._reported is not None and _same(age, self._reported)):
             return self._facts
         history = [(round(t, 1), round(px, 4)) for t, px in age.rows.history]
         rows = filled(RowDriftStatus, age.rows, history=history)
         vergence = filled(VergenceStatus, age.vergence)
         skew = known(ExposureSkewStatus, age.exposure_skew)
-        self._told, self._facts = age, AgeingStatus(rows, vergence, skew)
+        self._reported, self._facts = age, AgeingStatus(rows, vergence, skew)
         return self._facts
 
 
-def _same(age: CalibrationAge, told: CalibrationAge) -> bool:
+def _same(age: CalibrationAge, reported: CalibrationAge) -> bool:
     return (
-        age.rows is told.rows
-        and age.vergence is told.vergence
-        and age.exposure_skew is told.exposure_skew
+        age.rows is reported.rows
+        and age.vergence is reported.vergence
+        and age.exposure_skew is reported.exposure_skew
     )

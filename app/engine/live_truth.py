@@ -94,7 +94,7 @@ class LiveTruth:
         self._placed: dict[int, Pose] = {}
         self._first: deque[tuple[int, float, Pose]] = deque(maxlen=_FIRST_FRAMES)
         self._broken: str | None = None
-        self._told: tuple[object, ...] = ()
+        self._inputs: tuple[object, ...] = ()
         self._facts: LiveTruthStatus | None = None
 
     def use(self, order: LiveTruthOrder | None) -> None:
@@ -173,12 +173,12 @@ class LiveTruth:
             return None
         report, trouble = listening.listener.report, listening.listener.trouble
         aligned, sentence = self._aligned(listening), listening.aligner.sentence
-        told = (order, report, trouble, aligned, sentence, self._source, self._broken)
+        inputs = (order, report, trouble, aligned, sentence, self._source, self._broken)
         # Called with every frame and beat, but rebuilt only after a change.
-        if len(told) != len(self._told) or any(
-            a is not b for a, b in zip(told, self._told, strict=True)
+        if len(inputs) != len(self._inputs) or any(
+            a is not b for a, b in zip(inputs, self._inputs, strict=True)
         ):
-            self._told = told
+            self._inputs = inputs
             self._facts = truth_facts(
                 order,
                 report,

@@ -23,7 +23,7 @@ class LocalMaps:
     def __init__(self, recorded: Mapping[int, OccupancyMap], mount: CameraMount | None) -> None:
         self._recorded = recorded
         self._T_camera_base = None if mount is None else mount.T_base_camera.inverse()
-        self._told = _NONE
+        self._sent = _NONE
         self._segment = 0
 
     def look(
@@ -40,20 +40,20 @@ class LocalMaps:
             made: map planned from this frame, if any. position: of the frame within the source.
             received: reception of the frame, on the clock of ``OccupancyMap.received``.
         """
-        new, told = made or self._recorded.get(position), self._told.map
+        new, sent = made or self._recorded.get(position), self._sent.map
         if new is None:
-            goes_on = told is not None and received - told.received <= HELD_S
-            if told is None or (goes_on and segment == self._segment and not self._recorded):
+            goes_on = sent is not None and received - sent.received <= HELD_S
+            if sent is None or (goes_on and segment == self._segment and not self._recorded):
                 return None
             event = _NONE
-        elif told is not None and new.received == told.received and segment == self._segment:
+        elif sent is not None and new.received == sent.received and segment == self._segment:
             # The same recorded map, at a later frame: only the robot's pose in it differs.
             return None
         else:
             event = self._placed(new, T_world_camera)
-        if event.map is None and told is None:
+        if event.map is None and sent is None:
             return None
-        self._told, self._segment = event, segment
+        self._sent, self._segment = event, segment
         return event
 
     def _placed(self, new: OccupancyMap, T_world_camera: Pose | None) -> LocalMapEvent:

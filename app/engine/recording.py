@@ -89,7 +89,7 @@ class RunRecorder(threading.Thread):
         self._waiting_bytes = 0
         self._dropped = 0
         # Dropped, but not yet noted in the recording.
-        self._untold = 0
+        self._unreported_drops = 0
         self._ending = False
         self._done: Callable[[], None] | None = None
         # The first frame of a segment was dropped: the next frame begins the segment.
@@ -171,11 +171,11 @@ class RunRecorder(threading.Thread):
         values = dict(parameters.flat())
         old = values if before is None else before.flat()
         difference = {name: value for name, value in values.items() if old.get(name) != value}
-        told = ParameterRevision(
+        recorded = ParameterRevision(
             revision=revision, values=values, frame=frame, difference=difference
         )
         now = time.monotonic()
-        self._give(lambda w: w.parameters(told, now))
+        self._give(lambda w: w.parameters(recorded, now))
 
     def robots(self, rows: Sequence[RobotRow], incidents: Sequence[Incident]) -> None:
         """Record the commands sent to robots and their reports."""
@@ -188,9 +188,9 @@ class RunRecorder(threading.Thread):
 
         self._give(write)
 
-    def local_map(self, told: LocalMapPayload) -> None:
+    def local_map(self, payload: LocalMapPayload) -> None:
         """Record the local map of a frame."""
-        self._give(lambda w: w.local_map(told))
+        self._give(lambda w: w.local_map(payload))
 
     def capture(self, samples: Sequence[BodySample]) -> None:
         """Record motion capture samples; any thread may call."""
@@ -203,8 +203,8 @@ class RunRecorder(threading.Thread):
 
     def incident(self, kind: str, sentence: str) -> None:
         """Record an incident, so that it can be found later."""
-        told = Incident(kind=kind, sentence=sentence, received=time.monotonic())
-        self._give(lambda w: w.incident(told))
+        incident = Incident(kind=kind, sentence=sentence, received=time.monotonic())
+        self._give(lambda w: w.incident(incident))
 
     def save_clip(
         self, path: Path, reserve_bytes: int, done: Callable[[float | RecordingError], None]
@@ -256,7 +256,7 @@ class RunRecorder(threading.Thread):
             # At least one frame always fits, however large it is.
             if (full and self._waiting_bytes) or len(self._waiting) >= _MOST_MESSAGES:
                 self._dropped += 1
-                self._untold += 1
+                self._unreported_drops += 1
                 return False
             self._waiting.append((work, size))
             self._waiting_bytes += size
@@ -308,7 +308,7 @@ class RunRecorder(threading.Thread):
 
     def _tell_of_lost(self, writer: RecordingWriter, now: float) -> None:
         with self._changed:
-            lost, self._untold = self._untold, 0
+            lost, self._unreported_drops = self._unreported_drops, 0
         if lost:
             sentence = f"{lost} messages were not recorded because the disk was too slow"
             writer.incident(Incident(kind="not_recorded", sentence=sentence, received=now))

@@ -72,7 +72,7 @@ def run(settings: Settings, *, browser: bool = False) -> int:
         address = ServerAddress(settings.host, port, settings.tls, settings.allowed_hosts)
         links = app.state.admission.sessions.links
 
-        def told() -> AnnouncedServer:
+        def announcement() -> AnnouncedServer:
             return AnnouncedServer(
                 host=address.host,
                 port=port,
@@ -85,8 +85,8 @@ def run(settings: Settings, *, browser: bool = False) -> int:
         with contextlib.ExitStack() as serving:
 
             def ready() -> None:
-                tell = serving.enter_context(announced(settings.data, told()))
-                links.changed = lambda: tell(told())
+                tell = serving.enter_context(announced(settings.data, announcement()))
+                links.changed = lambda: tell(announcement())
                 _announce(address, token)
                 if browser:
                     once = app.state.admission.guard.once()

@@ -114,8 +114,12 @@ class Comparison:
             TruthError: it is something else.
         """
         try:
-            kept, told = plain["alignment"], plain["truth"]
-            truth = None if told is None else TruthFile(**{**told, "path": Path(told["path"])})
+            kept, kept_truth = plain["alignment"], plain["truth"]
+            truth = (
+                None
+                if kept_truth is None
+                else TruthFile(**{**kept_truth, "path": Path(kept_truth["path"])})
+            )
         except (KeyError, TypeError) as error:
             raise TruthError(f"this is not a comparison written by align ({error})") from None
         return Comparison(None if kept is None else Alignment.of_dict(kept), truth)

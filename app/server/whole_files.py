@@ -19,7 +19,7 @@ def write_whole(path: Path, text: str) -> None:
     Raises:
         StorageFull: no space is left. FieldError: the file cannot be written; the old one stays.
     """
-    with told_as_ours(path):
+    with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
@@ -35,7 +35,7 @@ def write_whole(path: Path, text: str) -> None:
 
 
 @contextlib.contextmanager
-def told_as_ours(path: Path) -> Iterator[None]:
+def storage_errors(path: Path) -> Iterator[None]:
     """Convert errors in writing a file or folder to the server's own errors.
 
     Raises:

@@ -98,11 +98,11 @@ def damage(file: Path, timeout_s: float) -> str | None:
             # the time of integrity_check, and what it misses costs no data.
             (answer,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     except sqlite3.DatabaseError as error:
-        told = storage_error(error, str(file))
-        if isinstance(told, StorageCorrupt):
+        converted = storage_error(error, str(file))
+        if isinstance(converted, StorageCorrupt):
             return str(error)
-        if isinstance(told, StorageBusy):
-            raise told from error
+        if isinstance(converted, StorageBusy):
+            raise converted from error
         raise StorageError(
             f"the database {file} cannot be opened ({error}); "
             "choose a file in a folder that you may write to"

@@ -122,11 +122,11 @@ class ServedDatabase:
         )
 
     def _look_after(self) -> None:
-        told = False
+        warned = False
         while not self._ended.wait(self._look_s):
             try:
-                if not self._take() and not told:
-                    told = True
+                if not self._take() and not warned:
+                    warned = True
                     log.warning("database_served_by_another", refusal=self._refusal())
             except DBAPIError:
                 self._let_go()

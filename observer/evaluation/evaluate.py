@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from observer.evaluation.accounted import VELOCITY_95_CHI2
 from observer.evaluation.tally import Episode, Sample, Tally
-from observer.evaluation.told import VELOCITY_95_CHI2
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
     false = sum(len(t.false) for t in tallies)
     surplus = sum(t.surplus_boxes for t in tallies)
     missed = [s for s in samples if not s.matched]
-    not_told = misses_not_told(samples)
+    unaccounted = misses_not_told(samples)
     switches = sum(s.switched for s in pairs)
     errors = len(missed) + false + surplus + switches
     return Evaluation(
@@ -134,9 +134,9 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
         matched=len(pairs),
         recall=recall(samples),
         missed=len(missed),
-        missed_told=len(missed) - not_told,
-        misses_not_told=not_told,
-        misses_not_told_share=not_told / len(missed) if missed else None,
+        missed_told=len(missed) - unaccounted,
+        misses_not_told=unaccounted,
+        misses_not_told_share=unaccounted / len(missed) if missed else None,
         false=false,
         false_per_100_frames=per_100(false, frames),
         surplus_boxes=surplus,
@@ -164,7 +164,7 @@ def recall(samples: Sequence[Sample]) -> float | None:
 
 def misses_not_told(samples: Iterable[Sample]) -> int:
     """Return the number of missed samples that the line does not flag as possibly missed."""
-    return sum(not s.matched and not s.told for s in samples)
+    return sum(not s.matched and not s.accounted for s in samples)
 
 
 def box_iou_median(samples: Iterable[Sample]) -> float | None:

@@ -48,15 +48,15 @@ def explain_pixel(
         return _lost(trace, parameters, px)
     counts = {"inliers": int(np.count_nonzero(ego.inliers)), "matches": len(ego.inliers)}
     if "ray_evidence" in trace:
-        rays, told = trace["rays"], trace["ray_evidence"]
-        return explain_by_rays(rays, told, camera, parameters, px, counts)
+        rays, evidence = trace["rays"], trace["ray_evidence"]
+        return explain_by_rays(rays, evidence, camera, parameters, px, counts)
     if parameters.ego_motion.model == "monocular":
         return _not_started(ego.reasons, px, counts)
     if "evidence" in trace:
         left = trace.get("left")
         image = None if left is None else as_gray(left)
-        told, unseen = trace["evidence"], trace.get("unseen")
-        return explain_by_evidence(told, camera, parameters, px, counts, image, unseen)
+        evidence, unseen = trace["evidence"], trace.get("unseen")
+        return explain_by_evidence(evidence, camera, parameters, px, counts, image, unseen)
     return explain_by_flow(trace, camera, parameters, px, counts)
 
 

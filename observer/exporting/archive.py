@@ -51,8 +51,8 @@ def write_archive(
         archive.add_cloud(cloud_position, cloud_frame)
         run = msgspec.json.format(msgspec.json.encode(facts), indent=2)
         archive.add("run.json", run, "source, cameras, versions and clocks of the run")
-        told = "calibration used in the run, OpenCV format"
-        archive.add("calibration.yaml", facts.calibration_yaml, told)
+        description = "calibration used in the run, OpenCV format"
+        archive.add("calibration.yaml", facts.calibration_yaml, description)
         if facts.rig_yaml is not None:
             archive.add("rig.yaml", facts.rig_yaml, "camera mount on the robot")
         archive.add_lines()
@@ -65,13 +65,13 @@ class _Archive:
     def __init__(self, file: zipfile.ZipFile, recording: Recording) -> None:
         self._file = file
         self._recording = recording
-        self._told: list[tuple[str, str]] = []
+        self._descriptions: list[tuple[str, str]] = []
         self._tables: list[tuple[Table, int]] = []
         self._absent: list[str] = []
 
-    def add(self, name: str, content: str | bytes, told: str) -> None:
+    def add(self, name: str, content: str | bytes, description: str) -> None:
         self._file.writestr(name, content)
-        self._told.append((name, told))
+        self._descriptions.append((name, description))
 
     def add_table(self, table: Table, format_: TableFormat) -> None:
         recording = self._recording
@@ -96,7 +96,7 @@ class _Archive:
             codec = write_run_video(self._recording, video, progress).codec
             # It is already compressed.
             self._file.write(video, "overlay.mp4", compress_type=zipfile.ZIP_STORED)
-            self._told.append(
+            self._descriptions.append(
                 ("overlay.mp4", f"overlay of the detected obstacles on the left image; {codec}")
             )
         except ExportError as error:
@@ -123,7 +123,9 @@ class _Archive:
         with self._file.open("observations.jsonl", "w") as lines:
             for line in self._recording.lines():
                 lines.write(json.dumps(line, allow_nan=False).encode() + b"\n")
-        self._told.append(("observations.jsonl", "one JSON line per frame, as written by observe"))
+        self._descriptions.append(
+            ("observations.jsonl", "one JSON line per frame, as written by observe")
+        )
 
     def readme(self) -> str:
         facts = self._recording.facts
@@ -139,7 +141,7 @@ class _Archive:
             "An empty cell means unknown. Uncertainties (_std, _cov) are standard deviations and "
             "covariances, not 95 % intervals.",
             "",
-            *(f"- {name}: {help_}" for name, help_ in self._told),
+            *(f"- {name}: {help_}" for name, help_ in self._descriptions),
         ]
         if self._absent:
             lines += ["", "Not included:", "", *(f"- {sentence}" for sentence in self._absent)]

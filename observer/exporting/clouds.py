@@ -74,11 +74,14 @@ def recorded_clouds(recording: Recording) -> Iterator[tuple[int, Cloud]]:
     wall = recording.facts.anchor.wall_time_ns
     positions = {wall(frame.received): k for k, frame in enumerate(recording.frames)}
     for _, message in recording.messages(topics.CLOUD.name):
-        told = read_cloud(message.data)
-        position = positions.get(told.stamp_ns)
+        recorded = read_cloud(message.data)
+        position = positions.get(recorded.stamp_ns)
         if position is not None:
             at = recording.frames[position]
-            yield position, Cloud(told.points, told.colors, "camera", "recorded", at.index, at.time)
+            yield (
+                position,
+                Cloud(recorded.points, recorded.colors, "camera", "recorded", at.index, at.time),
+            )
 
 
 def write_ply(cloud: Cloud, file: IO[bytes]) -> None:

@@ -41,7 +41,7 @@ _STATIC = "/tf_static"
 _SECOND_NS = 1_000_000_000
 
 
-class _Told(NamedTuple):
+class _Timed(NamedTuple):
     """Message of the bag."""
 
     topic: str
@@ -78,20 +78,20 @@ def write_ros2_bag(
     connections: dict[str, Any] = {}
     try:
         with Writer(folder, version=BAG_VERSION, storage_plugin=plugin) as writer:
-            for told in run.messages():
-                kind = told.message.__msgtype__
-                if told.topic not in connections:
-                    connections[told.topic] = writer.add_connection(
-                        told.topic,
+            for timed in run.messages():
+                kind = timed.message.__msgtype__
+                if timed.topic not in connections:
+                    connections[timed.topic] = writer.add_connection(
+                        timed.topic,
                         kind,
                         typestore=run.ros.store,
-                        offered_qos_profiles=_latched() if told.topic == _STATIC else (),
+                        offered_qos_profiles=_latched() if timed.topic == _STATIC else (),
                     )
-                data = run.ros.store.serialize_cdr(told.message, kind)
-                writer.write(connections[told.topic], told.wall_ns, data)
-                counts[told.topic] = counts.get(told.topic, 0) + 1
-                if progress is not None and told.topic == "/observation":
-                    progress(counts[told.topic], len(recording.frames))
+                data = run.ros.store.serialize_cdr(timed.message, kind)
+                writer.write(connections[timed.topic], timed.wall_ns, data)
+                counts[timed.topic] = counts.get(timed.topic, 0) + 1
+                if progress is not None and timed.topic == "/observation":
+                    progress(counts[timed.topic], len(recording.frames))
     except WriterError as error:
         raise ExportError(f"the bag {folder} cannot be written: {error}") from None
     except OSError as error:
@@ -113,11 +113,11 @@ class _Run:
             )
         self._clock = ExposureClock(recording)
 
-    def messages(self) -> Iterator[_Told]:
+    def messages(self) -> Iterator[_Timed]:
         begin = self._clock.begin_ns
         fixed = fixed_frames(self._rectified, self._recording.facts.camera_mount())
-        yield _Told(_STATIC, begin, self.ros.transforms(fixed, begin))
-        read: dict[str, Callable[[Message, str], Iterator[_Told]]] = {
+        yield _Timed(_STATIC, begin, self.ros.transforms(fixed, begin))
+        read: dict[str, Callable[[Message, str], Iterator[_Timed]]] = {
             **dict.fromkeys(_SIDES, self._image),
             topics.FRAME.name: self._frame,
             topics.OBSERVATION.name: self._observation,
@@ -132,51 +132,51 @@ class _Run:
                 # One damaged message must not prevent the export of the others.
                 continue
 
-    def _image(self, message: Message, topic: str) -> Iterator[_Told]:
+    def _image(self, message: Message, topic: str) -> Iterator[_Timed]:
         side, at = _SIDES[topic], self._clock.of_wall(read_stamp(message.data))
         if self._recording.facts.images == "lossless":
             image = self.ros.image(raw_pixels(message.data), side, at)
-            yield _Told(f"/camera/{side}/image_raw", at, image)
+            yield _Timed(f"/camera/{side}/image_raw", at, image)
         else:
             jpeg = self.ros.compressed(jpeg_data(message.data), side, at)
-            yield _Told(f"/camera/{side}/image_raw/compressed", at, jpeg)
+            yield _Timed(f"/camera/{side}/image_raw/compressed", at, jpeg)
         # ROS pairs it with its image by exactly equal stamps.
         given = self._calibration
         model = camera_model(given, self._rectified, side)
         info = self.ros.camera_info(model, given.width, given.height, side, at)
-        yield _Told(f"/camera/{side}/camera_info", at, info)
+        yield _Timed(f"/camera/{side}/camera_info", at, info)
 
-    def _frame(self, message: Message, _: str) -> Iterator[_Told]:
+    def _frame(self, message: Message, _: str) -> Iterator[_Timed]:
         frame = msgspec.json.decode(message.data, type=RecordedFrame)
         if frame.odometry is not None:
             at = self._clock.of_frame(frame.index, frame.time)
-            yield _Told("/odom", at, self.ros.odometry(frame.odometry, at))
+            yield _Timed("/odom", at, self.ros.odometry(frame.odometry, at))
 
-    def _observation(self, message: Message, _: str) -> Iterator[_Told]:
+    def _observation(self, message: Message, _: str) -> Iterator[_Timed]:
         line = msgspec.json.decode(message.data)
         at = self._clock.of_frame(line["frame"], line["time"])
-        yield _Told("/observation", at, self.ros.text(json.dumps(line)))
-        yield _Told("/obstacles", at, self.ros.bodies(drawn_obstacles(line), at))
+        yield _Timed("/observation", at, self.ros.text(json.dumps(line)))
+        yield _Timed("/obstacles", at, self.ros.bodies(drawn_obstacles(line), at))
         T_world_camera = line_pose(line)
         if T_world_camera is not None:
             moving = self.ros.transforms([("world", "camera", T_world_camera)], at)
-            yield _Told("/tf", at, moving)
-            yield _Told("/camera/pose", at, self.ros.pose(T_world_camera, at))
+            yield _Timed("/tf", at, moving)
+            yield _Timed("/camera/pose", at, self.ros.pose(T_world_camera, at))
 
-    def _truth(self, message: Message, _: str) -> Iterator[_Told]:
+    def _truth(self, message: Message, _: str) -> Iterator[_Timed]:
         matched = msgspec.json.decode(message.data, type=MatchedTruth)
         at = self._clock.of_frame(matched.frame, matched.time)
-        yield _Told("/truth", at, self.ros.bodies(drawn_truth(matched.bodies), at))
+        yield _Timed("/truth", at, self.ros.bodies(drawn_truth(matched.bodies), at))
 
-    def _cloud(self, message: Message, _: str) -> Iterator[_Told]:
-        told = read_cloud(message.data)
-        at = self._clock.of_wall(told.stamp_ns)
-        yield _Told("/cloud", at, self.ros.cloud(told, at))
+    def _cloud(self, message: Message, _: str) -> Iterator[_Timed]:
+        recorded = read_cloud(message.data)
+        at = self._clock.of_wall(recorded.stamp_ns)
+        yield _Timed("/cloud", at, self.ros.cloud(recorded, at))
 
-    def _log(self, message: Message, _: str) -> Iterator[_Told]:
-        told = read_log(message.data)
-        at = self._clock.of_wall(told.stamp_ns)
-        yield _Told("/dynamic_observer/log", at, self.ros.log(told, at))
+    def _log(self, message: Message, _: str) -> Iterator[_Timed]:
+        entry = read_log(message.data)
+        at = self._clock.of_wall(entry.stamp_ns)
+        yield _Timed("/dynamic_observer/log", at, self.ros.log(entry, at))
 
 
 def _latched() -> list[Any]:

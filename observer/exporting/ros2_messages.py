@@ -121,11 +121,11 @@ class RosMessages:
             self._make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False),
         )
 
-    def cloud(self, told: RecordedCloud, wall_ns: int) -> Any:
+    def cloud(self, recorded: RecordedCloud, wall_ns: int) -> Any:
         """Return a ``sensor_msgs/PointCloud2`` with x, y, z and rgb, in the camera frame."""
-        packed = np.zeros(len(told.points), dtype=[("xyz", "<f4", 3), ("bgra", "u1", 4)])
-        packed["xyz"] = told.points
-        packed["bgra"][:, :3] = told.colors[:, ::-1]
+        packed = np.zeros(len(recorded.points), dtype=[("xyz", "<f4", 3), ("bgra", "u1", 4)])
+        packed["xyz"] = recorded.points
+        packed["bgra"][:, :3] = recorded.colors[:, ::-1]
         fields = [
             self._make("sensor_msgs/msg/PointField", name, 4 * k, _FLOAT32, 1)
             for k, name in enumerate(("x", "y", "z", "rgb"))
@@ -172,10 +172,10 @@ class RosMessages:
             self._pose(T_world_camera.translation, T_world_camera.quaternion_wxyz),
         )
 
-    def odometry(self, told: Odometry, wall_ns: int) -> Any:
+    def odometry(self, place: Odometry, wall_ns: int) -> Any:
         """Return the wheels' ``nav_msgs/Odometry``; twist and variances are unknown."""
         unknown = np.diag(np.full(6, _UNKNOWN_VARIANCE)).ravel()
-        half = told.yaw / 2
+        half = place.yaw / 2
         zero = self._xyz("Vector3", (0, 0, 0))
         return self._make(
             "nav_msgs/msg/Odometry",
@@ -183,7 +183,7 @@ class RosMessages:
             "base",
             self._make(
                 "geometry_msgs/msg/PoseWithCovariance",
-                self._pose((told.x, told.y, 0), (math.cos(half), 0, 0, math.sin(half))),
+                self._pose((place.x, place.y, 0), (math.cos(half), 0, 0, math.sin(half))),
                 unknown,
             ),
             self._make(
@@ -209,11 +209,11 @@ class RosMessages:
         """Return a ``std_msgs/String``."""
         return self._make("std_msgs/msg/String", text)
 
-    def log(self, told: RecordedLog, wall_ns: int) -> Any:
+    def log(self, entry: RecordedLog, wall_ns: int) -> Any:
         """Return a ``rcl_interfaces/Log``."""
-        level = _LEVELS.get(told.level, 20)
+        level = _LEVELS.get(entry.level, 20)
         at = self._time(wall_ns)
-        return self._make("rcl_interfaces/msg/Log", at, level, told.name, told.text, "", "", 0)
+        return self._make("rcl_interfaces/msg/Log", at, level, entry.name, entry.text, "", "", 0)
 
     def _body(self, body: DrawnBody, wall_ns: int) -> Iterator[Any]:
         size = [s if math.isfinite(s) else 0.0 for s in body.size]

@@ -149,8 +149,8 @@ _FRAME_COLUMNS = (
 def _frames(recording: Recording) -> Iterator[Row]:
     lost = {"position": None, "orientation_wxyz": None}
     for line in recording.lines():
-        told = {"reasons": "; ".join(line["reasons"]), "obstacles": len(line["obstacles"])}
-        yield {**line, **(line["pose"] or lost), **told}
+        summary = {"reasons": "; ".join(line["reasons"]), "obstacles": len(line["obstacles"])}
+        yield {**line, **(line["pose"] or lost), **summary}
 
 
 _TRUTH_COLUMNS = (
@@ -286,9 +286,9 @@ _MAP_COLUMNS = (
 
 
 def _maps(recording: Recording) -> Iterator[Row]:
-    for told in recording.local_maps():
-        runs = json.dumps(told.map.runs, separators=(",", ":"))
-        yield {**vars(told.map), "frame": told.frame, "time": told.time, "runs": runs}
+    for payload in recording.local_maps():
+        runs = json.dumps(payload.map.runs, separators=(",", ":"))
+        yield {**vars(payload.map), "frame": payload.frame, "time": payload.time, "runs": runs}
 
 
 _PARAMETER_COLUMNS = (

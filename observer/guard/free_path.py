@@ -126,7 +126,7 @@ class FreePath:
         self._in_right = self._shift[0] >= 0
         hidden = 1 - min(p.step_m / mount.height_m, 0.5)
         # Whole cells in front of a seen one in which an object would have hidden it.
-        self._told_before = int(-math.log(hidden) / math.log(_CELL))
+        self._cleared_before = int(-math.log(hidden) / math.log(_CELL))
         self._reach = np.arange(_STEP_M, _FARTHEST_M, _STEP_M)
         directions = np.stack([np.cos(self._bearings), np.sin(self._bearings)], axis=1)
         ground = directions[:, None] * self._reach[:, None]
@@ -203,7 +203,7 @@ class FreePath:
         seen = count.reshape(self._shape) >= self._needed
         seen = np.asarray(seen, np.bool_)
         free = seen.copy()
-        for before in range(1, self._told_before + 1):
+        for before in range(1, self._cleared_before + 1):
             free[:, :-before] |= seen[:, before:]
         return free
 

@@ -54,8 +54,8 @@ class Side:
     def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
         """Take in the measured velocity; forget everything if the motion since is unknown."""
         speed, turn = (
-            told if known is None else known
-            for known, told in zip(measured, self.permitted, strict=True)
+            permitted if known is None else known
+            for known, permitted in zip(measured, self.permitted, strict=True)
         )
         if not self.past.advance(now, speed, turn):
             self.ground.forget()

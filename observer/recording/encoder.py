@@ -213,20 +213,20 @@ class Encoder:
         if not samples:
             return
         # The fields of ``SamplePayload``.
-        told = [
+        samples = [
             {**vars(s), "rotation": None if s.rotation is None else s.rotation.ravel()}
             for s in samples
         ]
         newest = max(sample.received for sample in samples)
-        self._keep([self._own(topics.MOTION_CAPTURE, {"samples": told}, newest)])
+        self._keep([self._own(topics.MOTION_CAPTURE, {"samples": samples}, newest)])
 
     def robot(self, row: RobotRow) -> None:
         """Record the state of one robot at one instant."""
         self._keep([self._own(topics.ROBOT, row, row.received)])
 
-    def local_map(self, told: LocalMapPayload) -> None:
+    def local_map(self, payload: LocalMapPayload) -> None:
         """Record the local map that was used to plan the path to a goal."""
-        self._keep([self._own(topics.LOCAL_MAP, told, told.map.received)])
+        self._keep([self._own(topics.LOCAL_MAP, payload, payload.map.received)])
 
     def skipped(self, skipped: SkippedFrame, received: float) -> None:
         """Record the number of a frame that the source could not read."""

@@ -179,14 +179,14 @@ def point_cloud(
     ).encode()
 
 
-def odometry(told: Odometry, wall_ns: int) -> bytes:
+def odometry(place: Odometry, wall_ns: int) -> bytes:
     """Return the ``Odometry`` of the robot's wheels."""
-    half = told.yaw / 2
+    half = place.yaw / 2
     return fox.Odometry(
         timestamp=stamp(wall_ns),
         frame_id="odom",
         body_frame_id="base",
-        pose=_pose((told.x, told.y, 0), (math.cos(half), 0, 0, math.sin(half))),
+        pose=_pose((place.x, place.y, 0), (math.cos(half), 0, 0, math.sin(half))),
     ).encode()
 
 

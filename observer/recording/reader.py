@@ -127,9 +127,9 @@ class Recording:
             if topic == topics.FRAME.name:
                 position += 1
             else:
-                told = self._decoded(decoder, topic, message)
-                values, difference = translated(told.values), translated(told.difference)
-                revision = msgspec.structs.replace(told, values=values, difference=difference)
+                recorded = self._decoded(decoder, topic, message)
+                values, difference = translated(recorded.values), translated(recorded.difference)
+                revision = msgspec.structs.replace(recorded, values=values, difference=difference)
                 found.append((position, revision))
         return tuple(found)
 
@@ -163,15 +163,15 @@ class Recording:
 
         Frames from before motion capture was aligned are left out.
         """
-        told = self._payloads(topics.MATCHED_TRUTH, MatchedTruth)
-        return (each for each in told if each.sentence is None)
+        payloads = self._payloads(topics.MATCHED_TRUTH, MatchedTruth)
+        return (each for each in payloads if each.sentence is None)
 
     def capture_samples(self) -> Iterator[BodySample]:
         """Yield the samples of live motion capture, in order of arrival."""
         for payload in self._payloads(topics.MOTION_CAPTURE, CapturePayload):
-            for told in payload.samples:
+            for sample in payload.samples:
                 try:
-                    yield _body_sample(told)
+                    yield _body_sample(sample)
                 except ValueError:
                     raise self._unlike_ours(topics.MOTION_CAPTURE.name) from None
 
@@ -339,13 +339,13 @@ class Recording:
         return facts
 
 
-def _body_sample(told: SamplePayload) -> BodySample:
+def _body_sample(payload: SamplePayload) -> BodySample:
     return BodySample(
-        name=told.name,
-        time=told.time,
-        received=told.received,
-        position=None if told.position is None else np.array(told.position).reshape(3),
-        rotation=None if told.rotation is None else np.array(told.rotation).reshape(3, 3),
+        name=payload.name,
+        time=payload.time,
+        received=payload.received,
+        position=None if payload.position is None else np.array(payload.position).reshape(3),
+        rotation=None if payload.rotation is None else np.array(payload.rotation).reshape(3, 3),
     )
 
 

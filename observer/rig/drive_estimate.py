@@ -227,26 +227,27 @@ def _rotation(angles: Float64Array) -> Float64Array:
 def _turn_scale(stretches: Sequence[Stretch], values: Float64Array) -> Estimated | None:
     """Return the ratio of the camera's turns to the wheels' turns, by least squares."""
     seen = _Model(stretches).turned(values)[:, 2]
-    told = np.array([stretch.wheel_turn for stretch in stretches])
-    size = float(told @ told)
+    wheel_turns = np.array([stretch.wheel_turn for stretch in stretches])
+    size = float(wheel_turns @ wheel_turns)
     if not size > 0:
         return None
-    scale = float(seen @ told) / size
-    error = (seen - scale * told) * told
-    freedom = max(1, len(told) - 1)
-    spread = math.sqrt(float(error @ error) * len(told) / freedom) / size
+    scale = float(seen @ wheel_turns) / size
+    error = (seen - scale * wheel_turns) * wheel_turns
+    freedom = max(1, len(wheel_turns) - 1)
+    spread = math.sqrt(float(error @ error) * len(wheel_turns) / freedom) / size
     return Estimated(scale, math.hypot(spread, _TURN_BIAS))
 
 
 def _impossible_distance(straight: Sequence[Stretch]) -> str | None:
-    told = sum(stretch.driven_m for stretch in straight)
+    driven_m = sum(stretch.driven_m for stretch in straight)
     seen = sum(stretch.seen_m for stretch in straight)
     low, high = _POSSIBLE_SCALE
-    if told < _LEAST_DISTANCE_M or low <= seen / told <= high:
+    if driven_m < _LEAST_DISTANCE_M or low <= seen / driven_m <= high:
         return None
     return (
-        f"the camera measured {seen:.2f} m of straight driving where the wheels report {told:.2f} "
-        "m; check that the odometry is in metres and that the calibration's baseline is right"
+        f"the camera measured {seen:.2f} m of straight driving where the wheels report "
+        f"{driven_m:.2f} m; check that the odometry is in metres and that the calibration's "
+        "baseline is right"
     )
 
 
@@ -257,23 +258,23 @@ def _sentence(
     scale: Estimated | None,
     needed: Sequence[str],
 ) -> str:
-    told = []
+    parts = []
     if forward is not None and left is not None:
-        told.append(
+        parts.append(
             f"the left camera is {100 * forward.value:.1f} ± {100 * half_95(forward.sigma):.1f} cm "
             f"ahead of the axle's centre and {100 * left.value:.1f} ± "
             f"{100 * half_95(left.sigma):.1f} cm to its left"
         )
     if pan is not None:
-        told.append(
+        parts.append(
             f"it is panned {pan.degrees.value:.1f} ± {half_95(pan.degrees.sigma):.1f} degrees to "
             "the left of the direction of travel"
         )
     if scale is not None:
-        told.append(
+        parts.append(
             f"it measures {scale.value:.3f} ± {half_95(scale.sigma):.3f} m for each metre "
             "reported by the wheels"
         )
     if needed:
-        told.append(f"still needed: {', then '.join(needed)}")
-    return "; ".join(told)
+        parts.append(f"still needed: {', then '.join(needed)}")
+    return "; ".join(parts)

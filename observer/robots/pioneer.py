@@ -344,8 +344,8 @@ class Pioneer:
 
     @property
     def _watchdog_s(self) -> float | None:
-        told = self._config.watchdog_ms
-        return told / 1000 if told else None
+        watchdog_ms = self._config.watchdog_ms
+        return watchdog_ms / 1000 if watchdog_ms else None
 
     def _count_line(self, line: PacketLine) -> None:
         self._counters["packets"] += line.parser.packets

@@ -17,8 +17,8 @@ def limits_in_force(spec: RobotSpec, config: ConfigReply) -> RobotLimits:
     ``limit_commands`` overwrites them.
     """
 
-    def least(most: float, unit: float, *told: int | None) -> float:
-        return min([most, *(each * unit for each in told if each)])
+    def least(most: float, unit: float, *reported: int | None) -> float:
+        return min([most, *(each * unit for each in reported if each)])
 
     degree = math.pi / 180
     turn_rate, turn_acceleration = spec.turn_rate_max_radps, spec.turn_acceleration_max_radps2

@@ -219,9 +219,9 @@ def _reason(error: BaseException) -> str:
     """Return the system's own message, which pyserial wraps once or twice."""
     cause: BaseException | None = error
     while cause is not None:
-        told = cause.args
-        if len(told) > 1 and isinstance(told[0], int):
-            return _words(told[0], str(told[1]))
+        args = cause.args
+        if len(args) > 1 and isinstance(args[0], int):
+            return _words(args[0], str(args[1]))
         cause = cause.__context__
     return str(error)
 

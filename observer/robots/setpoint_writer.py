@@ -58,7 +58,7 @@ class SetpointWriter:
         # Whether that velocity is a standstill, which must be sent completely.
         self._whole = False
         self._asked, self._asked_at = _ZERO, -math.inf
-        self._told, self._told_at = _ZERO, -math.inf
+        self._queued, self._queued_at = _ZERO, -math.inf
         self._wrote_at = clock()
         self._finishing = False
         self._thread = threading.Thread(target=self._run, name="robot writer", daemon=True)
@@ -93,8 +93,8 @@ class SetpointWriter:
             hard = _E_STOP in self._commands and _E_STOP not in commands
             self._commands = deque((_E_STOP, *commands) if hard else commands)
             self._pair.clear()
-            self._asked, self._told = _ZERO, _ZERO
-            self._asked_at = self._told_at = self._clock()
+            self._asked, self._queued = _ZERO, _ZERO
+            self._asked_at = self._queued_at = self._clock()
             self.sent = Sent(0.0, 0.0, self._clock())
             self._changed.notify()
 
@@ -132,7 +132,7 @@ class SetpointWriter:
                 if self._pair:
                     following = self._pair.popleft()
                     if not self._pair:
-                        speed, turn_rate = self._told
+                        speed, turn_rate = self._queued
                         self.sent = Sent(speed / 1000, math.radians(turn_rate), now)
                     return following
                 self._changed.wait(wait)
@@ -149,10 +149,10 @@ class SetpointWriter:
             return 0.0
         fresh = now - self._asked_at <= SETPOINT_FRESH_S and not self._outage
         target = self._asked if fresh else _ZERO
-        resend = self._told_at + RESEND_S
-        if target != self._told:
-            rises = abs(target[0]) > abs(self._told[0]) or abs(target[1]) > abs(self._told[1])
-            due = min(self._told_at + self._rising_s, resend) if rises else now
+        resend = self._queued_at + RESEND_S
+        if target != self._queued:
+            rises = abs(target[0]) > abs(self._queued[0]) or abs(target[1]) > abs(self._queued[1])
+            due = min(self._queued_at + self._rising_s, resend) if rises else now
         else:
             due = resend
         if due <= now:
@@ -164,8 +164,8 @@ class SetpointWriter:
         return max(0.0, min(due, stale) - now) + 1e-4
 
     def _tell(self, setpoint: Setpoint, now: float, *, with_stop: bool) -> None:
-        faster = abs(setpoint[0]) > abs(self._told[0])
-        self._told, self._told_at, self._whole = setpoint, now, with_stop
+        faster = abs(setpoint[0]) > abs(self._queued[0])
+        self._queued, self._queued_at, self._whole = setpoint, now, with_stop
         if with_stop:
             self._pair = deque(STANDSTILL)
             return

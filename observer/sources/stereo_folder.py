@@ -25,8 +25,8 @@ def open_stereo_folder(folder: Path) -> FilePairSource:
     def calibrate(_width: int, _height: int) -> StereoCalibration | None:
         if not calibration_file.is_file():
             return None
-        calibration, told = read_noted_calibration(calibration_file)
-        notes.extend(told)
+        calibration, calibration_notes = read_noted_calibration(calibration_file)
+        notes.extend(calibration_notes)
         return calibration
 
     source = FilePairSource(

@@ -235,9 +235,9 @@ def _box(axes: Axes, one: Obstacle, true: float | None) -> None:
     )  # fmt: skip
     if new:
         return
-    told = f"#{one.id}  {one.speed:.2f} m/s" + ("" if true is None else f" (true {true:.2f})")
+    label = f"#{one.id}  {one.speed:.2f} m/s" + ("" if true is None else f" (true {true:.2f})")
     axes.text(
-        u0, v0 - 4, told, color=color, fontsize=10, va="bottom",
+        u0, v0 - 4, label, color=color, fontsize=10, va="bottom",
         bbox={"facecolor": "#000000", "alpha": 0.55, "lw": 0, "pad": 1.5},
     )  # fmt: skip
 

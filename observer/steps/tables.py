@@ -33,11 +33,11 @@ def step_table(pair: ObservedPair, number: int) -> str:
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows([_told(value) for value in row] for row in rows)
+    writer.writerows([_cell(value) for value in row] for row in rows)
     return file.getvalue()
 
 
-def _told(value: Any) -> Any:
+def _cell(value: Any) -> Any:
     """Return a value as it is written: plain, with all its digits, empty if unknown."""
     if value is None or (isinstance(value, float | np.floating) and not np.isfinite(value)):
         return ""

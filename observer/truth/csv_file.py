@@ -369,7 +369,7 @@ def _body_cells(body: TrueBody) -> dict[str, str]:
     columns = (*_POSITION, *_VELOCITY, *_SIZE, "yaw", "visible", "commanded_speed", *_BOX)
     numbers = (*body.position, *body.velocity, *body.size)
     numbers += (body.yaw, body.visible, body.commanded_speed, *(body.box_px or [None] * 4))
-    told = zip(columns, numbers, strict=True)
-    cells = {column: repr(float(v)) for column, v in told if v is not None}
+    numbered = zip(columns, numbers, strict=True)
+    cells = {column: repr(float(v)) for column, v in numbered if v is not None}
     words = {"id": str(body.id), "name": body.name, "role": body.role, "kind": body.kind or ""}
     return cells | words

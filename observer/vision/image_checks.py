@@ -59,8 +59,8 @@ def exposure_reason(
     if len(dead) == 2 and len(set(dead.values())) == 1:
         return f"both images are {dead['left']}: no light, covered lenses or a blank wall"
     if dead:
-        told = " and ".join(f"the {name} image is {what}" for name, what in dead.items())
-        return f"{told}: covered lens, wrong exposure or dead camera"
+        faults = " and ".join(f"the {name} image is {what}" for name, what in dead.items())
+        return f"{faults}: covered lens, wrong exposure or dead camera"
     detail = _detail(left) / max(_detail(right), 1e-9)
     if not _DETAIL_RATIO <= detail <= 1 / _DETAIL_RATIO:
         worse, better = ("left", "right") if detail < 1 else ("right", "left")

@@ -156,14 +156,14 @@ def jump_reason(
     gap = max(abs(motion.time - motion.dt / 2 - (last.time - last.dt / 2)), 1e-3)
     if gap > _MAX_GAP_S:
         return None
-    told: str | None = None
+    reason: str | None = None
     for earlier in recent[-RECENT_MOTIONS:]:
-        told = _contradiction(motion, earlier, gap)
-        if told is None and reach is not None and gap <= _MAX_REACH_GAP_S:
-            told = _beyond_reach(motion, earlier, reach)
-        if told is None:
+        reason = _contradiction(motion, earlier, gap)
+        if reason is None and reach is not None and gap <= _MAX_REACH_GAP_S:
+            reason = _beyond_reach(motion, earlier, reach)
+        if reason is None:
             return None
-    return told
+    return reason
 
 
 def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> str | None:

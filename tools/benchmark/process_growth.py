@@ -50,9 +50,9 @@ def process_use(pid: int) -> ProcessUse:
     """
     folder = Path("/proc", str(pid))
     lines = (line.partition(":") for line in (folder / "status").read_text().splitlines())
-    told = {name: value.split() for name, _, value in lines}
-    kilobytes = sum(int(told[name][0]) for name in _OWN_MEMORY)
-    return ProcessUse(kilobytes / 1024, int(told["Threads"][0]), len(os.listdir(folder / "fd")))
+    status = {name: value.split() for name, _, value in lines}
+    kilobytes = sum(int(status[name][0]) for name in _OWN_MEMORY)
+    return ProcessUse(kilobytes / 1024, int(status["Threads"][0]), len(os.listdir(folder / "fd")))
 
 
 def steady_use(pids: Mapping[str, int]) -> dict[str, ProcessUse]:

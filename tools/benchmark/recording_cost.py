@@ -183,13 +183,13 @@ def recording_figures(
 def _recorded_turn(server: RunningServer, images: str, seconds: float, notes: _Notes) -> None:
     run = server.request("POST", "/api/runs", {"name": "measured", "record": images})
     notes.recorded.setdefault(images, []).append(observed_rate(server, seconds))
-    told = server.request("GET", "/api/status")["recording"]
+    recording = server.request("GET", "/api/status")["recording"]
     server.request("POST", f"/api/runs/{run['id']}/stop")
-    if told is None or told["trouble"]:
-        raise MeasurementError(f"the run was not recorded: {told and told['trouble']}")
-    megabytes = told["bytes"] / 1e6 / max(told["seconds"], 1e-3)
+    if recording is None or recording["trouble"]:
+        raise MeasurementError(f"the run was not recorded: {recording and recording['trouble']}")
+    megabytes = recording["bytes"] / 1e6 / max(recording["seconds"], 1e-3)
     notes.mb_per_s.setdefault(images, []).append(megabytes)
-    notes.dropped[images] = notes.dropped.get(images, 0) + told["dropped"]
+    notes.dropped[images] = notes.dropped.get(images, 0) + recording["dropped"]
     # A long measurement would fill the disk.
     for file in server.data.glob("runs/*/recording.mcap"):
         file.unlink(missing_ok=True)

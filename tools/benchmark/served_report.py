@@ -42,11 +42,11 @@ def served_markdown(served: ServedFigures) -> str:
 
 def drive_line(served: ServedFigures) -> str:
     """Describe the lateness of the drive loop in one sentence."""
-    told = "; ".join(
+    summary = "; ".join(
         f"at {r.playback_rate:g} x {_late(r.drive)}, while a run is recorded {_late(r.recorded)}"
         for r in served.rates
     )
-    return f"The drive loop's lateness with viewers, over its last 30 s: {told}."
+    return f"The drive loop's lateness with viewers, over its last 30 s: {summary}."
 
 
 def _late(drive: DriveLateness | None) -> str:

@@ -187,11 +187,11 @@ def soak_figures(
 
 def evening_line(evening: Evening) -> str:
     """Describe a sample in one line."""
-    told = "; ".join(
+    summary = "; ".join(
         f"{name} {use.memory_mb:.1f} MB, {use.threads} threads, {use.descriptors} descriptors"
         for name, use in evening.use.items()
     )
-    return f"{60 * evening.hours:.1f} min: {told}; {evening.processes} processes"
+    return f"{60 * evening.hours:.1f} min: {summary}; {evening.processes} processes"
 
 
 def _pids(server: RunningServer) -> dict[str, int]:

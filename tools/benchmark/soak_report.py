@@ -48,11 +48,11 @@ def soak_markdown(figures: SoakFigures) -> str:
 
 def _row(growth: Growth) -> list[str]:
     memory = growth.memory
-    told = (
+    memory_cell = (
         "too few samples"
         if memory is None
         else f"{memory.per_hour:.2f} ± {half_95(memory.std):.2f}"
     )
     grow = (growth.threads_grow, growth.descriptors_grow)
     counts = ["grow" if each else "do not grow" for each in grow]
-    return [growth.process, told, *counts, _VERDICTS[growth.held]]
+    return [growth.process, memory_cell, *counts, _VERDICTS[growth.held]]

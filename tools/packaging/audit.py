@@ -98,17 +98,17 @@ def _ask(pins: Path, options: Sequence[str]) -> Audit:
     if len(unknown) == len(packages):
         raise Unanswered("the package index reports none")
     found = tuple(
-        _vulnerability(package, told) for package in packages for told in package.get("vulns", ())
+        _vulnerability(package, entry) for package in packages for entry in package.get("vulns", ())
     )
     return Audit(found, len(packages) - len(unknown), unknown)
 
 
-def _vulnerability(package: Mapping[str, Any], told: Mapping[str, Any]) -> Vulnerability:
+def _vulnerability(package: Mapping[str, Any], entry: Mapping[str, Any]) -> Vulnerability:
     return Vulnerability(
         f"{package['name']} {package['version']}",
-        (told["id"], *told["aliases"]),
-        tuple(told["fix_versions"]),
-        told["description"],
+        (entry["id"], *entry["aliases"]),
+        tuple(entry["fix_versions"]),
+        entry["description"],
     )
 
 
@@ -118,17 +118,17 @@ def problems(found: Audit, accepted: Mapping[str, str]) -> list[str]:
     Args:
         accepted: reasons by the id of a vulnerability, or one of its aliases.
     """
-    told = [
+    sentences = [
         str(each) for each in found.vulnerabilities if not any(id_ in accepted for id_ in each.ids)
     ]
-    told += [f"{id_} is accepted without a reason" for id_, why in accepted.items() if not why]
+    sentences += [f"{id_} is accepted without a reason" for id_, why in accepted.items() if not why]
     known = {id_ for each in found.vulnerabilities for id_ in each.ids}
-    told += [
+    sentences += [
         f"{id_} is accepted, but no pinned package has it any more; remove it"
         for id_ in accepted
         if id_ not in known
     ]
-    return told
+    return sentences
 
 
 def main(options: Sequence[str]) -> int:
@@ -140,13 +140,13 @@ def main(options: Sequence[str]) -> int:
         return 0
     if found.unknown:
         sys.stderr.write(f"Unknown to the package index: {', '.join(found.unknown)}\n")
-    told = problems(found, settings["accepted"])
-    for sentence in told:
+    sentences = problems(found, settings["accepted"])
+    for sentence in sentences:
         sys.stderr.write(f"{sentence}\n")
-    if not told:
+    if not sentences:
         but = f" but {len(found.vulnerabilities)} accepted" if found.vulnerabilities else ""
         sys.stderr.write(f"No known vulnerability in {found.checked} pinned packages{but}\n")
-    return 1 if told else 0
+    return 1 if sentences else 0
 
 
 if __name__ == "__main__":

@@ -38,8 +38,8 @@ def page_schema() -> dict[str, Any]:
     }
     said: dict[str, Any] = {"LiveMessage": LiveMessage, "DriveMessage": DriveMessage}
     for name, messages in said.items():
-        told = TypeAdapter(messages).json_schema(mode="serialization", ref_template=_REFERENCE)
-        schemas = {**told.pop("$defs"), **schemas, name: told}
+        schema = TypeAdapter(messages).json_schema(mode="serialization", ref_template=_REFERENCE)
+        schemas = {**schema.pop("$defs"), **schemas, name: schema}
     schemas = {name: _extending(name, schemas) for name in schemas}
     page: dict[str, Any] = _untitled({**described, "paths": {}, "components": {"schemas": schemas}})
     return page

@@ -60,9 +60,9 @@ async def get_chart(id: NameInPath, server: TheServer, request: Request) -> Resp
     values = await while_there(request, server.runs.files.chart(run))
     about = json_text(filled(Run, run)).encode()
     choices = kept_choices(run)
-    told = b"null" if choices is None else json_text(choices).encode()
+    choices_json = b"null" if choices is None else json_text(choices).encode()
     # The values are JSON already and may be long.
-    begin = b'{"run":' + about + b',"choices":' + told + b","
+    begin = b'{"run":' + about + b',"choices":' + choices_json + b","
     return Response(begin + values[1:], media_type="application/json")
 
 

@@ -75,7 +75,7 @@ class LiveHub:
         self._status_due = asyncio.Event()
         self._status_text: str | None = None
         self._robots_later: asyncio.TimerHandle | None = None
-        self._robots_told = -_NO_ROBOTS_INTERVAL_S
+        self._robots_sent_at = -_NO_ROBOTS_INTERVAL_S
         self._robots_text: str | None = None
 
     async def run(self) -> None:
@@ -118,12 +118,12 @@ class LiveHub:
             return
         connected = self._server.driving.connected
         interval = _ROBOTS_INTERVAL_S if connected else _NO_ROBOTS_INTERVAL_S
-        wait = max(0.0, self._robots_told + interval - self._server.clock())
+        wait = max(0.0, self._robots_sent_at + interval - self._server.clock())
         self._robots_later = asyncio.get_running_loop().call_later(wait, self._tell_robots)
 
     def _tell_robots(self) -> None:
         self._robots_later = None
-        self._robots_told = self._server.clock()
+        self._robots_sent_at = self._server.clock()
         self._robots_text = None
         for page in self._pages:
             page.robots_changed()
@@ -199,9 +199,9 @@ class _Page:
         self._wake = asyncio.Event()
         self._status_due = True
         self._robots_due = True
-        self._wheels_told = server.driving.wheels.newest
+        self._wheels_sent = server.driving.wheels.newest
         # Pages request earlier log entries themselves.
-        self._log_told = hub.newest_entry
+        self._log_sent = hub.newest_entry
         self._budget = Budget(server.clock)
         # A page opened while playback is paused shows the current frame.
         self._observation_due = hub.has_current
@@ -255,10 +255,10 @@ class _Page:
             return self._hub.status_text
         if self._robots_due:
             self._robots_due = False
-            text, self._wheels_told = self._hub.robots_text(self._wheels_told)
+            text, self._wheels_sent = self._hub.robots_text(self._wheels_sent)
             return text
-        if self._log_told < self._hub.newest_entry:
-            after, self._log_told = self._log_told, self._hub.newest_entry
+        if self._log_sent < self._hub.newest_entry:
+            after, self._log_sent = self._log_sent, self._hub.newest_entry
             return self._hub.log_text(after)
         self._give_up_old(now)
         if self._budget.wait_s > 0:

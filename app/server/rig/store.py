@@ -8,7 +8,7 @@ from pathlib import Path
 
 from app.contract.rig import RigNumber
 from app.server.errors import FieldError
-from app.server.whole_files import told_as_ours, write_whole
+from app.server.whole_files import storage_errors, write_whole
 from app.settings import RIG_FILE
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role
@@ -63,7 +63,7 @@ class RigStore:
             FieldError, StorageFull: the file cannot be written; the old rig stays in force.
         """
         if self.path is not None:
-            with told_as_ours(self.path):
+            with storage_errors(self.path):
                 _keep_unreadable(self.path)
             write_whole(self.path, rig_text(rig))
         self.rig = rig

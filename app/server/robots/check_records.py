@@ -13,7 +13,7 @@ from app.contract.robots import CheckEntry, CheckRecord
 from app.contract.values import filled, of_plain, plain
 from app.server.errors import Conflict, NotThere
 from app.server.robots.circumstances import Circumstances
-from app.server.whole_files import told_as_ours, write_whole
+from app.server.whole_files import storage_errors, write_whole
 from observer.rig.rig import Role
 
 FOLDER_NAME = "guard-checks"
@@ -60,7 +60,7 @@ class CheckRecords:
     def _reserved(self, stem: str) -> str:
         """Reserve a unique name by creating its JSON file, empty."""
         assert self._folder is not None
-        with told_as_ours(self._folder):
+        with storage_errors(self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
             for number in range(1, _MOST_ALIKE + 1):
                 name = stem if number == 1 else f"{stem}-{number}"

@@ -74,8 +74,8 @@ class Connecting:
         self._wanted: dict[Role, ConnectRobot] = {}
         # What was sent to this drive process, including refused requests, which are not repeated.
         # A role is missing while its state is unknown, because the process has not answered.
-        self._told: dict[Role, ConnectRobot | None] = {}
-        self._told_guard: dict[str, Any] = {}
+        self._assigned: dict[Role, ConnectRobot | None] = {}
+        self._assigned_guard: dict[str, Any] = {}
         # Generation of the present process (0: none), and of the one that received stop and guard.
         self._generation = 0
         self._ready_generation = 0
@@ -110,15 +110,15 @@ class Connecting:
         self._forget()
 
     def _forget(self) -> None:
-        self._told, self._told_guard = dict.fromkeys(ROLES), {}
+        self._assigned, self._assigned_guard = dict.fromkeys(ROLES), {}
         self._ready_generation = 0
         self.trouble.clear()
         self.complaint = None
 
     def given(self, role: Role) -> ConnectRobot | None:
         """Return the robot assigned to the drive process, if it is the wanted one."""
-        told = self._told.get(role)
-        return told if told == self._wanted.get(role) and role not in self.trouble else None
+        assigned = self._assigned.get(role)
+        return assigned if assigned == self._wanted.get(role) and role not in self.trouble else None
 
     async def run(self) -> None:
         """Run until cancelled."""
@@ -136,9 +136,9 @@ class Connecting:
             await ask_drive(self._drive, StopRobots(self.stop_due))
             self.stop_due = None
         guard = self._guard()
-        if guard and guard != self._told_guard:
+        if guard and guard != self._assigned_guard:
             self.complaint = await self._refusal(SetGuard(guard))
-            self._told_guard = guard
+            self._assigned_guard = guard
         if self._generation == generation:
             self._ready_generation = generation
             for due in self._robot_due.values():
@@ -147,9 +147,9 @@ class Connecting:
     async def _tell_robot(self, role: Role) -> None:
         generation = self._ready_generation
         wanted = self._wanted.get(role)
-        if generation == 0 or (role in self._told and self._told[role] == wanted):
+        if generation == 0 or (role in self._assigned and self._assigned[role] == wanted):
             return
-        self._told.pop(role, None)
+        self._assigned.pop(role, None)
         try:
             complaint = await self._refusal(
                 DisconnectRobot(role) if wanted is None else wanted, _CONNECT_TIMEOUT_S
@@ -160,7 +160,7 @@ class Connecting:
             raise
         if self._ready_generation != generation:
             return
-        self._told[role] = wanted
+        self._assigned[role] = wanted
         self.trouble.pop(role, None)
         if complaint is not None:
             self.trouble[role] = f"the {role} is not connected: {complaint}"

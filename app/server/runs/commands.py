@@ -15,7 +15,7 @@ import structlog
 from app.runtime.child import exit_words
 from app.runtime.worker import Worker
 from app.server.errors import NotAvailable
-from app.server.whole_files import told_as_ours
+from app.server.whole_files import storage_errors
 from app.storage import DataFolder, StorageFull
 from observer.errors import DynamicObserverError
 
@@ -85,7 +85,7 @@ class RunCommands:
             StorageFull, FieldError: it cannot be created.
         """
         path = self._folder.path.absolute() / f"{_WORK}{os.getpid()}-{secrets.token_hex(6)}"
-        with told_as_ours(path):
+        with storage_errors(path):
             await asyncio.to_thread(path.mkdir, parents=True)
         try:
             yield path

@@ -247,8 +247,8 @@ def speed_rows(
         identity, role = int(body["id"]), str(body["role"])
         # Live motion capture gives the time of the measurement, which may be before the frame.
         measured = body.get("time", line["time"])
-        told = row(measured, role, "truth", identity, body["speed"], None)
-        yield replace(told, body=body.get("name"))
+        measurement = row(measured, role, "truth", identity, body["speed"], None)
+        yield replace(measurement, body=body.get("name"))
         if body["commanded_speed"] is not None and role not in driven:
             yield row(line["time"], role, "commanded", identity, body["commanded_speed"], None)
 

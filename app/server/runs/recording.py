@@ -98,18 +98,18 @@ class RobotFeed:
         """Return the data since the last call; None if there is none."""
         if not self._rows and not self._incidents:
             return None
-        told = RecordRobots(tuple(self._rows), tuple(self._incidents))
+        request = RecordRobots(tuple(self._rows), tuple(self._incidents))
         self._rows.clear()
         self._incidents.clear()
-        return told
+        return request
 
 
 async def tell_robots(engine: Engine, robots: RobotFeed) -> None:
     """Send the robots' states to the recording; they are lost if there is no engine."""
-    told = robots.take()
-    if told is not None:
+    request = robots.take()
+    if request is not None:
         with contextlib.suppress(NotAvailable, Conflict, FieldError):
-            await ask(engine, told)
+            await ask(engine, request)
 
 
 def complete_recording(storage: Storage, run_id: str) -> None:

@@ -23,7 +23,7 @@ from app.server.runs.ending import write_end
 from app.server.runs.result_rows import result_rows
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
-from app.server.whole_files import told_as_ours
+from app.server.whole_files import storage_errors
 from app.storage import RunRecord, RunState, StorageError, StorageFull
 from app.versions import versions
 from app.workers.rerun.messages import Rerun, Rerunned
@@ -129,7 +129,7 @@ class Reruns:
         )
         folder = self._storage.folder.run(record.id).absolute()
         try:
-            with told_as_ours(folder):
+            with storage_errors(folder):
                 await asyncio.to_thread(folder.mkdir, parents=True, exist_ok=True)
         except DynamicObserverError:
             await self._forget(record.id)

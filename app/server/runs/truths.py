@@ -19,7 +19,7 @@ from app.contract.values import filled, of_plain, plain
 from app.server.errors import FieldError, NotThere
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
-from app.server.whole_files import told_as_ours
+from app.server.whole_files import storage_errors
 from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecord
 from app.storage.comparison import comparison_truth
 from observer.errors import DynamicObserverError
@@ -77,7 +77,7 @@ class TruthFiles:
         reading = {"rate_hz": rate_hz, "angles": angles}
         async with self._commands.folder() as folder:
             file = folder / f"truth{Path(name).suffix[:9]}"
-            with told_as_ours(file):
+            with storage_errors(file):
                 await asyncio.to_thread(_copy, content, file)
             output = folder / "understood.json"
             words = ["truth", str(file), "--output", str(output), *_reading_words(reading)]
@@ -87,14 +87,14 @@ class TruthFiles:
                 # The command uses a temporary name for the file.
                 sentence = str(error).replace(str(file), name).replace(file.name, name)
                 raise FieldError(("body", "file"), sentence) from error
-            told = await asyncio.to_thread(_read, output)
-            if "question" in told:
-                sentence = str(told["question"]).replace(file.name, name)
+            answer = await asyncio.to_thread(_read, output)
+            if "question" in answer:
+                sentence = str(answer["question"]).replace(file.name, name)
                 raise FieldError(("body", "angles"), sentence)
-            info = told | {"reading": reading}
+            info = answer | {"reading": reading}
             save = self._storage.save_truth
             return truth_entry(
-                await asyncio.to_thread(save, file, name=name, format=told["format"], info=info)
+                await asyncio.to_thread(save, file, name=name, format=answer["format"], info=info)
             )
 
     async def delete(self, id: str) -> None:

@@ -26,7 +26,7 @@ class Watching:
         self._engine = engine
         self._watchers: Counter[str] = Counter()
         self._changed = asyncio.Event()
-        self._told: tuple[str, ...] | None = None
+        self._requested: tuple[str, ...] | None = None
 
     @contextmanager
     def watch(self, *names: str) -> Iterator[None]:
@@ -54,7 +54,7 @@ class Watching:
 
     def engine_started(self) -> None:
         """Tell a new engine everything again: it knows no watchers."""
-        self._told = None
+        self._requested = None
         self._changed.set()
 
     async def run(self) -> None:
@@ -63,14 +63,14 @@ class Watching:
             await self._changed.wait()
             self._changed.clear()
             names = tuple(sorted(name for name, count in self._watchers.items() if count > 0))
-            if names == (self._told or ()):
+            if names == (self._requested or ()):
                 continue
             try:
                 await self._engine.request(WatchViews(names))
             except ProcessUnavailable:
                 # The next engine is told once it has started.
-                self._told = None
+                self._requested = None
             except ProcessRefused as error:
                 log.error("watching_refused", names=names, reason=str(error))
             else:
-                self._told = names
+                self._requested = names

@@ -72,7 +72,7 @@ class StepsWork:
                 time=float(pair.trace["time"]),
                 dt=pair.dt,
                 truth=pair.truth is not None,
-                steps=tuple(map(_told, nine_steps(pair))),
+                steps=tuple(map(_step_message, nine_steps(pair))),
             )
         return _file(pair, job)
 
@@ -121,7 +121,7 @@ class StepsWork:
         self._open = None
 
 
-def _told(step: PaperStep) -> MethodStep:
+def _step_message(step: PaperStep) -> MethodStep:
     return filled(
         MethodStep,
         step,

@@ -169,12 +169,12 @@ class RowDriftWatch:
         )
 
     def _warning(self, now: _Rows, blocks: list[_Rows], trend: float | None) -> str:
-        told = f"the epipolar error is {now.typical_px:.1f} px"
+        sentence = f"the epipolar error is {now.typical_px:.1f} px"
         if trend is not None:
             course = "growing" if trend > 0 else "shrinking"
             ago = _duration(self._clock_s - blocks[0].time_s)
             rate = _rate(abs(trend))
-            told += f", {blocks[0].typical_px:.1f} px {ago} ago and {course} by {rate}"
+            sentence += f", {blocks[0].typical_px:.1f} px {ago} ago and {course} by {rate}"
         # Name the angle, pitch or roll, that causes the offset.
         pitch = f"pitch ({math.degrees(now.pitch_px / self._camera.fy):+.2f} deg)"
         roll = f"roll ({math.degrees(now.roll_px / self._px_per_roll):+.2f} deg)"
@@ -186,8 +186,8 @@ class RowDriftWatch:
         else:
             by = f"{pitch} and {roll}"
         return (
-            f"{told}, caused by {by} between the cameras; the limit is {WARN_PX:g} px: refine the "
-            "calibration from the scene"
+            f"{sentence}, caused by {by} between the cameras; the limit is {WARN_PX:g} px: "
+            "refine the calibration from the scene"
         )
 
 

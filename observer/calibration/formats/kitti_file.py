@@ -69,7 +69,7 @@ def kitti_odometry_draft(name: str, text: str, wanted: Wanted) -> Draft:
     return replace(
         draft,
         format="KITTI odometry calib.txt",
-        size_was_told=True,
+        size_is_given=True,
         notes=(*notes, *draft.notes),
         choices=tuple(choices),
     )

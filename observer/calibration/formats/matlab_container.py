@@ -65,26 +65,26 @@ def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue
                 env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
                 check=False,
             )
-            told = [json.loads(line) for line in done.stdout.splitlines()]
+            answers = [json.loads(line) for line in done.stdout.splitlines()]
         except (subprocess.TimeoutExpired, ValueError):
-            told = []
-    if not told:
+            answers = []
+    if not answers:
         raise CalibrationError(
             f"{name}: the MAT-file is truncated or damaged, or the shape of an array does not "
             "match its number of elements"
         )
-    return {title: _value(value) for each in told for title, value in each.items()}
+    return {title: _value(value) for each in answers for title, value in each.items()}
 
 
-def _value(told: Any) -> MatlabValue:
-    match told:
+def _value(answer: Any) -> MatlabValue:
+    match answer:
         case ["array", shape, numbers]:
             return np.array(numbers, dtype=np.float64).reshape(shape, order="F")
         case ["object", str(class_name), properties]:
             return MatlabObject(class_name, _value(properties))
         case dict():
-            return {key: _value(each) for key, each in told.items()}
-    return told if isinstance(told, str) else None
+            return {key: _value(each) for key, each in answer.items()}
+    return answer if isinstance(answer, str) else None
 
 
 def _check_expanded(content: bytes, name: str) -> None:

@@ -61,7 +61,7 @@ def matlab_draft(name: str, content: bytes, wanted: Wanted) -> Draft:
     title, parameters = _stereo_parameters(name, content)
     notes = [f"variable {title}: MATLAB counts pixels from 1, so 1 was subtracted from cx and cy"]
     cameras = [_Camera(parameters, f"CameraParameters{number}", notes) for number in (1, 2)]
-    size, size_was_told = _size(cameras, wanted, notes)
+    size, size_is_given = _size(cameras, wanted, notes)
     R, T = _pose(parameters, notes)
     left, right = (
         DraftCamera(
@@ -81,7 +81,7 @@ def matlab_draft(name: str, content: bytes, wanted: Wanted) -> Draft:
         R,
         T,
         unit=_unit(cameras[0].struct, wanted, notes),
-        size_was_told=size_was_told,
+        size_is_given=size_is_given,
         notes=tuple(notes),
     )
 

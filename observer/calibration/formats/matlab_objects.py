@@ -35,13 +35,13 @@ def main(path: str) -> None:
 
     loaded = loadmat(path)
     # SciPy calls each object "None" and stores its name and class inside.
-    told = {
+    answer = {
         each["s0"].decode("latin-1"): ["object", each["s2"].decode("latin-1"), None]
         for each in loaded.pop("None", ())
     }
-    told |= {key: _plain(value, 0) for key, value in loaded.items() if not key.startswith("__")}
-    _answer(told)
-    if any(isinstance(value, list) and value[0] == "object" for value in told.values()):
+    answer |= {key: _plain(value, 0) for key, value in loaded.items() if not key.startswith("__")}
+    _answer(answer)
+    if any(isinstance(value, list) and value[0] == "object" for value in answer.values()):
         # Imported by name, as it has no type hints.
         loaded = import_module("matio").load_from_mat(path)
         _answer(
@@ -53,8 +53,8 @@ def main(path: str) -> None:
         )
 
 
-def _answer(told: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(told) + "\n")
+def _answer(answer: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(answer) + "\n")
     # The next step may crash the process.
     sys.stdout.flush()
 

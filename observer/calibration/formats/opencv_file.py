@@ -132,15 +132,15 @@ def opencv_draft(files: Sequence[NamedData], wanted: Wanted) -> Draft:
     missing = [key for key, own in found.items() if not own]
     if missing:
         raise CalibrationError(f"{name}: {_missing_sentence(missing)}")
-    told = found | _size_keys(data, name, required=wanted.size is None)
+    own_keys = found | _size_keys(data, name, required=wanted.size is None)
     fisheye = any(key in data for key in _FISHEYE_KEYS)
     if _MODEL_KEY in data and not fisheye:
-        told[_MODEL_KEY] = _MODEL_KEY
+        own_keys[_MODEL_KEY] = _MODEL_KEY
     read = validated(
         _Stereo,
-        {key: data[own] for key, own in told.items()},
+        {key: data[own] for key, own in own_keys.items()},
         name,
-        lambda location: dotted(tuple(told[str(key)] for key in location)),
+        lambda location: dotted(tuple(own_keys[str(key)] for key in location)),
     )
     size = read.size
     notes = []
@@ -163,7 +163,7 @@ def opencv_draft(files: Sequence[NamedData], wanted: Wanted) -> Draft:
         DraftCamera(used, read.K2, read.D2, model, found["K2"], found["D2"]),
         rotation_matrix(read.R) if read.R.ndim == 1 else read.R,
         read.T,
-        size_was_told=size is None,
+        size_is_given=size is None,
         R_key=found["R"],
         T_key=found["T"],
         notes=tuple(notes),

@@ -124,11 +124,11 @@ def read_any(
             f"together (left and right, or intrinsics and extrinsics)"
         )
     wanted = Wanted(size=size or expected_size, unit=unit, cameras=cameras)
-    draft = _draft([_recognised(file) for file in _told_apart(files)], wanted)
+    draft = _draft([_recognised(file) for file in _distinctly_named(files)], wanted)
     return understood(draft, unit=unit, expected_size=expected_size or size)
 
 
-def _told_apart(files: Sequence[NamedFile]) -> list[NamedFile]:
+def _distinctly_named(files: Sequence[NamedFile]) -> list[NamedFile]:
     """Return the files under distinct names: EuRoC calls both of its files sensor.yaml."""
     if len({file.name for file in files}) == len(files):
         return list(files)
@@ -198,8 +198,8 @@ def _kind_of_mapping(name: str, data: dict[str, PlainData]) -> _Kind:
     if "T_BS" in data or ("intrinsics" in data and "resolution" in data):
         return "euroc"
     if "camera_matrix" in data:
-        told = ("projection_matrix", "rectification_matrix", "distortion_model")
-        return "ros" if any(key in data for key in told) else "one camera"
+        ros_keys = ("projection_matrix", "rectification_matrix", "distortion_model")
+        return "ros" if any(key in data for key in ros_keys) else "one camera"
     if is_opencv(data):
         return "opencv"
     keys = ", ".join(list(data)[:4])[:80] or "none"

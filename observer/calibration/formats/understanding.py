@@ -149,7 +149,7 @@ class Draft:
         left, right: the cameras; size and model are those of the left one.
         R: as in ``StereoCalibration``. T: (3,) the same, but in ``unit``.
         unit: of T unless the user says otherwise.
-        size_was_told: whether the size was given by the user, not by the file.
+        size_is_given: whether the size was given by the user, not by the file.
         R_key, T_key: what the file calls R and T.
         derived: what R or T was computed from, where the file has no such key.
         notes: what the reader decided.
@@ -163,7 +163,7 @@ class Draft:
     R: Float64Array
     T: Float64Array
     unit: LengthUnit = "m"
-    size_was_told: bool = False
+    size_is_given: bool = False
     R_key: str = "R"
     T_key: str = "T"
     derived: Mapping[str, str] = field(default_factory=dict)
@@ -184,7 +184,7 @@ class Draft:
         used, left, right = unit or self.unit, self.left, self.right
         length = float(np.linalg.norm(self.T))
         if length and np.isfinite(length) and not is_plausible(length * metres(used)):
-            raise UnitUnclear(self.told(implausible(length, used)), length, used)
+            raise UnitUnclear(self.located(implausible(length, used)), length, used)
         D1, D2 = (
             camera.D if smooth is None else smooth.D
             for camera, smooth in zip((left, right), self.smooth_lenses, strict=True)
@@ -193,7 +193,7 @@ class Draft:
             T = self.T * metres(used)
             return StereoCalibration(*left.size, left.K, D1, right.K, D2, self.R, T, left.model)
         except CalibrationError as error:
-            raise CalibrationError(self.told(str(error))) from None
+            raise CalibrationError(self.located(str(error))) from None
 
     @cached_property
     def smooth_lenses(self) -> tuple[Smooth | None, Smooth | None]:
@@ -215,7 +215,7 @@ class Draft:
             if smooth is not None
         ]
 
-    def told(self, sentence: str) -> str:
+    def located(self, sentence: str) -> str:
         """Return the sentence with the file's name in front and the file's own key names."""
         found = _KEY.match(sentence)
         if found is None:
@@ -247,7 +247,7 @@ def understood(
         notes += _check_camera_matrix(draft, key, getattr(calibration, key))
     calibration = _without_skew(calibration)
     notes += draft.smooth_notes()
-    if draft.size_was_told:
+    if draft.size_is_given:
         _check_central(draft, calibration)
     size = draft.left.size
     if expected_size is not None and size != expected_size:
@@ -259,7 +259,7 @@ def understood(
     try:
         calibration.check_side_by_side()
     except CalibrationError as error:
-        raise CalibrationError(draft.told(str(error))) from None
+        raise CalibrationError(draft.located(str(error))) from None
     used = unit or draft.unit
     verb = "read in" if used == "m" else "converted from"
     notes.append(f"{draft.T_key} {verb} {unit_words(used)}: baseline {calibration.baseline:.5g} m")

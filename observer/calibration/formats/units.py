@@ -35,20 +35,20 @@ class UnitUnclear(CalibrationError):
     """A baseline that is implausible in the unit it was read in; only the user knows the right one.
 
     Args:
-        told: what is wrong, and where.
+        problem: what is wrong, and where.
         baseline: as in the file, positive. unit: in which it was read.
         request: what the user is to do, with ``{}`` for the unit, as in ``say --unit {}``.
     """
 
     def __init__(
-        self, told: str, baseline: float, unit: LengthUnit, request: str = "set unit={!r}"
+        self, problem: str, baseline: float, unit: LengthUnit, request: str = "set unit={!r}"
     ) -> None:
-        super().__init__(f"{told}; {_question(baseline, unit, request)}")
-        self._told, self._baseline, self._unit = told, baseline, unit
+        super().__init__(f"{problem}; {_question(baseline, unit, request)}")
+        self._problem, self._baseline, self._unit = problem, baseline, unit
 
     def asking(self, request: str) -> UnitUnclear:
         """Return the same error with another request, which names the caller's own control."""
-        return UnitUnclear(self._told, self._baseline, self._unit, request)
+        return UnitUnclear(self._problem, self._baseline, self._unit, request)
 
 
 def parse_unit(text: str) -> LengthUnit:

@@ -25,8 +25,8 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
     """Return the tables of results, of the guard's stops and of the predictions."""
     parts = [_table(_HEAD, [_row(each) for each in result.summaries]), _NOTE]
     if result.changed:
-        told = ", ".join(f"{name} = {value}" for name, value in result.changed.items())
-        parts += [f"Not at their defaults: {told}."]
+        changed = ", ".join(f"{name} = {value}" for name, value in result.changed.items())
+        parts += [f"Not at their defaults: {changed}."]
     parts += ["## Stops by the guard", _stops(result.summaries)]
     parts += ["## Perception", _table(_EYE_HEAD, [_eye(each) for each in result.summaries])]
     rows = [

@@ -46,7 +46,7 @@ class TaskStore:
         """
         if outcome.error is not None:
             return
-        told = {
+        record = {
             "source": task.source.name,
             "extent": task.source.extent,
             "version": task.version,
@@ -57,7 +57,7 @@ class TaskStore:
         path = self._path(task)
         part = path.with_suffix(".part")
         try:
-            part.write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+            part.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
             os.replace(part, path)
         except OSError as error:
             raise InputError(

@@ -21,7 +21,7 @@ from observer.parameters import ParameterValue
 
 # Most rows in Markdown; the CSV file has all.
 _MARKDOWN_ROWS = 100
-_FAILED_TOLD = 20
+_FAILED_LISTED = 20
 
 
 def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -> str:
@@ -82,13 +82,13 @@ def _explained(sweep: Sweep, figure: RankedBy) -> str:
 
 
 def _failures(sweep: Sweep) -> list[str]:
-    told = [
+    listed = [
         f"- combination {r.combination.number} over {r.source.name}: {r.outcome.error}"
-        for r in sweep.failed[:_FAILED_TOLD]
+        for r in sweep.failed[:_FAILED_LISTED]
         if r.outcome is not None
     ]
-    more = len(sweep.failed) - _FAILED_TOLD
-    return told + [f"- and {more} more, in results.parquet"] * (more > 0)
+    more = len(sweep.failed) - _FAILED_LISTED
+    return listed + [f"- and {more} more, in results.parquet"] * (more > 0)
 
 
 def ranking_csv(sweep: Sweep, ranked: Sequence[Ranked]) -> str:
@@ -164,7 +164,7 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
 
 def _flat(row: Row, version: str) -> Mapping[str, Any]:
     outcome = row.outcome
-    told: dict[str, Any] = {
+    row: dict[str, Any] = {
         "combination": row.combination.number,
         "preset": row.combination.preset,
         "source": row.source.name,
@@ -175,8 +175,8 @@ def _flat(row: Row, version: str) -> Mapping[str, Any]:
         **row.figures,
     }
     if outcome is None or outcome.error:
-        return told | {"error": None if outcome is None else outcome.error}
-    return told | {
+        return row | {"error": None if outcome is None else outcome.error}
+    return row | {
         "frames_observed": outcome.frames,
         "frames_skipped": outcome.skipped,
         "median_ms": outcome.median_ms,

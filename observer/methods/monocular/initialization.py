@@ -87,12 +87,12 @@ def initialize_from_two_views(
     else:
         slope = first @ mount.down
         usable = (inverse > 2 * noise) & (slope > _LEAST_SLOPE)
-        told = scale_by_ground(
+        measured = scale_by_ground(
             inverse[usable] / slope[usable], noise[usable] / inverse[usable], mount.height_m, np.inf
         )
-        if told is None:
+        if measured is None:
             return NO_GROUND
-        log_scale, doubt = told
+        log_scale, doubt = measured
     metres = float(np.exp(log_scale))
     good = inverse > noise
     T = views.T_second_first
@@ -147,10 +147,10 @@ def initialize_over_ground(
         # What was taken for the ground was an object driving away.
         return None
     # The other points keep the prior of new points.
-    told = (inverse > 0) & (noise**2 < points.variance)
+    measured = (inverse > 0) & (noise**2 < points.variance)
     placed = points.but(
-        inverse=np.where(told, inverse, points.inverse),
-        variance=np.where(told, noise**2, points.variance),
+        inverse=np.where(measured, inverse, points.inverse),
+        variance=np.where(measured, noise**2, points.variance),
     )
     return Initialization(T, placed.take(estimate.inliers), motion.distance_sigma)
 

@@ -103,8 +103,8 @@ def updated(
     gain = (trust * points.variance)[:, None] * WH
     inverse = points.inverse + np.einsum("ni,ni->n", gain, innovation)
     inverse = np.clip(inverse, -1 / NEAREST_M, 1 / NEAREST_M)
-    told = trust * np.einsum("ni,ni->n", H, WH)
-    variance = points.variance * (1 - points.variance * told)
+    information = trust * np.einsum("ni,ni->n", H, WH)
+    variance = points.variance * (1 - points.variance * information)
     R_good = np.where(good[:, None, None], R, np.eye(2))
     alone = np.einsum("ni,nij,nj->n", H, inverse_2x2(R_good), H)
     variance = np.maximum(variance, np.minimum(points.variance, 0.5 / np.maximum(alone, 1e-12)))

@@ -40,10 +40,10 @@ class MapScale:
 
     def sigma(self, p: MonocularParameters) -> float:
         """Return one sigma of all lengths, as a share, including errors of height and odometry."""
-        told = p.height_sigma if self._ground is not None else np.inf
+        reference = p.height_sigma if self._ground is not None else np.inf
         if self.odometry is not None:
-            told = min(told, p.odometry_sigma)
-        return float(np.hypot(self._sigma, told if np.isfinite(told) else 0.0))
+            reference = min(reference, p.odometry_sigma)
+        return float(np.hypot(self._sigma, reference if np.isfinite(reference) else 0.0))
 
     def corrected(
         self,
@@ -91,13 +91,15 @@ class MapScale:
         if driven is None or self.odometry is None or odometry is None:
             return 1.0
         mapped_m = float(np.linalg.norm((T_camera_world @ self._T_mark.inverse()).translation))
-        told = odometry_scale(mapped_m, driven, odometry.yaw - self.odometry.yaw, p.odometry_sigma)
-        if told is not None:
+        measured = odometry_scale(
+            mapped_m, driven, odometry.yaw - self.odometry.yaw, p.odometry_sigma
+        )
+        if measured is not None:
             self._T_mark, self.odometry = T_camera_world, odometry
-        return self._taken(told)
+        return self._taken(measured)
 
-    def _taken(self, told: tuple[float, float] | None) -> float:
-        if told is None:
+    def _taken(self, measured: tuple[float, float] | None) -> float:
+        if measured is None:
             return 1.0
-        factor, self._sigma = correction(self._sigma, *told)
+        factor, self._sigma = correction(self._sigma, *measured)
         return factor

@@ -131,10 +131,10 @@ class MonocularMethod:
         with timer("ego_motion"):
             estimate = self._pose(points, T_expected, prior, p)
             if self._odometer is not None:
-                told = self._odometer.measured(
+                measured = self._odometer.measured(
                     view.left, estimate.T_camera_world, estimate.covariance
                 )
-                estimate = estimate if told is None else self._pose(points, *told, p)
+                estimate = estimate if measured is None else self._pose(points, *measured, p)
             ego = self._ego_motion(points, estimate, p)
         trace.keep("ego_motion", ego)
         if ego.T_camera_world is None or ego.T_current_previous is None:

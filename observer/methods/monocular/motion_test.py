@@ -79,7 +79,7 @@ def ray_evidence(
     cov = points.residual_cov * (max(1.0, noise_scale) ** 2 / age**2)[:, None, None]
     W = np.where(ready[:, None, None], inverse_2x2(cov), 0.0)
     pairs = _neighbours(points, ready, parameters.radius_px)
-    told = np.einsum("nij,nj->ni", W, velocity)
+    information_vector = np.einsum("nij,nj->ni", W, velocity)
     bound, slack = np.zeros(count), 0.0
     if ground is not None:
         bound = ground.inverse_distance(points.centre, points.ray)
@@ -88,8 +88,15 @@ def ray_evidence(
     excess = _FLOOR_SHARE * np.maximum(bound, 0.0) - slack - points.inverse
     depth_weight = ready / np.maximum(_DEPTH_SHARED * points.variance, 1e-12)
     beyond = ready & (excess * np.sqrt(depth_weight) > _EACH_SIGMAS)
-    singles = [np.einsum("ni,ni->n", velocity, told), ready, depth_weight, depth_weight * excess]
-    sums = summed(pairs, [W.reshape(count, 4), told, np.column_stack([*singles, beyond])])
+    singles = [
+        np.einsum("ni,ni->n", velocity, information_vector),
+        ready,
+        depth_weight,
+        depth_weight * excess,
+    ]
+    sums = summed(
+        pairs, [W.reshape(count, 4), information_vector, np.column_stack([*singles, beyond])]
+    )
     neighbours = sums[:, 7]
     shared = 1 + parameters.noise_correlation * np.maximum(neighbours - 1, 0)
     C = inverse_2x2(np.where(ready[:, None, None], sums[:, :4].reshape(count, 2, 2), np.eye(2)))

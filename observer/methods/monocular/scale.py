@@ -29,14 +29,14 @@ def sigma_after_distance(sigma: float, distance_m: float) -> float:
     return float(np.sqrt(sigma**2 + _DRIFT**2 * distance_m))
 
 
-def correction(sigma: float, log_ratio: float, told_sigma: float) -> tuple[float, float]:
+def correction(sigma: float, log_ratio: float, measured_sigma: float) -> tuple[float, float]:
     """Return the factor by which to enlarge the map after a measurement, and the new sigma.
 
     Args:
         sigma: one standard deviation of the scale, as a share.
-        log_ratio: logarithm of true length over the map's; told_sigma: its standard deviation.
+        log_ratio: logarithm of true length over the map's; measured_sigma: its standard deviation.
     """
-    gain = sigma**2 / (sigma**2 + told_sigma**2)
+    gain = sigma**2 / (sigma**2 + measured_sigma**2)
     return float(np.exp(gain * log_ratio)), float(np.sqrt(1 - gain) * sigma)
 
 

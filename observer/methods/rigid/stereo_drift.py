@@ -29,7 +29,7 @@ _DISTANCE_SHARE, _MOST_TURN = 0.02, 0.1
 _PAUSE_S, _WELL_KNOWN_PX = 0.5, 0.07
 # Seconds, one standard deviation: largest skew assumed if the source gives no right exposure time.
 # While the camera turns, a skew looks like a bias.
-_UNTOLD_SKEW_S = 0.002
+_UNREPORTED_SKEW_S = 0.002
 # Pixels: a larger median row offset indicates errors in pitch, roll or the lenses, which distort
 # disparities in other ways.
 _MOST_ROW_PX = 0.7
@@ -73,7 +73,7 @@ class StereoDrift:
         self.bias, self.skew = DisparityBias(), ExposureSkew()
         self.bias_px = 0.0
         self.skew_s: float | None = None
-        self._told = False
+        self._skew_is_reported = False
         self._key: _KeyView | None = None
         self._fitted_s = -math.inf
 
@@ -96,7 +96,7 @@ class StereoDrift:
             p = p.model_copy(
                 update={"evidence": p.evidence.model_copy(update={"disparity_bias_px": sigma})}
             )
-        if self.skew_s is not None and not self._told:
+        if self.skew_s is not None and not self._skew_is_reported:
             sigma = max(p.klt_tracking.skew_sigma_s, self.skew.sigma_s)
             p = p.model_copy(
                 update={"klt_tracking": p.klt_tracking.model_copy(update={"skew_sigma_s": sigma})}
@@ -120,8 +120,8 @@ class StereoDrift:
             view: as the source gave it. before: (N,) points at the last frame; those ``found``
                 (N,) are ``points`` in this one. rows: of this frame, without the bias.
         """
-        self._told = view.right_time is not None
-        if not self._told:
+        self._skew_is_reported = view.right_time is not None
+        if not self._skew_is_reported:
             self.skew = self.skew.after(
                 DisparityStep.of(
                     before.px[found],
@@ -164,9 +164,9 @@ class StereoDrift:
         self._key = _KeyView(rows, now.T_world_camera, time)
 
     def _skew_sigma_s(self, parameters: Parameters) -> float:
-        if self._told:
+        if self._skew_is_reported:
             return parameters.klt_tracking.skew_sigma_s
-        return min(self.skew.sigma_s, _UNTOLD_SKEW_S)
+        return min(self.skew.sigma_s, _UNREPORTED_SKEW_S)
 
     def _use(self) -> DriftChange | None:
         change, notes, skew = 0.0, [], False
@@ -174,7 +174,7 @@ class StereoDrift:
         gap = bias.px - self.bias_px
         found = self.skew
         new = self.skew_s is None or abs(found.skew_s - self.skew_s) > _NEW_SKEW_S
-        if not self._told and found.sure and new:
+        if not self._skew_is_reported and found.sure and new:
             skew, self.skew_s = True, found.skew_s
             # The bias estimate and the key view were made without this skew.
             change, self.bias, self.bias_px, self._key = -self.bias_px, DisparityBias(), 0.0, None

@@ -97,12 +97,12 @@ class UnseenRegions:
         cause[known >= _SEEN_SHARE] = ord(".")
         if self._fill(cause == ord("u"), _UNMATCHED_SHARE):
             cause[_near(view, parameters.max_disparity_px, known)] = ord("n")
-        told = _within(reported, grid, plain.shape)
-        moves[told] = 0
+        on_reported = _within(reported, grid, plain.shape)
+        moves[on_reported] = 0
         hidden = (cause != ord(".")) & ~self._background(cause == ord("p"), static, moves)
-        hides = self._fill(hidden & ~told, _HIDING_SHARE)
-        cause[_within(tentative, grid, plain.shape) & ~told] = ord("t")
-        return _told(cause, _SIDE * grid.reduction, hides=hides)
+        hides = self._fill(hidden & ~on_reported, _HIDING_SHARE)
+        cause[_within(tentative, grid, plain.shape) & ~on_reported] = ord("t")
+        return _summarized(cause, _SIDE * grid.reduction, hides=hides)
 
     def _fill(self, cells: Mask, share: float) -> bool:
         """Return whether the cells (rows, columns) fill this share of any person-sized window."""
@@ -114,7 +114,7 @@ class UnseenRegions:
         return background(regions.astype(np.int64), count, static, moves, *self._fits)
 
 
-def _told(cause: Letters, cell_px: int, *, hides: bool) -> Unseen:
+def _summarized(cause: Letters, cell_px: int, *, hides: bool) -> Unseen:
     counts = np.bincount(cause.ravel(), minlength=256) / cause.size
     shares = {name: float(counts[ord(name[0])]) for name in UNSEEN_BECAUSE}
     ordered = sorted(shares, key=lambda name: -shares[name])

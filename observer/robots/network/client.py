@@ -348,14 +348,14 @@ class DemoRobot:
 def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.05) -> None:
     """Act as a simulated robot, and reconnect whenever the connection is lost."""
     robot = DemoRobot()
-    told: str | None = None
+    printed: str | None = None
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         permit = client.permitted()
         robot.step(permit, period_s)
         line = f"{robot.speed:.1f} m/s" if permit.reason is None else permit.reason
-        if line != told:
-            told = line
+        if line != printed:
+            printed = line
             print(f"x {robot.x:.2f} y {robot.y:.2f}: {line}", flush=True)  # noqa: T201
         try:
             if not client.connected:
@@ -363,9 +363,9 @@ def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.
             state = robot.x, robot.y, robot.yaw, robot.speed, robot.turn_rate
             client.report(*state, enabled=not client.permitted().stop)
         except ExternalClientError as error:
-            if str(error) != told:
-                told = str(error)
-                print(told, file=sys.stderr, flush=True)  # noqa: T201
+            if str(error) != printed:
+                printed = str(error)
+                print(printed, file=sys.stderr, flush=True)  # noqa: T201
             time.sleep(0.5)
         time.sleep(period_s)
 

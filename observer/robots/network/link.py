@@ -264,7 +264,7 @@ class ExternalLink:
         self._permit, self._permit_due = permit, now + PERMIT_INTERVAL_S
         with self._lock:
             if self._watch.phase is RobotPhase.CONNECTED:
-                self._watch.told(permit, sequence, now)
+                self._watch.permit_sent(permit, sequence, now)
 
     def _send(self, connection: _Connection, line: bytes) -> bool:
         """Send a line; return whether at least its beginning went out. Never blocks."""
@@ -283,11 +283,11 @@ class ExternalLink:
             return False
         return True
 
-    def _drop(self, connection: _Connection, told: str | None, sentence: str = "") -> None:
+    def _drop(self, connection: _Connection, refusal: str | None, sentence: str = "") -> None:
         """Close a connection.
 
         Args:
-            told: reason sent to the peer, None for none. sentence: why the robot was lost.
+            refusal: reason sent to the peer, None for none. sentence: why the robot was lost.
         """
         if connection not in self._strangers and connection is not self._robot:
             return
@@ -298,8 +298,8 @@ class ExternalLink:
                 self._watch.lost(sentence or "the connection to the robot was lost")
         else:
             self._strangers.remove(connection)
-        if told is not None and not connection.unsent:
-            self._send(connection, refusal_line(told))
+        if refusal is not None and not connection.unsent:
+            self._send(connection, refusal_line(refusal))
         connection.socket.close()
 
 

@@ -84,9 +84,9 @@ class ExternalWatch:
         self._place.move(message)
         # A delayed message arrives now but describes an earlier moment.
         self._heard = max(self._heard, now - self._delay.of(message.time, now))
-        told = self._permit_times.get(message.permit)
-        if told is not None:
-            self._confirmed = max(self._confirmed, told)
+        sent_at = self._permit_times.get(message.permit)
+        if sent_at is not None:
+            self._confirmed = max(self._confirmed, sent_at)
             for old in [each for each in self._permit_times if each < message.permit]:
                 del self._permit_times[old]
         if message.fault is not None:
@@ -187,7 +187,7 @@ class ExternalWatch:
             return Permit(*_ZERO, False, "its motors are not on yet")
         return Permit(*self._setpoint, False, self._reason)
 
-    def told(self, permit: Permit, sequence: int, now: float) -> None:
+    def permit_sent(self, permit: Permit, sequence: int, now: float) -> None:
         """Note that a permit went out."""
         if self._enabled_at is not None and self._enabled_by is None and not permit.stop:
             self._enabled_by = sequence

@@ -43,7 +43,7 @@ _REOPENING_TIMES = 3.0
 _SHORTEST_PAUSE_S = 0.25
 _LONGEST_PAUSE_S = 2.0
 # Delay before a new process is started, which takes time: the fault is reported first.
-_TOLD_S = 0.05
+_REPORTED_S = 0.05
 # A camera that delivered for this long does not fail at every start, so its pause is not doubled.
 _LASTED_S = 1.0
 # Two equal images before this one: a noise-free image that repeats once is not a fault.
@@ -86,7 +86,7 @@ class LiveCamera:
         self._pause = 0.0
         self._opening_s = 0.0
         self._fault: str | None = None
-        self._told: str | None = None
+        self._reported: str | None = None
         self._insists = False
         self._attended_since = now
         self._last_arrival = now
@@ -133,7 +133,7 @@ class LiveCamera:
         if self._state == "pausing":
             if now >= self._since + self._pause:
                 self._start(now)
-            elif self._process is None and now >= self._since + _TOLD_S:
+            elif self._process is None and now >= self._since + _REPORTED_S:
                 # Early, as its imports take as long as the pause; it opens nothing until commanded.
                 with contextlib.suppress(OSError):
                     self._process = GrabberProcess()
@@ -165,14 +165,14 @@ class LiveCamera:
 
     def recovered(self) -> None:
         """Forget the last fault: the camera delivered."""
-        self._fault = self._told = None
+        self._fault = self._reported = None
         self._insists = False
 
     def trouble(self, now: float) -> str | None:
         """Return one sentence on what is wrong with it; None where nothing is."""
         fault = self._present_fault(now)
-        self._told = None if fault is None else f"{self} {fault}"
-        return self._told
+        self._reported = None if fault is None else f"{self} {fault}"
+        return self._reported
 
     def report(self) -> CameraReport:
         """Return its state as of the last ``poll``; callable from any thread."""
@@ -185,7 +185,7 @@ class LiveCamera:
             side=self.side,
             device=self.target.name,
             state="open" if self._state == "delivering" else stopped,
-            trouble=self._told,
+            trouble=self._reported,
             settings=settings,
             refused=() if opened is None else opened.refused,
         )

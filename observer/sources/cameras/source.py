@@ -62,7 +62,7 @@ class CameraSource:
         self._dropped = 0
         self._last_time: float | None = None
         self._left_out = False
-        self._told: str | None = None
+        self._reported: str | None = None
         self._closed = False
         self._ahead = False
         now = time.monotonic()
@@ -107,12 +107,12 @@ class CameraSource:
                 self._leave_old(now)
             frame = self._decide(now)
             if frame is not None:
-                self._told = None
+                self._reported = None
                 self._last_read = now
                 return frame
             trouble = self._trouble(now)
-            if now >= deadline or (trouble is not None and trouble != self._told):
-                self._told = trouble
+            if now >= deadline or (trouble is not None and trouble != self._reported):
+                self._reported = trouble
                 self._last_read = now
                 return NoFrame(trouble)
             self._wait(min(deadline - now, _GLANCE_S))

@@ -26,8 +26,8 @@ _MOST_POSES = 200
 _MOST_STEPS = 30
 Function = Callable[[Float64Array], Float64Array]
 # Sigmas of assumptions: offset on the body, a known vertical, a guessed vertical.
-_OFFSET_M, _UP_TOLD_RAD, _UP_GUESSED_RAD = 0.3, 0.01, 0.1
-_TOLD_M, _TOLD_RAD, _FREE_RAD = 0.003, 0.01, 3.0
+_OFFSET_M, _UP_GIVEN_RAD, _UP_GUESSED_RAD = 0.3, 0.01, 0.1
+_GIVEN_M, _GIVEN_RAD, _FREE_RAD = 0.003, 0.01, 3.0
 _HEIGHT_M = 0.01
 # A degree of freedom counts as observed if the data reduce its assumed sigma to this share, and
 # its sigma is below five times the values for metres and radians.
@@ -145,20 +145,20 @@ class _Problem:
         self._Rb, self._pb = body[:, :3, :3], body[:, :3, 3]
         self._seen, self._true = points
         self._assumed = assumed
-        told = assumed.T_body_camera
+        given = assumed.T_body_camera
         up, self._up_sigma = np.array([0.0, -1.0, 0.0]), _UP_GUESSED_RAD
         if assumed.up_world is not None:
-            up, self._up_sigma = np.asarray(assumed.up_world), _UP_TOLD_RAD
-        elif told is not None:
+            up, self._up_sigma = np.asarray(assumed.up_world), _UP_GIVEN_RAD
+        elif given is not None:
             # The body's pose gives the vertical; the given extrinsics carry it to the camera.
-            tops = self._Rc @ told.rotation.T @ np.swapaxes(self._Rb, 1, 2)[:, :, 2:]
-            up, self._up_sigma = tops[:, :, 0].mean(axis=0), _UP_TOLD_RAD
+            tops = self._Rc @ given.rotation.T @ np.swapaxes(self._Rb, 1, 2)[:, :, 2:]
+            up, self._up_sigma = tops[:, :, 0].mean(axis=0), _UP_GIVEN_RAD
         self._up = up / np.linalg.norm(up)
-        self._offset = np.zeros(3) if told is None else told.translation
-        self._offset_sigma = _OFFSET_M if told is None else _TOLD_M
+        self._offset = np.zeros(3) if given is None else given.translation
+        self._offset_sigma = _OFFSET_M if given is None else _GIVEN_M
         level = Pose.from_rotvec([0, 0, yaw], np.zeros(3)).rotation
         self._R0 = upright(self._up).T @ level
-        self._X0 = self._Rb[0].T @ self._R0.T @ self._Rc[0] if told is None else told.rotation
+        self._X0 = self._Rb[0].T @ self._R0.T @ self._Rc[0] if given is None else given.rotation
         self.begin = np.zeros(12)
         middle = np.mean(self._pb + self._Rb @ self._offset, axis=0)
         self.begin[3:6] = np.mean(self._pc, axis=0) - self._R0 @ middle
@@ -192,9 +192,9 @@ class _Problem:
             (Rw[:, 2] - self._up) / self._up_sigma,
             (tx - self._offset) / self._offset_sigma,
         ]
-        told = self._assumed.T_body_camera
-        priors.append(x[6:9] / (_FREE_RAD if told is None else _TOLD_RAD))
-        if self._assumed.camera_height_m is not None and told is None:
+        given = self._assumed.T_body_camera
+        priors.append(x[6:9] / (_FREE_RAD if given is None else _GIVEN_RAD))
+        if self._assumed.camera_height_m is not None and given is None:
             height = float((self._pb[:, 2] + (self._Rb @ tx)[:, 2]).mean())
             priors.append(np.array([(height - self._assumed.camera_height_m) / _HEIGHT_M]))
         return np.concatenate([self._data(x), *priors])
@@ -226,16 +226,16 @@ class _Problem:
         )
 
     def _notes(self, observed: tuple[bool, ...]) -> tuple[str, ...]:
-        open_ = [name for name, told in zip(_NAMES, observed, strict=True) if not told]
+        open_ = [name for name, known in zip(_NAMES, observed, strict=True) if not known]
         if not open_:
             return ()
-        told = self._assumed.T_body_camera is not None
+        given = self._assumed.T_body_camera is not None
         listed = ", ".join(open_)
-        source = "the given values are used" if told else "default values are assumed"
-        if not told and self._assumed.camera_height_m is not None and open_ == ["height"]:
+        source = "the given values are used" if given else "default values are assumed"
+        if not given and self._assumed.camera_height_m is not None and open_ == ["height"]:
             source = "it follows from the height of the mount above the floor"
         elif open_ == ["height"]:
-            source = "the given value is used" if told else "the body's own is assumed"
+            source = "the given value is used" if given else "the body's own is assumed"
         why = (
             "planar motion does not determine"
             if open_ == ["height"]

@@ -52,7 +52,7 @@ class NewestTruth:
     def __init__(self) -> None:
         self._samples: dict[str, deque[BodySample]] = {}
         # By body, on the server's clock: the last instant returned, so that none is repeated.
-        self._told: dict[str, float] = {}
+        self._returned: dict[str, float] = {}
 
     def add(self, samples: Iterable[BodySample]) -> None:
         """Add samples as ``LiveCapture.drain`` returns them."""
@@ -108,7 +108,7 @@ class NewestTruth:
         if body is None:
             return None
         stamp = min(wanted, float(body.times[-1 - _BEHIND]))
-        if wanted - stamp > _OLDEST_S or stamp <= self._told.get(name, -math.inf):
+        if wanted - stamp > _OLDEST_S or stamp <= self._returned.get(name, -math.inf):
             return None
         offset = alignment.centre(name)
         at = np.array([stamp])
@@ -116,11 +116,11 @@ class NewestTruth:
         velocity = _velocity(body, offset, stamp)
         if velocity is None or not np.isfinite(place).all():
             return None
-        self._told[name] = stamp
+        self._returned[name] = stamp
         velocity = velocity / (1 + 1e-6 * alignment.time.drift_ppm)
         heading = velocity if body.rotations is None else body_poses(body, at)[0, :3, 0]
-        told = time if stamp == wanted else time - (wanted - stamp)
-        return told, (place, velocity, heading)
+        instant = time if stamp == wanted else time - (wanted - stamp)
+        return instant, (place, velocity, heading)
 
     def _around(self, name: str, stamp: float) -> Trajectory | None:
         """Return the samples around an instant on the server's clock."""

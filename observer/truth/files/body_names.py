@@ -20,8 +20,8 @@ class BodyNames:
         self._taken: set[str] = set()
         self._next: dict[str, int] = {}
 
-    def of(self, told: str) -> str:
-        """Return the name for a body that the file calls ``told``; ``unnamed`` if it is empty.
+    def of(self, written: str) -> str:
+        """Return the name for a body that the file calls ``written``; ``unnamed`` if it is empty.
 
         Raises:
             TruthError: the file has too many bodies.
@@ -30,7 +30,7 @@ class BodyNames:
             raise TruthError(
                 f"{self._file}: there are more than {_MOST_BODIES} bodies or markers; export fewer"
             )
-        plain = " ".join(told.split())[:_MOST_CHARACTERS] or "unnamed"
+        plain = " ".join(written.split())[:_MOST_CHARACTERS] or "unnamed"
         name = plain
         while name in self._taken:
             number = self._next.get(plain, 2)

@@ -137,10 +137,10 @@ class _Trial:
 
     def _first_frame(self) -> int:
         """Return the first frame's number; the package misreads large ones."""
-        told = self._reader.get("TRIAL:ACTUAL_START_FIELD")
-        if told is None:
+        start = self._reader.get("TRIAL:ACTUAL_START_FIELD")
+        if start is None:
             return int(self._reader.first_frame)
-        low, high = (int(word) for word in told.uint16_array[:2])
+        low, high = (int(word) for word in start.uint16_array[:2])
         return low + (high << 16)
 
     def _positions(self) -> Float64Array:

@@ -69,7 +69,7 @@ def read_motive(lines: TextLines) -> Capture:
     names = BodyNames(lines.name)
     found = {}
     for columns in bodies:
-        name = names.of(columns.told)
+        name = names.of(columns.name)
         found[name] = _trajectory(name, rows, times, columns, facts)
     notes = [
         f"positions are in {facts.unit}, rotated from y up (Motive's default) to z up",
@@ -100,19 +100,19 @@ class _Facts:
     @staticmethod
     def of(lines: TextLines, cells: Sequence[str]) -> _Facts:
         # A comma in a take's notes shifts the cells after it, so search for the keys.
-        told = {key.strip(): value.strip() for key, value in pairwise(cells)}
-        unit = told.get("Length Units", "left out")
+        facts = {key.strip(): value.strip() for key, value in pairwise(cells)}
+        unit = facts.get("Length Units", "left out")
         if unit.lower() not in _UNITS:
             raise TruthError(
                 f"{lines.where()}: Length Units must be {', '.join(_UNITS)}, not {unit[:20]!r}"
             )
-        space = told.get("Coordinate Space", "Global")
+        space = facts.get("Coordinate Space", "Global")
         if space != "Global":
             raise TruthError(
                 f"{lines.where()}: export with the Coordinate Space Global, not {space[:20]!r}"
             )
-        rate = _rate(told.get("Export Frame Rate", ""))
-        return _Facts(*_UNITS[unit.lower()], rate, told.get("Rotation Type", "left out"))
+        rate = _rate(facts.get("Export Frame Rate", ""))
+        return _Facts(*_UNITS[unit.lower()], rate, facts.get("Rotation Type", "left out"))
 
 
 @dataclass(frozen=True)
@@ -128,15 +128,15 @@ class _Header:
     @property
     def labels(self) -> list[str]:
         """Names of the columns, for messages."""
-        told = zip(self.names, self.kinds, self.axes, strict=True)
-        return [" ".join(filter(None, t))[:40] or f"column {k}" for k, t in enumerate(told, 1)]
+        parts = zip(self.names, self.kinds, self.axes, strict=True)
+        return [" ".join(filter(None, t))[:40] or f"column {k}" for k, t in enumerate(parts, 1)]
 
 
 @dataclass(frozen=True)
 class _Body:
     """Columns of a body: of x, y, z, and of its rotation in the order of its values, if any."""
 
-    told: str
+    name: str
     place: tuple[int, ...]
     turn: tuple[int, ...]
 
@@ -153,9 +153,9 @@ class _Axes:
     rotation: dict[str, int] = field(default_factory=dict)
 
 
-def _rate(told: str) -> float | None:
+def _rate(text: str) -> float | None:
     try:
-        rate = float(told.replace("_", "?").replace(",", "."))
+        rate = float(text.replace("_", "?").replace(",", "."))
     except ValueError:
         return None
     return rate if 0 < rate <= FASTEST_HZ else None

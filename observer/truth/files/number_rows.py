@@ -60,8 +60,8 @@ class NumberRows:
         """
         if len(wrong):
             row = int(wrong[0])
-            told = why if isinstance(why, str) else why(row)
-            raise TruthError(f"{self._file.where(int(self._lines[row]), cell)}: {told}")
+            reason = why if isinstance(why, str) else why(row)
+            raise TruthError(f"{self._file.where(int(self._lines[row]), cell)}: {reason}")
 
 
 def read_numbers(

@@ -138,11 +138,11 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
         return "vicon csv", lines
     if is_plain_csv(first[0]):
         return "plain csv", lines
-    told = next(
+    first_data = next(
         (line for line in lines.look(_MOST_COMMENTS) if line.strip() and line.lstrip()[0] != "#"),
         first[0],
     )
-    if is_tum(told):
+    if is_tum(first_data):
         return "tum", lines
     raise TruthError(
         f"{name}: not a known motion-capture format (it starts with {first[0].strip()[:60]!r}); "

@@ -90,8 +90,8 @@ def read_plain_csv(lines: TextLines) -> Capture:
     )
     found = {}
     names = BodyNames(lines.name)
-    for number, told in enumerate(rows.names or [_ONLY_BODY]):
-        name = names.of(told)
+    for number, label in enumerate(rows.names or [_ONLY_BODY]):
+        name = names.of(label)
         found[name] = table.trajectory(name, bodies == number)
     notes = (f"positions are in {length_word(unit)}", *table.notes)
     return Capture("EuRoC ground truth" if euroc else "plain CSV", None, found, notes)

@@ -150,26 +150,27 @@ def _read_section(first: str, found: _Found) -> None:
 def _rate(rows: Sequence[Sequence[str]], bodies: int, found: _Found) -> float:
     """Return the rate, 1/s, as requested or from the rows between the title and the names."""
     name = found.lines.name
-    told = next((value for row in rows if (value := _number(row)) is not None), None)
-    if told is not None and told == bodies and told < _SLOWEST_HZ:
+    rate_hz = next((value for row in rows if (value := _number(row)) is not None), None)
+    if rate_hz is not None and rate_hz == bodies and rate_hz < _SLOWEST_HZ:
         # Some versions write the number of objects there.
-        told = None
+        rate_hz = None
     if found.rate_hz is not None:
-        if told is not None and told != found.rate_hz:
+        if rate_hz is not None and rate_hz != found.rate_hz:
             found.notes.append(
-                f"the rate is {found.rate_hz:g} Hz as requested, although the file says {told:g} Hz"
+                f"the rate is {found.rate_hz:g} Hz as requested, although the file says "
+                f"{rate_hz:g} Hz"
             )
-        told = found.rate_hz
-    if told is None:
+        rate_hz = found.rate_hz
+    if rate_hz is None:
         raise TruthError(
             f"{name}: the file does not state its frame rate (Tracker 3.5 omits it); give the "
             "frame rate of the capture system in Hz"
         )
-    if not 0 < told <= FASTEST_HZ:
+    if not 0 < rate_hz <= FASTEST_HZ:
         raise TruthError(
-            f"{name}: the frame rate must be above 0 and at most {FASTEST_HZ:g} Hz, not {told:g}"
+            f"{name}: the frame rate must be above 0 and at most {FASTEST_HZ:g} Hz, not {rate_hz:g}"
         )
-    return told
+    return rate_hz
 
 
 def _times(rows: NumberRows, rate: float) -> Float64Array:

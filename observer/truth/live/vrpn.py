@@ -85,13 +85,13 @@ def check_cookie(cookie: bytes) -> str | None:
     Raises:
         VrpnError: it has another major version, or is not VRPN at all.
     """
-    told = cookie.split(b"\0")[0].decode("ascii", "replace").strip()
+    greeting = cookie.split(b"\0")[0].decode("ascii", "replace").strip()
     if not cookie.startswith(_ANY_VERSION):
         raise VrpnError(f"it is not a VRPN server: it starts with {cookie[:COOKIE_LENGTH]!r}")
     if not cookie.startswith(_MAJOR):
-        raise VrpnError(f"it uses another VRPN version ({told!r}); 07 is needed")
+        raise VrpnError(f"it uses another VRPN version ({greeting!r}); 07 is needed")
     if not cookie.startswith(COOKIE[:16]):
-        return f"the server uses VRPN {told!r}; any 07 version works"
+        return f"the server uses VRPN {greeting!r}; any 07 version works"
     return None
 
 

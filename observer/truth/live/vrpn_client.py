@@ -130,11 +130,11 @@ class VrpnCapture(LiveCapture):
         heard = asked = self._clock()
         data, received = rest, heard
         while not self._wakeup.ended:
-            for told in conversation.feed(data):
-                if isinstance(told, TrackerPose):
-                    self._pose(told, received)
-                elif told.type == PING_TYPE:
-                    self._send(connection, speaker.say(PONG_TYPE, told.sender))
+            for message in conversation.feed(data):
+                if isinstance(message, TrackerPose):
+                    self._pose(message, received)
+                elif message.type == PING_TYPE:
+                    self._send(connection, speaker.say(PONG_TYPE, message.sender))
             if not self._wakeup.wait(_ASK_EVERY_S, connection):
                 data = b""
                 now = self._clock()

@@ -241,7 +241,7 @@ def test_robots_and_people_apart_where_the_truth_tells_them_apart() -> None:
         Sample(2, 0.4, 0.0, matched=True, box_iou=0.5, kind="person"),
         Sample(2, 0.4, 0.0, matched=True, box_iou=0.3, kind="person"),
         Sample(2, 0.4, 0.0, matched=False, kind="person"),
-        Sample(2, 0.4, 0.0, matched=False, kind="person", told=True),
+        Sample(2, 0.4, 0.0, matched=False, kind="person", accounted=True),
     ]
     robots, people = break_down([Tally(samples=samples)]).by_body
     assert (robots.label, robots.count, robots.recall, robots.box_iou_median) == (

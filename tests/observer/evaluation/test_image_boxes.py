@@ -92,14 +92,14 @@ def unseen(*rows: str) -> dict[str, Any]:
     ],
 )
 def test_a_miss_is_told_where_the_line_says_that_it_could_not_see(
-    changes: dict[str, Any], told: bool
+    changes: dict[str, Any], accounted: bool
 ) -> None:
     truth = BoxedTruth(box_px=(-0.5, -0.5, 9.5, 19.5))
     result = evaluate([line(k, [], **changes) for k in range(20)], truth)
     assert result.missed == 14
-    assert result.missed_told == (14 if told else 0)
-    assert result.misses_not_told == (0 if told else 14)
-    assert result.misses_not_told_share == (0.0 if told else 1.0)
+    assert result.missed_told == (14 if accounted else 0)
+    assert result.misses_not_told == (0 if accounted else 14)
+    assert result.misses_not_told_share == (0.0 if accounted else 1.0)
 
 
 def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
@@ -138,7 +138,7 @@ def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_
     """A body that reverses counts as stopped for a moment, but is not unseen."""
     truth = BoxedTruth()
 
-    def told(off_mps: float, aside_m: float = 0.0, cov: object = None) -> int:
+    def accounted(off_mps: float, aside_m: float = 0.0, cov: object = None) -> int:
         lines = perfect(truth, 20, error=(off_mps, 0.0, 0.0), offset=(aside_m, 0.0, 0.0))
         for each in lines:
             each["obstacles"][0].update(motion=motion, velocity_cov=cov)
@@ -148,11 +148,11 @@ def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_
 
     cov = (np.eye(3) * 0.1**2).tolist()
     # 95 % lie within 2.8 standard deviations.
-    assert told(0.27, cov=cov) == 14
-    assert told(0.29, cov=cov) == 0
-    assert told(0.0, aside_m=1.0, cov=cov) == 0
+    assert accounted(0.27, cov=cov) == 14
+    assert accounted(0.29, cov=cov) == 0
+    assert accounted(0.0, aside_m=1.0, cov=cov) == 0
     # Without a stated uncertainty the velocity is neither right nor wrong.
-    assert told(0.0) == 0
+    assert accounted(0.0) == 0
 
 
 def test_no_misses_no_share() -> None:

@@ -80,7 +80,7 @@ class Door:
         self.served.close()
 
     def say(self, data: bytes) -> None:
-        """Write all of it; the robot reads it while its clock wheels_stand."""
+        """Write all of it; the robot reads it while its clock stands."""
         at = 0
         while at < len(data):
             # A pseudo terminal takes at most 4096 bytes at once.

@@ -50,7 +50,7 @@ class Scene:
             self.watch.drive(*drive, self.now)
         self.permit = self.watch.permit(self.now)
         self.sequence += 1
-        self.watch.told(self.permit, self.sequence, self.now)
+        self.watch.permit_sent(self.permit, self.sequence, self.now)
         if self.confirms:
             self.confirmed = self.sequence
         if self.obeys:

@@ -17,7 +17,7 @@ VELOCITY_95_CHI2 = quantile(0.95, df=3)
 _STANDING = ("stopped", "in_place")
 
 
-def is_told(line: Line, body: TrueBody, world: Pose, gate_m: float) -> bool:
+def is_accounted_for(line: Line, body: TrueBody, world: Pose, gate_m: float) -> bool:
     """Return whether a line flags that this body may have been missed, or reports its place.
 
     Args:
