@@ -213,12 +213,12 @@ class Encoder:
         if not samples:
             return
         # The fields of ``SamplePayload``.
-        samples = [
+        payloads = [
             {**vars(s), "rotation": None if s.rotation is None else s.rotation.ravel()}
             for s in samples
         ]
         newest = max(sample.received for sample in samples)
-        self._keep([self._own(topics.MOTION_CAPTURE, {"samples": samples}, newest)])
+        self._keep([self._own(topics.MOTION_CAPTURE, {"samples": payloads}, newest)])
 
     def robot(self, row: RobotRow) -> None:
         """Record the state of one robot at one instant."""

@@ -164,7 +164,7 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
 
 def _flat(row: Row, version: str) -> Mapping[str, Any]:
     outcome = row.outcome
-    row: dict[str, Any] = {
+    flat: dict[str, Any] = {
         "combination": row.combination.number,
         "preset": row.combination.preset,
         "source": row.source.name,
@@ -175,8 +175,8 @@ def _flat(row: Row, version: str) -> Mapping[str, Any]:
         **row.figures,
     }
     if outcome is None or outcome.error:
-        return row | {"error": None if outcome is None else outcome.error}
-    return row | {
+        return flat | {"error": None if outcome is None else outcome.error}
+    return flat | {
         "frames_observed": outcome.frames,
         "frames_skipped": outcome.skipped,
         "median_ms": outcome.median_ms,
