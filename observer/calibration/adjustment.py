@@ -48,7 +48,7 @@ class Corners:
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class StereoModel:
     """Parameters that are estimated.
 
     Attributes:
@@ -89,7 +89,7 @@ class Rig:
             *self.size, left.K, left.D, right.K, right.D, self.R, self.T, left.model
         )
 
-    def changed(self, change: Float64Array) -> Rig:
+    def changed(self, change: Float64Array) -> StereoModel:
         """Return the rig with its global parameters changed by (G,), as ``Adjusted.covariance``."""
         each = self.free_count
         lenses = []
@@ -106,7 +106,7 @@ class Rig:
 
 # Derivatives (N, 2, F) of one camera's pixels by parameters that an adjustment does not estimate.
 # Arguments: the rig, the camera's number, its corners and their derivatives by pose (N, 2, 6).
-FurtherDerivatives: TypeAlias = Callable[[Rig, int, Corners, Float64Array], Float64Array]
+FurtherDerivatives: TypeAlias = Callable[[StereoModel, int, Corners, Float64Array], Float64Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +121,14 @@ class Adjusted:
         scatter_px: standard deviation of a residual's component, by the degrees of freedom.
     """
 
-    rig: Rig
+    rig: StereoModel
     residuals: tuple[Float64Array, ...]
     covariance: Float64Array | None
     scatter_px: float
 
 
 def adjust(
-    rig: Rig,
+    rig: StereoModel,
     corners: Sequence[Corners],
     *,
     soft_px: float = np.inf,
@@ -230,7 +230,7 @@ class _Linear:
 
 
 def reduced_by_view(
-    rig: Rig,
+    rig: StereoModel,
     corners: Sequence[Corners],
     soft_px: float,
     further: FurtherDerivatives | None = None,
@@ -253,7 +253,7 @@ def reduced_by_view(
 
 
 def derivatives(
-    rig: Rig, camera: int, corners: Corners
+    rig: StereoModel, camera: int, corners: Corners
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Residuals (N, 2) px, seen minus expected, and the derivatives of the expected pixels.
 
@@ -281,7 +281,7 @@ def derivatives(
 
 
 def _linear(
-    rig: Rig,
+    rig: StereoModel,
     corners: Sequence[Corners],
     soft_px: float,
     hold: bool,
@@ -331,7 +331,7 @@ def _weighed(residual: Float64Array, soft_px: float) -> tuple[Float64Array, floa
     return weight, float(cost.sum())
 
 
-def _moved(rig: Rig, lens: Float64Array, pose: Float64Array) -> Rig:
+def _moved(rig: StereoModel, lens: Float64Array, pose: Float64Array) -> StereoModel:
     changed = rig.changed(lens)
     return replace(
         changed,

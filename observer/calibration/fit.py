@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.adjustment import Corners, Rig, adjust
+from observer.calibration.adjustment import Corners, StereoModel, adjust
 from observer.calibration.board import Board, BoardView
 from observer.calibration.flatness import board_bend
 from observer.calibration.held_out import (
@@ -139,7 +139,7 @@ class _Work:
         out[list(self.refused)] = False
         return out
 
-    def camera_alone(self, camera: int) -> Rig:
+    def camera_alone(self, camera: int) -> StereoModel:
         """Fit one camera by itself."""
         side = ("left", "right")[camera]
         self._report(f"fitting the {side} camera", 0.02 + 0.2 * camera)
@@ -173,7 +173,7 @@ class _Work:
         check_camera(found, seen, f"the {side} camera")
         return found.rig
 
-    def pair(self, left: Rig, right: Rig) -> tuple[Rig, float]:
+    def pair(self, left: StereoModel, right: StereoModel) -> tuple[StereoModel, float]:
         """Fit both cameras; also return the length, px, from which residuals are outliers."""
         self._report("fitting both cameras", 0.45)
         views, usable = len(self.views), self.usable()
@@ -218,8 +218,12 @@ class _Work:
         return rig, soft_px
 
     def with_supported_terms(
-        self, rig: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_], soft_px: float
-    ) -> tuple[Rig, Folds | None]:
+        self,
+        rig: StereoModel,
+        corners: tuple[Corners, Corners],
+        both: NDArray[np.bool_],
+        soft_px: float,
+    ) -> tuple[StereoModel, Folds | None]:
         """Return the rig with as many distortion terms as held-out views confirm."""
         words = "validating on held-out views"
 

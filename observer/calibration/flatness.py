@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.calibration.adjustment import Corners, Rig, derivatives
+from observer.calibration.adjustment import Corners, StereoModel, derivatives
 from observer.calibration.board import Board
 from observer.geometry import Float64Array
 
@@ -32,7 +32,7 @@ class Bend:
 
 
 def board_bend(
-    rig: Rig, corners: tuple[Corners, Corners], board: Board, scatter_px: float
+    rig: StereoModel, corners: tuple[Corners, Corners], board: Board, scatter_px: float
 ) -> Bend | None:
     """Return the bend that best explains the fit's residuals, with all other parameters free.
 

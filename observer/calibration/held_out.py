@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.adjustment import Corners, Rig, adjust
+from observer.calibration.adjustment import Corners, StereoModel, adjust
 from observer.calibration.uncertainty import rectified_directions
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
@@ -48,11 +48,11 @@ class HeldOut:
 
 
 # Rigs, each fitted without one fold, and the views (V,) of that fold.
-Folds: TypeAlias = list[tuple[Rig, NDArray[np.bool_]]]
+Folds: TypeAlias = list[tuple[StereoModel, NDArray[np.bool_]]]
 
 
 def fit_folds(
-    rig: Rig,
+    rig: StereoModel,
     corners: tuple[Corners, Corners],
     both: NDArray[np.bool_],
     soft_px: float,

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
+from observer.calibration.adjustment import Adjusted, Corners, StereoModel, adjust
 from observer.calibration.lens import Lens
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
@@ -57,7 +57,7 @@ def begin_camera(
         lens = Lens.ideal(model, share * size[0], *size)
         # Before there are poses, the board is a metre in front of the camera.
         ahead = np.tile(np.eye(3), (views, 1, 1)), np.tile([0.0, 0.0, 1.0], (views, 1))
-        rig = Rig(size, (lens,), focal_only, np.eye(3), np.zeros(3), *ahead)
+        rig = StereoModel(size, (lens,), focal_only, np.eye(3), np.zeros(3), *ahead)
         rig = with_poses(rig, 0, corners)
         found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX, iterations=_TRIAL_STEPS)
         length = np.linalg.norm(found.residuals[0], axis=1)
@@ -75,7 +75,7 @@ def begin_camera(
     return adjust(again, [corners], soft_px=FIRST_SOFT_PX)
 
 
-def with_poses(rig: Rig, camera: int, corners: Corners) -> Rig:
+def with_poses(rig: StereoModel, camera: int, corners: Corners) -> StereoModel:
     """Return the rig with T_left_board of each view as estimated from this camera alone.
 
     Two poses explain a flat board almost equally well (Collins and Bartoli: Infinitesimal
@@ -96,8 +96,8 @@ def with_poses(rig: Rig, camera: int, corners: Corners) -> Rig:
 
 
 def begin_pair(
-    left: Rig, right: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_]
-) -> tuple[Rig, NDArray[np.bool_]]:
+    left: StereoModel, right: StereoModel, corners: tuple[Corners, Corners], both: NDArray[np.bool_]
+) -> tuple[StereoModel, NDArray[np.bool_]]:
     """Return the pair from two separately fitted cameras, and which views (V,) agree on it.
 
     Each view in ``both`` (V,) gives a pose of the right camera. The one that most others agree with

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from observer.calibration.adjustment import Corners, Rig, reduced_by_view
+from observer.calibration.adjustment import Corners, StereoModel, reduced_by_view
 from observer.calibration.board import Board
 from observer.calibration.flatness import BEND_SHAPES, bend_shapes
 from observer.geometry import Float64Array
@@ -22,7 +22,7 @@ _COEFFICIENT = 0.1
 
 
 def model_shift(
-    rig: Rig, corners: Sequence[Corners], board: Board, soft_px: float, scatter_px: float
+    rig: StereoModel, corners: Sequence[Corners], board: Board, soft_px: float, scatter_px: float
 ) -> Float64Array:
     """Return the change (G,) of the global parameters towards the richer model.
 
@@ -32,7 +32,9 @@ def model_shift(
     """
     extra = _distortion_count(rig)
 
-    def further(rig: Rig, camera: int, seen: Corners, by_pose: Float64Array) -> Float64Array:
+    def further(
+        rig: StereoModel, camera: int, seen: Corners, by_pose: Float64Array
+    ) -> Float64Array:
         by_extra = np.zeros((len(seen.px), 2, BEND_SHAPES + extra * len(rig.lenses)))
         out_of_board = np.einsum("nij,nj->ni", by_pose[:, :, 3:], rig.board_R[seen.view][:, :, 2])
         shapes = bend_shapes(seen.on_board, board)
@@ -52,12 +54,12 @@ def model_shift(
     return np.asarray((scale * step)[: rig.global_count], dtype=np.float64)
 
 
-def _distortion_count(rig: Rig) -> int:
+def _distortion_count(rig: StereoModel) -> int:
     """Number of terms of each lens that the fit did not estimate, plus one."""
     return len(rig.free) - rig.free_count + 1
 
 
-def _by_distortion(rig: Rig, camera: int, seen: Corners) -> Float64Array:
+def _by_distortion(rig: StereoModel, camera: int, seen: Corners) -> Float64Array:
     """(N, 2, E) derivatives by the terms that the fit did not estimate and the next radial one."""
     place = np.einsum("nij,nj->ni", rig.board_R[seen.view], seen.on_board) + rig.board_t[seen.view]
     if camera == 1:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
+from observer.calibration.adjustment import Adjusted, Corners, StereoModel, adjust
 from observer.calibration.board import FEWEST_CORNERS, Board
 from observer.calibration.initialization import with_poses
 from observer.geometry import Float64Array
@@ -108,7 +108,7 @@ def stray_corners(residuals: Float64Array, corners: Corners, soft_px: float) -> 
 
 
 def posed(
-    rig: Rig, corners: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
+    rig: StereoModel, corners: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> tuple[Adjusted, tuple[Corners, Corners]]:
     """Return the chosen views (V,) with the board's best poses for this rig, and their corners.
 
@@ -121,7 +121,7 @@ def posed(
 
 
 def explained(
-    rig: Rig,
+    rig: StereoModel,
     corners: tuple[Corners, Corners],
     index: int,
     name: str,
@@ -156,7 +156,7 @@ def explained(
 
 
 def _alone(
-    rig: Rig, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
+    rig: StereoModel, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> float:
     """Return the error of the two images fitted separately, the worse one, pixels."""
     nothing = own[0].of_views(np.zeros_like(chosen))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.adjustment import Adjusted, Rig
+from observer.calibration.adjustment import Adjusted, StereoModel
 from observer.errors import CalibrationError
 
 # Standard deviation of the focal length, as a share of it, above which it counts as undetermined:
@@ -67,7 +67,7 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
         )
 
 
-def _check_lens(rig: Rig, camera: int, seen: NDArray[np.intp], name: str) -> None:
+def _check_lens(rig: StereoModel, camera: int, seen: NDArray[np.intp], name: str) -> None:
     """Check that the lens is possible for an image of this size.
 
     Raises:
@@ -109,7 +109,7 @@ def _check_focal(
             raise CalibrationError(_undetermined(rig, seen, name, share))
 
 
-def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
+def _check_variety(rig: StereoModel, seen: NDArray[np.intp]) -> None:
     """Check that the board was held in enough poses; without noise, one would seem enough.
 
     Raises:
@@ -135,7 +135,9 @@ def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
         )
 
 
-def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | None = None) -> str:
+def _undetermined(
+    rig: StereoModel, seen: NDArray[np.intp], name: str, share: float | None = None
+) -> str:
     known = "" if share is None or not share < 9 else f" (known only to {100 * share:.0f} %)"
     return (
         f"the views do not determine the focal length of {name}{known}; "
@@ -143,7 +145,7 @@ def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | No
     )
 
 
-def _advice(rig: Rig, seen: NDArray[np.intp], camera: int) -> str:
+def _advice(rig: StereoModel, seen: NDArray[np.intp], camera: int) -> str:
     """Return what to do differently, judging by how the board was held."""
     R = rig.board_R[seen]
     if camera == 1:

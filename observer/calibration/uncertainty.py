@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from observer.calibration.adjustment import Adjusted, Corners, Rig
+from observer.calibration.adjustment import Adjusted, Corners, StereoModel
 from observer.calibration.board import Board
 from observer.calibration.lens import directions
 from observer.calibration.model_error import model_shift
@@ -85,7 +85,7 @@ def error_covariance(
     return np.asarray(scatter + np.outer(shift, shift), dtype=np.float64)
 
 
-def interval_95(rig: Rig, covariance: Float64Array, near: Float64Array) -> Interval95:
+def interval_95(rig: StereoModel, covariance: Float64Array, near: Float64Array) -> Interval95:
     """Return the intervals of a pair by the covariance (G, G) of its global parameters.
 
     Args:
@@ -115,7 +115,9 @@ def interval_95(rig: Rig, covariance: Float64Array, near: Float64Array) -> Inter
     )
 
 
-def depth_covariance(rig: Rig, covariance: Float64Array, near: Float64Array) -> Float64Array:
+def depth_covariance(
+    rig: StereoModel, covariance: Float64Array, near: Float64Array
+) -> Float64Array:
     """Return the covariance of the two causes of depth errors, valid at every distance.
 
     To first order the relative error of depth Z is ``scale - offset Z / (f B)``: a wrong

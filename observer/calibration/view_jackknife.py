@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtrit
 
-from observer.calibration.adjustment import Corners, Rig, reduced_by_view
+from observer.calibration.adjustment import Corners, StereoModel, reduced_by_view
 from observer.geometry import Float64Array
 from observer.intervals import SIGMAS_95
 
@@ -25,7 +25,7 @@ from observer.intervals import SIGMAS_95
 _RIDGE = 1e-12
 
 
-def view_covariance(rig: Rig, corners: Sequence[Corners], soft_px: float) -> Float64Array:
+def view_covariance(rig: StereoModel, corners: Sequence[Corners], soft_px: float) -> Float64Array:
     """Return the covariance of the global parameters by the scatter between views.
 
     It is scaled by Student's t for the number of views, so that ``SIGMAS_95`` standard deviations

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
+from observer.calibration.adjustment import Adjusted, Corners, StereoModel, adjust
 from observer.calibration.board import BoardView
 from observer.calibration.fit import fit_stereo
 from observer.calibration.initialization import with_poses
@@ -102,7 +102,7 @@ def solved(true: StereoCalibration, views: list[BoardView]) -> Solved:
         for K, D in ((true.K1, true.D1), (true.K2, true.D2))
     )
     poses = np.tile(np.eye(3), (len(views), 1, 1)), np.zeros((len(views), 3))
-    rig = Rig((WIDTH, HEIGHT), lenses, np.arange(9) < 8, true.R, true.T, *poses)
+    rig = StereoModel((WIDTH, HEIGHT), lenses, np.arange(9) < 8, true.R, true.T, *poses)
     rig = with_poses(rig, 0, corners[0])
     soft_px = soft_threshold(adjust(rig, corners, iterations=5).residuals)
     return Solved(true, adjust(rig, corners, soft_px=soft_px), corners, soft_px)
