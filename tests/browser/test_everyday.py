@@ -78,7 +78,7 @@ def test_where_nobody_else_can_come_the_dialog_says_what_to_do(open_panel: OpenP
     expect(dialog.get_by_alt_text("QR code of the link")).to_be_hidden()
 
 
-def test_who_only_watches_is_told_once_and_changes_nothing(
+def test_a_viewer_is_told_once_and_changes_nothing(
     server: Server, watching: Page, keep_picture: KeepPicture
 ) -> None:
     page = watching
@@ -123,7 +123,7 @@ def test_who_only_watches_is_told_once_and_changes_nothing(
     dialog.get_by_role("button", name="Cancel").click()
 
 
-def test_who_only_watches_can_press_nothing_that_acts_but_stop(
+def test_a_viewer_can_press_nothing_that_acts_but_stop(
     server: Server, watching: Page, keep_picture: KeepPicture
 ) -> None:
     page = watching

@@ -152,7 +152,7 @@ def crossing(server: Server, tmp_path: Path) -> Iterator[Server]:
     server.api.post("/api/playback", json={"rate": 1.0}).raise_for_status()
 
 
-def test_whoever_is_in_the_way_is_told_of_live_and_in_the_run(
+def test_somebody_in_the_way_is_reported_live_and_in_the_run(
     crossing: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = on_robots_tab(open_panel(refusals=True, viewport=_SMALL))

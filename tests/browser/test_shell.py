@@ -163,7 +163,7 @@ def test_the_tour_goes_once_around_and_can_be_left(
     expect(card).to_be_hidden()
 
 
-def test_who_drives_on_a_phone_sees_the_whole_left_view(open_panel: OpenPanel) -> None:
+def test_an_operator_on_a_phone_sees_the_whole_left_view(open_panel: OpenPanel) -> None:
     page = open_panel(viewport=_SIZES[0], has_touch=True)
     page.locator("main").evaluate("main => main.scrollTo(0, main.scrollHeight)")
     page.get_by_role("tab", name="Robots").click()

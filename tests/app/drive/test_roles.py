@@ -145,7 +145,7 @@ def test_an_expired_command_is_zero_and_asks_to_let_go(bench: Any, still: str) -
     assert bench.sent("obstacle")[0] > 0
 
 
-def test_who_only_was_away_may_drive_on_after_a_moment_of_presence(bench: Any) -> None:
+def test_an_operator_only_away_may_drive_on_after_a_moment_of_presence(bench: Any) -> None:
     bench.ready("obstacle")
     bench.stay("obstacle", 1.0)
     bench.run(1.0)

@@ -266,7 +266,7 @@ def test_a_stop_is_measured_of_each_robot_that_moves(rolling: Rolling) -> None:
     assert (stop.role, stop.kind, stop.cause_time) == ("obstacle", "stop", asked)
 
 
-def test_who_leaves_at_rest_or_while_it_rolls_out(rolling: Rolling) -> None:
+def test_an_operator_may_leave_at_rest_or_while_it_rolls_out(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("obstacle")
     # A page that closes lets go of the key, then its lease ends.

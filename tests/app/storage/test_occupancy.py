@@ -116,7 +116,7 @@ def connections(url: str) -> str:
     return f"SELECT {{}} FROM pg_stat_activity WHERE datname = '{database_url(url).database}'"
 
 
-def test_who_was_replaced_meanwhile_says_so_once(
+def test_a_server_replaced_meanwhile_says_so_once(
     new_database: NewDatabase, server: PrivateServer
 ) -> None:
     url = new_database()

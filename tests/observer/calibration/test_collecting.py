@@ -210,9 +210,7 @@ def test_a_pose_that_cannot_be_reached_is_given_up() -> None:
     ],
     ids=["usual", "tele", "charuco", "wide baseline"],
 )
-def test_whoever_follows_the_outline_fills_all_bars(
-    board: Board, focal: float, baseline: float
-) -> None:
+def test_following_the_outline_fills_all_bars(board: Board, focal: float, baseline: float) -> None:
     collector, rig = ViewCollector(board, SIZE), Rig(board, focal, baseline, seed=3)
     look = collector.look(None, None, 0.0)
     time = 0.0

@@ -179,7 +179,7 @@ def test_regions_that_are_told_wrongly_are_refused(change: dict[str, Any], says:
     assert says in str(caught.value)
 
 
-def test_who_moves_in_place_is_no_instance_and_one_that_is_said_to_travel_is_false() -> None:
+def test_a_body_moving_in_place_is_no_instance_and_one_reported_as_moving_is_false() -> None:
     waving = BoxedTruth(kind="person")
     waving.paths = {1: ((0.0, 0.0, 2.0), (0.0, 0.0, 0.0))}
     in_place = tally(checked_lines(perfect(waving, 10, motion="in_place")), waving)
@@ -205,7 +205,7 @@ def test_samples_and_episodes_know_what_moved() -> None:
         (None, (200, 100), False),
     ],
 )
-def test_who_fills_a_tenth_of_the_image_counts_though_little_of_him_is_visible(
+def test_a_person_filling_a_tenth_of_the_image_counts_though_hardly_visible(
     box: tuple[float, float, float, float] | None, size: tuple[int, int] | None, counts: bool
 ) -> None:
     truth = BoxedTruth(visible=0.3, box_px=box)

@@ -101,13 +101,13 @@ def promised(answer: PixelAnswer) -> tuple[str, float]:
     return f"{found[1]}__{found[2]}", int(value) if value.is_integer() else value
 
 
-def here(px: tuple[float, float]) -> tuple[float, float]:
+def at_residual_end(px: tuple[float, float]) -> tuple[float, float]:
     """Where a moving feature appears in the newest image: at the residual's end."""
     return px[0] + 6, px[1]
 
 
 def test_what_moves_is_dynamic_with_its_figures() -> None:
-    answer = Scene().ask(here(MOVED))
+    answer = Scene().ask(at_residual_end(MOVED))
     assert answer.verdict is PixelVerdict.DYNAMIC
     # 6 px at 3 m and 443 px focal length, in 2/15 s.
     assert answer.numbers["speed_mps"] == pytest.approx(6 * 3 / 443 / DT, rel=1e-3)
@@ -174,17 +174,17 @@ def test_a_motion_that_does_not_stand_out_is_undecided() -> None:
 
 def test_too_small_a_group_is_undecided() -> None:
     scene = Scene(count=3)
-    answer = scene.ask(here(MOVED))
+    answer = scene.ask(at_residual_end(MOVED))
     assert answer.verdict is PixelVerdict.UNDECIDED
     assert answer.numbers["group_points"] == 3
     name, value = promised(answer)
     assert (name, value) == ("clustering__min_points", 3)
-    assert scene.ask(here(MOVED), **{name: value}).verdict is PixelVerdict.DYNAMIC
+    assert scene.ask(at_residual_end(MOVED), **{name: value}).verdict is PixelVerdict.DYNAMIC
 
 
 def test_beyond_the_farthest_depth_is_too_far() -> None:
     scene = Scene(depth=42.34)
-    for px in (here(MOVED), STOOD):
+    for px in (at_residual_end(MOVED), STOOD):
         answer = scene.ask(px)
         assert answer.verdict is PixelVerdict.TOO_FAR
         assert answer.numbers["depth_m"] == pytest.approx(42.34, abs=1e-3)
@@ -196,7 +196,7 @@ def test_beyond_the_farthest_depth_is_too_far() -> None:
 
 def test_a_motion_without_depth_is_undecided_and_standing_needs_none() -> None:
     scene = Scene(depth=float("nan"))
-    moved, stood = scene.ask(here(MOVED)), scene.ask(STOOD)
+    moved, stood = scene.ask(at_residual_end(MOVED)), scene.ask(STOOD)
     assert moved.verdict is PixelVerdict.UNDECIDED
     assert moved.numbers["depth_m"] is None
     assert "stereo.uniqueness_percent" in moved.would_change
@@ -206,11 +206,11 @@ def test_a_motion_without_depth_is_undecided_and_standing_needs_none() -> None:
 
 def test_nearer_than_the_nearest_depth_is_undecided() -> None:
     scene = Scene(depth=0.8)
-    answer = scene.ask(here(MOVED), stereo__min_depth_m=1.0)
+    answer = scene.ask(at_residual_end(MOVED), stereo__min_depth_m=1.0)
     assert answer.verdict is PixelVerdict.UNDECIDED
     name, value = promised(answer)
     assert name == "stereo__min_depth_m"
-    changed = scene.ask(here(MOVED), **{name: value})
+    changed = scene.ask(at_residual_end(MOVED), **{name: value})
     assert changed.verdict is PixelVerdict.DYNAMIC
 
 

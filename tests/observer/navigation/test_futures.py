@@ -18,7 +18,7 @@ TIMES = np.array([0.5, 1.0, 2.0])
 WALKER = SeenObstacle(7, 1.0, 2.0, 1.2, 0.0, 0.3, 0.05, 0.1, False)
 
 
-def test_whoever_goes_on_keeps_his_velocity() -> None:
+def test_a_person_who_goes_on_keeps_their_velocity() -> None:
     made = futures([WALKER], np.array([PRIOR]), TIMES, NOISE)
     assert made.ids == (7,)
     assert made.mean[0, 0] == pytest.approx(np.stack([1.0 + 1.2 * TIMES, [2.0] * 3], axis=1))

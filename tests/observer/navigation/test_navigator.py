@@ -109,7 +109,7 @@ def test_somebody_who_stands_in_the_way_is_driven_around() -> None:
     assert made.reason == "Driving around obstacle 3."
 
 
-def test_whoever_left_the_view_is_still_avoided_for_a_while() -> None:
+def test_a_person_who_left_the_view_is_still_avoided_for_a_while() -> None:
     navigator = Navigator(LIMITS, PLANNER)
     navigator.see(sight(person(0.9, 0.5, 0.0, -0.4)), np.zeros(3))
     navigator.see(sight(time=10.1), np.zeros(3))
@@ -206,7 +206,7 @@ def test_impossible_values_let_it_stand(value: float) -> None:
         assert made.reason == "Waiting: the camera frame contains impossible values."
 
 
-def test_whoever_is_unseen_where_sonar_hears_nothing_is_forgotten() -> None:
+def test_a_person_unseen_where_sonar_hears_nothing_is_forgotten() -> None:
     navigator = Navigator(LIMITS, PLANNER)
     # Sonar would hear the person at the predicted place.
     navigator.see(sight(person(1.2, 0.0, -0.1)), np.zeros(3))

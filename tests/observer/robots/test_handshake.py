@@ -237,7 +237,7 @@ def test_a_model_that_is_given_overrides(
     assert report.warnings == ("it identifies itself as 'powerbot-sh' but is driven as p3dx",)
 
 
-def test_who_ends_the_connection_is_named(
+def test_the_side_that_ends_the_connection_is_named(
     scripted: Callable[..., Any], piloted: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     peer = scripted(lambda _: None)

@@ -25,7 +25,7 @@ def test_where_nothing_is_told_the_model_holds() -> None:
     assert limits.acceleration_mps2 == P3DX.acceleration_max_mps2
 
 
-def test_the_least_wins_whoever_tells_it() -> None:
+def test_the_least_limit_wins_whatever_its_source() -> None:
     config = ConfigReply(
         speed_top=1500, speed_max=5000, turn_rate_top=360, turn_rate_max=120,
         acceleration_top=1000, turn_acceleration_top=5000,

@@ -78,7 +78,7 @@ def test_reflected_corners_lie_where_the_mirrored_world_puts_them(extra: str, si
     assert np.abs((found - expected[inside]).mean(axis=0)).max() < 0.03
 
 
-def test_only_the_floor_reflects_and_it_shows_whoever_moves() -> None:
+def test_only_the_floor_reflects_and_it_shows_people_moving() -> None:
     t = 1.0
     scene, empty = world(ALIVE), world(ALIVE.split("people")[1].split("\n", 2)[2])
     matt = clean(world(ALIVE, gloss=0.0), time=t).astype(int)

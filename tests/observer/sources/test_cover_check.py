@@ -89,7 +89,7 @@ def test_light_that_dims_in_both_is_no_side() -> None:
     assert check.answer is None
 
 
-def test_nobody_is_told_who_did_not_ask() -> None:
+def test_nothing_is_reported_without_a_request() -> None:
     check = CoverCheck()
     for k in range(10):
         check.look(dark(k), seen(seed=k))

@@ -357,7 +357,7 @@ async def test_without_a_path_nothing_is_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-async def test_who_signed_out_stays_out_though_the_disk_is_full(
+async def test_a_session_signed_out_stays_out_though_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:

@@ -56,7 +56,7 @@ def test_the_oldest_of_the_busiest_address_gives_way() -> None:
         assert strangers.make_room()
 
 
-def test_who_is_served_or_signed_in_does_not_count() -> None:
+def test_a_client_served_or_signed_in_does_not_count() -> None:
     clock = Clock()
     strangers = Strangers(clock, most=1, within_s=5.0)
     with pairs(2) as made:

@@ -30,7 +30,7 @@ class Client:
         return taken / seconds
 
 
-def test_who_keeps_up_is_never_held_back() -> None:
+def test_a_client_that_keeps_up_is_never_held_back() -> None:
     client = Client()
     assert client.take(20.0) > 14.0
     assert client.budget.halvings == 0

@@ -161,7 +161,7 @@ async def test_what_cannot_be_connected_is_said_and_not_repeated(
         assert server.driving.warnings == []
 
 
-async def test_who_does_not_answer_is_asked_again(
+async def test_a_robot_that_does_not_answer_is_asked_again(
     peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.server.robots.connecting._RETRY_S", 0.02)

@@ -58,7 +58,9 @@ async def test_a_picture_is_made_once_however_many_ask(tmp_path: Path) -> None:
     assert again.asked == []
 
 
-async def test_who_leaves_ends_the_making_and_the_next_one_begins_anew(tmp_path: Path) -> None:
+async def test_a_client_that_leaves_ends_the_making_and_the_next_one_begins_anew(
+    tmp_path: Path,
+) -> None:
     make = Maker()
     pictures = Thumbnails(tmp_path, make)
     leaving = asyncio.ensure_future(pictures.find(LAB))

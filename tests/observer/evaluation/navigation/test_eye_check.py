@@ -29,7 +29,7 @@ def sight(*obstacles: SeenObstacle, status: Status = Status.OK) -> Sight:
     return Sight(1, 0.0, 0.0, "crowd", status, (), True, obstacles)
 
 
-def test_who_walks_in_view_for_long_is_to_be_found() -> None:
+def test_a_person_who_walks_in_view_for_long_is_to_be_found() -> None:
     check = EyeChecker()
     for _ in range(10):
         check.look(sight(WALKER), PEOPLE, POSE, in_view(PEOPLE, POSE))

@@ -40,7 +40,7 @@ def test_a_walk_goes_where_the_crowd_has_it() -> None:
     assert (after.vx, after.vy) == (0.0, 0.0)
 
 
-def test_whoever_stands_keeps_facing_where_they_walked() -> None:
+def test_a_person_who_stops_keeps_facing_where_they_walked() -> None:
     forth = steps((5.0, 5.0, 0.0, 1.0), count=20)
     stand = [People(p.number, forth[-1].position, 0 * p.velocity, p.radius_m) for p in forth]
     back = [

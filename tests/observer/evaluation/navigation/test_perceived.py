@@ -71,7 +71,7 @@ def test_equal_seeds_see_the_same() -> None:
         assert seen[0] == seen[1]
 
 
-def test_sonar_hears_whoever_stands_beside_the_camera() -> None:
+def test_sonar_hears_a_person_beside_the_camera() -> None:
     ring = robot_spec("p3dx-sh").sonars
     quiet = SonarRing(ring).listen(people(), ROOM, POSE, 1.0)
     near = SonarRing(ring).listen(people((2.0, 6.0, 0, 0)), ROOM, POSE, 1.0)

@@ -219,7 +219,7 @@ def test_it_recovers_from_black_images(lateral: list[StereoFrame]) -> None:
     assert seen[-1].T_world_camera is not None
 
 
-def test_only_who_is_confirmed_has_a_number_that_lasts(seen: list[Observation]) -> None:
+def test_only_a_confirmed_track_has_a_number_that_lasts(seen: list[Observation]) -> None:
     told = {(o.id, o.state is TrackState.TENTATIVE) for each in seen for o in each.obstacles}
     assert {number for number, tentative in told if not tentative} == {1}
     provisional = {number for number, tentative in told if tentative}
@@ -227,7 +227,7 @@ def test_only_who_is_confirmed_has_a_number_that_lasts(seen: list[Observation]) 
     assert max(provisional) < -1
 
 
-def test_who_was_there_coasts_through_black_images_and_keeps_its_number(
+def test_a_track_coasts_through_black_images_and_keeps_its_number(
     lateral: list[StereoFrame],
 ) -> None:
     dark = [

@@ -245,10 +245,10 @@ def tracked(
     return track_segments(tracks, points, scene, step_to(), numbers or TrackIds(), least)
 
 
-def outlined(guest: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
+def outlined(shape: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
     """The list of tracks, and in it the track of somebody who has just arrived."""
     tracks: list[BodyTrack] = []
-    tracked(tracks, TrackedPoints.none(), arrived(guest), numbers)
+    tracked(tracks, TrackedPoints.none(), arrived(shape), numbers)
     (host,) = tracks
     return tracks, host
 

@@ -290,7 +290,7 @@ def test_a_motion_that_most_points_contradict_is_said_to_be_weak() -> None:
 
 
 @pytest.mark.parametrize("right", [True, False])
-def test_whom_the_wheels_confirm_people_who_fill_the_view_do_not_weaken(right: bool) -> None:
+def test_people_filling_the_view_do_not_weaken_a_pose_confirmed_by_the_wheels(right: bool) -> None:
     rng = np.random.default_rng(3)
     scene = seen(rng, 200)
     scene.px[:140] += rng.uniform(5, 60, (140, 2)) * rng.choice([-1, 1], (140, 2))

@@ -110,7 +110,7 @@ def test_where_nothing_moves_but_the_camera_nothing_is_confirmed(seed: int, seen
 
 
 @pytest.mark.parametrize("spec", LATERAL)
-def test_who_is_not_confirmed_uses_up_no_number(spec: str, seen: Seen) -> None:
+def test_a_track_not_confirmed_uses_up_no_number(spec: str, seen: Seen) -> None:
     every = [o for each in seen(spec, 45) for o in each.obstacles]
     told = {(o.id, o.state is TrackState.TENTATIVE) for o in every}
     assert {number for number, tentative in told if not tentative} == {1}

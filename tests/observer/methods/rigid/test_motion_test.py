@@ -28,7 +28,7 @@ HERE = Pose.identity()
 STEP_STD = np.array([2e-4, 2e-4, 2e-4, 1e-3, 1e-3, 1e-3])
 
 
-def judged(
+def pooled(
     points: TrackedPoints,
     *,
     camera: StereoCamera = LAB,
@@ -89,7 +89,7 @@ def alarm_rate(
             camera, ground(camera, 150, rng), np.zeros(3), rng,
             frames=6, step_std=step_std, memory_s=memory_s,
         )  # fmt: skip
-        motion = judged(points, camera=camera, step_covariance=told, parameters=parameters)
+        motion = pooled(points, camera=camera, step_covariance=told, parameters=parameters)
         alarms += bool(motion.dynamic.any())
     return alarms / draws
 
@@ -134,12 +134,12 @@ def test_the_threshold_follows_from_the_declared_rate() -> None:
         np.random.default_rng(1),
     )
     strict, lax = (
-        judged(points, parameters=P.model_copy(update={"false_alarms_per_frame": rate})).threshold
+        pooled(points, parameters=P.model_copy(update={"false_alarms_per_frame": rate})).threshold
         for rate in (1e-6, 0.1)
     )
     assert strict > lax + 1
     few = points.take(np.arange(10))
-    assert judged(few).threshold < judged(points).threshold
+    assert pooled(few).threshold < pooled(points).threshold
 
 
 # --- detection -----------------------------------------------------------------------------
@@ -158,7 +158,7 @@ def test_motion_that_no_point_shows_alone_is_seen_together(
         rng = np.random.default_rng(seed)
         place = board(rng, depth=3.5, side_px=36, count=30)
         points = watched(LAB, place, np.array(velocity), rng, frames=frames, sigma_px=sigma_px)
-        motion = judged(points)
+        motion = pooled(points)
         seen.append(motion.dynamic.mean())
         single.append(
             np.mean(alone(motion.own_information, motion.own_velocity) > motion.threshold)
@@ -177,7 +177,7 @@ def test_around_what_moves_the_background_stays_static() -> None:
     place = np.concatenate([moving, wall])
     velocity = np.zeros_like(place)
     velocity[:20] = (0.3, 0.0, 0.1)
-    motion = judged(watched(LAB, place, velocity, rng))
+    motion = pooled(watched(LAB, place, velocity, rng))
     assert motion.dynamic[:20].mean() > 0.9
     assert not motion.dynamic[20:].any()
     np.testing.assert_allclose(
@@ -189,7 +189,7 @@ def test_a_scene_in_motion_is_seen_by_any_pose_of_the_camera() -> None:
     """World axes differ from the camera's."""
     rng = np.random.default_rng(2)
     place, velocity = board(rng), np.array([0.2, 0.0, 0.1])
-    straight = judged(watched(LAB, place, velocity, np.random.default_rng(3)))
+    straight = pooled(watched(LAB, place, velocity, np.random.default_rng(3)))
     T_camera_world = Pose.from_rotvec((0.1, 2.0, -0.3), (4.0, -1.0, 2.0))
     points = watched(LAB, place, velocity, np.random.default_rng(3))
     sums, R = points.sums, T_camera_world.rotation
@@ -200,8 +200,8 @@ def test_a_scene_in_motion_is_seen_by_any_pose_of_the_camera() -> None:
         b0=sums.b0 @ R, b1=sums.b1 @ R, c0=sums.c0, count=sums.count,
     ))  # fmt: skip
     step = np.diag(STEP_STD**2)
-    same = judged(turned, pose=T_camera_world, step_covariance=step)
-    straight = judged(points, step_covariance=step)
+    same = pooled(turned, pose=T_camera_world, step_covariance=step)
+    straight = pooled(points, step_covariance=step)
     np.testing.assert_allclose(same.significance, straight.significance, rtol=1e-5)
     np.testing.assert_allclose(same.velocity, back.rotate(straight.velocity), atol=1e-6)
 
@@ -217,7 +217,7 @@ def test_the_pose_s_error_does_not_average_away() -> None:
         rng = np.random.default_rng(count)
         place = board(rng, side_px=20, count=count)
         points = watched(LAB, place, np.zeros(3), rng)
-        exact, unsure = judged(points), judged(points, step_covariance=step)
+        exact, unsure = pooled(points), pooled(points, step_covariance=step)
         added = unsure.covariance - exact.covariance
         at = unsure.position[0]
         G = np.concatenate([-cross_matrix(at), np.eye(3)], axis=1)
@@ -238,9 +238,9 @@ def test_more_points_do_not_turn_the_pose_s_error_into_motion() -> None:
             points = watched(
                 LAB, board(rng, side_px=24, count=count), np.zeros(3), rng, step_std=step_std
             )
-            motion = judged(points, step_covariance=np.diag(step_std**2))
+            motion = pooled(points, step_covariance=np.diag(step_std**2))
             worst.append(motion.significance.max() / motion.threshold)
-            blind = judged(points)
+            blind = pooled(points)
         assert max(worst) < 1
         if count == 60:
             assert blind.significance.max() > blind.threshold
@@ -252,21 +252,21 @@ def test_a_stretched_edge_of_the_image_is_no_motion() -> None:
     edge = board(rng, depth=12.0, side_px=50, count=20, centre_px=(60.0, 200.0), camera=ROAD)
     passes = rate.velocity_by_distortion(edge, np.zeros_like(edge), ROAD)
     points = watched(ROAD, edge, P.distortion_sigma * passes, rng, frames=12)
-    assert not judged(points, camera=ROAD, rate=rate).dynamic.any()
+    assert not pooled(points, camera=ROAD, rate=rate).dynamic.any()
     strict = P.model_copy(update={"distortion_sigma": 0.0})
-    assert judged(points, camera=ROAD, rate=rate, parameters=strict).dynamic.any()
+    assert pooled(points, camera=ROAD, rate=rate, parameters=strict).dynamic.any()
     # With a camera at rest, or for such speeds in the middle of the image, it is motion.
-    assert judged(points, camera=ROAD, rate=CameraRate.still()).dynamic.any()
+    assert pooled(points, camera=ROAD, rate=CameraRate.still()).dynamic.any()
     middle = board(rng, depth=12.0, side_px=50, count=20, centre_px=(600.0, 200.0), camera=ROAD)
     points = watched(ROAD, middle, P.distortion_sigma * passes, rng, frames=12)
-    assert judged(points, camera=ROAD, rate=rate).dynamic.mean() > 0.8
+    assert pooled(points, camera=ROAD, rate=rate).dynamic.mean() > 0.8
 
 
 def test_errors_that_neighbours_share_are_allowed_for() -> None:
     rng = np.random.default_rng(4)
     points = watched(LAB, board(rng, side_px=20, count=40), np.array([0.2, 0, 0]), rng)
-    independent = judged(points, parameters=P.model_copy(update={"noise_correlation": 0.0}))
-    shared = judged(points)
+    independent = pooled(points, parameters=P.model_copy(update={"noise_correlation": 0.0}))
+    shared = pooled(points)
     assert (shared.significance < 0.7 * independent.significance).all()
 
 
@@ -284,11 +284,11 @@ def test_only_the_images_decide_and_not_how_large_the_world_is(scale: float) -> 
     place = np.concatenate([board(rng), wall])
     velocity = np.zeros_like(place)
     velocity[:16] = (0.15, 0.0, 0.1)
-    lab = judged(
+    lab = pooled(
         watched(LAB, place, velocity, np.random.default_rng(6)),
         step_covariance=np.diag(STEP_STD**2),
     )
-    big = judged(
+    big = pooled(
         watched(camera, scale * place, scale * velocity, np.random.default_rng(6)),
         camera=camera, step_covariance=step,
     )  # fmt: skip
@@ -317,7 +317,7 @@ def test_the_same_parameters_see_the_lab_and_the_road(
     place = board(rng, depth, side_px, 20, (camera.cx + 30, camera.cy), camera)
     velocity = speed * np.array(along)
     points = watched(camera, place, velocity, rng, frames=8, dt=dt)
-    motion = judged(points, camera=camera, dt=dt, step_covariance=np.diag(STEP_STD**2))
+    motion = pooled(points, camera=camera, dt=dt, step_covariance=np.diag(STEP_STD**2))
     assert motion.dynamic.mean() > 0.9
     np.testing.assert_allclose(np.median(motion.velocity, axis=0), velocity, atol=0.25 * speed)
 
@@ -330,9 +330,9 @@ def test_points_seen_too_seldom_are_not_judged() -> None:
     points = watched(LAB, board(rng), np.array([1.0, 0, 0]), rng)
     sightings = points.sightings.copy()
     sightings[::2] = P.min_sightings - 1
-    motion = judged(points.but(sightings=sightings))
-    assert not motion.judged[::2].any()
-    assert motion.judged[1::2].all()
+    motion = pooled(points.but(sightings=sightings))
+    assert not motion.pooled[::2].any()
+    assert motion.pooled[1::2].all()
     assert not motion.dynamic[::2].any()
     assert (motion.significance[::2] == 0).all()
     assert motion.dynamic[1::2].all()
@@ -348,16 +348,16 @@ def test_what_was_measured_at_one_instant_only_is_not_judged() -> None:
     for dt in rng.uniform(0.03, 0.1, 12):
         sums = sums.advanced(dt, P.memory_s)
         sums = sums.with_sightings(np.full_like(place, np.nan), np.zeros((len(place), 3, 3)))
-        motion = judged(points.but(sums=sums))
-        assert not motion.judged.any()
+        motion = pooled(points.but(sums=sums))
+        assert not motion.pooled.any()
         assert np.isfinite(motion.covariance).all()
 
 
 def test_seen_only_once_nothing_is_known_and_nothing_breaks() -> None:
     rng = np.random.default_rng(9)
     points = watched(LAB, board(rng), np.zeros(3), rng, frames=1)
-    motion = judged(points.but(sightings=np.full(16, 5, np.int64)))
-    assert not motion.judged.any()
+    motion = pooled(points.but(sightings=np.full(16, 5, np.int64)))
+    assert not motion.pooled.any()
     assert not motion.dynamic.any()
     assert np.isfinite(motion.velocity).all()
 
@@ -366,7 +366,7 @@ def test_seen_only_once_nothing_is_known_and_nothing_breaks() -> None:
 def test_a_point_or_two_are_no_evidence(count: int) -> None:
     rng = np.random.default_rng(10)
     points = watched(LAB, board(rng, count=count), np.array([1.0, 0, 0]), rng)
-    motion = judged(points)
+    motion = pooled(points)
     assert motion.dynamic.shape == (count,)
     assert not motion.dynamic.any()
     assert (motion.significance > motion.threshold).all()
@@ -378,7 +378,7 @@ def test_neighbours_are_near_in_the_image_and_in_depth() -> None:
     near, behind = board(rng, 1.5, 20, 10), board(rng, 5.0, 20, 10)
     aside = board(rng, 1.5, 20, 10, centre_px=(256 + 20 + 2 * P.radius_px, 128))
     points = watched(LAB, np.concatenate([near, behind, aside]), np.zeros(3), rng)
-    motion = judged(points)
+    motion = pooled(points)
     group = np.repeat([0, 1, 2], 10)
     assert (group[motion.pairs[:, 0]] == group[motion.pairs[:, 1]]).all()
     assert motion.neighbours.tolist() == [
@@ -401,7 +401,7 @@ def crossing() -> tuple[PooledMotion, np.ndarray]:
     sizes = [len(b) for b in boards]
     velocities = np.array([[0.4, 0, 0], [-0.4, 0, 0], [0.4, 0, 0]])
     place, owner = np.concatenate(boards), np.repeat([0, 1, 2], sizes)
-    return judged(watched(LAB, place, velocities[owner], rng)), owner
+    return pooled(watched(LAB, place, velocities[owner], rng)), owner
 
 
 def test_groups_hang_together_in_place_and_in_velocity_largest_first() -> None:

@@ -199,7 +199,7 @@ def test_the_excess_tells_how_much_noisier_the_sightings_are(
     assert 0.95 < excess.mean() / factor**2 < most
 
 
-def test_who_brakes_or_turns_does_not_fit_a_straight_course() -> None:
+def test_a_body_that_brakes_or_turns_does_not_fit_a_straight_course() -> None:
     rng = np.random.default_rng(7)
     times = np.arange(12) / 15
     places = np.zeros((12, 3, 3))

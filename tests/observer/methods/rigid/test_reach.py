@@ -54,7 +54,7 @@ def reported(clip: Clip, parameters: Parameters) -> tuple[list[float], list[floa
 
 
 @pytest.mark.parametrize("seed", [1, 4])
-def test_a_short_baseline_sees_who_comes_closer_from_far_away(
+def test_a_short_baseline_sees_a_person_coming_closer_from_far_away(
     seed: int, clip: OpenClip, rigid: Parameters
 ) -> None:
     """Four cells of disparity, needed for precise depth, reach only 3.4 m there."""

@@ -20,7 +20,7 @@ from .solid_worlds import CAMERA, MOUNT, step_to
 
 P = StereoParameters()
 SHAPE = (CAMERA.height, CAMERA.width)
-WALL, GUEST = Texture(1, SHAPE, finest_px=12.0), Texture(2, SHAPE, finest_px=12.0)
+WALL, PERSON = Texture(1, SHAPE, finest_px=12.0), Texture(2, SHAPE, finest_px=12.0)
 CELL_PX = 16
 # Pixels of a patch of whole cells, as large as a person nearby, and its cells that are far enough
 # from the texture around it.
@@ -46,19 +46,19 @@ def flat(level: float) -> Paint:
     return paint
 
 
-def guest(disparity: int, part: tuple[slice, slice] = PATCH) -> Paint:
+def person_before_wall(disparity: int, part: tuple[slice, slice] = PATCH) -> Paint:
     """Somebody in patterned clothes in front of the wall."""
 
     def paint(left: Image, right: Image) -> None:
         rows, columns = part
-        thing = as_image(GUEST.moved(), 1.0, 7)
+        thing = as_image(PERSON.moved(), 1.0, 7)
         left[part] = thing[part]
         right[rows, columns.start - disparity : columns.stop - disparity] = thing[part]
 
     return paint
 
 
-def plain_guest(disparity: int, level: int = 230) -> Paint:
+def plain_person_before_wall(disparity: int, level: int = 230) -> Paint:
     """Somebody in clothes of one tone in front of the wall."""
 
     def paint(left: Image, right: Image) -> None:
@@ -135,14 +135,14 @@ def test_a_small_dark_place_hides_nobody() -> None:
 
 def test_an_unreported_mover_in_plain_clothes_degrades_and_a_reported_one_does_not() -> None:
     """Its outline has just arrived; its middle is as plain as a wall."""
-    mover = told(nothing, plain_guest(40))
+    mover = told(nothing, plain_person_before_wall(40))
     assert (letters(mover)[INSIDE] == "p").mean() > 0.6
     assert mover.hides_person
     rows, columns = PATCH
     box = (columns.start, rows.start, columns.stop, rows.stop)
-    assert not told(nothing, plain_guest(40), boxes=[box]).hides_person
+    assert not told(nothing, plain_person_before_wall(40), boxes=[box]).hides_person
     elsewhere = (0.0, 0.0, 100.0, 200.0)
-    assert told(nothing, plain_guest(40), boxes=[elsewhere]).hides_person
+    assert told(nothing, plain_person_before_wall(40), boxes=[elsewhere]).hides_person
 
 
 def test_a_view_without_any_texture_degrades() -> None:
@@ -157,7 +157,7 @@ def test_a_view_without_any_texture_degrades() -> None:
 
 @pytest.mark.parametrize("disparity", [120, 150, 190])
 def test_what_is_nearer_than_stereo_searches_is_told_as_near(disparity: int) -> None:
-    unseen = told(nothing, guest(disparity))
+    unseen = told(nothing, person_before_wall(disparity))
     cells = letters(unseen)[INSIDE]
     assert (cells == "n").mean() > 0.6
     assert unseen.hides_person

@@ -173,7 +173,7 @@ def test_another_seed_draws_another_person() -> None:
     assert all(math.isfinite(person.build) for person in people)
 
 
-def test_who_waves_or_stands_has_no_speed() -> None:
+def test_a_person_who_waves_or_stands_has_no_speed() -> None:
     truth = SimulatedTruth(World(load_scenario("people_standing")))
     for time in (0.0, 1.3, 4.2):
         people = [body for body in truth.bodies(time) if body.kind == "person"]

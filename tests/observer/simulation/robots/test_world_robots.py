@@ -167,7 +167,7 @@ def test_nothing_runs_before_it_is_asked_for_and_every_world_has_its_own_name() 
     one.robots.close()
 
 
-def test_who_shows_a_board_to_the_cameras_meets_no_robots() -> None:
+def test_a_person_showing_a_board_to_the_cameras_meets_no_robots() -> None:
     assert open_source("simulated:calibration").robots is None
 
 

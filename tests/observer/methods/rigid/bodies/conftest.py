@@ -17,7 +17,7 @@ from .planted_bodies import SIZE
 
 
 @pytest.fixture
-def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
+def outlined_track(make_track: MakeTrack) -> Callable[..., BodyTrack]:
     """Gives a tentative track with an outline, after frames of either kind of evidence."""
 
     def make(

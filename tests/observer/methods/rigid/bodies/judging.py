@@ -20,7 +20,7 @@ STOOD = (0.0, 0.0, 0.0)
 STEADY = Light()
 
 
-def judged(track: BodyTrack, frames: int = 1, *, light: Light = STEADY) -> TrackState:
+def judge_frames(track: BodyTrack, frames: int = 1, *, light: Light = STEADY) -> TrackState:
     for _ in range(frames):
         judge(track, np.zeros(3), DT, P, light=light)
     return track.state

@@ -10,17 +10,19 @@ from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.grey_change import Light
 from observer.types import MotionState, TrackState
 
-from .judging import STEADY, STOOD, MakeTrack, P, judged
+from .judging import STEADY, STOOD, MakeTrack, P, judge_frames
 
 AWAY = (0.2, 0.0, 0.5)
 
 
-def test_who_enters_free_space_is_confirmed_without_any_point(guest: MakeTrack) -> None:
-    assert judged(guest(arrived=3)) is TrackState.CONFIRMED
+def test_a_body_entering_free_space_is_confirmed_without_any_point(
+    outlined_track: MakeTrack,
+) -> None:
+    assert judge_frames(outlined_track(arrived=3)) is TrackState.CONFIRMED
 
 
-def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
-    assert judged(guest(arrived=2, uncovered=3), 20) is TrackState.TENTATIVE
+def test_too_few_frames_of_evidence_confirm_nobody(outlined_track: MakeTrack) -> None:
+    assert judge_frames(outlined_track(arrived=2, uncovered=3), 20) is TrackState.TENTATIVE
 
 
 @pytest.mark.parametrize("against", ["wall", "before"])
@@ -28,14 +30,14 @@ def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
     ("height", "state"), [(0.5, TrackState.TENTATIVE), (1.2, TrackState.CONFIRMED)]
 )
 def test_a_patch_of_noise_on_what_stands_is_nobody(
-    guest: MakeTrack, against: str, height: float, state: TrackState
+    outlined_track: MakeTrack, against: str, height: float, state: TrackState
 ) -> None:
     """A patch the height of a body part may belong to a wall, or have been there before."""
-    track = guest(arrived=3, height=height)
+    track = outlined_track(arrived=3, height=height)
     segment = track.outline.segment
     on_wall = replace(segment, clear=0.0)
     track.outline.segment = on_wall if against == "wall" else replace(segment, static=0.9)
-    assert judged(track) is state
+    assert judge_frames(track) is state
 
 
 @pytest.mark.parametrize(
@@ -43,63 +45,67 @@ def test_a_patch_of_noise_on_what_stands_is_nobody(
 )
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_patch_beside_somebody_nearer_is_nobody(
-    guest: MakeTrack, side: int, height: float, state: TrackState
+    outlined_track: MakeTrack, side: int, height: float, state: TrackState
 ) -> None:
     """Only one camera sees that region; a person who passes behind is taller."""
-    track = guest(arrived=3, height=height)
+    track = outlined_track(arrived=3, height=height)
     cut = (side == 0, side == 1, False, False)
     track.outline.segment = replace(track.outline.segment, cut=cut)
-    assert judged(track) is state
+    assert judge_frames(track) is state
 
 
-def test_who_waves_is_confirmed_as_a_thing_of_its_own(guest: MakeTrack) -> None:
+def test_a_person_waving_is_confirmed_as_a_separate_body(outlined_track: MakeTrack) -> None:
     """A flicker on a wall is not."""
     for clear, state in ((1.0, TrackState.CONFIRMED), (0.0, TrackState.TENTATIVE)):
-        track = guest(STOOD)
+        track = outlined_track(STOOD)
         track.outline.segment = replace(track.outline.segment, apart=1.0, clear=clear)
         for k in range(30):
             track.changes.note(0.1 * k, changed=k % 3 < 2)
-        assert judged(track) is state
+        assert judge_frames(track) is state
         assert track.motion is MotionState.IN_PLACE
 
 
-def test_who_comes_out_of_hiding_needs_more_frames_and_a_surer_velocity(guest: MakeTrack) -> None:
+def test_a_body_emerging_from_hiding_needs_more_frames_and_a_surer_velocity(
+    outlined_track: MakeTrack,
+) -> None:
     """A velocity of 3.9 standard deviations is too little; one of more than 16 suffices."""
     for sigma, state in ((0.13, TrackState.TENTATIVE), (0.03, TrackState.CONFIRMED)):
-        assert judged(guest(AWAY, uncovered=4, sigma=sigma)) is state
-    assert judged(guest(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
+        assert judge_frames(outlined_track(AWAY, uncovered=4, sigma=sigma)) is state
+    assert judge_frames(outlined_track(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
 
 
-def test_what_others_uncover_seems_to_move_across_and_is_not_confirmed(guest: MakeTrack) -> None:
+def test_what_others_uncover_seems_to_move_across_and_is_not_confirmed(
+    outlined_track: MakeTrack,
+) -> None:
     for velocity in ((0.5, 0.0, 0.0), (0.5, 0.0, 0.4), (0.0, 0.0, -0.5)):
-        assert judged(guest(velocity, uncovered=50), 20) is TrackState.TENTATIVE
+        assert judge_frames(outlined_track(velocity, uncovered=50), 20) is TrackState.TENTATIVE
 
 
-def test_an_outline_confirms_only_while_it_moves(guest: MakeTrack) -> None:
+def test_an_outline_confirms_only_while_it_moves(outlined_track: MakeTrack) -> None:
     for velocity in (STOOD, (P.stopped_below_mps / 2, 0.0, 0.0)):
         # However certain it is that it creeps.
-        track = guest(velocity, arrived=50, uncovered=50, sigma=1e-3)
-        assert judged(track, 20) is TrackState.TENTATIVE
+        track = outlined_track(velocity, arrived=50, uncovered=50, sigma=1e-3)
+        assert judge_frames(track, 20) is TrackState.TENTATIVE
         assert track.motion is MotionState.STOPPED
 
 
-def test_a_velocity_that_is_hardly_known_confirms_nobody(guest: MakeTrack) -> None:
-    assert judged(guest(arrived=10, sigma=0.4), 20) is TrackState.TENTATIVE
+def test_a_velocity_that_is_hardly_known_confirms_nobody(outlined_track: MakeTrack) -> None:
+    assert judge_frames(outlined_track(arrived=10, sigma=0.4), 20) is TrackState.TENTATIVE
 
 
-def test_an_outline_confirms_only_while_it_is_seen(guest: MakeTrack) -> None:
-    track = guest(arrived=10)
+def test_an_outline_confirms_only_while_it_is_seen(outlined_track: MakeTrack) -> None:
+    track = outlined_track(arrived=10)
     track.outline.seen = False
-    assert judged(track) is TrackState.TENTATIVE
+    assert judge_frames(track) is TrackState.TENTATIVE
     track.outline.seen, track.missed_s = True, 0.1
-    assert judged(track) is TrackState.TENTATIVE
+    assert judge_frames(track) is TrackState.TENTATIVE
 
 
-def test_a_confirmed_one_stays_confirmed_when_it_stops(guest: MakeTrack) -> None:
-    track = guest(arrived=3)
-    judged(track)
-    track.filter = guest(STOOD).filter
-    assert judged(track) is TrackState.CONFIRMED
+def test_a_confirmed_one_stays_confirmed_when_it_stops(outlined_track: MakeTrack) -> None:
+    track = outlined_track(arrived=3)
+    judge_frames(track)
+    track.filter = outlined_track(STOOD).filter
+    assert judge_frames(track) is TrackState.CONFIRMED
     assert track.motion is MotionState.STOPPED
 
 
@@ -113,7 +119,7 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
     ):
         track = make_track()
         track.points, track.merged_s, track.off_ground = points, merged_s, off_ground
-        assert judged(track, P.confirm_hits + 5) is state
+        assert judge_frames(track, P.confirm_hits + 5) is state
 
 
 @pytest.mark.parametrize(
@@ -126,9 +132,9 @@ def test_points_of_what_is_one_with_its_surroundings_may_surely_cross_the_view(
     """They do not confirm it; and one that comes straight on or creeps may be a static edge."""
     track = make_track((0.0, 0.0, 4.0), velocity)
     track.points, track.merged_s = 9, 0.1
-    judged(track)
+    judge_frames(track)
     assert not track.crosses, "one frame tells nothing"
-    assert judged(track, P.confirm_hits) is TrackState.TENTATIVE
+    assert judge_frames(track, P.confirm_hits) is TrackState.TENTATIVE
     assert track.crosses is crosses
 
 
@@ -142,19 +148,21 @@ def test_what_is_farther_than_segments_is_confirmed_by_points_only_if_it_crosses
     for merged_s in (0.0, 0.1):
         track = make_track((0.0, 0.0, 9.0), velocity)
         track.points, track.merged_s, track.far = 20, merged_s, True
-        assert judged(track, P.confirm_hits + 5) is state
+        assert judge_frames(track, P.confirm_hits + 5) is state
 
 
-def test_points_that_creep_where_something_was_before_confirm_nothing(guest: MakeTrack) -> None:
+def test_points_that_creep_where_something_was_before_confirm_nothing(
+    outlined_track: MakeTrack,
+) -> None:
     """A highlight on a chair while the light changes, or a slow robot."""
     for speed, evidence, state in (
         (0.1, STATIC, TrackState.TENTATIVE),
         (0.25, STATIC, TrackState.CONFIRMED),
         (0.1, ARRIVED, TrackState.CONFIRMED),
     ):
-        track = guest((speed, 0.0, 0.0), sigma=0.005, evidence=evidence)
+        track = outlined_track((speed, 0.0, 0.0), sigma=0.005, evidence=evidence)
         track.points = 12
-        assert judged(track, 5) is state
+        assert judge_frames(track, 5) is state
 
 
 @pytest.mark.parametrize(
@@ -167,16 +175,16 @@ def test_points_that_creep_where_something_was_before_confirm_nothing(guest: Mak
     ],
 )
 def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
-    guest: MakeTrack,
+    outlined_track: MakeTrack,
     velocity: tuple[float, float, float],
     evidence: int,
     rigid: bool,
     state: TrackState,
 ) -> None:
     """Somebody coming along the line of sight may stay in formerly filled space for a while."""
-    track = guest(velocity, evidence=evidence)
+    track = outlined_track(velocity, evidence=evidence)
     track.points, track.rigid = 16, rigid
-    assert judged(track, 5) is state
+    assert judge_frames(track, 5) is state
 
 
 @pytest.mark.parametrize(
@@ -190,16 +198,21 @@ def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
     ],
 )
 def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
-    guest: MakeTrack, velocity: tuple[float, float, float], evidence: int, state: TrackState
+    outlined_track: MakeTrack,
+    velocity: tuple[float, float, float],
+    evidence: int,
+    state: TrackState,
 ) -> None:
     """Unless it is fast, moves across the view, or enters free space."""
     for light, expected in ((STEADY, TrackState.CONFIRMED), (Light(flickers=True), state)):
-        track = guest(velocity, sigma=0.005, evidence=evidence)
+        track = outlined_track(velocity, sigma=0.005, evidence=evidence)
         track.points = 12
-        assert judged(track, 5, light=light) is expected
+        assert judge_frames(track, 5, light=light) is expected
 
 
-def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(guest: MakeTrack) -> None:
+def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(
+    outlined_track: MakeTrack,
+) -> None:
     """A saturated region changes its depth when it is no longer saturated."""
     swings = Light(swings=True)
     certain, uncertain = 0.02, 0.12
@@ -208,13 +221,13 @@ def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(guest: Make
         (6, uncertain, TrackState.TENTATIVE),
         (6, certain, TrackState.CONFIRMED),
     ):
-        assert judged(guest(arrived=arrived, sigma=sigma), light=swings) is expected
-        assert judged(guest(arrived=arrived, sigma=sigma)) is TrackState.CONFIRMED
+        assert judge_frames(outlined_track(arrived=arrived, sigma=sigma), light=swings) is expected
+        assert judge_frames(outlined_track(arrived=arrived, sigma=sigma)) is TrackState.CONFIRMED
 
 
 @pytest.mark.parametrize("why", ["part_moves", "loosened"])
 def test_a_person_of_whom_a_part_or_points_moved_is_confirmed_by_a_less_sure_velocity(
-    guest: MakeTrack, why: str
+    outlined_track: MakeTrack, why: str
 ) -> None:
     """4 standard deviations suffice; 2.5, hardly more than a waving person may show, do not."""
     for speed, known, state in (
@@ -222,7 +235,7 @@ def test_a_person_of_whom_a_part_or_points_moved_is_confirmed_by_a_less_sure_vel
         (0.8, False, TrackState.TENTATIVE),
         (0.5, True, TrackState.TENTATIVE),
     ):
-        track = guest((0.0, 0.0, -speed), sigma=0.2, evidence=STATIC)
+        track = outlined_track((0.0, 0.0, -speed), sigma=0.2, evidence=STATIC)
         setattr(track, why, known)
         track.points = 12
-        assert judged(track, 5) is state
+        assert judge_frames(track, 5) is state

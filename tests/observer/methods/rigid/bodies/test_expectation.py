@@ -44,7 +44,7 @@ def doubt(track: BodyTrack, axis: Float64Array) -> float:
     return float(axis @ (track.filter.covariance[VELOCITY, VELOCITY] - before) @ axis)
 
 
-def test_who_turns_round_where_no_points_tell_is_doubted_along_the_line_of_sight(
+def test_a_turning_body_without_points_is_uncertain_along_the_line_of_sight(
     walker: MakeTrack,
 ) -> None:
     told, untold = (doubt(walker(tells=tells), SIGHT) for tells in (True, False))
@@ -53,7 +53,7 @@ def test_who_turns_round_where_no_points_tell_is_doubted_along_the_line_of_sight
     assert untold == pytest.approx(told, rel=0.1)
 
 
-def test_who_is_not_reported_yet_is_doubted_no_more_for_that(walker: MakeTrack) -> None:
+def test_a_tentative_body_is_no_more_uncertain_for_that(walker: MakeTrack) -> None:
     """Otherwise somebody coming straight on would never become certain to move."""
     told, untold = (
         doubt(walker(tells=tells, state=TrackState.TENTATIVE), SIGHT) for tells in (True, False)

@@ -20,7 +20,8 @@ from observer.methods.rigid.bodies.filter import (
     yaw_matrix,
 )
 
-DT = 1 / 15
+from .planted_bodies import DT
+
 # Variance of the measured place (m) and yaw (rad).
 NOISE = np.diag([0.01, 0.01, 0.03, 0.02]) ** 2
 # m/s^2 and rad/s^2, steady and manoeuvring.

@@ -164,7 +164,7 @@ def test_two_that_drive_beside_each_other_are_two(make_track: MakeTrack) -> None
 
 @pytest.mark.parametrize(("apart_m", "seen", "same"), [(1.1, True, False), (1.1, False, True),
                                                        (0.5, True, True)])  # fmt: skip
-def test_two_who_stand_beside_each_other_stay_two_while_both_are_seen(
+def test_two_people_beside_each_other_stay_two_while_both_are_seen(
     make_track: MakeTrack, apart_m: float, seen: bool, same: bool
 ) -> None:
     """Both rest, and are so tall that each lies within the space the other may occupy."""
@@ -177,7 +177,7 @@ def test_two_who_stand_beside_each_other_stay_two_while_both_are_seen(
 
 
 @pytest.mark.parametrize(("apart_m", "same"), [(1.1, False), (0.5, True)])
-def test_who_is_out_of_sight_does_not_take_the_name_of_somebody_else_who_was_reported(
+def test_a_track_out_of_sight_does_not_take_the_number_of_a_reported_one(
     make_track: MakeTrack, apart_m: float, same: bool
 ) -> None:
     """However uncertain the hidden one's motion is by now."""

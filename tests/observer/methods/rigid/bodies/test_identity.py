@@ -40,7 +40,7 @@ def test_its_number_is_provisional_until_it_is_confirmed_and_then_lasts(
     assert sum(not tentative for tentative, _ in seen) > 15
 
 
-def test_who_is_confirmed_keeps_its_number_when_it_is_one_with_an_older_one(
+def test_a_confirmed_track_keeps_its_number_when_merged_with_an_older_one(
     make_track: Any,
 ) -> None:
     older, younger = make_track(number=-2), make_track(number=4)

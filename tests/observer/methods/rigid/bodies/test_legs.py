@@ -59,7 +59,7 @@ def outlined(segment: Segment, scene: DenseScene) -> Outline:
 
 
 @pytest.mark.parametrize(("z", "only"), [(0.9, True), (1.2, True), (1.6, False), (4.0, False)])
-def test_only_legs_are_seen_of_who_is_near(z: float, only: bool) -> None:
+def test_only_the_legs_of_a_near_person_are_seen(z: float, only: bool) -> None:
     """The image ends 0.4 m above the camera per metre of distance."""
     scene, (segment,) = legs((0.0, z))
     assert shows_only_legs(segment, scene) is only
@@ -113,7 +113,7 @@ def test_a_leg_swings_across_the_line_of_sight() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(swing_cov(along))), [0.2, 0.2, 0.0])
 
 
-def test_who_walks_past_near_by_is_one_that_moves_as_the_hips_do() -> None:
+def test_a_person_walking_past_close_by_is_one_body_moving_as_the_hips_do() -> None:
     """Each leg stands while the other one moves at twice the speed."""
     view, speed = SolidView(), 0.9
     omega = 2 * math.pi

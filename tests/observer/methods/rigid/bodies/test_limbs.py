@@ -40,27 +40,27 @@ def upright(make_track: MakeTrack) -> BodyTrack:
 ALONG, APART = np.ones(20, np.bool_), np.zeros(20, np.bool_)
 
 
-def judged(track: BodyTrack, frames: int, moves_along: NDArray[np.bool_]) -> BodyTrack:
+def after_frames(track: BodyTrack, frames: int, moves_along: NDArray[np.bool_]) -> BodyTrack:
     for _ in range(frames):
         judge_rigidity(track, moves_along)
     return track
 
 
 def test_a_body_all_of_whose_points_move_along_stays_rigid(upright: BodyTrack) -> None:
-    assert judged(upright, 100, ALONG).rigid
+    assert after_frames(upright, 100, ALONG).rigid
     assert upright.rigidity == pytest.approx(1.0)
 
 
 def test_a_body_most_of_whose_points_move_along_stays_rigid(upright: BodyTrack) -> None:
     most = ALONG.copy()
     most[:3] = False
-    assert judged(upright, 100, most).rigid
+    assert after_frames(upright, 100, most).rigid
 
 
 def test_an_upright_body_whose_points_move_by_themselves_has_limbs(upright: BodyTrack) -> None:
     upright.filter.means[:, YAW_RATE] = 0.4
-    assert judged(upright, 1, APART).rigid
-    assert not judged(upright, 4, APART).rigid
+    assert after_frames(upright, 1, APART).rigid
+    assert not after_frames(upright, 4, APART).rigid
     assert upright.yaw_rate == 0.0
 
 
@@ -71,10 +71,10 @@ def test_many_points_that_drive_steadily_are_of_no_limb(
 ) -> None:
     """A robot's base, below a mast with only a few wrongly tracked points."""
     upright.by_points, upright.points, upright.steady_s = True, points, steady_s
-    assert judged(upright, 20, APART).rigid is rigid
+    assert after_frames(upright, 20, APART).rigid is rigid
 
 
-def test_who_stands_upright_is_rigid_only_after_points_drove_steadily(upright: BodyTrack) -> None:
+def test_an_upright_body_is_rigid_only_after_points_drove_steadily(upright: BodyTrack) -> None:
     """A lying thing is, as soon as a group of points on it moves."""
     velocity = np.array([0.3, 0.0, 0.0])
     assert not may_be_rigid(upright), "it is already"
@@ -96,14 +96,14 @@ def test_what_lies_is_rigid_once_a_group_of_points_on_it_moves(make_track: MakeT
     assert moves_as_one(track, np.array([0.3, 0.0, 0.0]), 3)
 
 
-def test_who_has_limbs_keeps_them(upright: BodyTrack) -> None:
-    judged(upright, 10, APART)
-    assert not judged(upright, 100, ALONG).rigid
+def test_a_body_with_limbs_keeps_them(upright: BodyTrack) -> None:
+    after_frames(upright, 10, APART)
+    assert not after_frames(upright, 100, ALONG).rigid
 
 
 def test_what_lies_is_rigid_whatever_its_points_do(make_track: MakeTrack) -> None:
     track = with_outline(make_track(), size=(0.8, 0.4, 0.1))
-    assert judged(track, 50, APART).rigid
+    assert after_frames(track, 50, APART).rigid
 
 
 def shown_over(track: BodyTrack, height: float, width: float, points: int = 20) -> BodyTrack:
@@ -139,4 +139,4 @@ def test_without_points_to_judge_by_a_body_stays_rigid_only_while_they_show_it_w
     few = np.ones(2, np.bool_)
     for height, rigid in ((1.0, True), (0.3, False)):
         track = shown_over(with_outline(make_track()), height, 1.0)
-        assert judged(track, 10, few).rigid is rigid
+        assert after_frames(track, 10, few).rigid is rigid

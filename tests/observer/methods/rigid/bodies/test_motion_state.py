@@ -8,54 +8,58 @@ import pytest
 
 from observer.types import MotionState, TrackState
 
-from .judging import STOOD, MakeTrack, judged
+from .judging import STOOD, MakeTrack, judge_frames
 
 
 def test_out_of_sight_a_body_moves_on_as_it_did_however_uncertain(make_track: MakeTrack) -> None:
     for missed_s, motion in ((0.0, MotionState.STOPPED), (1.0, MotionState.MOVING)):
         track = make_track(velocity=(0.5, 0.0, 0.0), sigma=0.3)
         track.state, track.missed_s = TrackState.CONFIRMED, missed_s
-        judged(track)
+        judge_frames(track)
         assert track.motion is motion
 
 
-def test_whose_velocity_is_not_known_any_more_has_not_stopped_for_that(guest: MakeTrack) -> None:
+def test_a_body_of_lost_velocity_has_not_stopped_for_that(outlined_track: MakeTrack) -> None:
     """Points on limbs were taken for the body, so it may be slower or faster than they are."""
-    track = guest(arrived=3)
-    judged(track)
+    track = outlined_track(arrived=3)
+    judge_frames(track)
     assert (track.state, track.motion) == (TrackState.CONFIRMED, MotionState.MOVING)
     for sigma, motion in ((0.5, MotionState.MOVING), (0.1, MotionState.STOPPED)):
-        track.filter = guest((0.2, 0.0, 0.0), sigma=sigma).filter
-        judged(track)
+        track.filter = outlined_track((0.2, 0.0, 0.0), sigma=sigma).filter
+        judge_frames(track)
         assert track.motion is motion
 
 
-def test_who_comes_back_and_of_whose_velocity_nothing_is_known_yet_has_not_stopped(
-    guest: MakeTrack,
+def test_a_returning_body_of_unknown_velocity_has_not_stopped(
+    outlined_track: MakeTrack,
 ) -> None:
-    track = guest(arrived=3)
-    judged(track)
-    track.filter = guest(STOOD, sigma=1.0).filter
-    judged(track)
+    track = outlined_track(arrived=3)
+    judge_frames(track)
+    track.filter = outlined_track(STOOD, sigma=1.0).filter
+    judge_frames(track)
     assert track.motion is MotionState.MOVING
     # If that lasts, the body has not come back: something else is there.
-    judged(track, 10)
+    judge_frames(track, 10)
     assert track.motion is MotionState.STOPPED
 
 
-def test_who_fills_what_was_filled_before_has_stopped_however_uncertain(guest: MakeTrack) -> None:
-    track = guest(arrived=3)
-    judged(track)
-    track.filter = guest((0.2, 0.0, 0.0), sigma=0.5).filter
+def test_a_body_that_stays_in_its_cells_has_stopped_however_uncertain(
+    outlined_track: MakeTrack,
+) -> None:
+    track = outlined_track(arrived=3)
+    judge_frames(track)
+    track.filter = outlined_track((0.2, 0.0, 0.0), sigma=0.5).filter
     for static, motion in ((0.9, MotionState.MOVING), (1.0, MotionState.STOPPED)):
         track.outline.segment = replace(track.outline.segment, static=static)
-        judged(track)
+        judge_frames(track)
         assert track.motion is motion
 
 
-def test_what_was_not_reported_yet_and_is_hardly_known_does_not_move(guest: MakeTrack) -> None:
-    track = guest((0.5, 0.0, 0.0), sigma=0.5)
-    judged(track)
+def test_what_was_not_reported_yet_and_is_hardly_known_does_not_move(
+    outlined_track: MakeTrack,
+) -> None:
+    track = outlined_track((0.5, 0.0, 0.0), sigma=0.5)
+    judge_frames(track)
     assert track.motion is MotionState.STOPPED
 
 
@@ -72,7 +76,7 @@ def test_one_that_moves_is_not_said_to_stand_because_its_speed_became_uncertain(
 ) -> None:
     track = make_track((0.0, 0.0, 4.0), (0.0, 0.0, -speed), sigma=speed / sigmas)
     track.state, track.motion = TrackState.CONFIRMED, MotionState.MOVING
-    judged(track)
+    judge_frames(track)
     assert track.motion is motion
 
 
@@ -80,5 +84,5 @@ def test_what_was_never_sure_to_move_is_not_said_to(make_track: MakeTrack) -> No
     for state in (TrackState.TENTATIVE, TrackState.CONFIRMED):
         track = make_track((0.0, 0.0, 4.0), (0.0, 0.0, -0.4), sigma=0.4 / 2.4)
         track.state, track.motion = state, MotionState.STOPPED
-        judged(track)
+        judge_frames(track)
         assert track.motion is MotionState.STOPPED

@@ -22,8 +22,8 @@ from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
 from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, on_floor, person, seen
+from .planted_bodies import DT
 
-DT = 1 / 15
 P = Parameters().obstacles
 WHO = person(0.0, 4.0)
 CABINET = on_floor(0.0, 4.0, (1.8, 1.0, 0.3))

@@ -92,7 +92,7 @@ def test_its_silhouette_is_what_is_seen_of_the_solid_within_its_box(x: float, z:
     assert corners.max(axis=0).tolist() == [u1 - 0.5, v1 - 0.5]
 
 
-def test_who_is_not_seen_has_no_silhouette() -> None:
+def test_a_body_that_is_not_seen_has_no_silhouette() -> None:
     outline, _ = outlined(0.1, 4.0)
     outline.seen = False
     assert outline.silhouette is None
@@ -161,14 +161,14 @@ def test_it_is_expected_whole_while_something_hides_part_of_it() -> None:
         assert outline.segment is part
 
 
-def test_who_stays_hidden_in_part_is_expected_as_it_is_seen() -> None:
+def test_a_body_that_stays_partly_hidden_is_expected_as_it_is_seen() -> None:
     outline, _ = outlined(0.1, 4.0)
     scene, part = view(body(0.1, 4.0), PILLAR)
     outline.note(part, ORIGIN, scene, 1.1)
     assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, part.mask) > 0.99
 
 
-def test_who_is_seen_whole_again_is_expected_as_it_is_then() -> None:
+def test_a_body_seen_whole_again_is_expected_as_it_is_then() -> None:
     scene, part = view(body(0.1, 4.0), PILLAR)
     outline = Outline.of(part, scene)
     outline.note(part, ORIGIN, scene, 0.0)
@@ -177,7 +177,7 @@ def test_who_is_seen_whole_again_is_expected_as_it_is_then() -> None:
     assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, whole.mask) > 0.99
 
 
-def test_who_walks_in_is_expected_as_most_of_it_was_seen() -> None:
+def test_a_body_walking_in_is_expected_as_most_of_it_was_seen() -> None:
     """From frame to frame more of it emerges from behind a pillar."""
     scene, part = view(body(0.1, 4.0), PILLAR)
     outline = Outline.of(part, scene)

@@ -114,7 +114,7 @@ def test_it_says_why_it_counts_as_dynamic(track: BodyTrack) -> None:
     assert "not seen" not in o.reason
 
 
-def test_who_moves_in_place_is_not_said_to_travel(track: BodyTrack) -> None:
+def test_a_body_moving_in_place_is_not_said_to_travel(track: BodyTrack) -> None:
     track.rigid, track.motion = False, MotionState.IN_PLACE
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert o.motion is MotionState.IN_PLACE

@@ -95,7 +95,7 @@ def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, 
 
 
 @pytest.mark.parametrize("seen_before", [True, False])
-def test_whoever_was_out_of_sight_is_found_only_where_something_stands_apart(
+def test_a_body_out_of_sight_is_found_only_where_a_segment_is_separate(
     seen_before: bool,
 ) -> None:
     """A part of a wall at the expected place does not count as the body."""
@@ -111,39 +111,39 @@ def test_whoever_was_out_of_sight_is_found_only_where_something_stands_apart(
 
 
 def test_a_fragment_on_another_body_s_outline_is_absorbed(make_track: MakeTrack) -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
+    newcomer = person(0.1, 4.0)
+    tracks, host = outlined(newcomer, TrackIds())
     host.id, host.state = 7, TrackState.CONFIRMED
     part = make_track((0.1, 0.3, 3.9), number=1)
     tracks.append(part)
-    points = tracked(tracks, points_on(patch(0.1, 0.3, 3.87)), arrived(guest))
+    points = tracked(tracks, points_on(patch(0.1, 0.3, 3.87)), arrived(newcomer))
     assert tracks == [host]
     assert host.id == 7
     assert (points.obstacle == NO_OBSTACLE).all()
     assert (points.within == 7).all()
 
 
-def test_whoever_was_reported_keeps_its_number_when_an_outline_absorbs_it(
+def test_a_reported_body_keeps_its_number_when_an_outline_absorbs_it(
     make_track: MakeTrack,
 ) -> None:
-    guest, numbers = person(0.1, 4.0), TrackIds()
-    tracks, host = outlined(guest, numbers)
+    newcomer, numbers = person(0.1, 4.0), TrackIds()
+    tracks, host = outlined(newcomer, numbers)
     assert host.id < 0
     part = make_track((0.1, 0.3, 3.9), number=1)
     part.state = TrackState.CONFIRMED
     tracks.append(part)
-    points = tracked(tracks, points_on(patch(0.1, 0.3, 3.87)), arrived(guest), numbers)
+    points = tracked(tracks, points_on(patch(0.1, 0.3, 3.87)), arrived(newcomer), numbers)
     assert tracks == [host]
     assert (host.id, host.state) == (1, TrackState.CONFIRMED)
     assert (points.within == 1).all()
 
 
 def test_a_body_beside_an_outline_is_not_absorbed(make_track: MakeTrack) -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
+    newcomer = person(0.1, 4.0)
+    tracks, host = outlined(newcomer, TrackIds())
     beside = make_track((1.0, 0.0, 6.0), number=1)
     tracks.append(beside)
-    points = tracked(tracks, points_on(patch(1.0, 0.0, 6.0)), arrived(guest))
+    points = tracked(tracks, points_on(patch(1.0, 0.0, 6.0)), arrived(newcomer))
     assert tracks == [host, beside]
     assert (points.obstacle == 1).all()
 
@@ -164,10 +164,10 @@ def test_a_head_that_crosses_the_view_is_that_of_a_whole_person(
     make_track: MakeTrack, crosses: bool
 ) -> None:
     """In plain clothes that show no motion, in front of a ceiling without depth."""
-    guest = person(0.1, 4.0)
-    scene = seen([*ROOM, guest], evidence=np.full(GRID.shape, STATIC, np.uint8))
+    newcomer = person(0.1, 4.0)
+    scene = seen([*ROOM, newcomer], evidence=np.full(GRID.shape, STATIC, np.uint8))
     rows = np.arange(GRID.height)[:, None] < GRID.height / 2
-    ceiling = rows & ~cells_of(guest, [*ROOM, guest])
+    ceiling = rows & ~cells_of(newcomer, [*ROOM, newcomer])
     scene = replace(scene, disparity=np.where(ceiling, np.nan, scene.disparity))
     head = patch(0.1, -0.4, 3.87)
     track = make_track((0.1, -0.4, 3.9), (0.6, 0.0, 0.0), number=1)
@@ -220,18 +220,18 @@ def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
         assert track.off_ground is off_ground
 
 
-def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrack) -> None:
-    guest = person(0.3, 4.0)
+def test_a_body_returns_from_behind_something_under_its_number(make_track: MakeTrack) -> None:
+    newcomer = person(0.3, 4.0)
     for z, same in ((4.1, True), (6.5, False)):
         track = make_track((0.3, 0.2, z), (0.0, 0.0, 0.0), number=1, sigma=0.1)
         track.state, track.missed_s = TrackState.COASTING, 0.6
         tracks = [track]
-        tracked(tracks, TrackedPoints.none(), arrived(guest))
+        tracked(tracks, TrackedPoints.none(), arrived(newcomer))
         assert (len(tracks) == 1) is same
         assert (track.missed_s == 0.0) is same
 
 
-def test_of_two_who_may_come_back_it_is_the_likelier_one_and_the_other_stays_known(
+def test_of_two_that_may_return_the_likelier_does_and_the_other_stays_known(
     make_track: MakeTrack,
 ) -> None:
     """However long each was out of sight, and even if a few points still show one of them."""
@@ -248,24 +248,24 @@ def test_of_two_who_may_come_back_it_is_the_likelier_one_and_the_other_stays_kno
 
 
 @pytest.mark.parametrize(("z", "same"), [(4.2, True), (7.5, False)])
-def test_who_left_the_image_and_turned_comes_back_as_who_it_was(
+def test_a_body_that_left_the_image_and_turned_returns_under_its_number(
     make_track: MakeTrack, z: float, same: bool
 ) -> None:
     """Even though it was expected to go straight on."""
     edge = 4.0 * (CAMERA.width / 2) / CAMERA.fx
-    guest = person(edge - 0.4, 4.0)
+    newcomer = person(edge - 0.4, 4.0)
     track = make_track((edge + 1.2, 0.2, z), (1.0, 0.0, 0.0), number=1, sigma=0.1)
     track.state, track.missed_s, track.rigid = TrackState.COASTING, 1.2, False
     tracks = [track]
-    tracked(tracks, TrackedPoints.none(), arrived(guest))
+    tracked(tracks, TrackedPoints.none(), arrived(newcomer))
     assert (len(tracks) == 1) is same
     if same:
         assert np.linalg.norm(track.mean[VELOCITY]) < 0.1, "the way that it went is over"
 
 
 def test_between_frames_with_depth_a_body_is_carried_on_as_seen() -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
+    newcomer = person(0.1, 4.0)
+    tracks, host = outlined(newcomer, TrackIds())
     host.filter = host.filter.with_velocity(np.array([0.9, 0.0, 0.0]), np.eye(3) * 1e-6)
     before = host.outline.box_px
     points = points_on(patch(0.15, 0.0, 3.87, side=0.1))
@@ -281,8 +281,8 @@ def test_between_frames_with_depth_a_body_is_carried_on_as_seen() -> None:
 
 
 def test_without_depth_for_long_no_outline_is_seen_and_no_point_lies_on_one() -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
+    newcomer = person(0.1, 4.0)
+    tracks, host = outlined(newcomer, TrackIds())
     points = points_on(patch(0.1, 0.0, 3.87)).but(within=np.full(9, host.id))
     for _ in range(6):
         host.missed_s += DT

@@ -71,7 +71,7 @@ def confirmed(view: SolidView) -> BodyTrack:
 # --- seen by depth alone -------------------------------------------------------------------
 
 
-def test_who_walks_in_is_found_confirmed_and_measured_without_any_point() -> None:
+def test_a_person_walking_in_is_found_confirmed_and_measured_without_any_point() -> None:
     view = watching(on_floor(1.6, 5.0, (0.6, 0.8, 0.4)))
     walk(view, lambda t: (-0.8 + 0.8 * t, 4.0), 18, on_floor(1.6, 5.0, (0.6, 0.8, 0.4)))
     track = confirmed(view)
@@ -83,7 +83,7 @@ def test_who_walks_in_is_found_confirmed_and_measured_without_any_point() -> Non
     assert track.box.size[0] == pytest.approx(0.45, abs=0.1)
 
 
-def test_so_is_who_walks_towards_a_camera_that_drives() -> None:
+def test_so_is_a_person_walking_towards_a_moving_camera() -> None:
     view = watching()
 
     def poses(t: float) -> Pose:
@@ -95,7 +95,7 @@ def test_so_is_who_walks_towards_a_camera_that_drives() -> None:
     np.testing.assert_allclose(track.centre_velocity()[0][[0, 2]], [0.0, -0.7], atol=0.2)
 
 
-def test_who_stands_is_never_confirmed_even_if_the_camera_drives_by() -> None:
+def test_a_standing_person_is_never_confirmed_even_if_the_camera_drives_by() -> None:
     view = SolidView()
     for k in range(25):
         pose = Pose.from_rotvec([0.0, 0.01 * k, 0.0], [0.02 * k, 0.0, 0.04 * k])
@@ -113,7 +113,7 @@ def test_a_stopped_body_stays_where_and_as_large_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_two_who_cross_keep_their_numbers(side: int) -> None:
+def test_two_people_who_cross_keep_their_numbers(side: int) -> None:
     view = watching()
     ids: list[tuple[int, int]] = []
     for k in range(26):
@@ -154,14 +154,14 @@ def test_the_offset_of_another_anchor_is_learned_when_it_is_first_used(
     make_track: MakeTrack,
 ) -> None:
     """Thus a body does not jump when it is measured by its side from then on."""
-    guest = person(0.1, 4.0)
+    newcomer = person(0.1, 4.0)
     track = make_track((0.1, 0.2, 3.875), (0.0, 0.0, 0.0))
     track.loosen()
-    tracked([track], points_on(patch(0.1, 0.0, 3.87)), arrived(guest))
+    tracked([track], points_on(patch(0.1, 0.0, 3.87)), arrived(newcomer))
     assert set(track.outline.offsets) == {"middle"}
     before = track.mean[POSITION].copy()
     pillar = on_floor(0.18, 2.4, (0.3, 2.4, 0.1))
-    tracked([track], TrackedPoints.none(), arrived(guest, pillar))
+    tracked([track], TrackedPoints.none(), arrived(newcomer, pillar))
     assert track.outline.seen
     assert set(track.outline.offsets) == {"middle", "left"}
     np.testing.assert_allclose(track.mean[POSITION], before, atol=0.02)
@@ -191,35 +191,35 @@ def many(x: float, z: float) -> Float64Array:
 
 
 def test_points_on_a_body_with_limbs_belong_to_nobody_but_measure_its_trunk() -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
+    newcomer = person(0.1, 4.0)
+    tracks, host = outlined(newcomer, TrackIds())
     points = points_on(many(0.1, 3.87)).but(obstacle=np.full(45, host.id))
-    points = limbs_measured(host, arrived(guest), points)
+    points = limbs_measured(host, arrived(newcomer), points)
     assert (points.obstacle == NO_OBSTACLE).all()
     assert host.points == 45
     assert tracks == [host]
     before = host.mean[POSITION].copy()
     host.age_s += DT
-    limbs_measured(host, arrived(guest), points, (0.0, 0.0, 0.04))
+    limbs_measured(host, arrived(newcomer), points, (0.0, 0.0, 0.04))
     np.testing.assert_allclose(host.mean[POSITION] - before, [0.0, 0.0, 0.04], atol=0.01)
 
 
 def test_points_at_another_depth_are_not_on_the_body() -> None:
-    guest = person(0.1, 4.0)
-    _, host = outlined(guest, TrackIds())
-    limbs_measured(host, arrived(guest), points_on(many(0.1, 6.0)))
+    newcomer = person(0.1, 4.0)
+    _, host = outlined(newcomer, TrackIds())
+    limbs_measured(host, arrived(newcomer), points_on(many(0.1, 6.0)))
     assert host.points == 0
 
 
 def test_a_rigid_body_all_over_whose_outline_points_lie_stays_rigid(make_track: MakeTrack) -> None:
     """Even though it is as upright as a person."""
-    guest = person(0.1, 4.0)
+    newcomer = person(0.1, 4.0)
     track = make_track((0.1, 0.2, 3.9), (0.3, 0.0, 0.0), number=1, yaw_rate=0.3)
-    _, host = outlined(guest, TrackIds())
+    _, host = outlined(newcomer, TrackIds())
     track.outline = host.outline
     track.points, track.box_px = 45, host.outline.box_px
     for _ in range(20):
-        points = limbs_measured(track, arrived(guest), points_on(many(0.1, 3.87)))
+        points = limbs_measured(track, arrived(newcomer), points_on(many(0.1, 3.87)))
     assert track.rigid
     assert (points.obstacle == 1).all()
     assert track.mean[YAW_RATE] == pytest.approx(0.3)

@@ -10,7 +10,8 @@ import pytest
 
 from observer.methods.rigid.bodies.steady_drive import SteadyDrive
 
-DT = 1 / 15
+from .planted_bodies import DT
+
 Speed = Callable[[float], float]
 
 
@@ -48,7 +49,7 @@ def test_a_few_points_begin_nothing_and_decide_nothing_but_bridge_gaps() -> None
     assert drive.note(velocity, 12, 0.9)
 
 
-def test_who_was_out_of_sight_for_long_begins_anew() -> None:
+def test_a_body_out_of_sight_for_long_begins_anew() -> None:
     drive = SteadyDrive()
     velocity = np.array([0.0, 0.0, -0.3])
     for before, at in pairwise((0.0, 0.5, 1.0, 1.5)):

@@ -15,9 +15,9 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 from ..solid_worlds import ROOM, seen
+from .planted_bodies import DT
 
 MakeTrack = Callable[..., BodyTrack]
-DT = 1 / 15
 SIGMA_M = 0.03
 PLACE = np.array([0.0, 0.0, 4.0])
 AWAY = np.array([0.0, 0.0, 0.8])
@@ -88,7 +88,9 @@ def test_points_that_come_and_go_tell_it_too(unknown: BodyTrack) -> None:
     assert track.mean[VELOCITY][2] == pytest.approx(0.8, abs=0.15)
 
 
-def test_points_on_one_side_of_who_crosses_tell_no_velocity_along(make_track: MakeTrack) -> None:
+def test_points_on_one_side_of_a_crossing_person_give_no_velocity_along(
+    make_track: MakeTrack,
+) -> None:
     """Even though the line of sight turns."""
     across = np.array([1.2, 0.0, 0.0])
     track = make_track(tuple(PLACE), tuple(across), sigma=0.1)

@@ -23,9 +23,9 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 from ..solid_worlds import GRID, ROOM, Solid, cells_of, seen
+from .planted_bodies import DT
 
 MakeTrack = Callable[..., BodyTrack]
-DT = 1 / 15
 PLACE = np.array([0.0, 0.0, 4.0])
 WALK = np.array([0.9, 0.0, 0.0])
 

@@ -99,19 +99,19 @@ def test_what_enters_free_space_has_arrived_however_the_camera_moves(
     moved: Pose, x: float, z: float
 ) -> None:
     # It floats: a foot on the floor would be no nearer than the floor itself.
-    guest = Solid((x, -0.1, z), (0.45, 1.0, 0.25))
-    found = evidence(frame(0.4, [*ROOM, guest], moved), frame(0.0, ROOM))
-    on = inner(cells_of(guest, [*ROOM, guest], moved)) & (found != UNKNOWN)
+    newcomer = Solid((x, -0.1, z), (0.45, 1.0, 0.25))
+    found = evidence(frame(0.4, [*ROOM, newcomer], moved), frame(0.0, ROOM))
+    on = inner(cells_of(newcomer, [*ROOM, newcomer], moved)) & (found != UNKNOWN)
     assert (found[on] == ARRIVED).all()
 
 
 def test_what_something_left_behind_was_hidden() -> None:
-    guest = person(0.5, 3.0)
-    found = evidence(frame(0.4, ROOM), frame(0.0, [*ROOM, guest]))
-    on = inner(cells_of(guest, [*ROOM, guest]))
+    newcomer = person(0.5, 3.0)
+    found = evidence(frame(0.4, ROOM), frame(0.0, [*ROOM, newcomer]))
+    on = inner(cells_of(newcomer, [*ROOM, newcomer]))
     upper = on & (np.arange(GRID.height)[:, None] < GRID.height // 2 + 20)
     assert (found[upper] == UNCOVERED).all()
-    assert (found[~cells_of(guest, [*ROOM, guest])] == STATIC).all()
+    assert (found[~cells_of(newcomer, [*ROOM, newcomer])] == STATIC).all()
 
 
 def test_a_static_thing_beside_one_that_arrives_stays_static() -> None:
@@ -177,30 +177,30 @@ def test_what_was_behind_the_camera_is_unknown() -> None:
 
 
 @pytest.mark.parametrize("stood_s", [0.3, 1.0, 3.0])
-def test_the_oldest_frame_decides_so_who_stops_has_still_arrived(stood_s: float) -> None:
-    guest = person(0.5, 4.0)
+def test_the_oldest_frame_decides_so_a_person_who_stops_has_still_arrived(stood_s: float) -> None:
+    newcomer = person(0.5, 4.0)
     times = np.arange(0.0, 3.3, 0.1)
     came = times[-1] - stood_s
-    frames = [frame(t, [*ROOM, guest] if t > came else ROOM) for t in times]
-    found = evidence(frame(3.3, [*ROOM, guest]), *frames)
-    on = inner(cells_of(guest, [*ROOM, guest])) & (np.arange(GRID.height)[:, None] < 110)
+    frames = [frame(t, [*ROOM, newcomer] if t > came else ROOM) for t in times]
+    found = evidence(frame(3.3, [*ROOM, newcomer]), *frames)
+    on = inner(cells_of(newcomer, [*ROOM, newcomer])) & (np.arange(GRID.height)[:, None] < 110)
     assert (found[on] == ARRIVED).all()
 
 
-def test_who_has_stood_for_longer_than_is_remembered_is_static() -> None:
-    guest = person(0.5, 4.0)
-    world = [*ROOM, guest]
+def test_a_person_who_stood_longer_than_is_remembered_is_static() -> None:
+    newcomer = person(0.5, 4.0)
+    world = [*ROOM, newcomer]
     frames = [frame(t, world if t > 0.5 else ROOM) for t in np.arange(0.0, 5.5, 0.1)]
     found = evidence(frame(5.5, world), *frames)
-    assert (found[cells_of(guest, world)] == STATIC).all()
+    assert (found[cells_of(newcomer, world)] == STATIC).all()
 
 
 def test_a_younger_frame_decides_where_the_oldest_saw_nothing() -> None:
     aside = Pose.from_rotvec([0.0, -0.4, 0.0], np.zeros(3))
-    guest = person(1.2, 4.0)
-    world = [*ROOM, guest]
+    newcomer = person(1.2, 4.0)
+    world = [*ROOM, newcomer]
     old, young, now = frame(0.0, ROOM, aside), frame(2.4, ROOM), frame(3.2, world)
-    on = inner(cells_of(guest, world)) & (np.arange(GRID.height)[:, None] < 110)
+    on = inner(cells_of(newcomer, world)) & (np.arange(GRID.height)[:, None] < 110)
     assert (evidence(now, old)[on] == UNKNOWN).all()
     assert (evidence(now, old, young)[on] == ARRIVED).all()
 

@@ -117,7 +117,7 @@ def test_the_exposure_swings_where_the_whole_image_changes_fast(swing: float, to
 
 
 @pytest.mark.parametrize("width", [0.5, 1.5])
-def test_who_walks_past_near_by_changes_no_light(width: float) -> None:
+def test_a_person_walking_past_close_by_changes_no_light(width: float) -> None:
     """Dark trousers hide and uncover a large part of a bright wall."""
     change = GreyChange(GRID)
     for k in range(12):

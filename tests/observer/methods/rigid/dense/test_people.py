@@ -41,13 +41,13 @@ def with_arm(body: Shape, *arrived: Shape) -> tuple[DenseScene, Segment]:
     return scene, segment_of(scene, cells(scene, ARM))
 
 
-def test_an_arm_of_who_stands_is_begun_as_the_whole_person() -> None:
+def test_an_arm_of_a_standing_person_starts_as_the_whole_person() -> None:
     who = person(0.0, 4.0)
     scene, arm = with_arm(who, ARM)
     assert overlap(whole_person(scene, arm, ALL).mask, cells(scene, who) | arm.mask) > 0.9
 
 
-def test_an_arm_of_who_walks_is_left_to_him() -> None:
+def test_an_arm_of_a_walking_person_is_left_to_them() -> None:
     who = person(0.0, 4.0)
     scene, arm = with_arm(who, ARM, who)
     assert whole_person(scene, arm, ALL) is arm
@@ -73,13 +73,13 @@ def walking(*others: Shape, who: Solid = TALL) -> tuple[DenseScene, Segment]:
     return scene, segment_of(scene, cells(scene, below, *others))
 
 
-def test_head_and_shoulders_of_who_walks_are_part_of_him_though_they_seem_to_stand() -> None:
+def test_head_and_shoulders_of_a_walking_person_belong_to_them_though_seemingly_static() -> None:
     scene, part = walking()
     assert overlap(part.mask, cells(scene, TALL)) < 0.8
     assert overlap(with_head(scene, part, ALL).mask, cells(scene, TALL)) > 0.95
 
 
-def test_a_wide_thing_above_who_walks_is_not_his_head() -> None:
+def test_a_wide_thing_above_a_walking_person_is_no_head() -> None:
     cupboard = Solid((0.0, -1.1, 4.0), (2.5, 0.6, 0.25))
     scene, part = walking(cupboard)
     assert with_head(scene, part, ALL) is part
@@ -90,7 +90,7 @@ def test_what_belongs_to_another_is_not_taken() -> None:
     assert with_head(scene, part, part.mask) is part
 
 
-def test_no_head_is_looked_for_above_the_image_or_on_who_is_whole() -> None:
+def test_no_head_is_looked_for_above_the_image_or_on_a_whole_person() -> None:
     scene, part = walking()
     whole = with_head(scene, part, ALL)
     assert with_head(scene, whole, ALL) is whole

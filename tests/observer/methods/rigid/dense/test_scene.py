@@ -21,23 +21,23 @@ from ..solid_worlds import CAMERA, HERE, MOUNT, seen, step_to
 
 P = StereoParameters()
 SHAPE = (CAMERA.height, CAMERA.width)
-WALL, GUEST = Texture(1, SHAPE, finest_px=12.0), Texture(2, SHAPE, finest_px=12.0)
-# Cells on the guest, all of them above the horizon.
-ON_GUEST = (slice(45, 95), slice(130, 195))
+WALL, PERSON = Texture(1, SHAPE, finest_px=12.0), Texture(2, SHAPE, finest_px=12.0)
+# Cells on the person, all of them above the horizon.
+ON_PERSON = (slice(45, 95), slice(130, 195))
 
 
-def view(index: int, guest: bool) -> View:
-    """A wall at 6 m, with or without a guest at 3 m in front of it."""
+def view(index: int, person: bool) -> View:
+    """A wall at 6 m, with or without a person at 3 m in front of it."""
     left, right = as_image(WALL.moved(), 1.0, 3 * index), as_image(WALL.moved(-10.0), 1.0, index)
-    if guest:
-        thing = as_image(GUEST.moved(), 1.0, 2 * index)[80:200, 250:400]
+    if person:
+        thing = as_image(PERSON.moved(), 1.0, 2 * index)[80:200, 250:400]
         left[80:200, 250:400] = right[80:200, 230:380] = thing
     return View(index, 0.4 * index, None, left, right)
 
 
 @pytest.fixture(scope="module")
 def scenes() -> list[DenseScene]:
-    """The wall alone, with a guest, and alone again."""
+    """The wall alone, with a person, and alone again."""
     vision = DenseVision(CAMERA, MOUNT)
     return [vision.look(view(k, k == 1), step_to(dt=0.4), P, 0.0) for k in range(3)]
 
@@ -47,20 +47,22 @@ def test_the_first_frame_knows_depth_but_nothing_of_motion(scenes: list[DenseSce
     assert (scenes[0].evidence == UNKNOWN).all()
 
 
-def test_who_comes_has_arrived_and_the_wall_beside_is_static(scenes: list[DenseScene]) -> None:
+def test_a_person_who_comes_has_arrived_and_the_wall_beside_is_static(
+    scenes: list[DenseScene],
+) -> None:
     evidence, standing = scenes[1].evidence, scenes[1].standing
-    assert (evidence[ON_GUEST] == ARRIVED).mean() > 0.95
+    assert (evidence[ON_PERSON] == ARRIVED).mean() > 0.95
     beside = standing.copy()
     beside[35:105, 115:205] = False
     assert (evidence[beside] == STATIC).mean() > 0.97
 
 
 def test_what_is_seen_once_it_has_left_was_hidden(scenes: list[DenseScene]) -> None:
-    assert (scenes[2].evidence[ON_GUEST] == STATIC).mean() > 0.9
+    assert (scenes[2].evidence[ON_PERSON] == STATIC).mean() > 0.9
     vision = DenseVision(CAMERA, MOUNT)
     vision.look(view(1, True), step_to(dt=0.4), P, 0.0)
     left = vision.look(view(2, False), step_to(dt=0.4), P, 0.0)
-    assert (left.evidence[ON_GUEST] == UNCOVERED).mean() > 0.9
+    assert (left.evidence[ON_PERSON] == UNCOVERED).mean() > 0.9
 
 
 def test_only_what_stands_is_judged(scenes: list[DenseScene]) -> None:

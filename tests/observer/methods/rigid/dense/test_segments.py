@@ -73,9 +73,9 @@ def only(scene: DenseScene) -> Segment:
 @quick
 @given(x=st.floats(-1.0, 1.0), z=st.floats(2.5, 5.5))
 def test_what_arrived_is_one_segment(x: float, z: float) -> None:
-    guest = person(x, z)
-    scene = world(arrived=[guest])
-    segment, true = only(scene), cells(scene, guest)
+    newcomer = person(x, z)
+    scene = world(arrived=[newcomer])
+    segment, true = only(scene), cells(scene, newcomer)
     assert overlap(segment.mask, true) > 0.95
     assert segment.is_separate
     assert (segment.arrived, segment.uncovered, segment.static) == (1.0, 0.0, 0.0)
@@ -96,29 +96,29 @@ def test_what_is_static_is_none() -> None:
 
 def test_a_segment_does_not_grow_over_the_static_crate_beside_it() -> None:
     """They touch and are at the same distance."""
-    guest, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
-    scene = world(crate, arrived=[guest])
+    newcomer, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
+    scene = world(crate, arrived=[newcomer])
     segment = only(scene)
-    on_guest, on_crate = cells(scene, guest, crate), cells(scene, crate, guest)
-    assert (segment.mask & on_guest).sum() > 0.95 * on_guest.sum()
+    on_newcomer, on_crate = cells(scene, newcomer, crate), cells(scene, crate, newcomer)
+    assert (segment.mask & on_newcomer).sum() > 0.95 * on_newcomer.sum()
     # 12 cm of it, no more
     assert (segment.mask & on_crate).sum() < 0.25 * on_crate.sum()
 
 
 def test_a_segment_grows_over_what_of_a_thing_is_not_known_to_have_moved() -> None:
     """Half of it was never seen before."""
-    guest = person(0.0, 4.0)
-    scene = world(arrived=[guest])
-    unknown = cells(scene, guest)
+    newcomer = person(0.0, 4.0)
+    scene = world(arrived=[newcomer])
+    unknown = cells(scene, newcomer)
     unknown[: GRID.height // 2] = False
     scene.evidence[unknown] = 0
-    assert overlap(only(scene).mask, cells(scene, guest)) > 0.95
+    assert overlap(only(scene).mask, cells(scene, newcomer)) > 0.95
 
 
 def test_cells_that_belong_to_something_already_begin_nothing() -> None:
-    guest = person(0.0, 4.0)
-    scene = world(arrived=[guest])
-    assert fresh_segments(scene, ~cells(scene, guest)) == []
+    newcomer = person(0.0, 4.0)
+    scene = world(arrived=[newcomer])
+    assert fresh_segments(scene, ~cells(scene, newcomer)) == []
 
 
 def test_what_is_small_or_thin_begins_nothing() -> None:
@@ -126,13 +126,13 @@ def test_what_is_small_or_thin_begins_nothing() -> None:
     assert fresh_segments(world(arrived=[ball, pole]), ALL) == []
 
 
-def test_two_who_arrived_side_by_side_are_two_segments() -> None:
+def test_two_people_arrived_side_by_side_are_two_segments() -> None:
     scene = world(arrived=[person(0.0, 4.0), person(0.8, 4.0)])
     one, other = fresh_segments(scene, ALL)
     assert not (one.mask & other.mask).any()
 
 
-def test_of_two_who_arrived_one_before_the_other_the_second_is_found_once_the_first_is() -> None:
+def test_of_two_people_one_before_the_other_the_second_is_found_once_the_first_is() -> None:
     """Their changed cells are connected and form one seed, which belongs to the larger part."""
     near, far = person(0.3, 2.5), person(0.0, 4.0)
     scene = world(arrived=[near, far])
@@ -190,7 +190,7 @@ def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, a
      (0.2, 0.9, 0.7, False)],
     ids=["goes away", "small", "hardly moved", "beside a wall that it uncovers"],
 )  # fmt: skip
-def test_so_has_of_who_goes_away_and_clearly_stands_apart(
+def test_so_has_a_body_going_away_that_is_clearly_separate(
     share: float, uncovered: float, apart: float, whole: bool
 ) -> None:
     scene = world(person(0.3, 4.0))
@@ -237,17 +237,17 @@ def test_in_the_open_no_side_is_cut() -> None:
 
 @pytest.mark.parametrize(("side", "x"), [(0, -2.45), (1, 2.55)])
 def test_the_image_s_border_cuts_the_side_it_is_at(side: int, x: float) -> None:
-    guest = person(x, 4.0)
-    scene = world(arrived=[guest])
-    cut = segment_of(scene, cells(scene, guest)).cut
+    newcomer = person(x, 4.0)
+    scene = world(arrived=[newcomer])
+    cut = segment_of(scene, cells(scene, newcomer)).cut
     assert cut[side]
     assert not cut[1 - side]
 
 
 def test_the_right_camera_s_border_cuts_the_left_side() -> None:
     """It does not see the left camera's first columns."""
-    guest = person(0.0, 4.0)
-    scene = world(arrived=[guest])
+    newcomer = person(0.0, 4.0)
+    scene = world(arrived=[newcomer])
     first = int(60.0 / 3.875 / GRID.reduction)
     mask = window_mask(60, 120, first, first + 25)
     scene.disparity[mask] = 60.0 / 3.875
@@ -256,17 +256,17 @@ def test_the_right_camera_s_border_cuts_the_left_side() -> None:
 
 @pytest.mark.parametrize(("side", "x"), [(0, -0.35), (1, 0.55)])
 def test_something_nearer_cuts_the_side_it_hides(side: int, x: float) -> None:
-    guest, pillar = person(0.2, 4.0), on_floor(x * 0.6, 2.4, (0.4, 2.0, 0.2))
-    scene = world(pillar, arrived=[guest])
-    cut = segment_of(scene, cells(scene, guest, pillar)).cut
+    newcomer, pillar = person(0.2, 4.0), on_floor(x * 0.6, 2.4, (0.4, 2.0, 0.2))
+    scene = world(pillar, arrived=[newcomer])
+    cut = segment_of(scene, cells(scene, newcomer, pillar)).cut
     assert cut[side]
     assert not cut[1 - side]
 
 
 def test_something_farther_cuts_nothing() -> None:
-    guest, pillar = person(0.2, 3.0), on_floor(0.8, 5.0, (0.4, 2.0, 0.2))
-    scene = world(pillar, arrived=[guest])
-    assert segment_of(scene, cells(scene, guest, pillar)).cut[:2] == (False, False)
+    newcomer, pillar = person(0.2, 3.0), on_floor(0.8, 5.0, (0.4, 2.0, 0.2))
+    scene = world(pillar, arrived=[newcomer])
+    assert segment_of(scene, cells(scene, newcomer, pillar)).cut[:2] == (False, False)
 
 
 def test_near_the_camera_head_and_feet_are_cut() -> None:
@@ -302,21 +302,21 @@ def test_a_body_is_found_near_where_it_was_expected(dx: float, dz: float) -> Non
 
 
 def test_a_body_that_stopped_long_ago_is_still_found_where_it_is() -> None:
-    guest = person(0.2, 4.0)
-    scene = world(guest)
-    segment = followed(scene, expected_at(guest), grows=False)
+    newcomer = person(0.2, 4.0)
+    scene = world(newcomer)
+    segment = followed(scene, expected_at(newcomer), grows=False)
     assert segment.static == 1.0
-    assert overlap(segment.mask, cells(scene, guest)) > 0.95
+    assert overlap(segment.mask, cells(scene, newcomer)) > 0.95
 
 
 def test_a_stopped_body_does_not_grow_over_a_crate_that_is_put_beside_it() -> None:
-    guest, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
-    scene = world(guest, arrived=[crate])
-    on_crate = cells(scene, crate, guest) & ~expected_at(guest).mask
-    stopped = followed(scene, expected_at(guest), grows=False)
+    newcomer, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
+    scene = world(newcomer, arrived=[crate])
+    on_crate = cells(scene, crate, newcomer) & ~expected_at(newcomer).mask
+    stopped = followed(scene, expected_at(newcomer), grows=False)
     assert not (stopped.mask & on_crate).any()
     # the segment of a moving body may grow onto it
-    assert (followed(scene, expected_at(guest)).mask & on_crate).any()
+    assert (followed(scene, expected_at(newcomer)).mask & on_crate).any()
 
 
 def test_where_a_body_is_gone_nothing_is_found() -> None:
@@ -327,11 +327,11 @@ def test_where_a_body_is_gone_nothing_is_found() -> None:
 
 
 def test_a_body_takes_only_cells_that_are_free() -> None:
-    guest = person(0.2, 4.0)
-    scene = world(arrived=[guest])
+    newcomer = person(0.2, 4.0)
+    scene = world(arrived=[newcomer])
     free = ALL.copy()
     free[:, 180:] = False
-    assert not followed(scene, expected_at(guest), free).mask[:, 180:].any()
+    assert not followed(scene, expected_at(newcomer), free).mask[:, 180:].any()
 
 
 @pytest.mark.parametrize("z", [(4.0, 2.8), (2.8, 4.0)])
@@ -346,11 +346,11 @@ def test_cells_of_two_bodies_that_cross_go_by_depth(z: tuple[float, float]) -> N
 
 
 def test_cells_far_from_any_expected_depth_or_place_are_nobody_s() -> None:
-    guest, stranger = person(0.1, 4.0), person(0.0, 2.0)
-    scene = world(arrived=[guest, stranger])
-    owner = owners(scene, [expected_at(guest)])
-    assert (owner[cells(scene, stranger, guest)] == -1).all()
-    assert (owner[~expected_at(guest).mask] == -1).all()
+    newcomer, stranger = person(0.1, 4.0), person(0.0, 2.0)
+    scene = world(arrived=[newcomer, stranger])
+    owner = owners(scene, [expected_at(newcomer)])
+    assert (owner[cells(scene, stranger, newcomer)] == -1).all()
+    assert (owner[~expected_at(newcomer).mask] == -1).all()
     assert (owners(scene, []) == -1).all()
 
 
