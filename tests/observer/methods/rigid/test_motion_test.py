@@ -331,8 +331,8 @@ def test_points_seen_too_seldom_are_not_judged() -> None:
     sightings = points.sightings.copy()
     sightings[::2] = P.min_sightings - 1
     motion = pooled(points.but(sightings=sightings))
-    assert not motion.pooled[::2].any()
-    assert motion.pooled[1::2].all()
+    assert not motion.judged[::2].any()
+    assert motion.judged[1::2].all()
     assert not motion.dynamic[::2].any()
     assert (motion.significance[::2] == 0).all()
     assert motion.dynamic[1::2].all()
@@ -349,7 +349,7 @@ def test_what_was_measured_at_one_instant_only_is_not_judged() -> None:
         sums = sums.advanced(dt, P.memory_s)
         sums = sums.with_sightings(np.full_like(place, np.nan), np.zeros((len(place), 3, 3)))
         motion = pooled(points.but(sums=sums))
-        assert not motion.pooled.any()
+        assert not motion.judged.any()
         assert np.isfinite(motion.covariance).all()
 
 
@@ -357,7 +357,7 @@ def test_seen_only_once_nothing_is_known_and_nothing_breaks() -> None:
     rng = np.random.default_rng(9)
     points = watched(LAB, board(rng), np.zeros(3), rng, frames=1)
     motion = pooled(points.but(sightings=np.full(16, 5, np.int64)))
-    assert not motion.pooled.any()
+    assert not motion.judged.any()
     assert not motion.dynamic.any()
     assert np.isfinite(motion.velocity).all()
 
