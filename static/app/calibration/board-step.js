@@ -12,7 +12,7 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request, requestImage } from "../shell/api.js";
@@ -157,9 +157,9 @@ export class BoardStep extends Part {
     this.#source.addEventListener("input", () => this.#followSource());
     onSubmit(form, () => this.#begin());
     this.#zip.addEventListener("change", () => void this.#sendImages());
-    this.hear("status", () => this.#suggest());
-    this.hear("sources", () => this.#followSource());
-    this.hear("calibrate", () => {
+    this.listen("status", () => this.#suggest());
+    this.listen("sources", () => this.#followSource());
+    this.listen("calibrate", () => {
       if (this.hub.uncalibrated) this.#source.value = this.hub.uncalibrated;
       this.#followSource();
     });
@@ -241,7 +241,7 @@ export class BoardStep extends Part {
     );
     const difference = own ? boardDifference(own, { ...c, square_mm: squareOf(c) }) : "";
     setText(this.#otherBoard, difference);
-    if (!difference) passFocus(this.#useOwn, this.#square);
+    if (!difference) moveFocus(this.#useOwn, this.#square);
     this.#useOwn.hidden = !difference;
   }
 

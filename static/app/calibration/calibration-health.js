@@ -44,7 +44,7 @@ class CalibrationHealth extends Part {
       h("div.row", this.#refine),
       this.#refusal,
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
   }
 
   #render() {
@@ -101,14 +101,14 @@ class CalibrationHealth extends Part {
   async #refineRows() {
     /** @type {Calibration} */
     const refined = await request("POST", "/calibrations/refine");
-    this.hub.tell("calibrations");
+    this.hub.emit("calibrations");
     const use = await previewed(refined, false);
     if (!use) return notify(`Saved ${refined.name}. It is not in use.`);
     this.hub.takeStatus(
       await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
     );
     notify(`${refined.name} is now in use.`);
-    this.hub.tell("calibrations");
+    this.hub.emit("calibrations");
   }
 }
 

@@ -92,8 +92,8 @@ class RigPanel extends Part {
       this.#changed = true;
     });
     onSubmit(form, () => this.#save());
-    this.hear("reconnected", () => this.#load());
-    this.hear("status", () => this.#renderInUse());
+    this.listen("reconnected", () => this.#load());
+    this.listen("status", () => this.#renderInUse());
     void this.#load();
   }
 

@@ -1,7 +1,7 @@
 /** Making a calibration step by step: the board, its views, the result. */
 
 import { button, h, setAttribute, setText } from "../elements/dom.js";
-import { giveBackFocus } from "../elements/focus-place.js";
+import { restoreFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { access } from "../shell/access.js";
@@ -71,8 +71,8 @@ class CalibrationWizard extends Part {
       this.#views,
       this.#result,
     );
-    this.hear("status", () => this.#follow());
-    this.hear("calibrate", () => {
+    this.listen("status", () => this.#follow());
+    this.listen("calibrate", () => {
       this.#caller = document.activeElement;
       this.#go(this.hub.status?.calibrating ? "views" : "board");
     });
@@ -87,7 +87,7 @@ class CalibrationWizard extends Part {
     const away = this.#step !== null || document.body.hasAttribute("data-history");
     if (away || (await access()) !== "operator") return;
     this.hub.uncalibrated = spec;
-    this.hub.tell("calibrate");
+    this.hub.emit("calibrate");
   }
 
   /** Follow a calibration that another page may have begun or ended. */
@@ -125,7 +125,7 @@ class CalibrationWizard extends Part {
     if (step !== null) openPane("main");
     // The focus follows to the pane now shown.
     if (step !== null) this.#title.focus();
-    else giveBackFocus(this.#caller);
+    else restoreFocus(this.#caller);
   }
 
   async #saved() {
@@ -146,7 +146,7 @@ class CalibrationWizard extends Part {
     const title = words ? `Calibrate: ${words}` : "Calibrate";
     if (this.#title.textContent !== title) {
       setText(this.#title, title);
-      this.hub.tell("titled");
+      this.hub.emit("titled");
     }
     for (const [step, button] of this.#steps) {
       const possible =

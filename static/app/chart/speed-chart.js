@@ -70,13 +70,13 @@ class SpeedChart extends Part {
       this.#marks,
       this.#legend,
     );
-    this.hear("observation", () => this.#observed());
-    this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
-    this.hear("status", () => {
+    this.listen("observation", () => this.#observed());
+    this.listen("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
+    this.listen("status", () => {
       this.#followSource();
       this.#renderStatus();
     });
-    this.hear("runs", () => this.#findLastRun());
+    this.listen("runs", () => this.#findLastRun());
     void this.#findLastRun();
     // While paused, no further observation arrives.
     if (this.hub.observation) this.#history.add(this.hub.observation);

@@ -78,11 +78,11 @@ export class DrivePad extends Part {
     this.#followPointer();
     followKeys(driver);
     followGamepad(driver);
-    this.hear("forgotten", () => this.#drop(), driver.hold);
-    this.hear("change", () => this.#render(), driver);
-    this.hear("robots", () => this.#render());
+    this.listen("forgotten", () => this.#drop(), driver.hold);
+    this.listen("change", () => this.#render(), driver);
+    this.listen("robots", () => this.#render());
     this.whenShown(() => this.#render());
-    this.hear("gamepadconnected gamepaddisconnected", () => this.#render(), window);
+    this.listen("gamepadconnected gamepaddisconnected", () => this.#render(), window);
     this.#render();
   }
 

@@ -2,7 +2,7 @@
 
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
 import { isArmed, ROLES } from "./roles.js";
@@ -21,7 +21,7 @@ const KEY = "dynamic-observer.driving";
  * Events: `change` (role, share, lease, what is held or sent, or the link has changed), `stopping`
  * (stop was pressed here), `stop-failed` (the stop did not reach the server).
  */
-export class Driver extends Teller {
+export class Driver extends Emitter {
   link = new DriveLink();
   hold = new Hold();
   /** Holds the server's state and the state of the connection to it. */
@@ -39,12 +39,12 @@ export class Driver extends Teller {
     setInterval(() => this.#tick(), EVERY_MS);
     this.hold.addEventListener("pressed", () => this.#pressed());
     this.hold.addEventListener("released", () => this.#send(0, 0));
-    this.hold.addEventListener("change", () => this.tell("change"));
+    this.hold.addEventListener("change", () => this.emit("change"));
     for (const type of ["lease", "sent", "link"])
       this.link.addEventListener(type, () => this.#linkChanged());
     this.link.addEventListener("refused", () => this.#bar(sentence(this.link.refusal)));
     hub.addEventListener("robots", () => this.#robotsChanged());
-    hub.addEventListener("connection", () => this.tell("change"));
+    hub.addEventListener("connection", () => this.emit("change"));
     // Browsers throttle the timers of hidden pages, so let go and then stay silent.
     document.addEventListener("visibilitychange", () => document.hidden && this.hold.forget());
     for (const type of ["blur", "pagehide", "freeze"])
@@ -138,11 +138,11 @@ export class Driver extends Teller {
   async stop() {
     this.hold.forget();
     this.link.stop();
-    this.tell("stopping");
+    this.emit("stopping");
     try {
       await request("POST", "/robots/stop");
     } catch (error) {
-      this.tell("stop-failed");
+      this.emit("stop-failed");
       throw error;
     }
   }
@@ -188,7 +188,7 @@ export class Driver extends Teller {
     if (connection !== "open") this.#bar("Link lost: let go and press again.");
     else if (quality?.sentence) this.#bar(`${quality.sentence}: let go and press again.`);
     else if (!leases.has(this.role)) this.#bar("You no longer have control.");
-    this.tell("change");
+    this.emit("change");
   }
 
   #robotsChanged() {
@@ -196,14 +196,14 @@ export class Driver extends Teller {
     if (this.#hub.robots?.stopped) this.#bar("All robots were stopped.");
     else if (this.robot()?.state === "disarmed")
       this.#bar(this.robot()?.why ?? "The robot was disarmed.");
-    this.tell("change");
+    this.emit("change");
   }
 
   /** @param {{role: Role, share: number}} choice */
   #choose(choice) {
     this.#choice = choice;
     localStorage.setItem(KEY, JSON.stringify(choice));
-    this.tell("change");
+    this.emit("change");
   }
 }
 

@@ -13,9 +13,9 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { GLOSSARY } from "../elements/glossary.js";
-import { GoalWhy } from "../elements/goal-why.js";
+import { GoalExplanation } from "../elements/goal-explanation.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
@@ -60,7 +60,7 @@ class GoalPanel extends Part {
   /** The same for screen readers, but not announced each time a number changes. */
   #spoken = h("p.visually-hidden", { role: "status" });
   #way = h("p.figure");
-  #why = new GoalWhy();
+  #why = new GoalExplanation();
   #whyOpens = details("Why", this.#why);
   /** What the explanation was last filled with, and when, ms. */
   #explained = { news: "", at: 0 };
@@ -128,10 +128,10 @@ class GoalPanel extends Part {
     );
     onSubmit(form, () => this.#do(() => this.#sendTyped()));
     this.#whyOpens.addEventListener("toggle", () => this.#render());
-    this.hear("robots connection", () => this.#render());
-    this.hear("change", () => this.#render(), driver);
-    this.hear("change", () => this.#render(), floorPick);
-    this.hear("picked", () => this.#do(() => this.#sendPicked()), floorPick);
+    this.listen("robots connection", () => this.#render());
+    this.listen("change", () => this.#render(), driver);
+    this.listen("change", () => this.#render(), floorPick);
+    this.listen("picked", () => this.#do(() => this.#sendPicked()), floorPick);
     this.whenShown(() => this.#render());
     this.#render();
   }
@@ -226,7 +226,7 @@ class GoalPanel extends Part {
     setAttribute(this, "data-old", lost ? "" : null);
     const goal = robots?.goal ?? null;
     const drives = goal?.state === "driving";
-    if (!drives) passFocus(this.#driving, this.#ahead);
+    if (!drives) moveFocus(this.#driving, this.#ahead);
     this.#driving.hidden = !drives;
     if (goal && drives) this.#renderDriving(goal);
     else setText(this.#spoken, "");

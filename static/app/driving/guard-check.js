@@ -13,7 +13,7 @@ import {
   setText,
   stateChip,
 } from "../elements/dom.js";
-import { KeptList, passFocus } from "../elements/focus-place.js";
+import { KeyedList, moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence, when } from "../elements/words.js";
 import { request } from "../shell/api.js";
@@ -63,9 +63,11 @@ class GuardCheck extends Part {
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
   #keep = button("Save record", () => this.#do(() => this.#end()), { hidden: true });
   #stepList = h("ul.item-list.check-steps", { "aria-label": "Check steps" });
-  #steps = new KeptList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
+  #steps = new KeyedList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
   #recordList = h("ul.item-list.check-records", { "aria-label": "Check records" });
-  #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
+  #records = new KeyedList(this.#recordList, (/** @type {CheckEntry} */ entry) =>
+    recordItem(entry),
+  );
   #none = h("p.empty", "No saved checks.");
   #earlier = h("div", h("h4", "Previous checks"), this.#none, this.#recordList);
   #whole = details(
@@ -93,10 +95,10 @@ class GuardCheck extends Part {
     this.append(this.#whole);
     onSubmit(this.#form, () => this.#do(() => this.#begin()));
     this.#whole.addEventListener("toggle", () => this.#render());
-    this.hear("robots", () => this.#render());
-    this.hear("change", () => this.#render(), this.hub.driver);
+    this.listen("robots", () => this.#render());
+    this.listen("change", () => this.#render(), this.hub.driver);
     this.whenShown(() => this.#render());
-    this.hear("reconnected", () => {
+    this.listen("reconnected", () => {
       this.#loaded = "";
     });
     this.#render();
@@ -170,13 +172,13 @@ class GuardCheck extends Part {
     setAttribute(this, "data-going", going ? "" : null);
     if (step) {
       this.#now.hidden = false;
-      passFocus(this.#form, this.#skip);
+      moveFocus(this.#form, this.#skip);
     }
     for (const part of [this.#what, this.#advice, this.#form, this.#earlier]) part.hidden = going;
     this.#start.disabled = !driver.robot() || (check !== null && !going && !check.record);
     this.#start.title = driver.robot() ? "" : `No ${driver.role} robot is connected`;
     if (!step) {
-      passFocus(this.#now, this.#start, this.#whole.querySelector("summary"));
+      moveFocus(this.#now, this.#start, this.#whole.querySelector("summary"));
       this.#now.hidden = true;
     }
     if (step && check) {

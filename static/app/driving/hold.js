@@ -1,6 +1,6 @@
 /** The controls that the user holds: pad, keys, gamepad. No timer, no socket here. */
 
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 
 /**
  * Deflection of a control, each axis from -1 to 1.
@@ -28,7 +28,7 @@ export function beyondStill(axis) {
  * was barred), `forgotten` (a control must be seen released before it can be pressed again),
  * `change`.
  */
-export class Hold extends Teller {
+export class Hold extends Emitter {
   /** @type {Map<Holder, Deflection>} */
   #held = new Map();
   /** Why the hold is barred until every control is released; empty while it counts. */
@@ -57,8 +57,8 @@ export class Hold extends Teller {
   set(holder, deflection) {
     const first = this.#held.size === 0;
     this.#held.set(holder, deflection);
-    if (first) this.tell("pressed");
-    this.tell("change");
+    if (first) this.emit("pressed");
+    this.emit("change");
   }
 
   /** @param {Holder} holder */
@@ -66,8 +66,8 @@ export class Hold extends Teller {
     const counted = this.counts;
     if (!this.#held.delete(holder)) return;
     if (this.#held.size === 0) this.barred = "";
-    if (counted && !this.counts) this.tell("released");
-    this.tell("change");
+    if (counted && !this.counts) this.emit("released");
+    this.emit("change");
   }
 
   /** Drop all holds, as no release may come: focus lost, page hidden, robots stopped. */
@@ -75,9 +75,9 @@ export class Hold extends Teller {
     const counted = this.counts;
     this.#held.clear();
     this.barred = "";
-    this.tell("forgotten");
-    if (counted) this.tell("released");
-    this.tell("change");
+    this.emit("forgotten");
+    if (counted) this.emit("released");
+    this.emit("change");
   }
 
   /**
@@ -88,7 +88,7 @@ export class Hold extends Teller {
   bar(why) {
     if (!this.counts) return;
     this.barred = why;
-    this.tell("released");
-    this.tell("change");
+    this.emit("released");
+    this.emit("change");
   }
 }

@@ -66,9 +66,9 @@ export class PortForm extends Part {
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    this.hear("reconnected", () => this.#look());
-    this.hear("change", () => this.#render(), this.hub.driver);
-    this.hear("robots", () => this.#render());
+    this.listen("reconnected", () => this.#look());
+    this.listen("change", () => this.#render(), this.hub.driver);
+    this.listen("robots", () => this.#render());
     this.#render();
     void this.#look();
   }

@@ -12,7 +12,7 @@ import {
   onSubmit,
   setText,
 } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
@@ -26,7 +26,7 @@ class Programmes extends Part {
   /** @type {ProgrammeEntry[]} */
   #programmes = [];
   #list = h("ul.item-list");
-  #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
+  #kept = new KeyedList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
   #empty = h("p.empty", "No programmes found.");
   #repeat = input("number", "programme-repeat", { min: "1", max: "100", step: "1", value: "1" });
   #reverse = input("checkbox", "programme-reverse");
@@ -90,13 +90,13 @@ class Programmes extends Part {
     );
     this.#file.addEventListener("change", () => void this.#readFile());
     onSubmit(form, () => this.#keep());
-    this.hear("robots", () => {
+    this.listen("robots", () => {
       this.#tellEnd();
       this.#render();
     });
-    this.hear("change", () => this.#render(), this.hub.driver);
+    this.listen("change", () => this.#render(), this.hub.driver);
     this.whenShown(() => this.#render());
-    this.hear("reconnected", () => {
+    this.listen("reconnected", () => {
       this.#loaded = false;
     });
     this.#render();

@@ -12,7 +12,7 @@ import {
   stateChip,
 } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
@@ -72,7 +72,7 @@ class RobotsPanel extends Part {
       this.#trouble,
       h(
         "fieldset.role-cards",
-        { "data-looks": true },
+        { "data-harmless": true },
         h("legend.visually-hidden", "Robot"),
         ...[...this.#cards.values()].map(({ element }) => element),
       ),
@@ -107,9 +107,9 @@ class RobotsPanel extends Part {
     });
     this.#pad.attach(this.hub);
     this.#port.attach(this.hub);
-    this.hear("robots connection", () => this.#render());
+    this.listen("robots connection", () => this.#render());
     this.whenShown(() => this.#render());
-    this.hear("change", () => this.#render(), driver);
+    this.listen("change", () => this.#render(), driver);
     this.#render();
   }
 
@@ -180,7 +180,7 @@ class RobotsPanel extends Part {
     for (const [button, isShown] of shown) if (isShown) button.hidden = false;
     for (const [button, isShown] of shown) {
       if (isShown) continue;
-      passFocus(button, this.#arm, this.#disarm, this.#takeOver, this.#giveBack);
+      moveFocus(button, this.#arm, this.#disarm, this.#takeOver, this.#giveBack);
       button.hidden = true;
     }
     this.#arm.disabled = !armable;

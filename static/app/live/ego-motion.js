@@ -26,7 +26,7 @@ class EgoMotionPanel extends Part {
       this.#image,
       this.#camera,
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.#render();
   }
 

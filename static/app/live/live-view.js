@@ -81,9 +81,9 @@ export class LiveView extends Part {
     );
     this.#socket = new ViewSocket(this.name, ({ bitmap, ageMs }) => this.#show(bitmap, ageMs));
     this.#visibilityChanged();
-    this.hear("visibilitychange", () => this.#visibilityChanged(), document);
-    this.hear("history", () => this.#visibilityChanged());
-    this.hear("freshness", () => this.#judge());
+    this.listen("visibilitychange", () => this.#visibilityChanged(), document);
+    this.listen("history", () => this.#visibilityChanged());
+    this.listen("freshness", () => this.#judge());
     this.#timer = setInterval(() => this.#judge(), 250);
     this.#judge();
   }

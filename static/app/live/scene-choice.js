@@ -1,6 +1,6 @@
 /** Which layers of the 3D scene the user sees, and from where; remembered in this browser. */
 
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 
 /** @typedef {keyof typeof CAMERAS} CameraChoice */
 
@@ -13,7 +13,7 @@ export const CAMERAS = {
 };
 
 /** Fires `changed`. */
-export class SceneChoice extends Teller {
+export class SceneChoice extends Emitter {
   /** @type {Set<string>} */
   #hidden;
   /** @type {CameraChoice} */
@@ -54,7 +54,7 @@ export class SceneChoice extends Teller {
   #keep() {
     const value = { hidden: [...this.#hidden], camera: this.#camera };
     this.#store.setItem(KEY, JSON.stringify(value));
-    this.tell("changed");
+    this.emit("changed");
   }
 }
 

@@ -50,7 +50,7 @@ export class SceneControls extends Part {
     this.enlarge.what = this.closest(".stage") ?? this.enlarge.what;
     this.enlarge.attach(this.hub);
     this.append(h("div.scene-tools", this.#open, cameras, reset, this.enlarge), this.#layers);
-    this.hear("changed", () => this.#render(), this.choice);
+    this.listen("changed", () => this.#render(), this.choice);
     this.#render();
   }
 

@@ -40,19 +40,19 @@ class Scene extends Part {
     this.#controls.hidden = true;
     this.append(this.#frame, this.#wait, this.#trouble, this.#controls, this.#pick);
     this.#controls.attach(this.hub);
-    this.hear("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
-    this.hear("changed", () => this.#choose(), this.#controls.choice);
-    this.hear("reset", () => this.#tell({ kind: "reset" }), this.#controls);
+    this.listen("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
+    this.listen("changed", () => this.#choose(), this.#controls.choice);
+    this.listen("reset", () => this.#tell({ kind: "reset" }), this.#controls);
     // The page first: without a graphics card the viewer keeps the processor busy for seconds.
-    this.hear("painted", () => this.#load());
+    this.listen("painted", () => this.#load());
     setTimeout(() => this.#load(), PATIENCE_MS);
-    this.hear("reconnected", () => this.#back());
+    this.listen("reconnected", () => this.#back());
     const { floorPick, driver } = this.hub;
-    this.hear("change", () => this.#showPick(), floorPick);
-    this.hear("stopping", () => floorPick.cancel(), driver);
+    this.listen("change", () => this.#showPick(), floorPick);
+    this.listen("stopping", () => floorPick.cancel(), driver);
     window.addEventListener("keydown", (event) => this.#cancelByKey(event), { capture: true });
-    this.hear("freshness", () => this.#mark());
-    this.hear("themechange", () => this.#paint(), window);
+    this.listen("freshness", () => this.#mark());
+    this.listen("themechange", () => this.#paint(), window);
     this.#mark();
   }
 

@@ -29,7 +29,7 @@ class StatusPanel extends Part {
       this.#skipped,
       h("p.hint", this.#version, " · ", h("a", { href: "/docs" }, "REST API")),
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.whenShown(() => this.#render());
     this.#render();
   }

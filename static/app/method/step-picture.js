@@ -3,7 +3,7 @@
 import { BoundedMap } from "../elements/bounded-map.js";
 import { h, setAttribute } from "../elements/dom.js";
 import { requestImage } from "../shell/api.js";
-import { Newest } from "../elements/newest.js";
+import { LatestRequest } from "../elements/latest-request.js";
 
 // Pictures kept in memory, a few hundred kilobytes each.
 const MOST_KEPT = 14;
@@ -12,8 +12,8 @@ export class StepPicture {
   #image = h("img", { alt: "", hidden: true });
   #wait = h("p.step-picture-wait", "Processing the frames…");
   element = h("div.step-picture", this.#image, this.#wait);
-  #newest = new Newest();
-  #kept = new KeptPictures();
+  #newest = new LatestRequest();
+  #kept = new PictureCache();
   #waiting = new AbortController();
 
   /** Called when another picture is shown. @type {(url: string, alt: string) => void} */
@@ -31,7 +31,7 @@ export class StepPicture {
     const { signal } = this.#waiting;
     setAttribute(this.element, "aria-busy", "true");
     try {
-      const url = await this.#newest.answer(() => this.#kept.get(path, signal));
+      const url = await this.#newest.run(() => this.#kept.get(path, signal));
       if (url === undefined) return false;
       this.#image.src = url;
       this.#image.alt = alt;
@@ -51,7 +51,7 @@ export class StepPicture {
   }
 }
 
-class KeptPictures {
+class PictureCache {
   /**
    * Object URLs of the pictures by their path.
    *

@@ -1,7 +1,7 @@
 /** The paper's method step by step, on one frozen pair of frames. */
 
 import { button, download, h, setAttribute, setText, table, tableRow } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { declareKeys, writesText } from "../elements/keys.js";
@@ -11,7 +11,7 @@ import { storeOf } from "../parameters/parameter-store.js";
 import { groupTitle } from "../parameters/value-words.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
 import { attempt } from "../shell/notice.js";
-import { Newest } from "../elements/newest.js";
+import { LatestRequest } from "../elements/latest-request.js";
 import { formulaParts } from "./step-formula.js";
 import { StepPicture } from "./step-picture.js";
 import { StepPresentation } from "./step-presentation.js";
@@ -60,10 +60,10 @@ export class StepsView extends Part {
   #export = new ExportMenu(() => [{ title: "This step", items: this.#exports() }]);
   /** @type {StepPresentation | null} */
   #presentation = null;
-  #newest = new Newest();
+  #newest = new LatestRequest();
   /** @type {Map<string, ParameterField>} */
   #made = new Map();
-  #arranged = new KeptList(
+  #arranged = new KeyedList(
     this.#fields,
     (/** @type {string} */ name) => this.#field(name),
     () => null,
@@ -115,8 +115,8 @@ export class StepsView extends Part {
     this.#choice.chosen = (choice, moving) => this.#change(choice, moving);
     this.#picture.shown = (url, alt) => this.#presentation?.show(url, alt);
     storeOf(this.hub).addEventListener("loaded", () => this.#render());
-    this.hear("themechange", () => this.#draw(), window);
-    this.hear("change", () => this.#draw(), matchMedia("(prefers-color-scheme: dark)"));
+    this.listen("themechange", () => this.#draw(), window);
+    this.listen("change", () => this.#draw(), matchMedia("(prefers-color-scheme: dark)"));
     document.addEventListener("keydown", (event) => this.#pressed(event));
   }
 
@@ -192,7 +192,7 @@ export class StepsView extends Part {
     this.#render();
     setAttribute(this, "aria-busy", "true");
     /** @type {Promise<MethodSteps | undefined>} */
-    const asked = this.#newest.answer(() => request("GET", `/steps?${queryOf(place)}`));
+    const asked = this.#newest.run(() => request("GET", `/steps?${queryOf(place)}`));
     // If the server chooses the frame, only its answer tells which one.
     const drawing = place.frame === null ? null : this.#draw();
     try {

@@ -30,7 +30,7 @@ class MethodSwitch extends Part {
   #now = button(
     [this.#nowName, this.#nowMark],
     () => document.getElementById("tab-parameters")?.click(),
-    { class: "button method-now", "data-looks": true },
+    { class: "button method-now", "data-harmless": true },
   );
   #fields = h("fieldset.segmented", { disabled: true }, h("legend.visually-hidden", "Method"));
 

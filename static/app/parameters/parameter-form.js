@@ -63,7 +63,7 @@ class ParameterForm extends Part {
     );
     store.addEventListener("trouble", () => setText(this.#found, store.trouble));
     setText(this.#found, store.trouble);
-    this.hear("observation", () => this.#renderRevision());
+    this.listen("observation", () => this.#renderRevision());
   }
 
   #render() {

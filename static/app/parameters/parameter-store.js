@@ -1,7 +1,7 @@
 /** The parameters as held by the server, with changes, undo and redo. */
 
 import { ApiError, request } from "../shell/api.js";
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 import { withTitles } from "./value-words.js";
 
 /** @import * as contract from "../contract" */
@@ -38,7 +38,7 @@ const FALLBACK = "default";
  * about no field), `trouble` (they could not be read, or can be again).
  * Only one request is in flight at a time; changes made meanwhile go with the next one.
  */
-export class ParameterStore extends Teller {
+export class ParameterStore extends Emitter {
   /** @type {ParameterEntry[]} */
   schema = [];
   /** @type {Preset[]} */
@@ -81,7 +81,7 @@ export class ParameterStore extends Teller {
       group_help: withTitles(entry.group_help, schema),
     }));
     this.presets = presets;
-    this.tell("loaded");
+    this.emit("loaded");
     this.#take(state);
   }
 
@@ -94,7 +94,7 @@ export class ParameterStore extends Teller {
       if (!(error instanceof ApiError)) throw error;
       this.trouble = error.message;
     }
-    this.tell("trouble");
+    this.emit("trouble");
   }
 
   /**
@@ -163,7 +163,7 @@ export class ParameterStore extends Teller {
       this.#undoable.push(step);
       this.#undoable.splice(0, this.#undoable.length - HISTORY_LENGTH);
       this.#redoable = [];
-      this.tell("values");
+      this.emit("values");
     });
     await this.#lastStep;
     return step;
@@ -275,7 +275,7 @@ export class ParameterStore extends Teller {
     if (!step) return;
     const basedOn = this.#known(side === "before" ? step.from : step.to);
     if (await this.change(step[side], basedOn)) to.push(step);
-    this.tell("values");
+    this.emit("values");
   }
 
   async #pump() {
@@ -320,7 +320,7 @@ export class ParameterStore extends Teller {
     // An error about no field is shown at the only field changed, or else once for all.
     const place = new Set(asked).size === 1 ? (asked[0] ?? "") : "";
     const fields = known ? error.fields : { [place]: error.message };
-    this.tell("values");
+    this.emit("values");
     this.dispatchEvent(new CustomEvent("refused", { detail: fields }));
     guilty.forEach((waiting) => waiting.done(false));
   }
@@ -329,7 +329,7 @@ export class ParameterStore extends Teller {
   #take(state) {
     this.state = state;
     this.defaults = this.valuesOf(this.basePreset);
-    this.tell("values");
+    this.emit("values");
   }
 }
 

@@ -41,7 +41,7 @@ export class PresetPicker extends HTMLElement {
     const menu = h(
       "div.pop-box.preset-more",
       { id: "preset-more", popover: true },
-      button([icon("download"), "Download file"], () => this.#share(), { "data-looks": true }),
+      button([icon("download"), "Download file"], () => this.#share(), { "data-harmless": true }),
       button([icon("upload"), "Import file…"], () => this.#file.click()),
       this.#delete,
     );
@@ -61,7 +61,7 @@ export class PresetPicker extends HTMLElement {
         "div.row.preset-actions",
         this.#overwrite,
         this.#saveAs,
-        button("Compare…", () => comparePresets(store), { "data-looks": true }),
+        button("Compare…", () => comparePresets(store), { "data-harmless": true }),
         more,
         menu,
         this.#file,

@@ -202,7 +202,7 @@ export class AlignmentPanel extends Part {
     const done = await attemptIn(this.#error, async () => {
       await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
       setText(this.#state, "Aligned. Recomputing the errors…");
-      this.hub.tell("runs");
+      this.hub.emit("runs");
       this.aligned();
     });
     this.#setBusy(false);

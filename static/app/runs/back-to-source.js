@@ -15,7 +15,7 @@ export class BackToSource extends Part {
 
   build() {
     this.append(h("p", this.#words, this.#back), this.#error);
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.#render();
   }
 

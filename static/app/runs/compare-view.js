@@ -31,7 +31,7 @@ export class CompareView extends Part {
 
   build() {
     this.append(this.#error, this.#waiting, this.#frames, this.#chart, this.#table);
-    this.hear("reconnected", () => this.#load());
+    this.listen("reconnected", () => this.#load());
   }
 
   /** @param {string[]} ids empty: another view is shown */

@@ -10,7 +10,7 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { sentence, when } from "../elements/words.js";
 import { access } from "../shell/access.js";
@@ -82,8 +82,8 @@ export class MethodsView extends Part {
     this.#split.attach(this.hub);
     this.#split.hidden = true;
     onSubmit(this.#form, () => this.#start());
-    this.hear("reconnected", () => this.#shown && this.#ask());
-    this.hear("hashchange", () => this.#follow(), window);
+    this.listen("reconnected", () => this.#shown && this.#ask());
+    this.listen("hashchange", () => this.#follow(), window);
   }
 
   /** @param {string[] | null} ids of two runs; empty: the newest two; null: another view is open */
@@ -194,7 +194,7 @@ export class MethodsView extends Part {
     clearTimeout(this.#timer);
     const ended = !this.#going.hidden && !going;
     this.#begin.disabled = going !== null;
-    if (!going) passFocus(this.#going, this.#begin);
+    if (!going) moveFocus(this.#going, this.#begin);
     this.#going.hidden = !going;
     if (trouble) setText(this.#error, sentence(trouble));
     if (going) {
@@ -208,7 +208,7 @@ export class MethodsView extends Part {
       );
       if (this.#shown) this.#timer = setTimeout(() => void this.#ask(), ASK_EVERY_MS);
     } else if (ended && runs && !trouble) {
-      this.hub.tell("runs");
+      this.hub.emit("runs");
       location.hash = methodsHref([...runs]);
     }
   }

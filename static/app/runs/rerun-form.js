@@ -17,7 +17,7 @@ import { counted } from "../elements/words.js";
 import { ParameterGroups } from "../parameters/parameter-groups.js";
 import { request } from "../shell/api.js";
 import { oneAtATime } from "../shell/notice.js";
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 import { RerunProgress } from "./rerun-progress.js";
 import { compareHref, hasImages, runHref } from "./run-words.js";
 
@@ -25,7 +25,7 @@ import { compareHref, hasImages, runHref } from "./run-words.js";
 /** @import { ParameterEntry, Preset, Values } from "../parameters/parameter-store.js" */
 
 /** Values that are not in force yet. Event: `values`. */
-class Draft extends Teller {
+class Draft extends Emitter {
   /** @type {Values} */
   values = {};
   /** Values that reset restores. @type {Values} */
@@ -34,7 +34,7 @@ class Draft extends Teller {
   /** @param {Values} changes */
   async change(changes) {
     this.values = { ...this.values, ...changes };
-    this.tell("values");
+    this.emit("values");
     return true;
   }
 
@@ -196,7 +196,7 @@ export class RerunForm extends Part {
       });
       setText(this.#done, "");
       if (this.#run?.id === run.id) this.#progress.watch(begun);
-      this.hub.tell("runs");
+      this.hub.emit("runs");
     });
   }
 

@@ -79,7 +79,7 @@ class RunBar extends Part {
     );
     onSubmit(form, () => this.#do(() => this.#begin()));
     this.append(this.#state, form);
-    this.hear("status connection", () => this.#render());
+    this.listen("status connection", () => this.#render());
     this.#render();
   }
 
@@ -140,7 +140,7 @@ class RunBar extends Part {
     });
     this.#name.value = "";
     notify(`Run “${run.name}” started.`);
-    this.hub.tell("runs");
+    this.hub.emit("runs");
   }
 
   async #end() {
@@ -148,7 +148,7 @@ class RunBar extends Part {
     if (!run) return;
     await request("POST", `/runs/${encodeURIComponent(run.id)}/stop`);
     notify(`Run “${run.name}” stopped and saved.`);
-    this.hub.tell("runs");
+    this.hub.emit("runs");
   }
 
   /** @param {boolean} busy */

@@ -3,7 +3,7 @@
 import { chartGroups } from "../chart/chart-files.js";
 import { button, download, field, h, select, setText } from "../elements/dom.js";
 import { ExportMenu } from "../elements/export-menu.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { ApiError, requestImage } from "../shell/api.js";
 import { showModal } from "../shell/modal.js";
@@ -207,7 +207,7 @@ export class RunExport extends Part {
     } finally {
       this.#making = null;
       if (making.signal.aborted) end = `${words} cancelled.`;
-      passFocus(this.#cancel, this.#menu);
+      moveFocus(this.#cancel, this.#menu);
       if (run === this.#run || run?.id === this.#run?.id) this.#tell(end, false, refused);
     }
   }

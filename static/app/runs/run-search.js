@@ -10,7 +10,7 @@ import {
   setText,
   stateChip,
 } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, sentence, when } from "../elements/words.js";
 import { request } from "../shell/api.js";
@@ -27,7 +27,7 @@ const MOST_COMPARED = 4;
 export class RunSearch extends Part {
   #words = input("search", "history-words", { placeholder: "Name, note or tag" });
   #tags = h("div.chips", { role: "group", "aria-label": "Filter by tag" });
-  #chips = new KeptList(
+  #chips = new KeyedList(
     this.#tags,
     (/** @type {[string, number]} */ tag) => this.#tag(...tag),
     () => this.#words,
@@ -37,7 +37,7 @@ export class RunSearch extends Part {
   #disk = h("p.hint");
   #compare = button("Compare", () => this.#goCompare());
   #list = h("ul.run-rows");
-  #rows = new KeptList(
+  #rows = new KeyedList(
     this.#list,
     (/** @type {Run} */ run) => this.#row(run),
     () => this.#words,
@@ -75,8 +75,8 @@ export class RunSearch extends Part {
     );
     this.#words.addEventListener("input", () => this.#soon());
     this.#deleted.addEventListener("change", () => void this.#load());
-    this.hear("runs reconnected", () => this.#load());
-    this.hear("status", () => {
+    this.listen("runs reconnected", () => this.#load());
+    this.listen("status", () => {
       const going = goingRuns(this.hub.status);
       if (going === this.#going) return;
       this.#going = going;
@@ -201,12 +201,12 @@ export class RunSearch extends Part {
       run.deleted_at
         ? button([icon("undo"), "Restore"], () => recover(this.hub, run), {
             "aria-label": `Restore run ${run.name}`,
-            "data-acts": true,
+            "data-changing": true,
           })
         : iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
             disabled: run.state === "running",
             title: "Delete",
-            "data-acts": true,
+            "data-changing": true,
           }),
     );
   }
@@ -253,7 +253,7 @@ export async function removeRun(hub, run) {
     words: "Undo",
     act: () => void recover(hub, run),
   });
-  hub.tell("runs");
+  hub.emit("runs");
   return true;
 }
 
@@ -266,7 +266,7 @@ async function recover(hub, run) {
     await request("POST", `/runs/${encodeURIComponent(run.id)}/recover`);
     notify(`Run “${run.name}” restored.`);
   });
-  hub.tell("runs");
+  hub.emit("runs");
 }
 
 customElements.define("observer-run-search", RunSearch);

@@ -47,7 +47,7 @@ export class RunView extends Part {
   });
   #playHelp = h("p.hint", { id: "open-in-3d-help" });
   #back = new BackToSource();
-  #remove = button([icon("trash"), "Delete run"], () => this.#delete(), { "data-acts": true });
+  #remove = button([icon("trash"), "Delete run"], () => this.#delete(), { "data-changing": true });
   #error = h("p.field-error", { role: "alert" });
   #waiting = h("p.empty", { role: "status" });
   #player = new RunPlayer();
@@ -102,8 +102,8 @@ export class RunView extends Part {
       if (run) void this.#load();
       else location.hash = "#history";
     };
-    this.hear("reconnected", () => this.#load());
-    this.hear("status", () => {
+    this.listen("reconnected", () => this.#load());
+    this.listen("status", () => {
       this.#renderPlay();
       const id = this.hub.status?.run?.id ?? null;
       const ended = this.#running === this.#id && id !== this.#id;

@@ -1,7 +1,7 @@
 /** Saved clips of half a minute: played as a source, downloaded, deleted. */
 
 import { button, downloadLink, h, icon, iconButton, item } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { when } from "../elements/words.js";
 import { request } from "../shell/api.js";
@@ -16,7 +16,7 @@ export class SavedClipList extends Part {
 
   #heading = h("h3", { tabindex: "-1" }, "Saved clips");
   #list = h("ul.item-list");
-  #items = new KeptList(
+  #items = new KeyedList(
     this.#list,
     (/** @type {RingEntry} */ clip) => this.#item(clip),
     () => this.#heading,
@@ -26,7 +26,7 @@ export class SavedClipList extends Part {
   build() {
     this.hidden = true;
     this.append(this.#heading, this.#list);
-    this.hear("saved-clips runs reconnected", () => this.#load());
+    this.listen("saved-clips runs reconnected", () => this.#load());
   }
 
   /** @param {boolean} shown */

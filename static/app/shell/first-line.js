@@ -24,9 +24,9 @@ class FirstLine extends Part {
 
   build() {
     this.append(this.#text, this.#context, this.#spoken);
-    this.hear("observation", () => this.#render(false));
-    this.hear("freshness", () => this.#render(true));
-    this.hear("status", () => this.#renderContext());
+    this.listen("observation", () => this.#render(false));
+    this.listen("freshness", () => this.#render(true));
+    this.listen("status", () => this.#renderContext());
     this.#render(true);
     // While the data are stale, only their age changes.
     setInterval(() => {

@@ -3,7 +3,7 @@
 import { sentence } from "../elements/words.js";
 import { FloorPick } from "./floor-pick.js";
 import { LiveSocket } from "./live-socket.js";
-import { Teller } from "./teller.js";
+import { Emitter } from "./emitter.js";
 
 /** @import { LogEntry, ObservationMessage, RobotsMessage, SourceEntry, Status } from "../contract" */
 /** @import { Driver } from "../driving/driver.js" */
@@ -30,7 +30,7 @@ const JUDGE_EVERY_MS = 200;
  * parts, or given way to them), `titled` (the view that replaced them has another heading),
  * `robots` (state of robots and driving), `log` (entries were added).
  */
-export class Hub extends Teller {
+export class Hub extends Emitter {
   /** @type {Status | null} */
   status = null;
   /** @type {ObservationMessage | null} */
@@ -85,7 +85,7 @@ export class Hub extends Teller {
   /** @param {Status} status from the socket or from the answer to a request that changed it */
   takeStatus(status) {
     this.status = status;
-    this.tell("status");
+    this.emit("status");
     this.#judgeFreshness();
   }
 
@@ -102,15 +102,15 @@ export class Hub extends Teller {
       this.takeStatus(message);
     } else if (message.type === "robots") {
       this.robots = message;
-      this.tell("robots");
+      this.emit("robots");
     } else if (message.type === "log") {
       this.log = message.entries;
-      this.tell("log");
+      this.emit("log");
     }
     // Only once the server sends something: one that accepts and hangs up is not back yet.
     if (this.#lost) {
       this.#lost = false;
-      this.tell("reconnected");
+      this.emit("reconnected");
     }
   }
 
@@ -119,7 +119,7 @@ export class Hub extends Teller {
     this.#frameAsked = true;
     requestAnimationFrame(() => {
       this.#frameAsked = false;
-      this.tell("observation");
+      this.emit("observation");
       this.#judgeFreshness();
       this.#afterPaint.port2.postMessage(null);
     });
@@ -129,14 +129,14 @@ export class Hub extends Teller {
     for (const sequence of this.#unpainted.splice(0)) {
       this.socket.send({ type: "painted", sequence });
     }
-    this.tell("painted");
+    this.emit("painted");
   }
 
   /** @param {Connection} state */
   #connectionChanged(state) {
     this.connection = state;
     this.#unpainted = [];
-    this.tell("connection");
+    this.emit("connection");
     this.#lost ||= state === "closed";
     this.#judgeFreshness();
   }
@@ -146,7 +146,7 @@ export class Hub extends Teller {
     this.freshness = judge(this.connection, this.status, this.#beat, performance.now());
     const changed =
       before.state !== this.freshness.state || before.reason !== this.freshness.reason;
-    if (changed) this.tell("freshness");
+    if (changed) this.emit("freshness");
   }
 }
 

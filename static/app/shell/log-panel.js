@@ -16,7 +16,7 @@ class Log extends Part {
   #asked = false;
   #list = h("ol.log", { tabindex: 0, "aria-label": "Log entries, newest first" });
   #empty = h("p.hint");
-  #important = h("input", { type: "checkbox", id: "log-important", "data-looks": true });
+  #important = h("input", { type: "checkbox", id: "log-important", "data-harmless": true });
 
   build() {
     const save = () => download(new Blob([this.#book.text()]), "dynamic-observer-log.txt");
@@ -31,9 +31,9 @@ class Log extends Part {
       this.#list,
     );
     this.#important.addEventListener("change", () => this.#render());
-    this.hear("log", () => this.#take());
-    this.hear("status", () => this.#askFirst());
-    this.hear("reconnected", () => this.#ask());
+    this.listen("log", () => this.#take());
+    this.listen("status", () => this.#askFirst());
+    this.listen("reconnected", () => this.#ask());
     window.addEventListener(SHOWN, (event) => {
       if (event instanceof CustomEvent) this.#book.note(event.detail.text, event.detail.severity);
       this.#render();

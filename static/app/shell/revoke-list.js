@@ -1,7 +1,7 @@
 /** The valid read-only links, in the share dialog: how many watch, and revoking. */
 
 import { button, h, item, setText } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { when } from "../elements/words.js";
 import { request } from "./api.js";
 import { attemptIn, confirmed } from "./notice.js";
@@ -18,7 +18,7 @@ export class RevokeList {
     title: "Links made before remain valid",
   });
   #list = h("ul.item-list");
-  #items = new KeptList(
+  #items = new KeyedList(
     this.#list,
     (/** @type {ReadOnlyLinkNow} */ link) => this.#item(link),
     () => this.#make,

@@ -30,7 +30,7 @@ class SignOut extends HTMLElement {
         ),
       ],
       h("button.button", { value: "" }, "Cancel"),
-      h("button.button", { value: "everywhere", "data-acts": true }, "Sign out everywhere"),
+      h("button.button", { value: "everywhere", "data-changing": true }, "Sign out everywhere"),
       h("button.button.primary", { value: "here" }, "Sign out"),
     );
     const ended = ENDS[answer];

@@ -15,7 +15,7 @@ import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
 import { refuse } from "../shell/notice.js";
 import { cameraSpec, modesOf, nameOf, usualMode } from "./choices.js";
-import { Newest } from "../elements/newest.js";
+import { LatestRequest } from "../elements/latest-request.js";
 
 /** @import { Devices, VideoDevice } from "../contract" */
 
@@ -58,7 +58,7 @@ export class CameraPicker extends Part {
   #troubles = h("ul.plain-list.warnings");
   #unheard = h("p.field-error", { role: "alert" });
   #error = h("p.field-error", { role: "alert", id: "camera-error" });
-  #newest = new Newest();
+  #newest = new LatestRequest();
   /** @type {VideoDevice[]} */
   #cameras = [];
   /** Whether there were cameras to choose from at the last look. */
@@ -90,7 +90,7 @@ export class CameraPicker extends Part {
     this.append(this.#unheard, this.#words, this.#troubles, this.#more);
     this.#left.addEventListener("change", () => this.#renderModes(null));
     onSubmit(this.#form, () => this.chosen(this.#spec(), this.#use, this.#error));
-    this.hear("reconnected", () => this.look());
+    this.listen("reconnected", () => this.look());
     void this.look();
   }
 
@@ -99,7 +99,7 @@ export class CameraPicker extends Part {
     refuse(this.#unheard, "");
     try {
       /** @type {Devices | undefined} */
-      const devices = await this.#newest.answer(() => request("GET", "/devices"));
+      const devices = await this.#newest.run(() => request("GET", "/devices"));
       if (devices) this.#show(devices);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;

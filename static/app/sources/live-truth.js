@@ -10,7 +10,7 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, half95, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
@@ -40,7 +40,7 @@ class LiveTruthForm extends Part {
   #clock = h("p.hint.figure");
   #observer = h("select", { id: "live-truth-observer" });
   #list = h("ul.live-bodies");
-  #bodies = new KeptList(
+  #bodies = new KeyedList(
     this.#list,
     (/** @type {string} */ name) => this.#body(name),
     () => this.#observer,
@@ -77,7 +77,7 @@ class LiveTruthForm extends Part {
     this.append(h("h3", "Live motion capture"), form, this.#heard);
     onSubmit(form, () => this.#begin());
     this.#observer.addEventListener("change", () => void this.#choose());
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.#render();
   }
 

@@ -75,8 +75,8 @@ class PlaybackBar extends Part {
     this.#scrub.error = this.#error;
     this.#scrub.attach(this.hub);
     this.append(this.#error, this.#controls, this.#live);
-    this.hear("status", () => this.#render());
-    this.hear("observation", () => this.#renderPosition());
+    this.listen("status", () => this.#render());
+    this.listen("observation", () => this.#renderPosition());
     this.#render();
   }
 

@@ -23,7 +23,7 @@ export class ScrubBar extends Part {
   build() {
     this.append(this.#slider);
     this.#slider.addEventListener("input", () => this.#move(this.#slider.valueAsNumber));
-    this.hear("status observation", () => this.#render());
+    this.listen("status observation", () => this.#render());
     this.#render();
   }
 

@@ -1,7 +1,7 @@
 /** Sources of one kind as tiles: the first few, or all on demand. */
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { firstFew } from "./choices.js";
 
 /** @import { SourceEntry } from "../contract" */
@@ -31,7 +31,7 @@ export class SourceGroup {
   #current = "";
   #shown = "";
   #all = false;
-  #more = button("", () => this.#toggle(), { class: "quiet", hidden: true, "data-looks": true });
+  #more = button("", () => this.#toggle(), { class: "quiet", hidden: true, "data-harmless": true });
 
   /**
    * @param {SourceEntry["group"]} group
@@ -53,7 +53,7 @@ export class SourceGroup {
       "aria-labelledby": `${id}-title`,
       "data-few": few,
     });
-    this.#items = new KeptList(
+    this.#items = new KeyedList(
       this.#list,
       (/** @type {Choice} */ choice) => this.#tile(choice),
       () => this.#more,

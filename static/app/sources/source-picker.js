@@ -26,7 +26,7 @@ import {
   suggestions,
 } from "./choices.js";
 import { Combobox } from "./combobox.js";
-import { Newest } from "../elements/newest.js";
+import { LatestRequest } from "../elements/latest-request.js";
 import { PictureQueue } from "./picture-queue.js";
 import { SourceGroup } from "./source-group.js";
 
@@ -82,9 +82,9 @@ class SourcePicker extends Part {
   #foundRuns = [];
   /** @type {Choice[]} */
   #foundCameras = [];
-  #newest = new Newest();
-  #newestRuns = new Newest();
-  #search = new Newest();
+  #newest = new LatestRequest();
+  #newestRuns = new LatestRequest();
+  #search = new LatestRequest();
   #searchTimer = 0;
   #uncalibrated = "";
   #busy = false;
@@ -121,10 +121,10 @@ class SourcePicker extends Part {
     for (const group of Object.values(this.#groups)) this.append(group.element);
     this.#groups.cameras.element.append(this.#cameras);
     this.#cameras.attach(this.hub);
-    this.hear("status", () => this.#render());
-    this.hear("calibrations", () => this.#loadCalibrations());
-    this.hear("runs reconnected", () => this.#loadRuns());
-    this.hear("reconnected", () => this.#load());
+    this.listen("status", () => this.#render());
+    this.listen("calibrations", () => this.#loadCalibrations());
+    this.listen("runs reconnected", () => this.#loadRuns());
+    this.listen("reconnected", () => this.#load());
     this.whenShown(() => this.#pictures.go());
     void this.#load();
     void this.#loadRuns();
@@ -141,7 +141,7 @@ class SourcePicker extends Part {
       new SourceGroup(name, title, few, this.#pictures, (...it) => this.#pressed(...it), ...tools);
     const find = button("Find cameras", () => this.#cameras.look(), {
       class: "quiet",
-      "data-looks": true,
+      "data-harmless": true,
     });
     return {
       simulated: group("simulated", "Simulated", 4),
@@ -153,18 +153,18 @@ class SourcePicker extends Part {
 
   async #load() {
     /** @type {SourceEntry[] | null | undefined} */
-    const entries = await this.#newest.answer(() => request("GET", "/sources")).catch(() => null);
+    const entries = await this.#newest.run(() => request("GET", "/sources")).catch(() => null);
     // Keep the previous sources if the server does not answer.
     if (!entries) return;
     this.hub.sources = entries;
-    this.hub.tell("sources");
+    this.hub.emit("sources");
     this.#show();
   }
 
   async #loadRuns() {
     /** @type {History | null | undefined} */
     const history = await this.#newestRuns
-      .answer(() => request("GET", `/history?limit=${MOST_RUNS}`))
+      .run(() => request("GET", `/history?limit=${MOST_RUNS}`))
       .catch(() => null);
     if (!history) return;
     this.#runs = choicesOfRuns(history.runs);
@@ -259,7 +259,7 @@ class SourcePicker extends Part {
     const query = new URLSearchParams({ text: words.slice(0, 200), limit: String(MOST_OF_EACH) });
     /** @type {History | null | undefined} */
     const found = await this.#search
-      .answer(() => request("GET", `/history?${query}`))
+      .run(() => request("GET", `/history?${query}`))
       .catch(() => null);
     if (!found || this.#words !== words) return;
     this.#foundRuns = choicesOfRuns(found.runs);
@@ -341,7 +341,7 @@ class SourcePicker extends Part {
   /** @param {string} spec */
   #toWizard(spec) {
     this.hub.uncalibrated = spec;
-    this.hub.tell("calibrate");
+    this.hub.emit("calibrate");
   }
 }
 

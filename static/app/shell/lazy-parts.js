@@ -12,7 +12,7 @@ import { notify } from "./notice.js";
 // Used if no frame comes, for example while no source is open.
 const PATIENCE_MS = 1000;
 
-export class Later {
+export class LazyParts {
   #hub;
   #modules;
   /** Parts loaded or loading: whether loading succeeded. @type {Map<string, Promise<boolean>>} */
