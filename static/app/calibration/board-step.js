@@ -16,7 +16,7 @@ import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request, requestImage } from "../shell/api.js";
-import { attemptIn, confirmed } from "../shell/notice.js";
+import { attemptIn, askConfirmation } from "../shell/notice.js";
 import { boardOf } from "../sources/choices.js";
 import { boardDifference, boardInWords } from "./board-words.js";
 
@@ -279,7 +279,10 @@ export class BoardStep extends Part {
     const source = this.#source.value.trim() || null;
     const views = this.hub.status?.calibrating?.views.length ?? 0;
     const consequence = `This deletes ${counted(views, "captured view")}.`;
-    if (views > 0 && !(await confirmed("Start the calibration over?", consequence, "Start over")))
+    if (
+      views > 0 &&
+      !(await askConfirmation("Start the calibration over?", consequence, "Start over"))
+    )
       return;
     await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: CalibratingFacts}} */

@@ -4,7 +4,7 @@ import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { notify, oneAtATime } from "../shell/notice.js";
+import { notify, exclusiveRunner } from "../shell/notice.js";
 import { refinementInWords, skewInWords, trendInWords, warningInWords } from "./ageing-words.js";
 import { previewed } from "./calibration-preview.js";
 
@@ -29,7 +29,7 @@ class CalibrationHealth extends Part {
   );
   #drawn = "";
   #refusal = h("p.field-error", { role: "alert" });
-  #do = oneAtATime(undefined, this.#refusal);
+  #do = exclusiveRunner(undefined, this.#refusal);
 
   build() {
     this.append(
@@ -104,7 +104,7 @@ class CalibrationHealth extends Part {
     this.hub.emit("calibrations");
     const use = await previewed(refined, false);
     if (!use) return notify(`Saved ${refined.name}. It is not in use.`);
-    this.hub.takeStatus(
+    this.hub.applyStatus(
       await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
     );
     notify(`${refined.name} is now in use.`);

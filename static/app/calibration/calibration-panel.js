@@ -16,7 +16,7 @@ import {
 import { KeyedList, moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
-import { answered, attempt, attemptIn, confirmed, notify } from "../shell/notice.js";
+import { promptText, attempt, attemptIn, askConfirmation, notify } from "../shell/notice.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
@@ -192,7 +192,11 @@ class CalibrationPanel extends Part {
 
   /** @param {Calibration} calibration */
   async #rename(calibration) {
-    const name = await answered(`Rename calibration ${calibration.name}`, "Name", calibration.name);
+    const name = await promptText(
+      `Rename calibration ${calibration.name}`,
+      "Name",
+      calibration.name,
+    );
     if (!name || name === calibration.name) return;
     await attempt(() =>
       request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name }),
@@ -212,7 +216,7 @@ class CalibrationPanel extends Part {
     await attempt(async () => {
       /** @type {Status} */
       const status = await request("POST", path);
-      this.hub.takeStatus(status);
+      this.hub.applyStatus(status);
       notify(done);
       this.hub.emit("calibrations");
     });
@@ -220,7 +224,7 @@ class CalibrationPanel extends Part {
 
   /** @param {Calibration} calibration */
   async #remove(calibration) {
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Delete calibration ${calibration.name}?`,
       "You cannot undo this. Runs that used it keep their results.",
       "Delete calibration",

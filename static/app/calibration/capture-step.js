@@ -225,7 +225,7 @@ export class CaptureStep extends Part {
       );
       const { status } = this.hub;
       this.#changing -= 1;
-      if (status) this.hub.takeStatus({ ...status, calibrating });
+      if (status) this.hub.applyStatus({ ...status, calibrating });
     } catch (error) {
       this.#changing -= 1;
       notifyError(error);

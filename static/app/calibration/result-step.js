@@ -6,7 +6,7 @@ import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, notify, oneAtATime } from "../shell/notice.js";
+import { attempt, notify, exclusiveRunner } from "../shell/notice.js";
 import { paintPreview } from "./calibration-preview.js";
 import { verdictTable, viewChart } from "./report-parts.js";
 
@@ -51,7 +51,7 @@ export class ResultStep extends Part {
     this.#rows,
     h("div.row", this.#refresh),
   );
-  #do = oneAtATime(undefined, this.#error);
+  #do = exclusiveRunner(undefined, this.#error);
   #shown = false;
   #read = "";
   /** @type {Record<string, any> | null} */

@@ -6,7 +6,7 @@ import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { access } from "../shell/access.js";
 import { request } from "../shell/api.js";
-import { attempt, confirmed, notify } from "../shell/notice.js";
+import { attempt, askConfirmation, notify } from "../shell/notice.js";
 import { openPane } from "../shell/splitter.js";
 import { BoardStep } from "./board-step.js";
 import { CaptureStep } from "./capture-step.js";
@@ -46,7 +46,7 @@ class CalibrationWizard extends Part {
     this.#board.begun = (calibrating) => {
       // An older status still on its way must not close a calibration that has just begun.
       const { status } = this.hub;
-      if (status) this.hub.takeStatus({ ...status, calibrating });
+      if (status) this.hub.applyStatus({ ...status, calibrating });
       this.#go("views");
     };
     this.#views.compute = () => void this.#compute();
@@ -131,7 +131,7 @@ class CalibrationWizard extends Part {
   async #saved() {
     // The new calibration is in use; an older status would show its views again.
     const status = await request("GET", "/status").catch(() => null);
-    if (status) this.hub.takeStatus(/** @type {Status} */ (status));
+    if (status) this.hub.applyStatus(/** @type {Status} */ (status));
     this.#go(null);
   }
 
@@ -168,9 +168,9 @@ class CalibrationWizard extends Part {
     const views = calibrating.views.length;
     const question = "Exit calibration without saving?";
     const consequence = `This deletes ${counted(views, "captured view")} and any result computed from them.`;
-    if (views > 0 && !(await confirmed(question, consequence, "Exit calibration"))) return;
+    if (views > 0 && !(await askConfirmation(question, consequence, "Exit calibration"))) return;
     await attempt(async () => {
-      this.hub.takeStatus(await request("DELETE", "/calibrating"));
+      this.hub.applyStatus(await request("DELETE", "/calibrating"));
       notify("Calibration cancelled. Nothing was changed.");
       this.#go(null);
     });

@@ -1,6 +1,6 @@
 /** Driving with a gamepad: hold a shoulder button and steer with the left stick. */
 
-import { beyondStill } from "./hold.js";
+import { applyDeadZone } from "./hold.js";
 
 // Standard layout: left and right shoulder, and the right one of the four face buttons.
 const SHOULDERS = [4, 5];
@@ -36,8 +36,8 @@ export function followGamepad(driver) {
       hold.release("gamepad");
     } else if (seenReleased) {
       hold.set("gamepad", {
-        forward: -beyondStill(pad.axes[1] ?? 0),
-        left: -beyondStill(pad.axes[0] ?? 0),
+        forward: -applyDeadZone(pad.axes[1] ?? 0),
+        left: -applyDeadZone(pad.axes[0] ?? 0),
       });
     }
   };
@@ -47,7 +47,7 @@ export function followGamepad(driver) {
   };
   window.addEventListener("gamepadconnected", begin);
   window.addEventListener("gamepaddisconnected", look);
-  hold.addEventListener("forgotten", () => {
+  hold.addEventListener("cleared", () => {
     seenReleased = false;
   });
   if (connected()) begin();

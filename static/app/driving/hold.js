@@ -13,39 +13,39 @@ import { Emitter } from "../shell/emitter.js";
  */
 
 // Dead zone as a share of full deflection: within it a control is held but moves nothing.
-const STILL = 0.12;
+const DEAD_ZONE = 0.12;
 
 /** Return the deflection beyond the dead zone around the middle. @param {number} axis */
-export function beyondStill(axis) {
+export function applyDeadZone(axis) {
   const size = Math.min(1, Math.abs(axis));
-  return size < STILL ? 0 : (Math.sign(axis) * (size - STILL)) / (1 - STILL);
+  return size < DEAD_ZONE ? 0 : (Math.sign(axis) * (size - DEAD_ZONE)) / (1 - DEAD_ZONE);
 }
 
 /**
  * Combines all controls that can be held to move a robot.
  *
  * Events: `pressed` (nothing was held before), `released` (nothing is held any more, or the hold
- * was barred), `forgotten` (a control must be seen released before it can be pressed again),
+ * was blocked), `cleared` (a control must be seen released before it can be pressed again),
  * `change`.
  */
 export class Hold extends Emitter {
   /** @type {Map<Holder, Deflection>} */
   #held = new Map();
-  /** Why the hold is barred until every control is released; empty while it counts. */
-  barred = "";
+  /** Why the hold is blocked until every control is released; empty while it counts. */
+  blockedReason = "";
 
   /** True while something is held and counts. */
-  get counts() {
-    return this.#held.size > 0 && !this.barred;
+  get isActive() {
+    return this.#held.size > 0 && !this.blockedReason;
   }
 
   get isHeld() {
     return this.#held.size > 0;
   }
 
-  /** Deflection of the newest holder; null if nothing is held or the hold is barred. */
+  /** Deflection of the newest holder; null if nothing is held or the hold is blocked. */
   get deflection() {
-    return this.counts ? ([...this.#held.values()].at(-1) ?? null) : null;
+    return this.isActive ? ([...this.#held.values()].at(-1) ?? null) : null;
   }
 
   /**
@@ -63,20 +63,20 @@ export class Hold extends Emitter {
 
   /** @param {Holder} holder */
   release(holder) {
-    const counted = this.counts;
+    const wasActive = this.isActive;
     if (!this.#held.delete(holder)) return;
-    if (this.#held.size === 0) this.barred = "";
-    if (counted && !this.counts) this.emit("released");
+    if (this.#held.size === 0) this.blockedReason = "";
+    if (wasActive && !this.isActive) this.emit("released");
     this.emit("change");
   }
 
   /** Drop all holds, as no release may come: focus lost, page hidden, robots stopped. */
-  forget() {
-    const counted = this.counts;
+  releaseAll() {
+    const wasActive = this.isActive;
     this.#held.clear();
-    this.barred = "";
-    this.emit("forgotten");
-    if (counted) this.emit("released");
+    this.blockedReason = "";
+    this.emit("cleared");
+    if (wasActive) this.emit("released");
     this.emit("change");
   }
 
@@ -85,9 +85,9 @@ export class Hold extends Emitter {
    *
    * @param {string} why one sentence
    */
-  bar(why) {
-    if (!this.counts) return;
-    this.barred = why;
+  block(why) {
+    if (!this.isActive) return;
+    this.blockedReason = why;
     this.emit("released");
     this.emit("change");
   }

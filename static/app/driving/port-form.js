@@ -3,7 +3,7 @@
 import { button, field, fillList, h, input, onSubmit, select, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { attemptIn, notify, oneAtATime, refuse } from "../shell/notice.js";
+import { attemptIn, notify, exclusiveRunner, showError } from "../shell/notice.js";
 
 /** @import { Devices, RobotsMessage, SerialPortNow } from "../contract" */
 /** @import { Role } from "./roles.js" */
@@ -42,7 +42,7 @@ export class PortForm extends Part {
   #shown = "";
   /** True while the form holds values that are not in use yet. */
   #changed = false;
-  #do = oneAtATime(undefined, this.#error);
+  #do = exclusiveRunner(undefined, this.#error);
 
   build() {
     const form = h(
@@ -114,7 +114,7 @@ export class PortForm extends Part {
     );
     // Do not overwrite what was typed meanwhile.
     if (this.#changed) return;
-    refuse(this.#error, "");
+    showError(this.#error, "");
     this.#port.value = kept?.port ?? "";
     this.#model.value = kept?.model ?? "";
   }
@@ -122,7 +122,7 @@ export class PortForm extends Part {
   async #save() {
     const role = this.#role;
     const port = this.#port.value.trim();
-    if (!port) return refuse(this.#error, "Enter the robot's port.");
+    if (!port) return showError(this.#error, "Enter the robot's port.");
     await attemptIn(this.#error, async () => {
       /** @type {RobotsMessage} */
       const robots = await request("PUT", `/robots/${role}/port`, {

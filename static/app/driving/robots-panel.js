@@ -17,7 +17,7 @@ import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { oneAtATime } from "../shell/notice.js";
+import { exclusiveRunner } from "../shell/notice.js";
 import { DrivePad } from "./drive-pad.js";
 import { PortForm } from "./port-form.js";
 import {
@@ -25,7 +25,7 @@ import {
   driverInWords,
   figuresOf,
   incidentInWords,
-  standsBecause,
+  standstillReason,
   stateInWords,
 } from "./robot-words.js";
 import { isArmed, ROLE_WORDS, ROLES } from "./roles.js";
@@ -49,7 +49,7 @@ class RobotsPanel extends Part {
     ({ driver }) => driver.take(driver.role, true),
     { title: GLOSSARY["control"] },
   );
-  #giveBack = button("Release control", () => this.hub.driver.link.release(this.hub.driver.role), {
+  #release = button("Release control", () => this.hub.driver.link.release(this.hub.driver.role), {
     title: "Stops and disarms the robot so that others can drive it",
   });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
@@ -62,7 +62,7 @@ class RobotsPanel extends Part {
   #place = details("Port and model", this.#port);
   #name = input("text", "operator-name", { maxlength: "40", autocomplete: "nickname" });
   #refusal = h("p.field-error", { role: "alert" });
-  #do = oneAtATime(() => this.#render(), this.#refusal);
+  #do = exclusiveRunner(() => this.#render(), this.#refusal);
   #placed = false;
 
   build() {
@@ -80,7 +80,7 @@ class RobotsPanel extends Part {
         "div.robot-act",
         this.#why,
         this.#warnings,
-        h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
+        h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#release),
         this.#refusal,
       ),
       this.#pad,
@@ -165,7 +165,7 @@ class RobotsPanel extends Part {
     this.#trouble.hidden = !lost || !robots;
     // Stale data do not tell whether or why it is standing still.
     setAttribute(this, "data-old", lost ? "" : null);
-    setText(this.#why, lost && robots ? "" : standsBecause(driver.role, robot, robots, ours));
+    setText(this.#why, lost && robots ? "" : standstillReason(driver.role, robot, robots, ours));
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
     // After a key press on one of these, the focus moves to a button that can be pressed now.
@@ -175,12 +175,12 @@ class RobotsPanel extends Part {
       [this.#arm, !armed && !others],
       [this.#disarm, armed],
       [this.#takeOver, others],
-      [this.#giveBack, ours],
+      [this.#release, ours],
     ]);
     for (const [button, isShown] of shown) if (isShown) button.hidden = false;
     for (const [button, isShown] of shown) {
       if (isShown) continue;
-      moveFocus(button, this.#arm, this.#disarm, this.#takeOver, this.#giveBack);
+      moveFocus(button, this.#arm, this.#disarm, this.#takeOver, this.#release);
       button.hidden = true;
     }
     this.#arm.disabled = !armable;

@@ -3,7 +3,7 @@
 import { field, h, input, offer, setAttribute } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { refuse } from "../shell/notice.js";
+import { showError } from "../shell/notice.js";
 import { choiceOfEntry, choicesOfRuns, merged } from "../sources/choices.js";
 import { storeOf } from "../parameters/parameter-store.js";
 
@@ -84,12 +84,12 @@ export class StepsChoice extends Part {
       setAttribute(each, "max", last === null ? null : String(last));
       if (each !== document.activeElement) each.value = String(told.frame);
     }
-    refuse(this.#error, "");
+    showError(this.#error, "");
   }
 
   /** @param {string} sentence */
   fail(sentence) {
-    refuse(this.#error, sentence);
+    showError(this.#error, sentence);
   }
 
   /** @param {number} frame @param {boolean} moving */

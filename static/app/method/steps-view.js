@@ -348,7 +348,7 @@ export class StepsView extends Part {
     const presents = this.#presentation?.isOpen === true;
     if (!presents && (writesText(target) || target.closest(OWN_KEYS))) return;
     // The user may be driving with the arrow keys.
-    if (!presents && this.hub.driver.hindrance === "") return;
+    if (!presents && this.hub.driver.blockedReason === "") return;
     if (/^[fp]$/i.test(event.key)) {
       event.preventDefault();
       if (presents) this.#presentation?.close();

@@ -1,7 +1,7 @@
 /** Presets: choose one, save the current values as one, share and compare them. */
 
 import { button, download, h, icon, input, offer, onSubmit, setText } from "../elements/dom.js";
-import { attempt, attemptIn, confirmed, notify, refuse } from "../shell/notice.js";
+import { attempt, attemptIn, askConfirmation, notify, showError } from "../shell/notice.js";
 import { helpButton, openBeside } from "./help-button.js";
 import { comparePresets } from "./preset-compare.js";
 import { freeName, presetFile, readPreset, refusalOf } from "./preset-files.js";
@@ -109,13 +109,13 @@ export class PresetPicker extends HTMLElement {
   #openForm(open) {
     this.#form.hidden = !open;
     this.#saveAs.setAttribute("aria-expanded", String(open));
-    refuse(this.#error, "");
+    showError(this.#error, "");
     if (open) this.#name.focus();
   }
 
   async #save() {
     const name = this.#name.value.trim();
-    if (!name) return refuse(this.#error, "Enter a preset name.");
+    if (!name) return showError(this.#error, "Enter a preset name.");
     const there = this.#store.presetNamed(name);
     if (there && !there.built_in) {
       if (await this.#mayOverwrite(name)) await this.#saved(name, true);
@@ -142,7 +142,7 @@ export class PresetPicker extends HTMLElement {
 
   /** @param {string} name */
   #mayOverwrite(name) {
-    return confirmed(
+    return askConfirmation(
       `Overwrite preset ${name}?`,
       "Its values are replaced by the current ones. You cannot undo this.",
       "Overwrite preset",
@@ -151,7 +151,7 @@ export class PresetPicker extends HTMLElement {
 
   async #remove() {
     const name = this.#select.value;
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Delete preset ${name}?`,
       "You cannot undo this. The current parameter values do not change.",
       "Delete preset",
@@ -171,7 +171,7 @@ export class PresetPicker extends HTMLElement {
   async #import() {
     const [file] = this.#file.files ?? [];
     if (!file) return;
-    refuse(this.#error, "");
+    showError(this.#error, "");
     const store = this.#store;
     try {
       const preset = await readPreset(file);
@@ -187,7 +187,7 @@ export class PresetPicker extends HTMLElement {
         act: () => void this.#choose(name),
       });
     } catch (error) {
-      refuse(this.#error, refusalOf(file.name, error));
+      showError(this.#error, refusalOf(file.name, error));
     } finally {
       // Allow choosing the same file again, once corrected.
       this.#file.value = "";

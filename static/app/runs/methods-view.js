@@ -15,7 +15,7 @@ import { Part } from "../elements/part.js";
 import { sentence, when } from "../elements/words.js";
 import { access } from "../shell/access.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
-import { attemptIn, oneAtATime } from "../shell/notice.js";
+import { attemptIn, exclusiveRunner } from "../shell/notice.js";
 import { MethodsSplit } from "./methods-split.js";
 import { methodNames, methodsHref, positionOf, sameFrames } from "./methods-words.js";
 import { compareHref, hasImages } from "./run-words.js";
@@ -52,7 +52,7 @@ export class MethodsView extends Part {
   #ids = [];
   #asked = 0;
   #timer = 0;
-  #do = oneAtATime(
+  #do = exclusiveRunner(
     (busy) => setAttribute(this.#begin, "aria-disabled", busy ? "true" : null),
     this.#error,
   );

@@ -16,7 +16,7 @@ import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { ParameterGroups } from "../parameters/parameter-groups.js";
 import { request } from "../shell/api.js";
-import { oneAtATime } from "../shell/notice.js";
+import { exclusiveRunner } from "../shell/notice.js";
 import { Emitter } from "../shell/emitter.js";
 import { RerunProgress } from "./rerun-progress.js";
 import { compareHref, hasImages, runHref } from "./run-words.js";
@@ -71,7 +71,7 @@ export class RerunForm extends Part {
   #presets = [];
   /** @type {Run | null} */
   #run = null;
-  #do = oneAtATime(
+  #do = exclusiveRunner(
     (busy) => setAttribute(this.#start, "aria-disabled", busy ? "true" : null),
     this.#error,
   );

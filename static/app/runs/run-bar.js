@@ -15,7 +15,7 @@ import {
 import { Part } from "../elements/part.js";
 import { duration, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { notify, oneAtATime } from "../shell/notice.js";
+import { notify, exclusiveRunner } from "../shell/notice.js";
 import { size } from "./run-words.js";
 
 /** @import { RecordingStatus, Run, Status } from "../contract" */
@@ -64,7 +64,7 @@ class RunBar extends Part {
   });
   #running = h("span.run-clock.figure", { hidden: true });
   #busy = false;
-  #do = oneAtATime((busy) => void this.#changed(busy));
+  #do = exclusiveRunner((busy) => void this.#changed(busy));
   /** @type {number | null} */
   #restarts = null;
 
@@ -157,7 +157,7 @@ class RunBar extends Part {
     this.#render();
     if (busy) return;
     const status = await request("GET", "/status").catch(() => null);
-    if (status) this.hub.takeStatus(/** @type {Status} */ (status));
+    if (status) this.hub.applyStatus(/** @type {Status} */ (status));
   }
 }
 

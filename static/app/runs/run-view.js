@@ -201,7 +201,7 @@ export class RunView extends Part {
     setAttribute(this.#play, "aria-disabled", "true");
     const seek = this.#player.position;
     await attemptIn(this.#error, async () => {
-      this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
+      this.hub.applyStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
       // Tracks need some frames to start.
       const lead = Math.min(seek, LEAD);
       await request("POST", "/playback", { paused: true, seek: seek - lead });

@@ -5,7 +5,7 @@ import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { when } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, confirmed, notify } from "../shell/notice.js";
+import { attempt, askConfirmation, notify } from "../shell/notice.js";
 import { runHref, size } from "./run-words.js";
 
 /** @import { RingEntry } from "../contract" */
@@ -81,7 +81,7 @@ export class SavedClipList extends Part {
   /** @param {RingEntry} clip */
   async #open(clip) {
     await attempt(async () => {
-      this.hub.takeStatus(await request("PUT", "/source", { source: clip.source }));
+      this.hub.applyStatus(await request("PUT", "/source", { source: clip.source }));
       notify(`Playing the clip that ends at ${when(clip.saved_at)}.`);
       this.left();
     });
@@ -89,7 +89,7 @@ export class SavedClipList extends Part {
 
   /** @param {RingEntry} clip */
   async #delete(clip) {
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Delete the clip that ends at ${when(clip.saved_at)}?`,
       "You cannot undo this.",
       "Delete clip",

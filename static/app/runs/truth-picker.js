@@ -16,7 +16,7 @@ import {
 import { Part } from "../elements/part.js";
 import { counted, fixed, sentence, when } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attempt, confirmed, oneAtATime } from "../shell/notice.js";
+import { attempt, askConfirmation, exclusiveRunner } from "../shell/notice.js";
 
 /** @import { TruthEntry as TruthFile } from "../contract" */
 
@@ -52,7 +52,7 @@ export class TruthPicker extends Part {
   #all = [];
   /** The file whose angle convention was ambiguous. @type {File | null} */
   #unclear = null;
-  #do = oneAtATime(undefined, this.#error);
+  #do = exclusiveRunner(undefined, this.#error);
 
   build() {
     this.#choice.append(
@@ -149,7 +149,7 @@ export class TruthPicker extends Part {
     const { file } = this;
     if (
       !file ||
-      !(await confirmed(
+      !(await askConfirmation(
         `Delete ground-truth file ${file.name}?`,
         "You cannot undo this. Runs that were aligned with it keep their results.",
         "Delete file",

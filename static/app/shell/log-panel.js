@@ -4,7 +4,7 @@ import { button, download, h, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "./api.js";
 import { LogBook } from "./log-book.js";
-import { SHOWN, attempt } from "./notice.js";
+import { NOTICE_SHOWN, attempt } from "./notice.js";
 
 /** @import { LogPage } from "../contract" */
 /** @import { Line } from "./log-book.js" */
@@ -34,7 +34,7 @@ class Log extends Part {
     this.listen("log", () => this.#take());
     this.listen("status", () => this.#askFirst());
     this.listen("reconnected", () => this.#ask());
-    window.addEventListener(SHOWN, (event) => {
+    window.addEventListener(NOTICE_SHOWN, (event) => {
       if (event instanceof CustomEvent) this.#book.note(event.detail.text, event.detail.severity);
       this.#render();
     });

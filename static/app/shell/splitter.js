@@ -8,8 +8,8 @@ declareKeys("Bar between panes", ["↑ ← ↓ →", "Resize the pane"], ["Enter
 const KEY = "dynamic-observer.pane.";
 const STEP_PX = 24;
 // The smallest useful pane, and the largest share of the window it may take.
-const LEAST_PX = 160;
-const MOST = 0.7;
+const MIN_PX = 160;
+const MAX_SHARE = 0.7;
 
 /**
  * Sets the size of the pane after it (to its right, or below), named by `pane`, as the custom
@@ -91,8 +91,8 @@ class Splitter extends HTMLElement {
 
   /** @param {number} size CSS pixels @param {boolean} [keep] */
   #resize(size, keep = true) {
-    const most = MOST * (this.#upright ? innerWidth : innerHeight);
-    const taken = Math.round(Math.min(Math.max(size, LEAST_PX), Math.max(most, LEAST_PX)));
+    const most = MAX_SHARE * (this.#upright ? innerWidth : innerHeight);
+    const taken = Math.round(Math.min(Math.max(size, MIN_PX), Math.max(most, MIN_PX)));
     document.documentElement.style.setProperty(`--pane-size-${this.#pane}`, `${taken}px`);
     this.#tell(taken);
     if (keep) this.#remember({ size: taken });

@@ -13,7 +13,7 @@ import {
 } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
-import { refuse } from "../shell/notice.js";
+import { showError } from "../shell/notice.js";
 import { cameraSpec, modesOf, nameOf, usualMode } from "./choices.js";
 import { LatestRequest } from "../elements/latest-request.js";
 
@@ -96,7 +96,7 @@ export class CameraPicker extends Part {
 
   /** Look for cameras; only the answer to the newest look counts. */
   async look() {
-    refuse(this.#unheard, "");
+    showError(this.#unheard, "");
     try {
       /** @type {Devices | undefined} */
       const devices = await this.#newest.run(() => request("GET", "/devices"));
@@ -104,7 +104,7 @@ export class CameraPicker extends Part {
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       // Cameras found before may still be connected.
-      refuse(this.#unheard, error.message);
+      showError(this.#unheard, error.message);
       if (!this.#known) setText(this.#words, "");
     }
   }

@@ -142,7 +142,7 @@ class PlaybackBar extends Part {
     const done = await attemptIn(this.#error, async () => {
       /** @type {PlaybackStatus} */
       const playback = await request("POST", "/playback", change);
-      if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, playback });
+      if (this.hub.status) this.hub.applyStatus({ ...this.hub.status, playback });
     });
     if (done) return;
     this.#holdRateUntil = 0;

@@ -68,7 +68,7 @@ export class ScrubBar extends Part {
         /** @type {PlaybackStatus} */
         const playback = await request("POST", "/playback", { seek });
         this.#holdUntil = performance.now() + HOLD_MS;
-        if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, playback });
+        if (this.hub.status) this.hub.applyStatus({ ...this.hub.status, playback });
       }
     }).finally(() => (this.#busy = false));
     if (!gone) {

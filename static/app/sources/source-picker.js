@@ -13,7 +13,7 @@ import {
 import { declareKeys } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { attemptIn, notify, refuse } from "../shell/notice.js";
+import { attemptIn, notify, showError } from "../shell/notice.js";
 import { CameraPicker } from "./camera-picker.js";
 import {
   boardOf,
@@ -37,7 +37,7 @@ import { SourceGroup } from "./source-group.js";
 /**
  * @typedef {object} Pressed the control pressed to open a source
  * @property {HTMLElement} button
- * @property {Element} teller shows that it is being opened
+ * @property {Element} indicator shows that it is being opened
  * @property {HTMLElement} error shows why it was not
  */
 
@@ -112,7 +112,7 @@ class SourcePicker extends Part {
     this.#suggested.asked = () => this.#suggest();
     this.#suggested.taken = (choice) => this.#take(choice);
     this.#cameras.chosen = (spec, pressed, error) =>
-      void this.#openSource(spec, { button: pressed, teller: pressed, error });
+      void this.#openSource(spec, { button: pressed, indicator: pressed, error });
     this.#cameras.found = (cameras) => {
       this.#foundCameras = choicesOfCameras(cameras);
       this.#show();
@@ -269,13 +269,13 @@ class SourcePicker extends Part {
   #submit() {
     const spec = this.#spec.value.trim();
     this.#suggested.close();
-    if (!spec) return refuse(this.#error, "Enter a source, for example simulated:lab.");
+    if (!spec) return showError(this.#error, "Enter a source, for example simulated:lab.");
     return this.#openSource(spec, this.#field);
   }
 
   /** @returns {Pressed} */
   get #field() {
-    return { button: this.#open, teller: this.#open, error: this.#error };
+    return { button: this.#open, indicator: this.#open, error: this.#error };
   }
 
   /** @param {Choice} choice that was suggested */
@@ -296,8 +296,8 @@ class SourcePicker extends Part {
     }
     setText(this.#tileError, "");
     tile.after(this.#tileError);
-    const teller = tile.querySelector(".source-line") ?? tile;
-    void this.#openSource(spec, { button: tile, teller, error: this.#tileError });
+    const indicator = tile.querySelector(".source-line") ?? tile;
+    void this.#openSource(spec, { button: tile, indicator, error: this.#tileError });
   }
 
   /**
@@ -310,17 +310,17 @@ class SourcePicker extends Part {
   async #openSource(spec, pressed) {
     if (this.#busy) return;
     this.#calibrate.hidden = true;
-    for (const error of [this.#error, this.#tileError]) refuse(error, "");
+    for (const error of [this.#error, this.#tileError]) showError(error, "");
     const calibration = this.#calibration.value || null;
     if (!calibration && boardOf(this.hub.sources, spec)) return this.#toWizard(spec);
-    const before = pressed.teller.textContent ?? "";
+    const before = pressed.indicator.textContent ?? "";
     this.#setBusy(pressed, true, "Opening…");
     const opened = await attemptIn(pressed.error, async () => {
       /** @type {Status} */
       const status = await request("PUT", "/source", { source: spec, calibration });
       this.#followed = shortSpec(status.source?.spec ?? spec);
       this.#spec.value = this.#followed;
-      this.hub.takeStatus(status);
+      this.hub.applyStatus(status);
       notify(`${status.source?.name ?? spec} is open.`);
     }).finally(() => this.#setBusy(pressed, false, before));
     if (opened) return this.#load();
@@ -331,10 +331,10 @@ class SourcePicker extends Part {
   }
 
   /** @param {Pressed} pressed @param {boolean} busy @param {string} words */
-  #setBusy({ button, teller }, busy, words) {
+  #setBusy({ button, indicator }, busy, words) {
     this.#busy = busy;
     setAttribute(button, "aria-busy", busy ? "true" : null);
-    setText(teller, words);
+    setText(indicator, words);
     this.#render();
   }
 

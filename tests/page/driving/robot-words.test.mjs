@@ -10,7 +10,7 @@ import { goal, report, robot, robots as facts } from "../made.mjs";
 test("a stop comes before every other reason for which a robot stands", () => {
   const faulty = robot({ why: "it is far", report: report({ fault: "a wheel stalls" }) });
   const because = (/** @type {RobotsMessage} */ known) =>
-    words.standsBecause("observer", faulty, known, true);
+    words.standstillReason("observer", faulty, known, true);
   assert.match(
     because(facts({ stopped: { by: "Ann", since: 0 } })),
     /^Stopped by Ann\. Reset the stop/,
@@ -20,26 +20,26 @@ test("a stop comes before every other reason for which a robot stands", () => {
 
 test("a robot that is not reached says why", () => {
   const waiting = robot({ state: "waiting", report: report({ trouble: "no answer" }) });
-  assert.equal(words.standsBecause("observer", waiting, facts(), true), "No answer.");
+  assert.equal(words.standstillReason("observer", waiting, facts(), true), "No answer.");
   const connecting = robot({ state: "connecting" });
   assert.equal(
-    words.standsBecause("observer", connecting, facts(), true),
+    words.standstillReason("observer", connecting, facts(), true),
     "Connecting to the robot.",
   );
 });
 
 test("who is armed waits for whoever drives it", () => {
   const armed = robot({ state: "armed" });
-  assert.match(words.standsBecause("observer", armed, facts(), true), /^Armed\. Hold the pad/);
+  assert.match(words.standstillReason("observer", armed, facts(), true), /^Armed\. Hold the pad/);
   assert.match(
-    words.standsBecause("observer", armed, facts(), false),
+    words.standstillReason("observer", armed, facts(), false),
     /another operator has control/i,
   );
 });
 
 test("an observer on its way to a goal says so", () => {
   const because = (/** @type {"observer" | "obstacle"} */ role, /** @type {any} */ state) =>
-    words.standsBecause(role, robot({ state: "armed" }), facts({ goal: goal({ state }) }), true);
+    words.standstillReason(role, robot({ state: "armed" }), facts({ goal: goal({ state }) }), true);
   assert.equal(because("observer", "driving"), "Driving to a goal by itself.");
   assert.match(because("obstacle", "driving"), /^Armed\./);
   assert.match(because("observer", "reached"), /^Armed\./);
@@ -54,7 +54,7 @@ test("who is concerned by an incident is named", () => {
 
 test("where there is no robot the reason is told", () => {
   const because = (/** @type {RobotsMessage | null} */ known) =>
-    words.standsBecause("obstacle", null, known, false);
+    words.standstillReason("obstacle", null, known, false);
   assert.equal(because(null), "Waiting for robot status.");
   const ports = { observer: null, obstacle: { port: "/dev/ttyUSB0", model: null } };
   assert.match(
@@ -123,7 +123,7 @@ test("turns have a side, times have minutes", () => {
   assert.equal(words.turnInWords(-0.2), "11 °/s to the right");
   assert.equal(words.turnInWords(0.001), "straight");
   assert.deepEqual([65, 59.6, -3].map(words.clock), ["1:05", "1:00", "0:00"]);
-  assert.deepEqual([59, 65].map(words.lastsInWords), ["59 s", "1 min 5 s"]);
+  assert.deepEqual([59, 65].map(words.durationInWords), ["59 s", "1 min 5 s"]);
 });
 
 test("sonars tell the nearest echo and how old the oldest word is", () => {
