@@ -275,7 +275,7 @@ def test_all_that_is_made_of_a_run_stands_in_one_menu(open_panel: OpenPanel, kep
         page.get_by_role("dialog").get_by_role("button", name="Export").click()
     assert saved.value.suggested_filename == "ride frames.csv"
     assert saved.value.path().read_text().startswith("frame")
-    expect(page.locator(".export-told")).to_contain_text("exported")
+    expect(page.locator(".export-message")).to_contain_text("exported")
 
 
 def test_a_recording_is_opened_in_3d_and_left_again(

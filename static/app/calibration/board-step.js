@@ -28,7 +28,7 @@ const KEY = "dynamic-observer.board";
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
 
 /** A board that fits on A4 with the white margin that detection needs. @type {BoardChoice} */
-const USUAL = {
+const DEFAULT_BOARD = {
   kind: "chessboard",
   columns: 9,
   rows: 6,
@@ -151,7 +151,7 @@ export class BoardStep extends Part {
       ),
     );
     this.append(form);
-    this.#fill(remembered());
+    this.#fill(storedChoice());
     form.addEventListener("input", () => this.#changed());
     // A source that shows its own board fills in the fields.
     this.#source.addEventListener("input", () => this.#followSource());
@@ -171,9 +171,9 @@ export class BoardStep extends Part {
     return { distortion_model: this.#lens.value };
   }
 
-  /** @param {Partial<BoardChoice>} given */
-  #fill(given) {
-    const choice = { ...USUAL, ...given };
+  /** @param {Partial<BoardChoice>} chosen */
+  #fill(chosen) {
+    const choice = { ...DEFAULT_BOARD, ...chosen };
     this.#kind.value = choice.kind;
     this.#columns.value = String(choice.columns);
     this.#rows.value = String(choice.rows);
@@ -201,7 +201,7 @@ export class BoardStep extends Part {
     if (same) return this.#changed();
     if (own) this.#showBoard(own);
     else {
-      this.#fill(remembered());
+      this.#fill(storedChoice());
       this.#changed();
     }
   }
@@ -345,7 +345,7 @@ function squareOf({ square_mm, bar_mm }) {
 }
 
 /** @returns {Partial<BoardChoice>} */
-function remembered() {
+function storedChoice() {
   try {
     return JSON.parse(localStorage.getItem(KEY) ?? "{}");
   } catch {

@@ -10,7 +10,7 @@ import { isArmed, ROLES } from "./roles.js";
 /** @import { RobotNow } from "../contract" */
 /** @import { Role } from "./roles.js" */
 
-const EVERY_MS = 100;
+const SEND_EVERY_MS = 100;
 // The server stops a robot after 250 ms of operator silence; the page then asks for a new press.
 const FROZEN_AFTER_MS = 250;
 // Upper limit for manual driving, whatever the robot is capable of.
@@ -30,13 +30,13 @@ export class Driver extends Emitter {
   /** Why the last hold was blocked, until something is pressed again. */
   note = "";
   /** @type {{role: Role, share: number}} */
-  #choice = remembered();
+  #choice = loadStored();
 
   /** @param {import("../shell/hub.js").Hub} hub */
   constructor(hub) {
     super();
     this.#hub = hub;
-    setInterval(() => this.#tick(), EVERY_MS);
+    setInterval(() => this.#tick(), SEND_EVERY_MS);
     this.hold.addEventListener("pressed", () => this.#pressed());
     this.hold.addEventListener("released", () => this.#send(0, 0));
     this.hold.addEventListener("change", () => this.emit("change"));
@@ -208,7 +208,7 @@ export class Driver extends Emitter {
 }
 
 /** @returns {{role: Role, share: number}} */
-function remembered() {
+function loadStored() {
   try {
     const { role, share } = JSON.parse(localStorage.getItem(KEY) ?? "{}");
     return {

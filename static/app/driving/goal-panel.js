@@ -94,7 +94,7 @@ class GoalPanel extends Part {
   build() {
     const { floorPick, driver } = this.hub;
     const parameters = storeOf(this.hub);
-    parameters.keepUp("values", () =>
+    parameters.subscribe("values", () =>
       offer(this.#risk, riskChoices(parameters.state.values[RISK_PARAMETER])),
     );
     this.#send.setAttribute("aria-describedby", "goal-missing");

@@ -3,9 +3,9 @@
 import { applyDeadZone } from "./hold.js";
 
 // Standard layout: left and right shoulder, and the right one of the four face buttons.
-const SHOULDERS = [4, 5];
+const SHOULDER_BUTTONS = [4, 5];
 const STOPS = 1;
-const EVERY_MS = 50;
+const POLL_EVERY_MS = 50;
 
 /**
  * Follow the first gamepad for the lifetime of the page.
@@ -30,7 +30,8 @@ export function followGamepad(driver) {
     const stops = pad.buttons[STOPS]?.pressed ?? false;
     if (stops && !stopped) void driver.stop().catch(() => {});
     stopped = stops;
-    const held = document.hasFocus() && SHOULDERS.some((button) => pad.buttons[button]?.pressed);
+    const held =
+      document.hasFocus() && SHOULDER_BUTTONS.some((button) => pad.buttons[button]?.pressed);
     if (!held) {
       seenReleased = true;
       hold.release("gamepad");
@@ -43,7 +44,7 @@ export function followGamepad(driver) {
   };
 
   const begin = () => {
-    timer ||= setInterval(look, EVERY_MS);
+    timer ||= setInterval(look, POLL_EVERY_MS);
   };
   window.addEventListener("gamepadconnected", begin);
   window.addEventListener("gamepaddisconnected", look);

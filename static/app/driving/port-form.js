@@ -15,7 +15,7 @@ const MODELS = [
   ["amigo-sh", "AmigoBot, SH controller"],
   ["amigo", "AmigoBot, older"],
 ];
-const ELSEWHERE = [
+const EXAMPLE_ADDRESSES = [
   ["socket://localhost:8101", "a robot on the network, or the manufacturer's simulator"],
   ["external:127.0.0.1:7700", "a custom robot on this server"],
   ["coppeliasim:localhost:23000/PioneerP3DX", "a robot in a CoppeliaSim scene"],
@@ -80,7 +80,7 @@ export class PortForm extends Part {
     const ports = devices?.serial_ports ?? [];
     this.#ports.replaceChildren(
       ...ports.map((port) => h("option", { value: port.by_id ?? port.path }, wordsOf(port))),
-      ...ELSEWHERE.map(([value, words]) => h("option", { value }, words ?? "")),
+      ...EXAMPLE_ADDRESSES.map(([value, words]) => h("option", { value }, words ?? "")),
     );
     setText(
       this.#found,

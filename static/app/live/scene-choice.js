@@ -24,7 +24,7 @@ export class SceneChoice extends Emitter {
   constructor(store = localStorage) {
     super();
     this.#store = store;
-    const { hidden, camera } = remembered(store.getItem(KEY));
+    const { hidden, camera } = parseStored(store.getItem(KEY));
     this.#hidden = new Set(hidden);
     this.#camera = camera;
   }
@@ -59,7 +59,7 @@ export class SceneChoice extends Emitter {
 }
 
 /** @param {string | null} text @returns {{hidden: string[], camera: CameraChoice}} */
-function remembered(text) {
+function parseStored(text) {
   /** @type {{hidden?: unknown, camera?: unknown} | null} */
   let value = null;
   try {

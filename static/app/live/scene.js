@@ -42,7 +42,7 @@ class Scene extends Part {
     this.#controls.attach(this.hub);
     this.listen("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
     this.listen("changed", () => this.#choose(), this.#controls.choice);
-    this.listen("reset", () => this.#tell({ kind: "reset" }), this.#controls);
+    this.listen("reset", () => this.#post({ kind: "reset" }), this.#controls);
     // The page first: without a graphics card the viewer keeps the processor busy for seconds.
     this.listen("painted", () => this.#load());
     setTimeout(() => this.#load(), PATIENCE_MS);
@@ -78,7 +78,7 @@ class Scene extends Part {
   /** Handle the return of the server; a running viewer restores its link itself. */
   #back() {
     if (!this.#controls.hidden) {
-      this.#tell({ kind: "back" });
+      this.#post({ kind: "back" });
     } else if (this.#frame.src) {
       // A new frame: a second address in the old one would add an entry to the browser's history.
       this.#wait.hidden = false;
@@ -129,7 +129,7 @@ class Scene extends Part {
   #showPick() {
     const { floorPick } = this.hub;
     const base = (floorPick.asked && this.#facts?.base_node) || null;
-    this.#tell({ kind: "pick", base });
+    this.#post({ kind: "pick", base });
     setText(this.#pickWords, floorPick.words);
     setAttribute(this.#pick, "data-tone", floorPick.refused ? "bad" : null);
     this.#pick.hidden = !floorPick.words;
@@ -164,15 +164,15 @@ class Scene extends Part {
     const facts = this.#facts;
     if (!facts) return;
     const hidden = facts.layers.filter(({ name }) => !choice.shows(name)).map(({ node }) => node);
-    this.#tell({ kind: "choice", facts, hidden, camera: choice.camera });
+    this.#post({ kind: "choice", facts, hidden, camera: choice.camera });
   }
 
   #paint() {
-    this.#tell({ kind: "ground", colour: getComputedStyle(this).backgroundColor });
+    this.#post({ kind: "ground", colour: getComputedStyle(this).backgroundColor });
   }
 
   /** @param {ToFrame} message no secret: the frame has no origin by which to address it */
-  #tell(message) {
+  #post(message) {
     this.#frame.contentWindow?.postMessage(message, "*");
   }
 

@@ -71,7 +71,7 @@ export class StepPresentation {
   }
 
   /** @param {MethodStep} step */
-  tell(step) {
+  update(step) {
     setText(this.#title, step.title);
     setText(this.#place, `${step.number} / ${STEPS}`);
     this.#formula.replaceChildren(...formulaParts(step));

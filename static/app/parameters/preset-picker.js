@@ -4,7 +4,7 @@ import { button, download, h, icon, input, offer, onSubmit, setText } from "../e
 import { attempt, attemptIn, askConfirmation, notify, showError } from "../shell/notice.js";
 import { helpButton, openBeside } from "./help-button.js";
 import { comparePresets } from "./preset-compare.js";
-import { freeName, presetFile, readPreset, refusalOf } from "./preset-files.js";
+import { unusedName, presetFile, readPreset, refusalOf } from "./preset-files.js";
 
 /** @import { ParameterStore } from "./parameter-store.js" */
 
@@ -70,13 +70,13 @@ export class PresetPicker extends HTMLElement {
       this.#error,
       box,
     );
-    store.keepUp("loaded", () => {
+    store.subscribe("loaded", () => {
       offer(
         this.#select,
         store.presets.map(({ name }) => [name, name]),
       );
     });
-    store.keepUp("values", () => this.#render());
+    store.subscribe("values", () => this.#render());
   }
 
   #render() {
@@ -91,7 +91,7 @@ export class PresetPicker extends HTMLElement {
   /** @param {string} name */
   async #choose(name) {
     const store = this.#store;
-    const preset = store.presetNamed(name);
+    const preset = store.findPreset(name);
     if (!preset) return;
     const { changed } = store;
     const before = store.basePreset?.name;
@@ -101,7 +101,7 @@ export class PresetPicker extends HTMLElement {
     const values = changed.length === 1 ? "1 changed value" : `${changed.length} changed values`;
     notify(`Preset ${name} replaced ${values} of ${before}.`, "done", {
       words: "Undo",
-      act: () => void store.takeBack(step),
+      act: () => void store.revert(step),
     });
   }
 
@@ -116,7 +116,7 @@ export class PresetPicker extends HTMLElement {
   async #save() {
     const name = this.#name.value.trim();
     if (!name) return showError(this.#error, "Enter a preset name.");
-    const there = this.#store.presetNamed(name);
+    const there = this.#store.findPreset(name);
     if (there && !there.built_in) {
       if (await this.#mayOverwrite(name)) await this.#saved(name, true);
       return;
@@ -176,7 +176,7 @@ export class PresetPicker extends HTMLElement {
     try {
       const preset = await readPreset(file);
       const wanted = preset.name;
-      const name = freeName(
+      const name = unusedName(
         wanted,
         store.presets.map((each) => each.name),
       );

@@ -37,7 +37,7 @@ export class AlignmentPanel extends Part {
   #camera = new CameraOnBody();
   #compared = h("div.chips", { role: "group", "aria-label": "Bodies to compare" });
   #bodies = h("div.stack");
-  #align = button("Align", () => this.#alignAnew(), {
+  #align = button("Align", () => this.#realign(), {
     class: "button primary",
     title: GLOSSARY["alignment"],
   });
@@ -150,7 +150,7 @@ export class AlignmentPanel extends Part {
     });
   }
 
-  async #alignAnew() {
+  async #realign() {
     const { file, live } = this.#picker;
     if (!file && !live) return this.#refuse("Choose a ground-truth file first.");
     let camera;

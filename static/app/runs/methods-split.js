@@ -6,7 +6,7 @@ import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { FrameImages } from "./frame-images.js";
 import { OverlaidPicture } from "./methods-overlay.js";
-import { conclusion, figuresAt, methodsHref, seenInWords } from "./methods-words.js";
+import { conclusion, figuresAt, methodsHref, findingsInWords } from "./methods-words.js";
 
 /** @import { Method } from "./methods-words.js" */
 
@@ -174,7 +174,7 @@ export class MethodsSplit extends Part {
     if (this.#began === null) return;
     this.#began = null;
     offerPlayback(this.#play, false);
-    this.#tellAddress();
+    this.#updateAddress();
   }
 
   /** Show the frame that is due and continue; late frames are not skipped but delay the rest. */
@@ -199,10 +199,10 @@ export class MethodsSplit extends Part {
     this.#pause();
     this.#position = this.#within(position);
     void this.#show();
-    this.#tellAddress();
+    this.#updateAddress();
   }
 
-  #tellAddress() {
+  #updateAddress() {
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => {
       const ids = this.#methods.map(({ run }) => run.id);
@@ -229,8 +229,8 @@ export class MethodsSplit extends Part {
         const pane = this.#panes[at];
         if (!entry || !pane) return;
         pane.count(method, position);
-        const told = seenInWords(method.name, entry);
-        pane.picture.show(image, entry, told, this.#truth.checked);
+        const findings = findingsInWords(method.name, entry);
+        pane.picture.show(image, entry, findings, this.#truth.checked);
       });
       setText(this.#trouble, images.trouble);
     }

@@ -32,7 +32,7 @@ const STATES = {
 };
 
 /** Choices of which images to record. @type {[string, string][]} */
-const RECORDS = [
+const RECORDING_CHOICES = [
   ["jpeg", "JPEG"],
   ["lossless", "Lossless"],
   ["none", "None"],
@@ -42,7 +42,7 @@ class RunBar extends Part {
   #words = h("span");
   #state = h("span.state-chip", this.#words);
   #name = input("text", "run-name", { maxlength: 80, placeholder: "Optional" });
-  #record = select({ id: "run-record" }, RECORDS);
+  #record = select({ id: "run-record" }, RECORDING_CHOICES);
   #recording = h("span.record-chip.figure", { hidden: true });
   #start = h(
     "button.button.primary",
@@ -90,7 +90,7 @@ class RunBar extends Part {
     setText(this.#words, STATES[state] ?? state);
     setAttribute(this.#state, "data-state", state);
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
-    if (status) this.#tellRestart(status.engine.restarts);
+    if (status) this.#notifyRestart(status.engine.restarts);
     const run = status?.run ?? null;
     this.#renderRecording(status?.recording ?? null);
     this.#start.hidden = this.#more.hidden = run !== null;
@@ -124,7 +124,7 @@ class RunBar extends Part {
   }
 
   /** @param {number} restarts since the server was started */
-  #tellRestart(restarts) {
+  #notifyRestart(restarts) {
     const before = this.#restarts;
     this.#restarts = restarts;
     if (before === null || restarts <= before) return;

@@ -26,8 +26,8 @@ export class RunGoal extends HTMLElement {
     this.hidden = !had || !entry;
     if (!had || !entry) return;
     const { goal, plan } = entry;
-    const told = goal?.sentence ?? "no goal.";
-    setText(this.#sentence, `${fixed(plan.time, 2)} s: ${told}`);
+    const text = goal?.sentence ?? "no goal.";
+    setText(this.#sentence, `${fixed(plan.time, 2)} s: ${text}`);
     this.#why.hidden = goal?.state !== "driving";
     if (goal) this.#why.show(goal);
   }

@@ -7,7 +7,7 @@ import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
 import { removeRun } from "./run-search.js";
-import { facts, goingRuns, runHref, size } from "./run-words.js";
+import { facts, activeRunIds, runHref, size } from "./run-words.js";
 
 /** @import { History, RingFile, Run } from "../contract" */
 
@@ -46,7 +46,7 @@ class RunList extends Part {
     );
     this.listen("runs reconnected", () => this.#load());
     this.listen("status", () => {
-      const going = goingRuns(this.hub.status);
+      const going = activeRunIds(this.hub.status);
       if (going === this.#going) return;
       this.#going = going;
       void this.#load();

@@ -20,7 +20,7 @@ const RATES = [
   ["2", "2 ×"],
   ["4", "4 ×"],
 ];
-const AT_ONCE = 3;
+const MAX_WAITING = 3;
 const NO_IMAGES = "This run has no images: the top view shows what was found.";
 
 export class RunPlayer extends Part {
@@ -223,7 +223,7 @@ export class RunPlayer extends Part {
   async #showImage(position) {
     const images = this.#images;
     // During playback, drop images that would have to wait.
-    if (!images || (this.#playing && this.#waiting >= AT_ONCE)) return;
+    if (!images || (this.#playing && this.#waiting >= MAX_WAITING)) return;
     this.#waiting += 1;
     const bitmap = await images.at(position).finally(() => (this.#waiting -= 1));
     const wanted = position === this.#at || (this.#playing && position > this.#drawn);

@@ -28,7 +28,7 @@ import { compareHref, facts, hasImages } from "./run-words.js";
 
 /** @import { Run, RunChart as Chart } from "../contract" */
 
-const AGAIN_MS = 5000;
+const RETRY_MS = 5000;
 // Frames played before the one opened in 3D.
 const LEAD = 15;
 
@@ -75,7 +75,7 @@ export class RunView extends Part {
 
   build() {
     this.#body.append(
-      this.#files.told,
+      this.#files.message,
       this.#player,
       this.#goal,
       h("div.run-head", this.#state, this.#facts, this.#original, this.#playHelp, this.#play),
@@ -148,7 +148,7 @@ export class RunView extends Part {
       this.#chart.show([chart]);
       this.#truth.show(chart);
       if (chart.run.state === "running")
-        this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
+        this.#timer = setTimeout(() => void this.#load(), RETRY_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (asked !== this.#asked) return;

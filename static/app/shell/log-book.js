@@ -23,12 +23,12 @@ export class LogBook {
   /**
    * Add new entries from the server.
    *
-   * @param {readonly LogEntry[]} told oldest first
+   * @param {readonly LogEntry[]} entries oldest first
    * @returns {boolean} false if entries in between were missed: request all
    */
-  add(told) {
+  add(entries) {
     const last = this.#entries.at(-1)?.number ?? 0;
-    const fresh = told.filter(({ number }) => number > last);
+    const fresh = entries.filter(({ number }) => number > last);
     if (fresh[0] && fresh[0].number !== last + 1) return false;
     this.#entries = [...this.#entries, ...fresh].slice(-MAX_ENTRIES);
     return true;

@@ -40,7 +40,7 @@ const HARMLESS = [
   "observer-status",
   // Recordings.
   ".history-head",
-  ".export-told",
+  ".export-message",
   "observer-methods-split",
   "observer-run-chart",
   "observer-run-player",

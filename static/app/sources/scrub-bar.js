@@ -35,14 +35,14 @@ export class ScrubBar extends Part {
     setAttribute(this.#slider, "max", String(count - 1));
     const held = this.#busy || performance.now() < this.#holdUntil;
     if (!held) this.#slider.value = String(playback.frame ?? 0);
-    this.#tell(count, source?.frame_rate ?? 0);
+    this.#describe(count, source?.frame_rate ?? 0);
   }
 
   /**
    * @param {number} count
    * @param {number} rate frames per second
    */
-  #tell(count, rate) {
+  #describe(count, rate) {
     const frame = this.#slider.valueAsNumber;
     const second = rate > 0 ? `, ${(frame / rate).toFixed(1)} s` : "";
     setAttribute(this.#slider, "aria-valuetext", `frame ${frame} of ${count}${second}`);

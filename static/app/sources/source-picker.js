@@ -48,8 +48,8 @@ declareKeys(
   ["Esc", "Close the suggestions"],
 );
 
-const MOST_OF_EACH = 6;
-const MOST_RUNS = 50;
+const MAX_PER_GROUP = 6;
+const MAX_RUNS = 50;
 // Query the server only once typing pauses.
 const SEARCH_AFTER_MS = 200;
 
@@ -82,8 +82,8 @@ class SourcePicker extends Part {
   #foundRuns = [];
   /** @type {Choice[]} */
   #foundCameras = [];
-  #newest = new LatestRequest();
-  #newestRuns = new LatestRequest();
+  #latestSources = new LatestRequest();
+  #latestRuns = new LatestRequest();
   #search = new LatestRequest();
   #searchTimer = 0;
   #uncalibrated = "";
@@ -153,7 +153,9 @@ class SourcePicker extends Part {
 
   async #load() {
     /** @type {SourceEntry[] | null | undefined} */
-    const entries = await this.#newest.run(() => request("GET", "/sources")).catch(() => null);
+    const entries = await this.#latestSources
+      .run(() => request("GET", "/sources"))
+      .catch(() => null);
     // Keep the previous sources if the server does not answer.
     if (!entries) return;
     this.hub.sources = entries;
@@ -163,8 +165,8 @@ class SourcePicker extends Part {
 
   async #loadRuns() {
     /** @type {History | null | undefined} */
-    const history = await this.#newestRuns
-      .run(() => request("GET", `/history?limit=${MOST_RUNS}`))
+    const history = await this.#latestRuns
+      .run(() => request("GET", `/history?limit=${MAX_RUNS}`))
       .catch(() => null);
     if (!history) return;
     this.#runs = choicesOfRuns(history.runs);
@@ -251,12 +253,12 @@ class SourcePicker extends Part {
   #showSuggestions() {
     const listed = this.hub.sources.map(choiceOfEntry);
     const all = merged([...this.#foundCameras, ...listed, ...this.#foundRuns, ...this.#runs]);
-    this.#suggested.show(suggestions(all, this.#words, MOST_OF_EACH), ({ spec }) => spec);
+    this.#suggested.show(suggestions(all, this.#words, MAX_PER_GROUP), ({ spec }) => spec);
   }
 
   /** Find runs among all stored ones by their names. @param {string} words */
   async #searchRuns(words) {
-    const query = new URLSearchParams({ text: words.slice(0, 200), limit: String(MOST_OF_EACH) });
+    const query = new URLSearchParams({ text: words.slice(0, 200), limit: String(MAX_PER_GROUP) });
     /** @type {History | null | undefined} */
     const found = await this.#search
       .run(() => request("GET", `/history?${query}`))
@@ -347,9 +349,9 @@ class SourcePicker extends Part {
 
 /** @param {Choice} choice */
 function drawn({ title, spec, recent }) {
-  const told = [h("b", title), h("code", spec)];
-  if (recent !== null) told.push(h("span", "Recent"));
-  return told;
+  const content = [h("b", title), h("code", spec)];
+  if (recent !== null) content.push(h("span", "Recent"));
+  return content;
 }
 
 customElements.define("observer-source-picker", SourcePicker);
