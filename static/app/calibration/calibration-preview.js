@@ -41,7 +41,7 @@ export async function previewed(calibration, active) {
     [
       calibration.origin && h("p", sentence(calibration.origin)),
       notes(calibration.notes),
-      figureList(understood(calibration)),
+      figureList(calibrationFigures(calibration)),
       report?.verdict && h("p.verdict", report.verdict.sentence),
       report &&
         details(
@@ -194,7 +194,7 @@ function exports(c) {
 }
 
 /** @param {Calibration} c */
-function understood(c) {
+function calibrationFigures(c) {
   /** @type {import("../elements/figure-list.js").Figure[]} */
   const facts = [
     ["Image size", `${c.width} × ${c.height} px`],

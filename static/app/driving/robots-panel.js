@@ -77,7 +77,7 @@ class RobotsPanel extends Part {
         ...[...this.#cards.values()].map(({ element }) => element),
       ),
       h(
-        "div.robot-act",
+        "div.robot-actions",
         this.#why,
         this.#warnings,
         h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#release),

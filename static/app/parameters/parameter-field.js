@@ -61,7 +61,7 @@ export class ParameterField extends HTMLElement {
       h(
         "div.parameter-head",
         h("label", { for: id }, entry.title),
-        h("span.of-group", groupTitle(entry.group)),
+        h("span.group-label", groupTitle(entry.group)),
         this.#badge,
         this.#reset,
         help,

@@ -51,7 +51,7 @@ export class MethodsSplit extends Part {
   #panes = [new Pane(), new Pane()];
   #play = iconButton("play", "Play", () => this.#toggle());
   #slider = input("range", "methods-frame", { min: 0, step: 1, "aria-label": "Frame" });
-  #place = h("span.figure.methods-place");
+  #place = h("span.figure.methods-position");
   #truth = input("checkbox", "methods-truth", { checked: true });
   #truthLabel = h("label.check", this.#truth, "Ground truth");
   #legend = h("ul.legend", { "aria-label": "Legend" });

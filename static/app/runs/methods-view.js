@@ -41,7 +41,7 @@ export class MethodsView extends Part {
   // No status role: it changes with every frame, too often for screen readers.
   #words = h("p.figure");
   #cancel = button("Cancel", () => this.#cancelled());
-  #going = h("div.methods-going", { hidden: true });
+  #going = h("div.methods-progress", { hidden: true });
   #waiting = h("p.empty", { role: "status" });
   #split = new MethodsSplit();
   #more = h("p.row");

@@ -87,7 +87,7 @@ function comparisonTable(charts, coloured) {
           h(
             "th",
             { scope: "row" },
-            h("span.of-run", coloured ? swatch("estimate", trackColour(at)) : null, run.name),
+            h("span.run-label", coloured ? swatch("estimate", trackColour(at)) : null, run.name),
           ),
           ...(each
             ? cells(each, charts.length > 1 && each.rmse_mps === best)

@@ -265,7 +265,7 @@ export class RunChart extends HTMLElement {
     );
     const runs = several
       ? this.#charts.map(({ run }, at) =>
-          h("span.of-run", swatch("estimate", trackColour(at)), run.name),
+          h("span.run-label", swatch("estimate", trackColour(at)), run.name),
         )
       : [];
     // Marks are visible only with their curves, so they have no toggle of their own.

@@ -47,7 +47,7 @@ export class TruthPicker extends Part {
     "aria-label": "Angle convention",
     hidden: true,
   });
-  #reading = h("div.stack.understood");
+  #reading = h("div.stack.file-summary");
   /** @type {TruthFile[]} */
   #all = [];
   /** The file whose angle convention was ambiguous. @type {File | null} */
