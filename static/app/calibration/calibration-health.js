@@ -6,7 +6,7 @@ import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { notify, exclusiveRunner } from "../shell/notice.js";
 import { refinementInWords, skewInWords, trendInWords, warningInWords } from "./ageing-words.js";
-import { previewed } from "./calibration-preview.js";
+import { confirmPreview } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
 /** @import { RowDriftStatus } from "../contract" */
@@ -102,7 +102,7 @@ class CalibrationHealth extends Part {
     /** @type {Calibration} */
     const refined = await request("POST", "/calibrations/refine");
     this.hub.emit("calibrations");
-    const use = await previewed(refined, false);
+    const use = await confirmPreview(refined, false);
     if (!use) return notify(`Saved ${refined.name}. It is not in use.`);
     this.hub.applyStatus(
       await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),

@@ -17,7 +17,7 @@ import { KeyedList, moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
 import { promptText, attempt, attemptIn, askConfirmation, notify } from "../shell/notice.js";
-import { compared, describe, previewed } from "./calibration-preview.js";
+import { compareCalibrations, describe, confirmPreview } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
 /** @import { Status } from "../contract" */
@@ -62,7 +62,7 @@ class CalibrationPanel extends Part {
     class: "button primary",
   });
   #empty = h("p.empty", "No saved calibrations. The source's own calibration is in use.");
-  #compare = button("Compare", () => compared(this.#all.slice(0, 4)), {
+  #compare = button("Compare", () => compareCalibrations(this.#all.slice(0, 4)), {
     hidden: true,
     "data-harmless": true,
   });
@@ -184,7 +184,7 @@ class CalibrationPanel extends Part {
 
   /** @param {Calibration} calibration */
   async #look(calibration) {
-    const use = await previewed(calibration, calibration.id === this.#active);
+    const use = await confirmPreview(calibration, calibration.id === this.#active);
     if (!use) return;
     const path = `/calibrations/${encodeURIComponent(calibration.id)}/activate`;
     await this.#change(path, `${calibration.name} is now in use.`);

@@ -142,7 +142,7 @@ export class SpeedPlot {
         },
         hooks: {
           ready: [touchAsMouse],
-          setCursor: [(plot) => read(pointed(plot))],
+          setCursor: [(plot) => read(pointerTime(plot))],
           setSelect: [(plot) => this.#selected(plot)],
           draw: [(plot) => drawMarks(plot, this.#marks, colour)],
         },
@@ -189,7 +189,7 @@ export class SpeedPlot {
 }
 
 /** @param {uPlot} plot @returns {number | null} the time at its pointer */
-function pointed(plot) {
+function pointerTime(plot) {
   const { left } = plot.cursor;
   return left === undefined || left < 0 ? null : plot.posToVal(left, "x");
 }

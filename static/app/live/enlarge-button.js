@@ -37,7 +37,7 @@ export class EnlargeButton extends Part {
   build() {
     this.append(this.#button);
     this.#button.addEventListener("click", () => this.#set(!this.#enlarged));
-    this.#say();
+    this.#render();
   }
 
   disconnectedCallback() {
@@ -60,7 +60,7 @@ export class EnlargeButton extends Part {
       this.#back.abort();
       for (const [element, top] of this.#scrolled) element.scrollTop = top;
     }
-    this.#say();
+    this.#render();
   }
 
   #listen() {
@@ -86,7 +86,7 @@ export class EnlargeButton extends Part {
     this.#set(false);
   }
 
-  #say() {
+  #render() {
     const enlarged = this.#enlarged;
     setAttribute(this.#path, "d", enlarged ? SMALLER : LARGER);
     setText(this.#word, enlarged ? "Restore" : "Enlarge");

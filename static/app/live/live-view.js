@@ -83,9 +83,9 @@ export class LiveView extends Part {
     this.#visibilityChanged();
     this.listen("visibilitychange", () => this.#visibilityChanged(), document);
     this.listen("history", () => this.#visibilityChanged());
-    this.listen("freshness", () => this.#judge());
-    this.#timer = setInterval(() => this.#judge(), 250);
-    this.#judge();
+    this.listen("freshness", () => this.#updateFreshness());
+    this.#timer = setInterval(() => this.#updateFreshness(), 250);
+    this.#updateFreshness();
   }
 
   disconnectedCallback() {
@@ -108,10 +108,10 @@ export class LiveView extends Part {
     this.style.setProperty("--aspect", String(bitmap.width / bitmap.height));
     paint(this.#canvas, bitmap);
     this.#exposed = performance.now() - ageMs;
-    this.#judge();
+    this.#updateFreshness();
   }
 
-  #judge() {
+  #updateFreshness() {
     const age = performance.now() - this.#exposed;
     const { freshness } = this.hub;
     const old = age > STALE_AFTER_MS;

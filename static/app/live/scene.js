@@ -40,7 +40,7 @@ class Scene extends Part {
     this.#controls.hidden = true;
     this.append(this.#frame, this.#wait, this.#trouble, this.#controls, this.#pick);
     this.#controls.attach(this.hub);
-    this.listen("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
+    this.listen("message", (event) => this.#receive(/** @type {MessageEvent} */ (event)), window);
     this.listen("changed", () => this.#choose(), this.#controls.choice);
     this.listen("reset", () => this.#post({ kind: "reset" }), this.#controls);
     // The page first: without a graphics card the viewer keeps the processor busy for seconds.
@@ -62,12 +62,14 @@ class Scene extends Part {
       sandbox: "allow-scripts",
       title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
     });
-    frame.addEventListener("load", () => setTimeout(() => this.#judge(frame), STARTED_MS));
+    frame.addEventListener("load", () =>
+      setTimeout(() => this.#hideWaitIfRefused(frame), STARTED_MS),
+    );
     return frame;
   }
 
   /** What loaded but did not start is the server's refusal: leave the frame to it. */
-  #judge(/** @type {HTMLIFrameElement} */ frame) {
+  #hideWaitIfRefused(/** @type {HTMLIFrameElement} */ frame) {
     if (frame.src && this.#controls.hidden) this.#wait.hidden = true;
   }
 
@@ -90,7 +92,7 @@ class Scene extends Part {
   }
 
   /** @param {MessageEvent} event */
-  #hear({ source, data }) {
+  #receive({ source, data }) {
     if (source !== this.#frame.contentWindow) return;
     const message = /** @type {FromFrame} */ (data);
     if (message.kind === "ready") void this.#start(message.draws);

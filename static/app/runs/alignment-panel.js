@@ -171,17 +171,17 @@ export class AlignmentPanel extends Part {
       camera_on_body: camera,
     });
     setText(this.#align, "Align");
-    this.#tell();
+    this.#scrollToResult();
   }
 
   /** @param {string} why */
   #refuse(why) {
     setText(this.#error, why);
-    this.#tell();
+    this.#scrollToResult();
   }
 
   /** Scroll the result or the error, which are above, into view. */
-  #tell() {
+  #scrollToResult() {
     (this.#error.textContent ? this.#error : this.#heading).scrollIntoView({ block: "nearest" });
   }
 

@@ -166,7 +166,7 @@ export class MethodsSplit extends Part {
     if (this.#position >= this.#count - 1) this.#position = 0;
     this.#began = performance.now() - 1000 * (this.#time(this.#position) - this.#time(0));
     offerPlayback(this.#play, true);
-    void this.#playOn();
+    void this.#playNext();
   }
 
   #pause() {
@@ -178,7 +178,7 @@ export class MethodsSplit extends Part {
   }
 
   /** Show the frame that is due and continue; late frames are not skipped but delay the rest. */
-  async #playOn() {
+  async #playNext() {
     await this.#show();
     if (this.#began === null || !this.isConnected) return;
     if (this.#position >= this.#count - 1) return this.#pause();
@@ -188,7 +188,7 @@ export class MethodsSplit extends Part {
     this.#timer = setTimeout(
       () => {
         this.#position = this.#within(this.#position + 1);
-        void this.#playOn();
+        void this.#playNext();
       },
       Math.max(0, wait),
     );

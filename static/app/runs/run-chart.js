@@ -234,7 +234,7 @@ export class RunChart extends HTMLElement {
     for (const panel of this.#panels) panel.draw(this.#choices);
     // The panels share the upper end, which depends on all visible curves, known only now.
     for (const panel of this.#panels) panel.rescale();
-    this.#pointAgain();
+    this.#restoreCursor();
   }
 
   /** Make a legend of what these runs contain; pressing an entry toggles it. */
@@ -297,7 +297,7 @@ export class RunChart extends HTMLElement {
   }
 
   /** Move the cursor line back in place after the plots were rescaled. */
-  #pointAgain() {
+  #restoreCursor() {
     if (this.#at !== null) queueMicrotask(() => this.#point(this.#at));
   }
 
@@ -338,7 +338,7 @@ export class RunChart extends HTMLElement {
     this.#begin.value = fixed(this.#range[0], 2);
     this.#end.value = fixed(this.#range[1], 2);
     for (const panel of this.#panels) panel.rescale();
-    this.#pointAgain();
+    this.#restoreCursor();
   }
 }
 

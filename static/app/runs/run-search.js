@@ -73,7 +73,7 @@ export class RunSearch extends Part {
       this.#list,
       h("div.row", this.#more),
     );
-    this.#words.addEventListener("input", () => this.#soon());
+    this.#words.addEventListener("input", () => this.#scheduleSearch());
     this.#deleted.addEventListener("change", () => void this.#load());
     this.listen("runs reconnected", () => this.#load());
     this.listen("status", () => {
@@ -92,7 +92,7 @@ export class RunSearch extends Part {
     if (shown) void this.#load();
   }
 
-  #soon() {
+  #scheduleSearch() {
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => {
       this.#limit = PAGE;

@@ -72,7 +72,7 @@ class SourcePicker extends Part {
   /** Moves to the tile pressed. */
   #tileError = h("p.field-error.source-error", { role: "alert" });
   /** Moves below the error that it remedies. */
-  #calibrate = button("Calibrate these cameras", () => this.#toWizard(this.#uncalibrated), {
+  #calibrate = button("Calibrate these cameras", () => this.#openWizard(this.#uncalibrated), {
     hidden: true,
   });
   #groups = this.#makeGroups();
@@ -314,7 +314,7 @@ class SourcePicker extends Part {
     this.#calibrate.hidden = true;
     for (const error of [this.#error, this.#tileError]) showError(error, "");
     const calibration = this.#calibration.value || null;
-    if (!calibration && boardOf(this.hub.sources, spec)) return this.#toWizard(spec);
+    if (!calibration && boardOf(this.hub.sources, spec)) return this.#openWizard(spec);
     const before = pressed.indicator.textContent ?? "";
     this.#setBusy(pressed, true, "Opening…");
     const opened = await attemptIn(pressed.error, async () => {
@@ -341,7 +341,7 @@ class SourcePicker extends Part {
   }
 
   /** @param {string} spec */
-  #toWizard(spec) {
+  #openWizard(spec) {
     this.hub.uncalibrated = spec;
     this.hub.emit("calibrate");
   }
