@@ -15,26 +15,26 @@ import "./runs/run-bar.js";
 import "./shell/first-line.js";
 import "./shell/keyboard-help.js";
 import "./shell/log-panel.js";
-import "./shell/places.js";
+import "./shell/page-nav.js";
 import "./shell/share-link.js";
 import "./shell/side-tabs.js";
 import "./shell/sign-out.js";
 import "./shell/splitter.js";
 import "./shell/theme-choice.js";
 import "./shell/tour.js";
-import "./shell/watching.js";
+import "./shell/read-only.js";
 import "./sources/playback-bar.js";
 import { Driver } from "./driving/driver.js";
 import { Part } from "./elements/part.js";
 import { placeOf } from "./runs/run-words.js";
 import { Hub } from "./shell/hub.js";
-import { Later } from "./shell/later.js";
+import { LazyParts } from "./shell/lazy-parts.js";
 
 const HISTORY = "observer-history";
 const WIZARD = "observer-calibration-wizard";
 
 const hub = new Hub((hub) => new Driver(hub));
-const later = new Later(hub, {
+const lazyParts = new LazyParts(hub, {
   "observer-speed-chart": () => import("./chart/speed-chart.js"),
   "observer-parameters": () => import("./parameters/parameter-form.js"),
   // It has the most modules and is one click away.
@@ -59,16 +59,17 @@ for (const element of document.querySelectorAll("[data-part]")) {
 }
 hub.addEventListener("status", () => {
   // Started here, by another page, or because the server was started to calibrate.
-  if (hub.status?.calibrating || hub.status?.to_calibrate) void later.load(WIZARD);
+  if (hub.status?.calibrating || hub.status?.to_calibrate) void lazyParts.load(WIZARD);
 });
 hub.addEventListener("calibrate", () => {
   // The wizard was not loaded yet and missed the event.
-  if (!later.has(WIZARD)) void later.load(WIZARD).then((there) => there && hub.tell("calibrate"));
+  if (!lazyParts.has(WIZARD))
+    void lazyParts.load(WIZARD).then((there) => there && hub.emit("calibrate"));
 });
-window.addEventListener("hashchange", () => isAway() && void later.load(HISTORY));
+window.addEventListener("hashchange", () => isAway() && void lazyParts.load(HISTORY));
 hub.start();
 // Do not show the live parts first if the page is opened at another view.
-if (isAway()) await later.load(HISTORY);
+if (isAway()) await lazyParts.load(HISTORY);
 document.body.removeAttribute("data-starting");
 
 /** Return whether the address names a view that replaces the live parts. */

@@ -242,7 +242,7 @@ def test_network_cameras_are_shown_as_what_they_deliver(
         keep_picture(page, "network-cameras")
 
         page.get_by_role("button", name="Check which camera is left").click()
-        expect(page.locator("observer-cover-question")).to_contain_text("Cover the left lens")
+        expect(page.locator("observer-cover-check")).to_contain_text("Cover the left lens")
         expect(page.get_by_role("button", name="Done")).to_be_visible()
 
         left.stop()

@@ -37,7 +37,7 @@ _FAKE_GAMEPAD = """() => {
   window.dispatchEvent(new Event("gamepadconnected"));
 }"""
 _ASK = """import("/static/app/shell/notice.js").then((notice) => {
-  notice.confirmed("Are you sure?", "It is only a test.", "Do it");
+  notice.askConfirmation("Are you sure?", "It is only a test.", "Do it");
 })"""
 
 
@@ -486,7 +486,7 @@ def test_a_check_outlasts_the_page_that_is_closed(
     _speed_up(page, room, "w")
     page.keyboard.press("Escape")
     page.keyboard.up("w")
-    expect(section.locator(".check-told")).to_contain_text("(stop, not expired or lease)")
+    expect(section.locator(".check-result")).to_contain_text("(stop, not expired or lease)")
     section.scroll_into_view_if_needed()
     keep_picture(page, "guard-check")
     page.get_by_role("button", name="Reset").click()

@@ -78,8 +78,8 @@ def test_a_run_is_found_described_and_compared_with_truth(
     truth = page.locator("observer-alignment")
     expect(truth).to_contain_text("no ground truth to compare with", timeout=_MADE_MS)
     page.set_input_files("#truth-file", tmp_path / "capture.csv")
-    expect(truth.locator(".understood")).to_contain_text("plain CSV", timeout=_MADE_MS)
-    expect(truth.locator(".understood tbody")).to_contain_text(re.compile(r"cart.*2680.*0\.35"))
+    expect(truth.locator(".file-summary")).to_contain_text("plain CSV", timeout=_MADE_MS)
+    expect(truth.locator(".file-summary tbody")).to_contain_text(re.compile(r"cart.*2680.*0\.35"))
     truth.get_by_text("Camera on the body").click()
     truth.get_by_label("Tilt, °").fill("10")
     truth.get_by_role("button", name="Align", exact=True).click()
@@ -275,7 +275,7 @@ def test_all_that_is_made_of_a_run_stands_in_one_menu(open_panel: OpenPanel, kep
         page.get_by_role("dialog").get_by_role("button", name="Export").click()
     assert saved.value.suggested_filename == "ride frames.csv"
     assert saved.value.path().read_text().startswith("frame")
-    expect(page.locator(".export-told")).to_contain_text("exported")
+    expect(page.locator(".export-message")).to_contain_text("exported")
 
 
 def test_a_recording_is_opened_in_3d_and_left_again(

@@ -12,11 +12,11 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request, requestImage } from "../shell/api.js";
-import { attemptIn, confirmed } from "../shell/notice.js";
+import { attemptIn, askConfirmation } from "../shell/notice.js";
 import { boardOf } from "../sources/choices.js";
 import { boardDifference, boardInWords } from "./board-words.js";
 
@@ -28,7 +28,7 @@ const KEY = "dynamic-observer.board";
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
 
 /** A board that fits on A4 with the white margin that detection needs. @type {BoardChoice} */
-const USUAL = {
+const DEFAULT_BOARD = {
   kind: "chessboard",
   columns: 9,
   rows: 6,
@@ -151,15 +151,15 @@ export class BoardStep extends Part {
       ),
     );
     this.append(form);
-    this.#fill(remembered());
+    this.#fill(storedChoice());
     form.addEventListener("input", () => this.#changed());
     // A source that shows its own board fills in the fields.
     this.#source.addEventListener("input", () => this.#followSource());
     onSubmit(form, () => this.#begin());
     this.#zip.addEventListener("change", () => void this.#sendImages());
-    this.hear("status", () => this.#suggest());
-    this.hear("sources", () => this.#followSource());
-    this.hear("calibrate", () => {
+    this.listen("status", () => this.#suggest());
+    this.listen("sources", () => this.#followSource());
+    this.listen("calibrate", () => {
       if (this.hub.uncalibrated) this.#source.value = this.hub.uncalibrated;
       this.#followSource();
     });
@@ -171,9 +171,9 @@ export class BoardStep extends Part {
     return { distortion_model: this.#lens.value };
   }
 
-  /** @param {Partial<BoardChoice>} given */
-  #fill(given) {
-    const choice = { ...USUAL, ...given };
+  /** @param {Partial<BoardChoice>} chosen */
+  #fill(chosen) {
+    const choice = { ...DEFAULT_BOARD, ...chosen };
     this.#kind.value = choice.kind;
     this.#columns.value = String(choice.columns);
     this.#rows.value = String(choice.rows);
@@ -201,7 +201,7 @@ export class BoardStep extends Part {
     if (same) return this.#changed();
     if (own) this.#showBoard(own);
     else {
-      this.#fill(remembered());
+      this.#fill(storedChoice());
       this.#changed();
     }
   }
@@ -241,7 +241,7 @@ export class BoardStep extends Part {
     );
     const difference = own ? boardDifference(own, { ...c, square_mm: squareOf(c) }) : "";
     setText(this.#otherBoard, difference);
-    if (!difference) passFocus(this.#useOwn, this.#square);
+    if (!difference) moveFocus(this.#useOwn, this.#square);
     this.#useOwn.hidden = !difference;
   }
 
@@ -279,7 +279,10 @@ export class BoardStep extends Part {
     const source = this.#source.value.trim() || null;
     const views = this.hub.status?.calibrating?.views.length ?? 0;
     const consequence = `This deletes ${counted(views, "captured view")}.`;
-    if (views > 0 && !(await confirmed("Start the calibration over?", consequence, "Start over")))
+    if (
+      views > 0 &&
+      !(await askConfirmation("Start the calibration over?", consequence, "Start over"))
+    )
       return;
     await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: CalibratingFacts}} */
@@ -342,7 +345,7 @@ function squareOf({ square_mm, bar_mm }) {
 }
 
 /** @returns {Partial<BoardChoice>} */
-function remembered() {
+function storedChoice() {
   try {
     return JSON.parse(localStorage.getItem(KEY) ?? "{}");
   } catch {

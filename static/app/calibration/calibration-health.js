@@ -4,9 +4,9 @@ import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { notify, oneAtATime } from "../shell/notice.js";
+import { notify, exclusiveRunner } from "../shell/notice.js";
 import { refinementInWords, skewInWords, trendInWords, warningInWords } from "./ageing-words.js";
-import { previewed } from "./calibration-preview.js";
+import { confirmPreview } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
 /** @import { RowDriftStatus } from "../contract" */
@@ -29,7 +29,7 @@ class CalibrationHealth extends Part {
   );
   #drawn = "";
   #refusal = h("p.field-error", { role: "alert" });
-  #do = oneAtATime(undefined, this.#refusal);
+  #do = exclusiveRunner(undefined, this.#refusal);
 
   build() {
     this.append(
@@ -44,7 +44,7 @@ class CalibrationHealth extends Part {
       h("div.row", this.#refine),
       this.#refusal,
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
   }
 
   #render() {
@@ -101,14 +101,14 @@ class CalibrationHealth extends Part {
   async #refineRows() {
     /** @type {Calibration} */
     const refined = await request("POST", "/calibrations/refine");
-    this.hub.tell("calibrations");
-    const use = await previewed(refined, false);
+    this.hub.emit("calibrations");
+    const use = await confirmPreview(refined, false);
     if (!use) return notify(`Saved ${refined.name}. It is not in use.`);
-    this.hub.takeStatus(
+    this.hub.applyStatus(
       await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
     );
     notify(`${refined.name} is now in use.`);
-    this.hub.tell("calibrations");
+    this.hub.emit("calibrations");
   }
 }
 

@@ -13,11 +13,11 @@ import {
   setText,
   stateChip,
 } from "../elements/dom.js";
-import { KeptList, passFocus } from "../elements/focus-place.js";
+import { KeyedList, moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
-import { answered, attempt, attemptIn, confirmed, notify } from "../shell/notice.js";
-import { compared, describe, previewed } from "./calibration-preview.js";
+import { promptText, attempt, attemptIn, askConfirmation, notify } from "../shell/notice.js";
+import { compareCalibrations, describe, confirmPreview } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
 /** @import { Status } from "../contract" */
@@ -53,18 +53,18 @@ class CalibrationPanel extends Part {
     ),
   );
   #list = h("ul.item-list");
-  #items = new KeptList(
+  #items = new KeyedList(
     this.#list,
     (/** @type {Calibration} */ calibration) => this.#item(calibration),
     () => this.#make,
   );
-  #make = button("Calibrate cameras", () => this.hub.tell("calibrate"), {
+  #make = button("Calibrate cameras", () => this.hub.emit("calibrate"), {
     class: "button primary",
   });
   #empty = h("p.empty", "No saved calibrations. The source's own calibration is in use.");
-  #compare = button("Compare", () => compared(this.#all.slice(0, 4)), {
+  #compare = button("Compare", () => compareCalibrations(this.#all.slice(0, 4)), {
     hidden: true,
-    "data-looks": true,
+    "data-harmless": true,
   });
   #own = button("Use the source's own", () => this.#deactivate());
   /** @type {Calibration[]} */
@@ -91,8 +91,8 @@ class CalibrationPanel extends Part {
       this.#list,
       h("div.row", this.#compare, this.#own),
     );
-    this.hear("reconnected calibrations", () => this.#load());
-    this.hear("status", () => {
+    this.listen("reconnected calibrations", () => this.#load());
+    this.listen("status", () => {
       const active = this.hub.status?.calibration?.id ?? "";
       if (active === this.#active) return;
       this.#active = active;
@@ -120,7 +120,7 @@ class CalibrationPanel extends Part {
       [this.#own, this.#active === ""],
       [this.#compare, this.#all.length < 2],
     ])) {
-      if (unused) passFocus(button, this.#list.querySelector("button"), this.#make);
+      if (unused) moveFocus(button, this.#list.querySelector("button"), this.#make);
       button.hidden = unused;
     }
   }
@@ -173,7 +173,7 @@ class CalibrationPanel extends Part {
         }
         throw error;
       });
-      this.hub.tell("calibrations");
+      this.hub.emit("calibrations");
       // Not awaited, so that files can be chosen again meanwhile.
       void this.#look(calibration);
     });
@@ -184,7 +184,7 @@ class CalibrationPanel extends Part {
 
   /** @param {Calibration} calibration */
   async #look(calibration) {
-    const use = await previewed(calibration, calibration.id === this.#active);
+    const use = await confirmPreview(calibration, calibration.id === this.#active);
     if (!use) return;
     const path = `/calibrations/${encodeURIComponent(calibration.id)}/activate`;
     await this.#change(path, `${calibration.name} is now in use.`);
@@ -192,12 +192,16 @@ class CalibrationPanel extends Part {
 
   /** @param {Calibration} calibration */
   async #rename(calibration) {
-    const name = await answered(`Rename calibration ${calibration.name}`, "Name", calibration.name);
+    const name = await promptText(
+      `Rename calibration ${calibration.name}`,
+      "Name",
+      calibration.name,
+    );
     if (!name || name === calibration.name) return;
     await attempt(() =>
       request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name }),
     );
-    this.hub.tell("calibrations");
+    this.hub.emit("calibrations");
   }
 
   async #deactivate() {
@@ -212,15 +216,15 @@ class CalibrationPanel extends Part {
     await attempt(async () => {
       /** @type {Status} */
       const status = await request("POST", path);
-      this.hub.takeStatus(status);
+      this.hub.applyStatus(status);
       notify(done);
-      this.hub.tell("calibrations");
+      this.hub.emit("calibrations");
     });
   }
 
   /** @param {Calibration} calibration */
   async #remove(calibration) {
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Delete calibration ${calibration.name}?`,
       "You cannot undo this. Runs that used it keep their results.",
       "Delete calibration",
@@ -230,7 +234,7 @@ class CalibrationPanel extends Part {
       await request("DELETE", `/calibrations/${encodeURIComponent(calibration.id)}`);
       notify(`Calibration ${calibration.name} deleted.`);
     });
-    this.hub.tell("calibrations");
+    this.hub.emit("calibrations");
   }
 }
 

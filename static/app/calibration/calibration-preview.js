@@ -20,7 +20,7 @@ const POOR_PX = 1.5;
  * @param {boolean} active whether it is already in use
  * @returns {Promise<boolean>} whether to use it
  */
-export async function previewed(calibration, active) {
+export async function confirmPreview(calibration, active) {
   const canvas = h("canvas", {
     width: 4,
     height: 1,
@@ -40,8 +40,8 @@ export async function previewed(calibration, active) {
     calibration.name,
     [
       calibration.origin && h("p", sentence(calibration.origin)),
-      notes(calibration.notes),
-      figureList(understood(calibration)),
+      importNotes(calibration.notes),
+      figureList(calibrationFigures(calibration)),
       report?.verdict && h("p.verdict", report.verdict.sentence),
       report &&
         details(
@@ -56,7 +56,7 @@ export async function previewed(calibration, active) {
       ),
       verdict,
       tape.element,
-      h("div.row", ...exports(calibration)),
+      h("div.row", ...exportLinks(calibration)),
     ],
     h("button.button", { value: "close" }, "Close"),
     use,
@@ -88,7 +88,7 @@ export async function paintPreview(path, canvas, verdict, report) {
     paint(canvas, await createImageBitmap(blob));
     canvas.hidden = false;
     const text = headers.get("x-vertical-error-px");
-    judge(verdict, text === null ? null : Number(text), report?.held_out?.p95_px ?? null);
+    showVerdict(verdict, text === null ? null : Number(text), report?.held_out?.p95_px ?? null);
     return true;
   } catch (error) {
     canvas.hidden = true;
@@ -103,7 +103,7 @@ export async function paintPreview(path, canvas, verdict, report) {
  *
  * @param {Calibration[]} calibrations
  */
-export function compared(calibrations) {
+export function compareCalibrations(calibrations) {
   const now = new Map(calibrations.map((calibration) => [calibration, h("span", "…")]));
   /** @type {[string, (c: Calibration) => string | HTMLElement | undefined][]} */
   const rows = [
@@ -144,11 +144,11 @@ export function compared(calibrations) {
     h("button.button", { value: "close" }, "Close"),
   );
   for (const [calibration, place] of now)
-    void rowsNow(calibration).then((text) => setText(place, text));
+    void measuredRowOffset(calibration).then((text) => setText(place, text));
 }
 
 /** @param {Calibration} calibration */
-async function rowsNow(calibration) {
+async function measuredRowOffset(calibration) {
   try {
     const { headers } = await requestImage(
       `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
@@ -169,7 +169,7 @@ function depthAt3m(c) {
 }
 
 /** @param {string[]} list */
-function notes(list) {
+function importNotes(list) {
   if (list.length === 0) return null;
   const opened = details(
     "What the import found",
@@ -180,7 +180,7 @@ function notes(list) {
 }
 
 /** @param {Calibration} c */
-function exports(c) {
+function exportLinks(c) {
   const path = `/api/calibrations/${encodeURIComponent(c.id)}`;
   /** @type {[string, string][]} */
   const kinds = [
@@ -194,7 +194,7 @@ function exports(c) {
 }
 
 /** @param {Calibration} c */
-function understood(c) {
+function calibrationFigures(c) {
   /** @type {import("../elements/figure-list.js").Figure[]} */
   const facts = [
     ["Image size", `${c.width} × ${c.height} px`],
@@ -211,7 +211,7 @@ function understood(c) {
  * @param {number | null} px median vertical distance between matching points in the two images
  * @param {number | null} heldOut 95th percentile of the corner error in the held-out views
  */
-function judge(verdict, px, heldOut) {
+function showVerdict(verdict, px, heldOut) {
   if (px === null || !Number.isFinite(px)) {
     verdict.dataset.tone = "poor";
     return setText(verdict, "Epipolar error unknown: too few matches between left and right.");

@@ -1,13 +1,13 @@
 /** The second step: capture views while the board is moved. */
 
 import { button, h, icon, input, setAttribute, setText } from "../elements/dom.js";
-import { KeptList, passFocus } from "../elements/focus-place.js";
+import { KeyedList, moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { LiveView } from "../live/live-view.js";
 import { request } from "../shell/api.js";
 import { attempt, notify, notifyError } from "../shell/notice.js";
-import { CoverQuestion } from "./cover-question.js";
+import { CoverCheck } from "./cover-check.js";
 
 /** @import { CalibratingFacts, CapturedView } from "../contract" */
 
@@ -48,13 +48,13 @@ export class CaptureStep extends Part {
   #trouble = h("p.field-error", { role: "alert" });
   #count = h("h3", "No views yet");
   #list = h("ul.view-list", { "aria-label": "Captured views" });
-  #items = new KeptList(
+  #items = new KeyedList(
     this.#list,
     (/** @type {CapturedView} */ view) => this.#item(view),
     () => this.#capture,
   );
   #refused = h("details", { hidden: true });
-  #cover = new CoverQuestion();
+  #cover = new CoverCheck();
   #shown = false;
   #refusals = "";
   /** Names of the views; null until they are known. @type {Set<string> | null} */
@@ -89,7 +89,7 @@ export class CaptureStep extends Part {
       "change",
       () => void this.#change({ automatic: this.#automatic.checked }),
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
   }
 
   /** @param {boolean} shown whether this step is visible; only then are the cameras shown */
@@ -126,7 +126,7 @@ export class CaptureStep extends Part {
     for (const [name, row] of this.#bars) fill(row, now.look?.coverage?.[name] ?? 0);
     // Until the request is answered, an older status would undo the change.
     if (this.#changing === 0) this.#automatic.checked = now.automatic;
-    if (now.views.length === 0) passFocus(this.#undo, this.#capture);
+    if (now.views.length === 0) moveFocus(this.#undo, this.#capture);
     this.#undo.disabled = now.views.length === 0;
     this.#renderComputing(now);
     setAttribute(this.#compute, "data-enough", now.look?.enough ? "" : null);
@@ -138,13 +138,13 @@ export class CaptureStep extends Part {
   #renderComputing({ computing, views }) {
     if (computing) {
       this.#computing.hidden = false;
-      passFocus(this.#compute, this.#cancel);
+      moveFocus(this.#compute, this.#cancel);
       this.#progress.value = computing.share;
       setText(this.#progressWords, computing.words);
     }
     this.#compute.disabled = computing !== null || views.length === 0;
     if (!computing) {
-      passFocus(this.#computing, this.#compute, this.#capture);
+      moveFocus(this.#computing, this.#compute, this.#capture);
       this.#computing.hidden = true;
     }
   }
@@ -225,7 +225,7 @@ export class CaptureStep extends Part {
       );
       const { status } = this.hub;
       this.#changing -= 1;
-      if (status) this.hub.takeStatus({ ...status, calibrating });
+      if (status) this.hub.applyStatus({ ...status, calibrating });
     } catch (error) {
       this.#changing -= 1;
       notifyError(error);

@@ -2,11 +2,11 @@
 
 import { button, field, fillList, h, input, onSubmit, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, notify, oneAtATime } from "../shell/notice.js";
+import { attempt, notify, exclusiveRunner } from "../shell/notice.js";
 import { paintPreview } from "./calibration-preview.js";
 import { verdictTable, viewChart } from "./report-parts.js";
 
@@ -51,7 +51,7 @@ export class ResultStep extends Part {
     this.#rows,
     h("div.row", this.#refresh),
   );
-  #do = oneAtATime(undefined, this.#error);
+  #do = exclusiveRunner(undefined, this.#error);
   #shown = false;
   #read = "";
   /** @type {Record<string, any> | null} */
@@ -83,7 +83,7 @@ export class ResultStep extends Part {
       form,
     );
     onSubmit(form, () => this.#save(true));
-    this.hear("status", () => this.#load());
+    this.listen("status", () => this.#load());
   }
 
   /** @param {boolean} shown whether this step is visible */
@@ -102,7 +102,7 @@ export class ResultStep extends Part {
     const now = this.hub.status?.calibrating;
     const names = now?.result?.join("|") ?? "";
     const same = !now || names === now.views.map((view) => view.name).join("|");
-    if (same) passFocus(this.#recompute, this.#again);
+    if (same) moveFocus(this.#recompute, this.#again);
     this.#recompute.hidden = same || !now.views.length;
     if (!same) setText(this.#recompute, `Recompute with ${counted(now.views.length, "view")}`);
     if (!this.#shown || !names || names === this.#read) return;
@@ -162,7 +162,7 @@ export class ResultStep extends Part {
     const remove = button(`Remove view ${view.name}`, async () => {
       await attempt(async () => {
         await request("PATCH", "/calibrating", { remove: view.name });
-        passFocus(remove, this.#again);
+        moveFocus(remove, this.#again);
         remove.replaceWith("Removed");
       });
     });
@@ -194,7 +194,7 @@ export class ResultStep extends Part {
       notify(
         activate ? `${saved.name} saved and now in use.` : `${saved.name} saved. It is not in use.`,
       );
-      this.hub.tell("calibrations");
+      this.hub.emit("calibrations");
       if (!activate) return;
       this.#read = this.#name.value = "";
       this.saved();

@@ -4,7 +4,7 @@ import { button, field, h, input, onSubmit, setAttribute, setText } from "../ele
 import { Part } from "../elements/part.js";
 import { fixed, half95, sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attemptIn, notify, oneAtATime } from "../shell/notice.js";
+import { attemptIn, notify, exclusiveRunner } from "../shell/notice.js";
 
 /** @import { DriveNow, FloorEstimate, RigNow, RigNumber } from "../contract" */
 
@@ -44,7 +44,7 @@ class RigPanel extends Part {
   #estimated = new Map();
   /** Why nothing could be estimated; errors in the fields have their own element. */
   #refusal = h("p.field-error", { role: "alert" });
-  #do = oneAtATime(undefined, this.#refusal);
+  #do = exclusiveRunner(undefined, this.#refusal);
   /** True while the form holds values that are not in use yet. */
   #changed = false;
   /** Keys filled in while driving. @type {Set<string>} */
@@ -92,8 +92,8 @@ class RigPanel extends Part {
       this.#changed = true;
     });
     onSubmit(form, () => this.#save());
-    this.hear("reconnected", () => this.#load());
-    this.hear("status", () => this.#renderInUse());
+    this.listen("reconnected", () => this.#load());
+    this.listen("status", () => this.#renderInUse());
     void this.#load();
   }
 

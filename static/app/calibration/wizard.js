@@ -1,12 +1,12 @@
 /** Making a calibration step by step: the board, its views, the result. */
 
 import { button, h, setAttribute, setText } from "../elements/dom.js";
-import { giveBackFocus } from "../elements/focus-place.js";
+import { restoreFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { access } from "../shell/access.js";
 import { request } from "../shell/api.js";
-import { attempt, confirmed, notify } from "../shell/notice.js";
+import { attempt, askConfirmation, notify } from "../shell/notice.js";
 import { openPane } from "../shell/splitter.js";
 import { BoardStep } from "./board-step.js";
 import { CaptureStep } from "./capture-step.js";
@@ -46,7 +46,7 @@ class CalibrationWizard extends Part {
     this.#board.started = (calibrating) => {
       // An older status still on its way must not close a calibration that has just begun.
       const { status } = this.hub;
-      if (status) this.hub.takeStatus({ ...status, calibrating });
+      if (status) this.hub.applyStatus({ ...status, calibrating });
       this.#go("views");
     };
     this.#views.compute = () => void this.#compute();
@@ -71,8 +71,8 @@ class CalibrationWizard extends Part {
       this.#views,
       this.#result,
     );
-    this.hear("status", () => this.#follow());
-    this.hear("calibrate", () => {
+    this.listen("status", () => this.#follow());
+    this.listen("calibrate", () => {
       this.#caller = document.activeElement;
       this.#go(this.hub.status?.calibrating ? "views" : "board");
     });
@@ -87,7 +87,7 @@ class CalibrationWizard extends Part {
     const away = this.#step !== null || document.body.hasAttribute("data-history");
     if (away || (await access()) !== "operator") return;
     this.hub.uncalibrated = spec;
-    this.hub.tell("calibrate");
+    this.hub.emit("calibrate");
   }
 
   /** Follow a calibration that another page may have begun or ended. */
@@ -125,13 +125,13 @@ class CalibrationWizard extends Part {
     if (step !== null) openPane("main");
     // The focus follows to the pane now shown.
     if (step !== null) this.#title.focus();
-    else giveBackFocus(this.#caller);
+    else restoreFocus(this.#caller);
   }
 
   async #saved() {
     // The new calibration is in use; an older status would show its views again.
     const status = await request("GET", "/status").catch(() => null);
-    if (status) this.hub.takeStatus(/** @type {Status} */ (status));
+    if (status) this.hub.applyStatus(/** @type {Status} */ (status));
     this.#go(null);
   }
 
@@ -146,7 +146,7 @@ class CalibrationWizard extends Part {
     const title = words ? `Calibrate: ${words}` : "Calibrate";
     if (this.#title.textContent !== title) {
       setText(this.#title, title);
-      this.hub.tell("titled");
+      this.hub.emit("titled");
     }
     for (const [step, button] of this.#steps) {
       const possible =
@@ -168,9 +168,9 @@ class CalibrationWizard extends Part {
     const views = calibrating.views.length;
     const question = "Exit calibration without saving?";
     const consequence = `This deletes ${counted(views, "captured view")} and any result computed from them.`;
-    if (views > 0 && !(await confirmed(question, consequence, "Exit calibration"))) return;
+    if (views > 0 && !(await askConfirmation(question, consequence, "Exit calibration"))) return;
     await attempt(async () => {
-      this.hub.takeStatus(await request("DELETE", "/calibrating"));
+      this.hub.applyStatus(await request("DELETE", "/calibrating"));
       notify("Calibration cancelled. Nothing was changed.");
       this.#go(null);
     });

@@ -30,7 +30,7 @@ const FORMATS = {
  * @param {{begin: number, end: number} | null} range seconds on the source's clock; null: all
  * @returns {Offer}
  */
-export function ofRun({ id, name }, range) {
+export function runOffer({ id, name }, range) {
   const query = range ? `?begin=${range.begin.toFixed(4)}&end=${range.end.toFixed(4)}` : "";
   const words = range ? `${fixed(range.begin, 1)} to ${fixed(range.end, 1)} s` : "whole run";
   return {

@@ -4,7 +4,7 @@ import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { chartMenu, ofRun } from "./chart-files.js";
+import { chartMenu, runOffer } from "./chart-files.js";
 import { asPicture, speedsAsCsv } from "./live-speed-files.js";
 import { MARKS, markLegend } from "./mark-legend.js";
 import { gapsIn, speedAt, withBand } from "./speed-curves.js";
@@ -18,9 +18,9 @@ import { DASHES, SpeedPlot } from "./speed-plot.js";
 const SPAN_S = 60;
 const DRAW_EVERY_MS = 200;
 const HEIGHT_PX = 172;
-const TOP_AT_LEAST_MPS = 0.5;
+const MIN_TOP_MPS = 0.5;
 // A value measured longer ago than this is not current.
-const NOW_REACH_S = 0.3;
+const READ_PAST_END_S = 0.3;
 const ORDER = { estimate: 0, stray: 0, truth: 1, commanded: 2, sent: 3, encoder: 4 };
 
 class SpeedChart extends Part {
@@ -36,7 +36,7 @@ class SpeedChart extends Part {
   #export = chartMenu(() => this.#offers());
   #plot = new SpeedPlot(this.#host, {
     height: HEIGHT_PX,
-    topAtLeast: TOP_AT_LEAST_MPS,
+    minTop: MIN_TOP_MPS,
     range: () => [-SPAN_S, 0],
     xWords: (seconds) => (seconds === 0 ? "now" : `${seconds} s`),
     xSpace: 50,
@@ -70,13 +70,13 @@ class SpeedChart extends Part {
       this.#marks,
       this.#legend,
     );
-    this.hear("observation", () => this.#observed());
-    this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
-    this.hear("status", () => {
+    this.listen("observation", () => this.#observed());
+    this.listen("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
+    this.listen("status", () => {
       this.#followSource();
       this.#renderStatus();
     });
-    this.hear("runs", () => this.#findLastRun());
+    this.listen("runs", () => this.#findLastRun());
     void this.#findLastRun();
     // While paused, no further observation arrives.
     if (this.hub.observation) this.#history.add(this.hub.observation);
@@ -149,7 +149,7 @@ class SpeedChart extends Part {
 
   /** @param {Curve} curve @param {number | null} at seconds; null is now */
   #measured(curve, at) {
-    return speedAt(curve, at ?? 0, NOW_REACH_S);
+    return speedAt(curve, at ?? 0, READ_PAST_END_S);
   }
 
   #renderStatus() {
@@ -195,7 +195,7 @@ class SpeedChart extends Part {
             },
           ]
         : [];
-    return last ? [...seen, ofRun(last, null)] : seen;
+    return last ? [...seen, runOffer(last, null)] : seen;
   }
 
   #picture() {

@@ -11,10 +11,10 @@ const JUMP_S = 1;
 // Gap between the end of one playback and the start of the next.
 const GAP_S = 0.5;
 // A curve breaks right after its last sample: the next one may be older than the newest frame.
-const BROKEN_AFTER_S = 1e-4;
+const GAP_AFTER_S = 1e-4;
 // Curves are trimmed in batches of this many samples: shifting a long array costs more than
 // keeping a few extra samples.
-const FORGET_FROM = 50;
+const TRIM_BATCH = 50;
 const ROBOT_COLOURS = { observer: "--accent", obstacle: "--warn" };
 
 export class SpeedHistory {
@@ -59,7 +59,7 @@ export class SpeedHistory {
     this.#continue(line.time, line.segment, sequence);
     const now = this.newest;
     /** @type {Set<string>} */
-    const told = new Set();
+    const updated = new Set();
     for (const obstacle of line.obstacles) {
       // While a track coasts nothing is measured: show a gap, not a prediction.
       if (obstacle.state === "coasting") continue;
@@ -70,15 +70,15 @@ export class SpeedHistory {
       if (!this.curves.has(key))
         this.starts.push({ time, speed: obstacle.speed, words: String(obstacle.id), colour });
       const curve = this.#curve(key, "estimate", `Obstacle ${obstacle.id}`, colour);
-      put(curve, time, obstacle.speed, obstacle.speed_std);
-      told.add(key);
+      addSample(curve, time, obstacle.speed, obstacle.speed_std);
+      updated.add(key);
     }
     for (const body of truth) {
       this.#identify(body, now);
       if (body.role === "observer") continue;
       const truth = this.#curve(`truth/${body.id}`, "truth", `Ground truth ${body.name}`, "--text");
-      put(truth, now, body.speed);
-      told.add(truth.key);
+      addSample(truth, now, body.speed);
+      updated.add(truth.key);
       const { commanded_speed: ordered } = body;
       if (ordered === null || ordered === undefined) continue;
       const commanded = this.#curve(
@@ -87,13 +87,13 @@ export class SpeedHistory {
         `Commanded ${body.name}`,
         "--muted",
       );
-      put(commanded, now, Math.abs(ordered));
-      told.add(commanded.key);
+      addSample(commanded, now, Math.abs(ordered));
+      updated.add(commanded.key);
     }
     for (const [key, curve] of this.curves) {
-      if (!told.has(key) && !isOfRobot(curve)) breakOff(curve);
+      if (!updated.has(key) && !isRobotCurve(curve)) startGap(curve);
     }
-    this.#forget();
+    this.#trim();
   }
 
   /**
@@ -108,10 +108,14 @@ export class SpeedHistory {
       // From another source's clock, or from before a restart.
       if (Math.abs(at - this.newest) > JUMP_S) continue;
       const colour = ROBOT_COLOURS[role];
-      put(this.#curve(`sent/${role}`, "sent", `Sent to ${role}`, colour), at, Math.abs(sent_mps));
+      addSample(
+        this.#curve(`sent/${role}`, "sent", `Sent to ${role}`, colour),
+        at,
+        Math.abs(sent_mps),
+      );
       if (encoder_mps === null) continue;
       const wheels = this.#curve(`encoder/${role}`, "encoder", `Wheel encoders of ${role}`, colour);
-      put(wheels, at, Math.abs(encoder_mps));
+      addSample(wheels, at, Math.abs(encoder_mps));
     }
   }
 
@@ -122,11 +126,11 @@ export class SpeedHistory {
    */
   #continue(time, segment, sequence) {
     const ahead = time - this.#lastTime;
-    const anew = segment !== this.#lastSegment || sequence <= this.#lastSequence || ahead <= 0;
+    const restarted = segment !== this.#lastSegment || sequence <= this.#lastSequence || ahead <= 0;
     if (!this.#began) {
       this.#playedFrom = time;
-    } else if (anew) {
-      for (const curve of this.curves.values()) breakOff(curve);
+    } else if (restarted) {
+      for (const curve of this.curves.values()) startGap(curve);
       this.#identity.clear();
       this.#epoch += 1;
       this.#offset = this.newest + GAP_S - time;
@@ -169,14 +173,14 @@ export class SpeedHistory {
     return curve;
   }
 
-  #forget() {
+  #trim() {
     const oldest = this.newest - this.span_s;
     for (const [key, curve] of this.curves) {
       const last = curve.times.at(-1);
       if (last === undefined || last < oldest) {
         this.curves.delete(key);
-      } else if (Number(curve.times[FORGET_FROM]) < oldest) {
-        for (const list of [curve.times, curve.speeds, curve.stds]) list.splice(0, FORGET_FROM);
+      } else if (Number(curve.times[TRIM_BATCH]) < oldest) {
+        for (const list of [curve.times, curve.speeds, curve.stds]) list.splice(0, TRIM_BATCH);
       }
     }
     while (this.changes[0] && this.changes[0].time < oldest) this.changes.shift();
@@ -185,15 +189,15 @@ export class SpeedHistory {
 }
 
 /** Whether it is a robot's curve, whose samples arrive separately. @param {Curve} curve */
-function isOfRobot({ kind }) {
+function isRobotCurve({ kind }) {
   return kind === "sent" || kind === "encoder";
 }
 
 /** Start a gap, as nothing was measured: from the last sample to the next. @param {Curve} curve */
-function breakOff(curve) {
+function startGap(curve) {
   const last = curve.times.at(-1);
   if (last !== undefined && curve.speeds.at(-1) !== null)
-    append(curve, last + BROKEN_AFTER_S, null, null);
+    append(curve, last + GAP_AFTER_S, null, null);
 }
 
 /**
@@ -204,7 +208,7 @@ function breakOff(curve) {
  * @param {number} speed
  * @param {number | null} [std]
  */
-function put(curve, time, speed, std = null) {
+function addSample(curve, time, speed, std = null) {
   const last = curve.times.at(-1);
   if (last !== undefined) {
     if (time <= last) return;

@@ -18,7 +18,7 @@ import { joined } from "./speed-curves.js";
 /**
  * @typedef {object} PlotOptions
  * @property {number} height px
- * @property {number} topAtLeast m/s: minimum upper end, so that noise at rest stays small
+ * @property {number} minTop m/s: minimum upper end, so that noise at rest stays small
  * @property {() => [number, number]} range visible range, seconds
  * @property {(seconds: number) => string} xWords
  * @property {number} xSpace least distance between ticks, px
@@ -126,7 +126,7 @@ export class SpeedPlot {
     this.#plot?.destroy();
     this.#plot = null;
     if (this.#curves.length === 0 || this.host.clientWidth === 0) return;
-    const { height, range, xWords, xSpace, topAtLeast, top, read, select } = this.options;
+    const { height, range, xWords, xSpace, minTop, top, read, select } = this.options;
     const colour = (/** @type {string} */ name) => this.resolved(name);
     this.#plot = new uPlot(
       {
@@ -142,13 +142,13 @@ export class SpeedPlot {
         },
         hooks: {
           ready: [touchAsMouse],
-          setCursor: [(plot) => read(pointed(plot))],
+          setCursor: [(plot) => read(pointerTime(plot))],
           setSelect: [(plot) => this.#selected(plot)],
           draw: [(plot) => drawMarks(plot, this.#marks, colour)],
         },
         scales: {
           x: { time: false, range },
-          y: { range: () => [0, Math.max(topAtLeast, (top?.() ?? this.highest()) * HEADROOM)] },
+          y: { range: () => [0, Math.max(minTop, (top?.() ?? this.highest()) * HEADROOM)] },
         },
         axes: [
           {
@@ -189,7 +189,7 @@ export class SpeedPlot {
 }
 
 /** @param {uPlot} plot @returns {number | null} the time at its pointer */
-function pointed(plot) {
+function pointerTime(plot) {
   const { left } = plot.cursor;
   return left === undefined || left < 0 ? null : plot.posToVal(left, "x");
 }
@@ -244,7 +244,7 @@ function seriesOf({ kind, label, colour: name, banded }, colour) {
     label,
     stroke,
     width: kind === "stray" ? 1 : 2,
-    points: { show: true, size: 3, width: 0, filter: lonely },
+    points: { show: true, size: 3, width: 0, filter: isolatedSamples },
   };
   if (!banded) return [main];
   const side = { stroke: "transparent", width: 0, points };
@@ -258,7 +258,7 @@ function seriesOf({ kind, label, colour: name, banded }, colour) {
  * @param {number} index of the series
  * @returns {number[]}
  */
-function lonely(plot, index) {
+function isolatedSamples(plot, index) {
   const values = plot.data[index] ?? [];
   const found = [];
   let alone = true;

@@ -1,7 +1,7 @@
 /** The drive socket: leases, velocities, heartbeats and link quality. */
 
 import { LiveSocket, socketUrl } from "../shell/live-socket.js";
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 
 /** @import { LinkMessage, SentMessage, Velocity } from "../contract" */
 /** @import { Role } from "./roles.js" */
@@ -17,7 +17,7 @@ const NAME_KEY = "dynamic-observer.operator";
  * Events: `lease` (a lease was granted, refused or lost), `sent`, `refused` (a command was
  * rejected; see `refusal`), `link` (its quality, or whether it is open).
  */
-export class DriveLink extends Teller {
+export class DriveLink extends Emitter {
   /** Leases in force. @type {Map<Role, string>} */
   leases = new Map();
   /** @type {Connection} */
@@ -85,7 +85,7 @@ export class DriveLink extends Teller {
   release(role) {
     this.#socket.send({ type: "release", role });
     this.leases.delete(role);
-    this.tell("lease");
+    this.emit("lease");
   }
 
   /**
@@ -142,13 +142,13 @@ export class DriveLink extends Teller {
       this.#leaseChanged(message);
     } else if (message.type === "sent") {
       this.sent.set(message.role, message);
-      this.tell("sent");
+      this.emit("sent");
     } else if (message.type === "refused") {
       this.refusal = message.sentence;
-      this.tell("refused");
+      this.emit("refused");
     } else if (message.type === "link") {
       this.quality = message;
-      this.tell("link");
+      this.emit("link");
     }
   }
 
@@ -158,7 +158,7 @@ export class DriveLink extends Teller {
     else if (state === "lost") this.leases.delete(role);
     const why = sentence ?? (holder ? `${holder} has control.` : "Control was refused.");
     if (state !== "lost") this.#answer(role, state === "yours" ? null : why);
-    this.tell("lease");
+    this.emit("lease");
   }
 
   /** @param {Connection} state */
@@ -170,8 +170,8 @@ export class DriveLink extends Teller {
       this.leases.clear();
       this.sent.clear();
       this.quality = null;
-      this.tell("lease");
+      this.emit("lease");
     }
-    this.tell("link");
+    this.emit("link");
   }
 }

@@ -6,14 +6,14 @@ import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
-import { beyondStill } from "./hold.js";
+import { applyDeadZone } from "./hold.js";
 import { degrees, turnInWords } from "./robot-words.js";
 import { sonarInWords, SonarRing } from "./sonar-ring.js";
 
 /** @import { RobotNow } from "../contract" */
 
 // Largest knob travel from the pad's centre, as a share of its width.
-const KNOB_WAY_PERCENT = 36;
+const KNOB_TRAVEL_PERCENT = 36;
 
 /** @type {Record<string, string>} */
 const LEVELS = { clear: "Path clear", slow: "Slowed", stop: "Stopped" };
@@ -78,11 +78,11 @@ export class DrivePad extends Part {
     this.#followPointer();
     followKeys(driver);
     followGamepad(driver);
-    this.hear("forgotten", () => this.#drop(), driver.hold);
-    this.hear("change", () => this.#render(), driver);
-    this.hear("robots", () => this.#render());
+    this.listen("cleared", () => this.#drop(), driver.hold);
+    this.listen("change", () => this.#render(), driver);
+    this.listen("robots", () => this.#render());
     this.whenShown(() => this.#render());
-    this.hear("gamepadconnected gamepaddisconnected", () => this.#render(), window);
+    this.listen("gamepadconnected gamepaddisconnected", () => this.#render(), window);
     this.#render();
   }
 
@@ -119,7 +119,7 @@ export class DrivePad extends Part {
     const box = this.#pad.getBoundingClientRect();
     const right = (2 * (event.clientX - box.left)) / box.width - 1;
     const down = (2 * (event.clientY - box.top)) / box.height - 1;
-    this.hub.driver.hold.set("pad", { forward: -beyondStill(down), left: -beyondStill(right) });
+    this.hub.driver.hold.set("pad", { forward: -applyDeadZone(down), left: -applyDeadZone(right) });
   }
 
   #release() {
@@ -138,39 +138,39 @@ export class DrivePad extends Part {
     if (this.offsetParent === null) return;
     const { driver } = this.hub;
     const robot = driver.robot();
-    const { hold, fastest, hindrance } = driver;
+    const { hold, topSpeed, blockedReason } = driver;
     const deflection = hold.deflection;
-    setAttribute(this, "data-held", hold.counts ? "" : hold.isHeld ? "barred" : null);
-    setAttribute(this.#pad, "aria-disabled", hindrance ? "true" : null);
+    setAttribute(this, "data-held", hold.isActive ? "" : hold.isHeld ? "blocked" : null);
+    setAttribute(this.#pad, "aria-disabled", blockedReason ? "true" : null);
     const { forward, left } = deflection ?? { forward: 0, left: 0 };
     // Keep the knob within the round pad even if both axes are at full deflection.
-    const way = KNOB_WAY_PERCENT / Math.max(1, Math.hypot(forward, left));
+    const way = KNOB_TRAVEL_PERCENT / Math.max(1, Math.hypot(forward, left));
     this.#knob.style.left = `${50 - way * left}%`;
     this.#knob.style.top = `${50 - way * forward}%`;
     this.#ring.show(robot);
     setText(this.#sonar, robot ? sonarInWords(robot) : "");
     setText(
       this.#state,
-      hold.barred ||
-        hindrance ||
+      hold.blockedReason ||
+        blockedReason ||
         driver.note ||
-        (hold.counts
+        (hold.isActive
           ? `Driving the ${driver.role}`
           : `Ready to drive the ${driver.role}${connected() ? ", gamepad connected" : ""}`),
     );
     setAttribute(
       this.#state,
       "data-tone",
-      hold.barred || (driver.note && !hindrance && !hold.counts)
+      hold.blockedReason || (driver.note && !blockedReason && !hold.isActive)
         ? "bad"
-        : hindrance
+        : blockedReason
           ? "calm"
           : "ready",
     );
     setText(
       this.#fastest,
-      fastest.speed_mps > 0
-        ? `${fixed(fastest.speed_mps, 2)} m/s, ${fixed(degrees(fastest.turn_rate_radps), 0)} °/s`
+      topSpeed.speed_mps > 0
+        ? `${fixed(topSpeed.speed_mps, 2)} m/s, ${fixed(degrees(topSpeed.turn_rate_radps), 0)} °/s`
         : `${Math.round(driver.share * 100)} %`,
     );
     this.#renderSent();
@@ -181,7 +181,7 @@ export class DrivePad extends Part {
   #renderSent() {
     const { driver } = this.hub;
     const robot = driver.robot();
-    const reply = driver.hold.counts ? driver.link.sent.get(driver.role) : null;
+    const reply = driver.hold.isActive ? driver.link.sent.get(driver.role) : null;
     const sent = reply ?? robot?.sent;
     setText(
       this.#sent,

@@ -2,7 +2,7 @@
 
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
 import { isArmed, ROLES } from "./roles.js";
@@ -10,45 +10,45 @@ import { isArmed, ROLES } from "./roles.js";
 /** @import { RobotNow } from "../contract" */
 /** @import { Role } from "./roles.js" */
 
-const EVERY_MS = 100;
+const SEND_EVERY_MS = 100;
 // The server stops a robot after 250 ms of operator silence; the page then asks for a new press.
-const HELD_UP_MS = 250;
+const FROZEN_AFTER_MS = 250;
 // Upper limit for manual driving, whatever the robot is capable of.
-const FASTEST_TURN_RADPS = Math.PI / 2;
+const MAX_TURN_RATE_RADPS = Math.PI / 2;
 const KEY = "dynamic-observer.driving";
 
 /**
  * Events: `change` (role, share, lease, what is held or sent, or the link has changed), `stopping`
  * (stop was pressed here), `stop-failed` (the stop did not reach the server).
  */
-export class Driver extends Teller {
+export class Driver extends Emitter {
   link = new DriveLink();
   hold = new Hold();
   /** Holds the server's state and the state of the connection to it. */
   #hub;
   #ticked = performance.now();
-  /** Why the last hold was barred, until something is pressed again. */
+  /** Why the last hold was blocked, until something is pressed again. */
   note = "";
   /** @type {{role: Role, share: number}} */
-  #choice = remembered();
+  #choice = loadStored();
 
   /** @param {import("../shell/hub.js").Hub} hub */
   constructor(hub) {
     super();
     this.#hub = hub;
-    setInterval(() => this.#tick(), EVERY_MS);
+    setInterval(() => this.#tick(), SEND_EVERY_MS);
     this.hold.addEventListener("pressed", () => this.#pressed());
     this.hold.addEventListener("released", () => this.#send(0, 0));
-    this.hold.addEventListener("change", () => this.tell("change"));
+    this.hold.addEventListener("change", () => this.emit("change"));
     for (const type of ["lease", "sent", "link"])
       this.link.addEventListener(type, () => this.#linkChanged());
-    this.link.addEventListener("refused", () => this.#bar(sentence(this.link.refusal)));
+    this.link.addEventListener("refused", () => this.#block(sentence(this.link.refusal)));
     hub.addEventListener("robots", () => this.#robotsChanged());
-    hub.addEventListener("connection", () => this.tell("change"));
+    hub.addEventListener("connection", () => this.emit("change"));
     // Browsers throttle the timers of hidden pages, so let go and then stay silent.
-    document.addEventListener("visibilitychange", () => document.hidden && this.hold.forget());
+    document.addEventListener("visibilitychange", () => document.hidden && this.hold.releaseAll());
     for (const type of ["blur", "pagehide", "freeze"])
-      window.addEventListener(type, () => this.hold.forget());
+      window.addEventListener(type, () => this.hold.releaseAll());
   }
 
   /** The robot chosen for manual driving. */
@@ -58,7 +58,7 @@ export class Driver extends Teller {
 
   set role(role) {
     if (role === this.role) return;
-    this.hold.forget();
+    this.hold.releaseAll();
     this.#choose({ role, share: this.share });
   }
 
@@ -86,16 +86,16 @@ export class Driver extends Teller {
   }
 
   /** The speed and turn rate requested at full deflection. */
-  get fastest() {
+  get topSpeed() {
     const limits = this.robot()?.report.limits;
     return {
       speed_mps: (limits?.speed_mps ?? 0) * this.share,
-      turn_rate_radps: Math.min(limits?.turn_rate_radps ?? 0, FASTEST_TURN_RADPS) * this.share,
+      turn_rate_radps: Math.min(limits?.turn_rate_radps ?? 0, MAX_TURN_RATE_RADPS) * this.share,
     };
   }
 
   /** Why holding a control would not move the chosen robot; empty if it would. */
-  get hindrance() {
+  get blockedReason() {
     const robot = this.robot();
     const { robots, connection } = this.#hub;
     if (connection !== "open") return "No connection to the server.";
@@ -136,20 +136,20 @@ export class Driver extends Teller {
 
   /** Stop all robots through every available channel. */
   async stop() {
-    this.hold.forget();
+    this.hold.releaseAll();
     this.link.stop();
-    this.tell("stopping");
+    this.emit("stopping");
     try {
       await request("POST", "/robots/stop");
     } catch (error) {
-      this.tell("stop-failed");
+      this.emit("stop-failed");
       throw error;
     }
   }
 
   #pressed() {
-    const { hindrance } = this;
-    if (hindrance) return this.hold.bar(hindrance);
+    const { blockedReason } = this;
+    if (blockedReason) return this.hold.block(blockedReason);
     this.note = "";
     // Nothing was held until now: after a deadline expired, the server must first see a zero.
     this.#send(0, 0);
@@ -158,24 +158,24 @@ export class Driver extends Teller {
 
   #tick() {
     const now = performance.now();
-    const heldUp = now - this.#ticked > HELD_UP_MS;
+    const wasFrozen = now - this.#ticked > FROZEN_AFTER_MS;
     this.#ticked = now;
     if (document.hidden) return;
-    if (heldUp) this.#bar("This page froze for a moment: let go and press again.");
-    const { fastest } = this;
+    if (wasFrozen) this.#block("This page froze for a moment: let go and press again.");
+    const { topSpeed } = this;
     const held = this.hold.deflection;
     for (const role of this.link.leases.keys()) {
       if (role === this.role && held)
-        this.#send(held.forward * fastest.speed_mps, held.left * fastest.turn_rate_radps);
+        this.#send(held.forward * topSpeed.speed_mps, held.left * topSpeed.turn_rate_radps);
       else this.link.present(role);
     }
   }
 
-  /** Bar the hold although the control has not been released. @param {string} why */
-  #bar(why) {
-    if (!this.hold.counts) return;
+  /** Block the hold although the control has not been released. @param {string} why */
+  #block(why) {
+    if (!this.hold.isActive) return;
     this.note = why;
-    this.hold.bar(why);
+    this.hold.block(why);
   }
 
   /** @param {number} speed_mps @param {number} turn_rate_radps */
@@ -185,30 +185,30 @@ export class Driver extends Teller {
 
   #linkChanged() {
     const { connection, quality, leases } = this.link;
-    if (connection !== "open") this.#bar("Link lost: let go and press again.");
-    else if (quality?.sentence) this.#bar(`${quality.sentence}: let go and press again.`);
-    else if (!leases.has(this.role)) this.#bar("You no longer have control.");
-    this.tell("change");
+    if (connection !== "open") this.#block("Link lost: let go and press again.");
+    else if (quality?.sentence) this.#block(`${quality.sentence}: let go and press again.`);
+    else if (!leases.has(this.role)) this.#block("You no longer have control.");
+    this.emit("change");
   }
 
   #robotsChanged() {
     // An older message may still arrive if the user arms and holds at once.
-    if (this.#hub.robots?.stopped) this.#bar("All robots were stopped.");
+    if (this.#hub.robots?.stopped) this.#block("All robots were stopped.");
     else if (this.robot()?.state === "disarmed")
-      this.#bar(this.robot()?.why ?? "The robot was disarmed.");
-    this.tell("change");
+      this.#block(this.robot()?.why ?? "The robot was disarmed.");
+    this.emit("change");
   }
 
   /** @param {{role: Role, share: number}} choice */
   #choose(choice) {
     this.#choice = choice;
     localStorage.setItem(KEY, JSON.stringify(choice));
-    this.tell("change");
+    this.emit("change");
   }
 }
 
 /** @returns {{role: Role, share: number}} */
-function remembered() {
+function loadStored() {
   try {
     const { role, share } = JSON.parse(localStorage.getItem(KEY) ?? "{}");
     return {

@@ -13,25 +13,25 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { GLOSSARY } from "../elements/glossary.js";
-import { GoalWhy } from "../elements/goal-why.js";
+import { GoalExplanation } from "../elements/goal-explanation.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
 import { storeOf } from "../parameters/parameter-store.js";
-import { oneAtATime, refuse } from "../shell/notice.js";
+import { exclusiveRunner, showError } from "../shell/notice.js";
 import { openPane } from "../shell/splitter.js";
 import {
-  FARTHEST_M,
-  goalOf,
+  MAX_GOAL_DISTANCE_M,
+  parseGoal,
   missingForGoal,
-  notDone,
+  refusalSentence,
   placeInWords,
   RISK_PARAMETER,
-  risks,
-  tooFar,
-  withoutNumbers,
+  riskChoices,
+  tooFarReason,
+  stripNumbers,
 } from "./goal-words.js";
 import { clock } from "./robot-words.js";
 
@@ -39,9 +39,14 @@ import { clock } from "./robot-words.js";
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
 
 const ROLE = "observer";
-const FIELDS = { min: -FARTHEST_M, max: FARTHEST_M, step: "any", "aria-describedby": "goal-error" };
+const FIELDS = {
+  min: -MAX_GOAL_DISTANCE_M,
+  max: MAX_GOAL_DISTANCE_M,
+  step: "any",
+  "aria-describedby": "goal-error",
+};
 // The scene shows the outcome of a click for this long.
-const TOLD_MS = 6000;
+const OUTCOME_SHOWN_MS = 6000;
 // Plans arrive ten times a second, faster than their reasons can be read.
 const EXPLAINED_EVERY_MS = 500;
 
@@ -49,7 +54,7 @@ class GoalPanel extends Part {
   #ahead = input("number", "goal-ahead", { ...FIELDS, value: "2" });
   #left = input("number", "goal-left", { ...FIELDS, value: "0" });
   #error = h("p.field-error", { id: "goal-error", role: "alert" });
-  #risk = select({ id: "goal-risk" }, risks(undefined));
+  #risk = select({ id: "goal-risk" }, riskChoices(undefined));
   #send = h("button.button.primary", { type: "submit" }, icon("play"), "Drive there");
   #pick = button("Pick a goal", () => this.#togglePick(), {
     title: "Click the floor in the 3D scene; an armed observer drives there at once",
@@ -59,29 +64,29 @@ class GoalPanel extends Part {
   #sentence = h("p.goal-sentence");
   /** The same for screen readers, but not announced each time a number changes. */
   #spoken = h("p.visually-hidden", { role: "status" });
-  #way = h("p.figure");
-  #why = new GoalWhy();
-  #whyOpens = details("Why", this.#why);
+  #progress = h("p.figure");
+  #why = new GoalExplanation();
+  #whyDetails = details("Why", this.#why);
   /** What the explanation was last filled with, and when, ms. */
   #explained = { news: "", at: 0 };
-  #kept = h("p.field-error", { role: "alert" });
-  #leave = oneAtATime(undefined, this.#kept);
-  #giveUp = button([icon("stop"), "Cancel goal"], () =>
-    this.#leave(() => named("Not cancelled", () => request("DELETE", "/goal"))),
+  #cancelError = h("p.field-error", { role: "alert" });
+  #runCancel = exclusiveRunner(undefined, this.#cancelError);
+  #cancel = button([icon("stop"), "Cancel goal"], () =>
+    this.#runCancel(() => withOutcome("Not cancelled", () => request("DELETE", "/goal"))),
   );
   #driving = h(
     "div.goal-driving",
     { hidden: true },
     // Above the sentence, so that it stays put however many lines that has.
-    h("div.goal-head", this.#way, this.#giveUp),
-    this.#kept,
+    h("div.goal-head", this.#progress, this.#cancel),
+    this.#cancelError,
     this.#sentence,
-    this.#whyOpens,
+    this.#whyDetails,
   );
   #ended = h("p.goal-ended", { role: "status", hidden: true });
-  #do = oneAtATime(undefined, this.#refusal);
+  #do = exclusiveRunner(undefined, this.#refusal);
   /** Whether the click requested last is sent at once. */
-  #sends = false;
+  #sendsOnPick = false;
   /** The programme last seen running. @type {ProgrammeDetail | null} */
   #programme = null;
   #asked = "";
@@ -89,8 +94,8 @@ class GoalPanel extends Part {
   build() {
     const { floorPick, driver } = this.hub;
     const parameters = storeOf(this.hub);
-    parameters.keepUp("values", () =>
-      offer(this.#risk, risks(parameters.state.values[RISK_PARAMETER])),
+    parameters.subscribe("values", () =>
+      offer(this.#risk, riskChoices(parameters.state.values[RISK_PARAMETER])),
     );
     this.#send.setAttribute("aria-describedby", "goal-missing");
     const form = h(
@@ -127,17 +132,17 @@ class GoalPanel extends Part {
       form,
     );
     onSubmit(form, () => this.#do(() => this.#sendTyped()));
-    this.#whyOpens.addEventListener("toggle", () => this.#render());
-    this.hear("robots connection", () => this.#render());
-    this.hear("change", () => this.#render(), driver);
-    this.hear("change", () => this.#render(), floorPick);
-    this.hear("picked", () => this.#do(() => this.#sendPicked()), floorPick);
+    this.#whyDetails.addEventListener("toggle", () => this.#render());
+    this.listen("robots connection", () => this.#render());
+    this.listen("change", () => this.#render(), driver);
+    this.listen("change", () => this.#render(), floorPick);
+    this.listen("picked", () => this.#do(() => this.#sendPicked()), floorPick);
     this.whenShown(() => this.#render());
     this.#render();
   }
 
   /** What is missing before a goal can be sent; empty if nothing. */
-  get #lack() {
+  get #missingReason() {
     const { driver, robots, connection } = this.hub;
     const running = robots?.programme && this.#programme;
     const moves = running && running.roles.includes(ROLE) ? running.title : "";
@@ -146,10 +151,10 @@ class GoalPanel extends Part {
   }
 
   async #sendTyped() {
-    refuse(this.#error, "");
-    const place = goalOf(this.#ahead.value, this.#left.value);
+    showError(this.#error, "");
+    const place = parseGoal(this.#ahead.value, this.#left.value);
     if (typeof place === "string") {
-      refuse(this.#error, notDone("Not sent", place));
+      showError(this.#error, refusalSentence("Not sent", place));
       this.#ahead.focus();
       return;
     }
@@ -160,18 +165,18 @@ class GoalPanel extends Part {
   async #sendPicked() {
     const { place } = this.hub.floorPick;
     if (!place) return;
-    refuse(this.#error, "");
+    showError(this.#error, "");
     this.#ahead.value = place.ahead.toFixed(2);
     this.#left.value = place.left.toFixed(2);
-    if (!this.#sends) {
-      this.#tell(`Entered, not sent: ${placeInWords(place)}.`);
+    if (!this.#sendsOnPick) {
+      this.#showInScene(`Entered, not sent: ${placeInWords(place)}.`);
       return;
     }
     try {
       await this.#post(place);
-      this.#tell(`Goal sent: ${placeInWords(place)}.`);
+      this.#showInScene(`Goal sent: ${placeInWords(place)}.`);
     } catch (error) {
-      if (error instanceof ApiError) this.#tell(error.message, true);
+      if (error instanceof ApiError) this.#showInScene(error.message, true);
       throw error;
     }
   }
@@ -179,10 +184,10 @@ class GoalPanel extends Part {
   /** @param {FloorPlace} place */
   async #post(place) {
     const lease = this.hub.driver.link.leases.get(ROLE);
-    const why = tooFar(place) || this.#lack;
-    if (why || !lease) throw new ApiError(notDone("Not sent", why), 409);
+    const why = tooFarReason(place) || this.#missingReason;
+    if (why || !lease) throw new ApiError(refusalSentence("Not sent", why), 409);
     const { ahead, left } = place;
-    await named("Not sent", () =>
+    await withOutcome("Not sent", () =>
       request("POST", "/goal", {
         ahead_m: ahead,
         left_m: left,
@@ -200,22 +205,22 @@ class GoalPanel extends Part {
     }
     openPane("main");
     const seen = document.querySelector("observer-scene")?.checkVisibility();
-    refuse(this.#refusal, seen ? "" : "Not picked: the 3D scene is not in view.");
+    showError(this.#refusal, seen ? "" : "Not picked: the 3D scene is not in view.");
     if (!seen) return;
     // Fixed until the click, so that the click does what the user was told before.
-    this.#sends = this.#lack === "";
+    this.#sendsOnPick = this.#missingReason === "";
     floorPick.ask(
-      this.#sends
+      this.#sendsOnPick
         ? "Click the floor: the observer drives there at once."
         : "Click the floor: the place is entered, but not sent.",
     );
   }
 
   /** Show the click's outcome in the scene, too. @param {string} words @param {boolean} [bad] */
-  #tell(words, bad = false) {
+  #showInScene(words, bad = false) {
     const { floorPick } = this.hub;
     floorPick.say(words, bad);
-    setTimeout(() => floorPick.words === words && floorPick.say(""), TOLD_MS);
+    setTimeout(() => floorPick.words === words && floorPick.say(""), OUTCOME_SHOWN_MS);
   }
 
   #render() {
@@ -226,16 +231,16 @@ class GoalPanel extends Part {
     setAttribute(this, "data-old", lost ? "" : null);
     const goal = robots?.goal ?? null;
     const drives = goal?.state === "driving";
-    if (!drives) passFocus(this.#driving, this.#ahead);
+    if (!drives) moveFocus(this.#driving, this.#ahead);
     this.#driving.hidden = !drives;
     if (goal && drives) this.#renderDriving(goal);
     else setText(this.#spoken, "");
-    const told = goal && !drives ? goal.sentence : "";
-    setText(this.#ended, told);
-    this.#ended.hidden = !told;
-    const lack = this.#lack;
-    setText(this.#missing, lack);
-    this.#send.disabled = lack !== "";
+    const ended = goal && !drives ? goal.sentence : "";
+    setText(this.#ended, ended);
+    this.#ended.hidden = !ended;
+    const missing = this.#missingReason;
+    setText(this.#missing, missing);
+    this.#send.disabled = missing !== "";
     setText(this.#pick, floorPick.asked ? "Cancel picking" : "Pick a goal");
     this.#pick.hidden = !floorPick.possible;
   }
@@ -243,14 +248,14 @@ class GoalPanel extends Part {
   /** @param {GoalNow} goal */
   #renderDriving(goal) {
     setText(this.#sentence, goal.sentence);
-    if (withoutNumbers(this.#spoken.textContent ?? "") !== withoutNumbers(goal.sentence))
+    if (stripNumbers(this.#spoken.textContent ?? "") !== stripNumbers(goal.sentence))
       setText(this.#spoken, goal.sentence);
     const left =
       goal.distance_m === null ? "Distance unknown" : `${fixed(goal.distance_m, 2)} m left`;
-    setText(this.#way, `${left} · ${clock(goal.elapsed_s)}`);
-    if (!this.#whyOpens.open) return;
+    setText(this.#progress, `${left} · ${clock(goal.elapsed_s)}`);
+    if (!this.#whyDetails.open) return;
     const now = performance.now();
-    const news = `${withoutNumbers(goal.sentence)} ${goal.waits_for}`;
+    const news = `${stripNumbers(goal.sentence)} ${goal.waits_for}`;
     if (news === this.#explained.news && now - this.#explained.at < EXPLAINED_EVERY_MS) return;
     this.#explained = { news, at: now };
     this.#why.show(goal);
@@ -279,12 +284,12 @@ class GoalPanel extends Part {
  * @param {string} what
  * @param {() => Promise<unknown>} ask
  */
-async function named(what, ask) {
+async function withOutcome(what, ask) {
   try {
     await ask();
   } catch (error) {
     if (!(error instanceof ApiError)) throw error;
-    throw new ApiError(notDone(what, error.message), error.status, error.fields);
+    throw new ApiError(refusalSentence(what, error.message), error.status, error.fields);
   }
 }
 

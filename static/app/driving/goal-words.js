@@ -7,7 +7,7 @@ import { isArmed } from "./roles.js";
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
 
 /** A farther goal would be in another room; the server rejects it. */
-export const FARTHEST_M = 20;
+export const MAX_GOAL_DISTANCE_M = 20;
 
 /** The parameter that sets the risk of goals sent without one. */
 export const RISK_PARAMETER = "navigation.risk_per_metre";
@@ -18,7 +18,7 @@ export const RISK_PARAMETER = "navigation.risk_per_metre";
  * @param {unknown} usual the server's default; undefined while unknown
  * @returns {string[][]}
  */
-export function risks(usual) {
+export function riskChoices(usual) {
   const others = [
     ["0.0001", "0.0001 – waits longest"],
     ["0.001", "0.001"],
@@ -58,18 +58,18 @@ export function missingForGoal(facts, robot, ours, connected, programme) {
  * @param {string} left
  * @returns {FloorPlace | string} a sentence if it is not a valid place
  */
-export function goalOf(ahead, left) {
+export function parseGoal(ahead, left) {
   const [x, y] = [ahead, left].map((text) => (text.trim() === "" ? NaN : Number(text)));
   if (x === undefined || y === undefined || !Number.isFinite(x) || !Number.isFinite(y))
     return "Enter both distances in metres, as in 2.5.";
-  return tooFar({ ahead: x, left: y }) || { ahead: x, left: y };
+  return tooFarReason({ ahead: x, left: y }) || { ahead: x, left: y };
 }
 
 /** Say why a place is too far away; empty if it is not. @param {FloorPlace} place */
-export function tooFar({ ahead, left }) {
+export function tooFarReason({ ahead, left }) {
   const distance = Math.hypot(ahead, left);
-  return distance > FARTHEST_M
-    ? `The place is ${fixed(distance, 1)} m away. A goal must be within ${FARTHEST_M} m.`
+  return distance > MAX_GOAL_DISTANCE_M
+    ? `The place is ${fixed(distance, 1)} m away. A goal must be within ${MAX_GOAL_DISTANCE_M} m.`
     : "";
 }
 
@@ -86,7 +86,7 @@ export function placeInWords({ ahead, left }) {
 }
 
 /** Begin a refusal with what did not happen. @param {string} what @param {string} why */
-export function notDone(what, why) {
+export function refusalSentence(what, why) {
   return sentence(`${what}: ${why.charAt(0).toLowerCase()}${why.slice(1)}`);
 }
 
@@ -96,6 +96,6 @@ export function notDone(what, why) {
  *
  * @param {string} words
  */
-export function withoutNumbers(words) {
+export function stripNumbers(words) {
   return words.replace(/\d+(\.\d+)?/g, "");
 }

@@ -13,11 +13,11 @@ import {
   setText,
   stateChip,
 } from "../elements/dom.js";
-import { KeptList, passFocus } from "../elements/focus-place.js";
+import { KeyedList, moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence, when } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { confirmed, oneAtATime } from "../shell/notice.js";
+import { askConfirmation, exclusiveRunner } from "../shell/notice.js";
 import { stopInWords } from "./robot-words.js";
 import { ROLE_WORDS } from "./roles.js";
 
@@ -45,43 +45,45 @@ class GuardCheck extends Part {
   #form = h("form.stack", field("Note", this.#note), h("div.row", this.#start));
   #title = h("p.figure");
   #instruction = h("p.check-instruction", { role: "status" });
-  #told = h("p.check-told", { role: "status" });
+  #stepResult = h("p.check-result", { role: "status" });
   #skip = button("Skip step", () =>
-    this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })),
+    this.#do(() => request("POST", "/robots/check/skip", { name: this.#operatorName })),
   );
-  #giveUp = button("Abort check", () => this.#do(() => this.#leave()));
-  #now = h(
+  #abort = button("Abort check", () => this.#do(() => this.#askToAbort()));
+  #currentStep = h(
     "div.check-now",
     { hidden: true },
     this.#title,
     this.#instruction,
-    this.#told,
-    h("div.row", this.#skip, this.#giveUp),
+    this.#stepResult,
+    h("div.row", this.#skip, this.#abort),
   );
   #refusal = h("p.field-error", { role: "alert" });
   #outcome = h("p", { role: "status" });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
-  #keep = button("Save record", () => this.#do(() => this.#end()), { hidden: true });
+  #save = button("Save record", () => this.#do(() => this.#end()), { hidden: true });
   #stepList = h("ul.item-list.check-steps", { "aria-label": "Check steps" });
-  #steps = new KeptList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
+  #steps = new KeyedList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
   #recordList = h("ul.item-list.check-records", { "aria-label": "Check records" });
-  #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
+  #records = new KeyedList(this.#recordList, (/** @type {CheckEntry} */ entry) =>
+    recordItem(entry),
+  );
   #none = h("p.empty", "No saved checks.");
   #earlier = h("div", h("h4", "Previous checks"), this.#none, this.#recordList);
-  #whole = details(
+  #details = details(
     "Guard check",
     this.#what,
     this.#advice,
     this.#form,
-    this.#now,
+    this.#currentStep,
     this.#refusal,
     this.#outcome,
     this.#trouble,
-    this.#keep,
+    this.#save,
     this.#stepList,
     this.#earlier,
   );
-  #do = oneAtATime((busy) => {
+  #do = exclusiveRunner((busy) => {
     if (busy) return;
     this.#loaded = "";
     this.#render();
@@ -90,20 +92,20 @@ class GuardCheck extends Part {
   #loaded = "";
 
   build() {
-    this.append(this.#whole);
+    this.append(this.#details);
     onSubmit(this.#form, () => this.#do(() => this.#begin()));
-    this.#whole.addEventListener("toggle", () => this.#render());
-    this.hear("robots", () => this.#render());
-    this.hear("change", () => this.#render(), this.hub.driver);
+    this.#details.addEventListener("toggle", () => this.#render());
+    this.listen("robots", () => this.#render());
+    this.listen("change", () => this.#render(), this.hub.driver);
     this.whenShown(() => this.#render());
-    this.hear("reconnected", () => {
+    this.listen("reconnected", () => {
       this.#loaded = "";
     });
     this.#render();
   }
 
   /** This operator's name as others see it; null if none was given. */
-  get #own() {
+  get #operatorName() {
     return this.hub.driver.link.name || null;
   }
 
@@ -111,14 +113,14 @@ class GuardCheck extends Part {
     await request("POST", "/robots/check", {
       role: this.hub.driver.role,
       note: this.#note.value.trim() || null,
-      name: this.#own,
+      name: this.#operatorName,
     });
     this.#note.value = "";
   }
 
-  async #leave() {
+  async #askToAbort() {
     if (
-      await confirmed(
+      await askConfirmation(
         "Abort the guard check?",
         "The record keeps what was measured so far and is marked as aborted.",
         "Abort check",
@@ -128,7 +130,7 @@ class GuardCheck extends Part {
   }
 
   async #end() {
-    const name = this.#own;
+    const name = this.#operatorName;
     await request("DELETE", `/robots/check${name ? `?name=${encodeURIComponent(name)}` : ""}`);
   }
 
@@ -159,7 +161,7 @@ class GuardCheck extends Part {
     const check = robots?.check ?? null;
     const going = check !== null && check.ended_at === null;
     // A page that comes back in the middle of a check shows where it is.
-    if (going && !this.#whole.open && !this.#loaded) this.#whole.open = true;
+    if (going && !this.#details.open && !this.#loaded) this.#details.open = true;
     const wanted = `${driver.role} ${check?.record ?? ""}`;
     if (robots && wanted !== this.#loaded) {
       this.#loaded = wanted;
@@ -169,15 +171,15 @@ class GuardCheck extends Part {
     // Show the instruction above the controls.
     setAttribute(this, "data-going", going ? "" : null);
     if (step) {
-      this.#now.hidden = false;
-      passFocus(this.#form, this.#skip);
+      this.#currentStep.hidden = false;
+      moveFocus(this.#form, this.#skip);
     }
     for (const part of [this.#what, this.#advice, this.#form, this.#earlier]) part.hidden = going;
     this.#start.disabled = !driver.robot() || (check !== null && !going && !check.record);
     this.#start.title = driver.robot() ? "" : `No ${driver.role} robot is connected`;
     if (!step) {
-      passFocus(this.#now, this.#start, this.#whole.querySelector("summary"));
-      this.#now.hidden = true;
+      moveFocus(this.#currentStep, this.#start, this.#details.querySelector("summary"));
+      this.#currentStep.hidden = true;
     }
     if (step && check) {
       setText(
@@ -185,7 +187,7 @@ class GuardCheck extends Part {
         `${ROLE_WORDS[check.role]}, step ${(check.present ?? 0) + 1} of ${check.steps.length}: ${step.title}${step.state === "driving" ? " (driving)" : ""}`,
       );
       setText(this.#instruction, step.instruction);
-      setText(this.#told, step.told ? sentence(step.told) : "");
+      setText(this.#stepResult, step.told ? sentence(step.told) : "");
     }
     const outcome = check?.outcome;
     setText(
@@ -194,7 +196,7 @@ class GuardCheck extends Part {
     );
     setText(this.#trouble, sentence(check?.trouble ?? ""));
     this.#trouble.hidden = !check?.trouble;
-    this.#keep.hidden = !check?.trouble;
+    this.#save.hidden = !check?.trouble;
     this.#steps.show(check?.steps ?? [], ({ name }) => name);
   }
 }

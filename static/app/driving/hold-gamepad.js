@@ -1,11 +1,11 @@
 /** Driving with a gamepad: hold a shoulder button and steer with the left stick. */
 
-import { beyondStill } from "./hold.js";
+import { applyDeadZone } from "./hold.js";
 
 // Standard layout: left and right shoulder, and the right one of the four face buttons.
-const SHOULDERS = [4, 5];
+const SHOULDER_BUTTONS = [4, 5];
 const STOPS = 1;
-const EVERY_MS = 50;
+const POLL_EVERY_MS = 50;
 
 /**
  * Follow the first gamepad for the lifetime of the page.
@@ -30,24 +30,25 @@ export function followGamepad(driver) {
     const stops = pad.buttons[STOPS]?.pressed ?? false;
     if (stops && !stopped) void driver.stop().catch(() => {});
     stopped = stops;
-    const held = document.hasFocus() && SHOULDERS.some((button) => pad.buttons[button]?.pressed);
+    const held =
+      document.hasFocus() && SHOULDER_BUTTONS.some((button) => pad.buttons[button]?.pressed);
     if (!held) {
       seenReleased = true;
       hold.release("gamepad");
     } else if (seenReleased) {
       hold.set("gamepad", {
-        forward: -beyondStill(pad.axes[1] ?? 0),
-        left: -beyondStill(pad.axes[0] ?? 0),
+        forward: -applyDeadZone(pad.axes[1] ?? 0),
+        left: -applyDeadZone(pad.axes[0] ?? 0),
       });
     }
   };
 
   const begin = () => {
-    timer ||= setInterval(look, EVERY_MS);
+    timer ||= setInterval(look, POLL_EVERY_MS);
   };
   window.addEventListener("gamepadconnected", begin);
   window.addEventListener("gamepaddisconnected", look);
-  hold.addEventListener("forgotten", () => {
+  hold.addEventListener("cleared", () => {
     seenReleased = false;
   });
   if (connected()) begin();

@@ -39,14 +39,14 @@ export function followKeys(driver) {
     }
     hold.set("keys", { forward: clamp(forward), left: clamp(left) });
   };
-  const letGo = () => {
+  const releaseKeys = () => {
     down.clear();
     show();
   };
 
   window.addEventListener("keydown", (event) => {
     // With a modifier the key is a browser shortcut, and some browsers never report its release.
-    if (event.ctrlKey || event.metaKey || event.altKey) return letGo();
+    if (event.ctrlKey || event.metaKey || event.altKey) return releaseKeys();
     if (!(event.code in DIRECTIONS) || event.defaultPrevented) return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     if (writesText(target)) return;
@@ -56,7 +56,7 @@ export function followKeys(driver) {
     )
       return;
     const drives =
-      down.size > 0 || driver.hindrance === "" || target.closest("observer-drive-pad") !== null;
+      down.size > 0 || driver.blockedReason === "" || target.closest("observer-drive-pad") !== null;
     if (!drives) return;
     // Keep the page from scrolling.
     event.preventDefault();
@@ -68,9 +68,9 @@ export function followKeys(driver) {
     if (down.delete(event.code)) show();
   });
   window.addEventListener("focusin", (event) => {
-    if (event.target instanceof HTMLElement && writesText(event.target)) letGo();
+    if (event.target instanceof HTMLElement && writesText(event.target)) releaseKeys();
   });
-  hold.addEventListener("forgotten", () => down.clear());
+  hold.addEventListener("cleared", () => down.clear());
 }
 
 /** @param {number} value */

@@ -1,6 +1,6 @@
 /** The controls that the user holds: pad, keys, gamepad. No timer, no socket here. */
 
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 
 /**
  * Deflection of a control, each axis from -1 to 1.
@@ -13,39 +13,39 @@ import { Teller } from "../shell/teller.js";
  */
 
 // Dead zone as a share of full deflection: within it a control is held but moves nothing.
-const STILL = 0.12;
+const DEAD_ZONE = 0.12;
 
 /** Return the deflection beyond the dead zone around the middle. @param {number} axis */
-export function beyondStill(axis) {
+export function applyDeadZone(axis) {
   const size = Math.min(1, Math.abs(axis));
-  return size < STILL ? 0 : (Math.sign(axis) * (size - STILL)) / (1 - STILL);
+  return size < DEAD_ZONE ? 0 : (Math.sign(axis) * (size - DEAD_ZONE)) / (1 - DEAD_ZONE);
 }
 
 /**
  * Combines all controls that can be held to move a robot.
  *
  * Events: `pressed` (nothing was held before), `released` (nothing is held any more, or the hold
- * was barred), `forgotten` (a control must be seen released before it can be pressed again),
+ * was blocked), `cleared` (a control must be seen released before it can be pressed again),
  * `change`.
  */
-export class Hold extends Teller {
+export class Hold extends Emitter {
   /** @type {Map<Holder, Deflection>} */
   #held = new Map();
-  /** Why the hold is barred until every control is released; empty while it counts. */
-  barred = "";
+  /** Why the hold is blocked until every control is released; empty while it counts. */
+  blockedReason = "";
 
   /** True while something is held and counts. */
-  get counts() {
-    return this.#held.size > 0 && !this.barred;
+  get isActive() {
+    return this.#held.size > 0 && !this.blockedReason;
   }
 
   get isHeld() {
     return this.#held.size > 0;
   }
 
-  /** Deflection of the newest holder; null if nothing is held or the hold is barred. */
+  /** Deflection of the newest holder; null if nothing is held or the hold is blocked. */
   get deflection() {
-    return this.counts ? ([...this.#held.values()].at(-1) ?? null) : null;
+    return this.isActive ? ([...this.#held.values()].at(-1) ?? null) : null;
   }
 
   /**
@@ -57,27 +57,27 @@ export class Hold extends Teller {
   set(holder, deflection) {
     const first = this.#held.size === 0;
     this.#held.set(holder, deflection);
-    if (first) this.tell("pressed");
-    this.tell("change");
+    if (first) this.emit("pressed");
+    this.emit("change");
   }
 
   /** @param {Holder} holder */
   release(holder) {
-    const counted = this.counts;
+    const wasActive = this.isActive;
     if (!this.#held.delete(holder)) return;
-    if (this.#held.size === 0) this.barred = "";
-    if (counted && !this.counts) this.tell("released");
-    this.tell("change");
+    if (this.#held.size === 0) this.blockedReason = "";
+    if (wasActive && !this.isActive) this.emit("released");
+    this.emit("change");
   }
 
   /** Drop all holds, as no release may come: focus lost, page hidden, robots stopped. */
-  forget() {
-    const counted = this.counts;
+  releaseAll() {
+    const wasActive = this.isActive;
     this.#held.clear();
-    this.barred = "";
-    this.tell("forgotten");
-    if (counted) this.tell("released");
-    this.tell("change");
+    this.blockedReason = "";
+    this.emit("cleared");
+    if (wasActive) this.emit("released");
+    this.emit("change");
   }
 
   /**
@@ -85,10 +85,10 @@ export class Hold extends Teller {
    *
    * @param {string} why one sentence
    */
-  bar(why) {
-    if (!this.counts) return;
-    this.barred = why;
-    this.tell("released");
-    this.tell("change");
+  block(why) {
+    if (!this.isActive) return;
+    this.blockedReason = why;
+    this.emit("released");
+    this.emit("change");
   }
 }

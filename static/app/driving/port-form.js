@@ -3,7 +3,7 @@
 import { button, field, fillList, h, input, onSubmit, select, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { attemptIn, notify, oneAtATime, refuse } from "../shell/notice.js";
+import { attemptIn, notify, exclusiveRunner, showError } from "../shell/notice.js";
 
 /** @import { Devices, RobotsMessage, SerialPortNow } from "../contract" */
 /** @import { Role } from "./roles.js" */
@@ -15,7 +15,7 @@ const MODELS = [
   ["amigo-sh", "AmigoBot, SH controller"],
   ["amigo", "AmigoBot, older"],
 ];
-const ELSEWHERE = [
+const EXAMPLE_ADDRESSES = [
   ["socket://localhost:8101", "a robot on the network, or the manufacturer's simulator"],
   ["external:127.0.0.1:7700", "a custom robot on this server"],
   ["coppeliasim:localhost:23000/PioneerP3DX", "a robot in a CoppeliaSim scene"],
@@ -42,7 +42,7 @@ export class PortForm extends Part {
   #shown = "";
   /** True while the form holds values that are not in use yet. */
   #changed = false;
-  #do = oneAtATime(undefined, this.#error);
+  #do = exclusiveRunner(undefined, this.#error);
 
   build() {
     const form = h(
@@ -66,9 +66,9 @@ export class PortForm extends Part {
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    this.hear("reconnected", () => this.#look());
-    this.hear("change", () => this.#render(), this.hub.driver);
-    this.hear("robots", () => this.#render());
+    this.listen("reconnected", () => this.#look());
+    this.listen("change", () => this.#render(), this.hub.driver);
+    this.listen("robots", () => this.#render());
     this.#render();
     void this.#look();
   }
@@ -80,7 +80,7 @@ export class PortForm extends Part {
     const ports = devices?.serial_ports ?? [];
     this.#ports.replaceChildren(
       ...ports.map((port) => h("option", { value: port.by_id ?? port.path }, wordsOf(port))),
-      ...ELSEWHERE.map(([value, words]) => h("option", { value }, words ?? "")),
+      ...EXAMPLE_ADDRESSES.map(([value, words]) => h("option", { value }, words ?? "")),
     );
     setText(
       this.#found,
@@ -114,7 +114,7 @@ export class PortForm extends Part {
     );
     // Do not overwrite what was typed meanwhile.
     if (this.#changed) return;
-    refuse(this.#error, "");
+    showError(this.#error, "");
     this.#port.value = kept?.port ?? "";
     this.#model.value = kept?.model ?? "";
   }
@@ -122,7 +122,7 @@ export class PortForm extends Part {
   async #save() {
     const role = this.#role;
     const port = this.#port.value.trim();
-    if (!port) return refuse(this.#error, "Enter the robot's port.");
+    if (!port) return showError(this.#error, "Enter the robot's port.");
     await attemptIn(this.#error, async () => {
       /** @type {RobotsMessage} */
       const robots = await request("PUT", `/robots/${role}/port`, {

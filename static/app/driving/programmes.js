@@ -12,12 +12,12 @@ import {
   onSubmit,
   setText,
 } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attemptIn, confirmed, notify, oneAtATime } from "../shell/notice.js";
-import { clock, incidentInWords, lastsInWords } from "./robot-words.js";
+import { attemptIn, askConfirmation, notify, exclusiveRunner } from "../shell/notice.js";
+import { clock, incidentInWords, durationInWords } from "./robot-words.js";
 import { isArmed, ROLE_WORDS } from "./roles.js";
 
 /** @import { ProgrammeEntry, ProgrammeNow } from "../contract" */
@@ -26,7 +26,7 @@ class Programmes extends Part {
   /** @type {ProgrammeEntry[]} */
   #programmes = [];
   #list = h("ul.item-list");
-  #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
+  #items = new KeyedList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
   #empty = h("p.empty", "No programmes found.");
   #repeat = input("number", "programme-repeat", { min: "1", max: "100", step: "1", value: "1" });
   #reverse = input("checkbox", "programme-reverse");
@@ -47,11 +47,11 @@ class Programmes extends Part {
   #own = details("Custom programme");
   /** Why a programme ended early; empty if none did. */
   #ended = h("p.programme-ended", { role: "status", hidden: true });
-  #runs = false;
+  #wasRunning = false;
   /** Time of the last early end when the newest programme began. */
   #endedBefore = "";
   #refusal = h("p.field-error", { role: "alert" });
-  #do = oneAtATime(undefined, this.#refusal);
+  #do = exclusiveRunner(undefined, this.#refusal);
   #loaded = false;
 
   build() {
@@ -89,14 +89,14 @@ class Programmes extends Part {
       this.#own,
     );
     this.#file.addEventListener("change", () => void this.#readFile());
-    onSubmit(form, () => this.#keep());
-    this.hear("robots", () => {
-      this.#tellEnd();
+    onSubmit(form, () => this.#save());
+    this.listen("robots", () => {
+      this.#renderEnd();
       this.#render();
     });
-    this.hear("change", () => this.#render(), this.hub.driver);
+    this.listen("change", () => this.#render(), this.hub.driver);
     this.whenShown(() => this.#render());
-    this.hear("reconnected", () => {
+    this.listen("reconnected", () => {
       this.#loaded = false;
     });
     this.#render();
@@ -108,15 +108,15 @@ class Programmes extends Part {
   }
 
   /** Show why a programme ended early until the next one begins. */
-  #tellEnd() {
+  #renderEnd() {
     const { robots } = this.hub;
     const newest = robots?.incidents?.findLast(({ kind }) => kind === "programme");
-    const runs = Boolean(robots?.programme);
-    if (runs && !this.#runs) this.#endedBefore = newest?.at ?? "";
-    this.#runs = runs;
-    const told = !runs && newest && newest.at !== this.#endedBefore;
-    setText(this.#ended, told ? incidentInWords(newest) : "");
-    this.#ended.hidden = !told;
+    const isRunning = Boolean(robots?.programme);
+    if (isRunning && !this.#wasRunning) this.#endedBefore = newest?.at ?? "";
+    this.#wasRunning = isRunning;
+    const endedEarly = !isRunning && newest && newest.at !== this.#endedBefore;
+    setText(this.#ended, endedEarly ? incidentInWords(newest) : "");
+    this.#ended.hidden = !endedEarly;
   }
 
   /** @param {ProgrammeNow} running */
@@ -146,7 +146,7 @@ class Programmes extends Part {
         running.duration_s > 0 ? Math.min(1, running.elapsed_s / running.duration_s) : 0;
     }
     this.#empty.hidden = this.#programmes.length > 0 || !this.#loaded;
-    this.#kept.show(this.#programmes, ({ name }) => name);
+    this.#items.show(this.#programmes, ({ name }) => name);
     for (const entry of this.#programmes) {
       const item = this.#list.querySelector(`[data-programme="${CSS.escape(entry.name)}"]`);
       const start = item?.querySelector("button.start");
@@ -163,14 +163,14 @@ class Programmes extends Part {
     if (robots?.stopped) return "All robots are stopped: reset the stop first.";
     if (roles.includes("observer") && robots?.goal?.state === "driving")
       return "The observer is driving to a goal: cancel it first.";
-    const wanting = roles.flatMap((role) => {
+    const missing = roles.flatMap((role) => {
       const robot = driver.robot(role);
       if (!robot) return [`connect the ${role}`];
       const ours = driver.link.leases.has(role);
       if (robot.operator && !ours) return [`take control of the ${role}`];
       return ours && isArmed(robot) ? [] : [`arm the ${role}`];
     });
-    return wanting.length ? sentence(`first ${wanting.join(" and ")}`) : "";
+    return missing.length ? sentence(`first ${missing.join(" and ")}`) : "";
   }
 
   /** @param {ProgrammeEntry} entry */
@@ -188,7 +188,7 @@ class Programmes extends Part {
     const element = item(
       [
         h("p", h("b", title)),
-        h("p.hint.figure", `${who} · ${lastsInWords(duration_s)}`),
+        h("p.hint.figure", `${who} · ${durationInWords(duration_s)}`),
         help && h("p.hint", help),
         h("p.missing"),
       ],
@@ -230,7 +230,7 @@ class Programmes extends Part {
     if (file) this.#text.value = await file.text();
   }
 
-  async #keep() {
+  async #save() {
     await attemptIn(this.#error, async () => {
       await request("POST", "/programmes", { text: this.#text.value });
       this.#file.value = "";
@@ -241,7 +241,7 @@ class Programmes extends Part {
 
   /** @param {ProgrammeEntry} entry */
   async #remove({ name, title }) {
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Delete programme ${title}?`,
       "You cannot undo this.",
       "Delete programme",

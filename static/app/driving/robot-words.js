@@ -30,7 +30,7 @@ export function stateInWords(robot) {
  * @param {boolean} ours whether this page holds its lease
  */
 export function standstillReason(role, robot, facts, ours) {
-  if (!robot) return lackBecause(role, facts);
+  if (!robot) return missingRobotReason(role, facts);
   if (facts?.stopped)
     return `Stopped by ${facts.stopped.by}. Reset the stop at the top of the page to continue.`;
   const { fault, trouble } = robot.report;
@@ -51,7 +51,7 @@ export function standstillReason(role, robot, facts, ours) {
 }
 
 /** Say why there is no robot. @param {Role} role @param {RobotsMessage | null} facts */
-function lackBecause(role, facts) {
+function missingRobotReason(role, facts) {
   const trouble = facts?.process?.trouble ?? facts?.trouble?.[role];
   if (!facts) return "Waiting for robot status.";
   if (trouble) return sentence(trouble);
@@ -214,7 +214,7 @@ export function clock(seconds) {
 }
 
 /** @param {number} seconds @returns {string} as in "1 min 5 s" */
-export function lastsInWords(seconds) {
+export function durationInWords(seconds) {
   const whole = Math.round(seconds);
   return whole < 60 ? `${whole} s` : `${Math.floor(whole / 60)} min ${whole % 60} s`;
 }

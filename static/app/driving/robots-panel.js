@@ -12,12 +12,12 @@ import {
   stateChip,
 } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { oneAtATime } from "../shell/notice.js";
+import { exclusiveRunner } from "../shell/notice.js";
 import { DrivePad } from "./drive-pad.js";
 import { PortForm } from "./port-form.js";
 import {
@@ -49,7 +49,7 @@ class RobotsPanel extends Part {
     ({ driver }) => driver.take(driver.role, true),
     { title: GLOSSARY["control"] },
   );
-  #giveBack = button("Release control", () => this.hub.driver.link.release(this.hub.driver.role), {
+  #release = button("Release control", () => this.hub.driver.link.release(this.hub.driver.role), {
     title: "Stops and disarms the robot so that others can drive it",
   });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
@@ -62,7 +62,7 @@ class RobotsPanel extends Part {
   #place = details("Port and model", this.#port);
   #name = input("text", "operator-name", { maxlength: "40", autocomplete: "nickname" });
   #refusal = h("p.field-error", { role: "alert" });
-  #do = oneAtATime(() => this.#render(), this.#refusal);
+  #do = exclusiveRunner(() => this.#render(), this.#refusal);
   #placed = false;
 
   build() {
@@ -72,15 +72,15 @@ class RobotsPanel extends Part {
       this.#trouble,
       h(
         "fieldset.role-cards",
-        { "data-looks": true },
+        { "data-harmless": true },
         h("legend.visually-hidden", "Robot"),
         ...[...this.#cards.values()].map(({ element }) => element),
       ),
       h(
-        "div.robot-act",
+        "div.robot-actions",
         this.#why,
         this.#warnings,
-        h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
+        h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#release),
         this.#refusal,
       ),
       this.#pad,
@@ -107,9 +107,9 @@ class RobotsPanel extends Part {
     });
     this.#pad.attach(this.hub);
     this.#port.attach(this.hub);
-    this.hear("robots connection", () => this.#render());
+    this.listen("robots connection", () => this.#render());
     this.whenShown(() => this.#render());
-    this.hear("change", () => this.#render(), driver);
+    this.listen("change", () => this.#render(), driver);
     this.#render();
   }
 
@@ -175,12 +175,12 @@ class RobotsPanel extends Part {
       [this.#arm, !armed && !others],
       [this.#disarm, armed],
       [this.#takeOver, others],
-      [this.#giveBack, ours],
+      [this.#release, ours],
     ]);
     for (const [button, isShown] of shown) if (isShown) button.hidden = false;
     for (const [button, isShown] of shown) {
       if (isShown) continue;
-      passFocus(button, this.#arm, this.#disarm, this.#takeOver, this.#giveBack);
+      moveFocus(button, this.#arm, this.#disarm, this.#takeOver, this.#release);
       button.hidden = true;
     }
     this.#arm.disabled = !armable;

@@ -45,9 +45,9 @@ export class SonarRing {
       report?.received ?? 0,
       ...(report?.sonars ?? []).map(({ received }) => received),
     );
-    const heard = (report?.sonars ?? []).filter(({ range_m }) => range_m !== null);
-    while (this.#arcs.childElementCount > heard.length) this.#arcs.lastElementChild?.remove();
-    heard.forEach((reading, index) => {
+    const readings = (report?.sonars ?? []).filter(({ range_m }) => range_m !== null);
+    while (this.#arcs.childElementCount > readings.length) this.#arcs.lastElementChild?.remove();
+    readings.forEach((reading, index) => {
       const arc = this.#arcs.children[index] ?? this.#arcs.appendChild(svg("path", {}));
       const range = reading.range_m ?? 0;
       const age = now - reading.received;

@@ -25,7 +25,7 @@ class StopBar extends Part {
   #stopped = h("span.stop-state");
   #reset = button("Reset", () => this.#resetStop(), {
     title: "Allows robots to be armed again; none starts by itself",
-    "data-acts": true,
+    "data-changing": true,
   });
   #latched = h("div.stop-latched", { hidden: true, role: "alert" }, this.#stopped, this.#reset);
   /** True while a stop pressed here has not been answered. */
@@ -37,14 +37,14 @@ class StopBar extends Part {
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
     this.append(this.#latched, h("div.stop-words", this.#what, this.#keys), this.#stop);
     listenForStop(driver);
-    this.hear("stopping", () => this.#begin(), driver);
-    this.hear(
+    this.listen("stopping", () => this.#begin(), driver);
+    this.listen(
       "stop-failed",
       () => this.#failed("The stop did not reach the server: use the hardware switch."),
       driver,
     );
-    this.hear("robots", () => this.#mark(this.#pressed && !this.hub.robots?.stopped));
-    this.hear("connection", () => this.#render());
+    this.listen("robots", () => this.#mark(this.#pressed && !this.hub.robots?.stopped));
+    this.listen("connection", () => this.#render());
     this.#render();
   }
 

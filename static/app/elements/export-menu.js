@@ -51,12 +51,12 @@ export class ExportMenu extends HTMLElement {
 
   /** Show that an export is running; stay closed until it ends. @param {Promise<unknown>} made */
   async during(made) {
-    this.#tell(true);
-    await made.finally(() => this.#tell(false));
+    this.#setBusy(true);
+    await made.finally(() => this.#setBusy(false));
   }
 
   /** @param {boolean} busy */
-  #tell(busy) {
+  #setBusy(busy) {
     this.#busy = busy;
     // Not disabled: that would lose the focus.
     setAttribute(this.#open, "aria-disabled", String(busy));

@@ -33,7 +33,7 @@ export class Part extends HTMLElement {
    * @param {(event: Event) => unknown} listener
    * @param {EventTarget} [target] another target to listen to, such as document
    */
-  hear(types, listener, target = this.hub) {
+  listen(types, listener, target = this.hub) {
     const { signal } = this.#gone;
     for (const type of types.split(" "))
       target.addEventListener(type, (event) => void listener(event), { signal });
@@ -47,7 +47,7 @@ export class Part extends HTMLElement {
    */
   whenShown(listener) {
     const panel = this.closest('[role="tabpanel"]');
-    if (panel) this.hear("shown", listener, panel);
+    if (panel) this.listen("shown", listener, panel);
   }
 
   disconnectedCallback() {

@@ -1,7 +1,7 @@
 /** The history: finding, viewing and comparing runs. It replaces the live parts. */
 
 import { button, h, setAttribute } from "../elements/dom.js";
-import { giveBackFocus } from "../elements/focus-place.js";
+import { restoreFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { StepsView } from "../method/steps-view.js";
 import { openPane } from "../shell/splitter.js";
@@ -59,9 +59,9 @@ class HistoryView extends Part {
       part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
     this.#run.left = this.#savedClips.left = () => this.#close(true);
-    this.hear("hashchange", () => this.#follow(true), window);
+    this.listen("hashchange", () => this.#follow(true), window);
     // The calibration wizard needs the same place and takes the focus.
-    this.hear("calibrate", () => this.#close(false));
+    this.listen("calibrate", () => this.#close(false));
     // If the page was up before this view, the user came here while the view was loading.
     const started = !document.body.hasAttribute("data-starting");
     this.#follow(started && placeOf(location.hash).view !== "none");
@@ -86,7 +86,7 @@ class HistoryView extends Part {
     this.#shown = shown;
     this.hidden = view === "none";
     document.body.toggleAttribute("data-history", view !== "none");
-    this.hub.tell("history");
+    this.hub.emit("history");
     this.#all.hidden = view === "list" || view === "steps";
     this.#search.show(view === "list");
     this.#savedClips.show(view === "list");
@@ -99,14 +99,14 @@ class HistoryView extends Part {
     this.closest("main")?.scrollTo({ top: 0 });
     // The focus follows to the view now shown.
     if (view !== "none") this.#title.focus();
-    else giveBackFocus(this.#caller);
+    else restoreFocus(this.#caller);
   }
 
   /** @param {string} words */
   #name(words) {
     if (this.#title.textContent === words) return;
     this.#title.textContent = words;
-    this.hub.tell("titled");
+    this.hub.emit("titled");
   }
 }
 

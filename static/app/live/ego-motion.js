@@ -26,7 +26,7 @@ class EgoMotionPanel extends Part {
       this.#image,
       this.#camera,
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.#render();
   }
 
@@ -34,16 +34,16 @@ class EgoMotionPanel extends Part {
     const ego = this.hub.status?.ego_motion ?? null;
     const parts = ego?.decomposition ?? null;
     const motion = ego?.motion ?? null;
-    setText(this.#about, ego ? about(ego) : "No data yet: no two frames have been compared.");
+    setText(this.#about, ego ? summary(ego) : "No data yet: no two frames have been compared.");
     this.#image.hidden = !parts;
     this.#camera.hidden = !motion;
-    if (parts) fillFigures(this.#imageFigures, ofImage(parts));
-    if (motion) fillFigures(this.#cameraFigures, ofCamera(motion));
+    if (parts) fillFigures(this.#imageFigures, imageFigures(parts));
+    if (motion) fillFigures(this.#cameraFigures, cameraFigures(motion));
   }
 }
 
 /** @param {EgoMotionStatus} ego */
-function about({ model, status, matches, inliers, dt }) {
+function summary({ model, status, matches, inliers, dt }) {
   const since = dt === null ? "" : ` over ${fixed(1000 * dt, 0)} ms`;
   if (status === "lost")
     return `Camera motion lost with the ${model} model${since}: no single motion fits the ${matches} matches.`;
@@ -51,22 +51,22 @@ function about({ model, status, matches, inliers, dt }) {
 }
 
 /** @param {NonNullable<EgoMotionStatus["decomposition"]>} parts @returns {Figure[]} */
-function ofImage({ translation_px, rotation_rad, shear, scale }) {
+function imageFigures({ translation_px, rotation_rad, shear, scale }) {
   return [
-    ["Translation", `${listed(translation_px, 2)} px`],
+    ["Translation", `${joinFixed(translation_px, 2)} px`],
     ["Rotation", `${fixed(DEG * rotation_rad, 3)}°`],
     ["Shear", fixed(shear, 4)],
-    ["Scale", listed(scale, 4)],
+    ["Scale", joinFixed(scale, 4)],
   ];
 }
 
 /** @param {NonNullable<EgoMotionStatus["motion"]>} motion @returns {Figure[]} */
-function ofCamera({ translation_m, rotation_rad }) {
+function cameraFigures({ translation_m, rotation_rad }) {
   const millimetres = translation_m.map((m) => 1000 * m);
   const degrees = rotation_rad.map((a) => DEG * a);
   return [
-    ["Translation", `${listed(millimetres, 1)} mm`],
-    ["Rotation", `${listed(degrees, 2)}°`],
+    ["Translation", `${joinFixed(millimetres, 1)} mm`],
+    ["Rotation", `${joinFixed(degrees, 2)}°`],
   ];
 }
 
@@ -74,7 +74,7 @@ function ofCamera({ translation_m, rotation_rad }) {
  * @param {number[]} values
  * @param {number} digits
  */
-function listed(values, digits) {
+function joinFixed(values, digits) {
   // No -0.00: the sign of a value rounded to zero means nothing.
   return values.map((value) => fixed(value, digits).replace(/^-(0\.0*)$/, "$1")).join(", ");
 }

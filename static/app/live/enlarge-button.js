@@ -37,7 +37,7 @@ export class EnlargeButton extends Part {
   build() {
     this.append(this.#button);
     this.#button.addEventListener("click", () => this.#set(!this.#enlarged));
-    this.#say();
+    this.#render();
   }
 
   disconnectedCallback() {
@@ -52,7 +52,7 @@ export class EnlargeButton extends Part {
   /** @param {boolean} enlarged */
   #set(enlarged) {
     if (enlarged === this.#enlarged) return;
-    if (enlarged) this.#scrolled = scrolledAround(this.what);
+    if (enlarged) this.#scrolled = scrollPositionsAround(this.what);
     this.what.toggleAttribute("data-enlarged", enlarged);
     document.body.toggleAttribute("data-enlarged", enlarged);
     if (enlarged) this.#listen();
@@ -60,7 +60,7 @@ export class EnlargeButton extends Part {
       this.#back.abort();
       for (const [element, top] of this.#scrolled) element.scrollTop = top;
     }
-    this.#say();
+    this.#render();
   }
 
   #listen() {
@@ -71,11 +71,11 @@ export class EnlargeButton extends Part {
     const sizes = new ResizeObserver(() => {
       // Something else replaced it, such as a recorded run.
       if (this.what.getClientRects().length === 0) this.#set(false);
-      else keepBelowHead();
+      else updateEnlargedTop();
     });
-    for (const each of [this.what, document.body, ...head()]) sizes.observe(each);
+    for (const each of [this.what, document.body, ...fixedElements()]) sizes.observe(each);
     signal.addEventListener("abort", () => sizes.disconnect());
-    keepBelowHead();
+    updateEnlargedTop();
   }
 
   /** @param {KeyboardEvent} event */
@@ -86,7 +86,7 @@ export class EnlargeButton extends Part {
     this.#set(false);
   }
 
-  #say() {
+  #render() {
     const enlarged = this.#enlarged;
     setAttribute(this.#path, "d", enlarged ? SMALLER : LARGER);
     setText(this.#word, enlarged ? "Restore" : "Enlarge");
@@ -97,18 +97,18 @@ export class EnlargeButton extends Part {
 }
 
 /** Return the elements that stay visible above. */
-function head() {
+function fixedElements() {
   return document.querySelectorAll("body > header, observer-first-line");
 }
 
 /** Tell the style sheet where they end. */
-function keepBelowHead() {
-  const ends = [...head()].map((each) => each.getBoundingClientRect().bottom);
+function updateEnlargedTop() {
+  const ends = [...fixedElements()].map((each) => each.getBoundingClientRect().bottom);
   document.documentElement.style.setProperty("--enlarged-top", `${Math.max(0, ...ends)}px`);
 }
 
 /** @param {HTMLElement} element @returns {[Element, number][]} ancestors' scroll positions */
-function scrolledAround(element) {
+function scrollPositionsAround(element) {
   /** @type {[Element, number][]} */
   const found = [];
   for (let each = element.parentElement; each; each = each.parentElement)

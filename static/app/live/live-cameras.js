@@ -27,7 +27,7 @@ class LiveCameras extends Part {
       this.#cameras,
       this.#hints,
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
   }
 
   #render() {

@@ -81,11 +81,11 @@ export class LiveView extends Part {
     );
     this.#socket = new ViewSocket(this.name, ({ bitmap, ageMs }) => this.#show(bitmap, ageMs));
     this.#visibilityChanged();
-    this.hear("visibilitychange", () => this.#visibilityChanged(), document);
-    this.hear("history", () => this.#visibilityChanged());
-    this.hear("freshness", () => this.#judge());
-    this.#timer = setInterval(() => this.#judge(), 250);
-    this.#judge();
+    this.listen("visibilitychange", () => this.#visibilityChanged(), document);
+    this.listen("history", () => this.#visibilityChanged());
+    this.listen("freshness", () => this.#updateFreshness());
+    this.#timer = setInterval(() => this.#updateFreshness(), 250);
+    this.#updateFreshness();
   }
 
   disconnectedCallback() {
@@ -108,10 +108,10 @@ export class LiveView extends Part {
     this.style.setProperty("--aspect", String(bitmap.width / bitmap.height));
     paint(this.#canvas, bitmap);
     this.#exposed = performance.now() - ageMs;
-    this.#judge();
+    this.#updateFreshness();
   }
 
-  #judge() {
+  #updateFreshness() {
     const age = performance.now() - this.#exposed;
     const { freshness } = this.hub;
     const old = age > STALE_AFTER_MS;

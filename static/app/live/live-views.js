@@ -21,7 +21,7 @@ class LiveViews extends Part {
   }
 
   #offer() {
-    const chosen = remembered();
+    const chosen = loadStored();
     for (const name of OFFERED) {
       const box = h("input", { type: "checkbox", name: "view", value: name });
       box.checked = chosen.includes(name);
@@ -63,7 +63,7 @@ class LiveViews extends Part {
   }
 }
 
-function remembered() {
+function loadStored() {
   const text = localStorage.getItem(KEY);
   return text === null ? FIRST_CHOICE : text.split(",");
 }

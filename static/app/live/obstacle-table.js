@@ -36,7 +36,7 @@ class ObstacleTable extends Part {
     const head = h("tr", ...COLUMNS.map(([name, title]) => h("th", { scope: "col", title }, name)));
     this.#scroll.append(h("table", h("thead", head), this.#body));
     this.append(h("div.pane-head", h("h2", "Obstacles")), this.#scroll, this.#empty);
-    this.hear("observation", () => this.#render());
+    this.listen("observation", () => this.#render());
     this.#render();
   }
 

@@ -76,7 +76,7 @@ export class PixelQuestion extends Part {
       h("div.row.end", again),
     );
     this.append(this.#card);
-    this.hear("status", () => this.#sourceChanged());
+    this.listen("status", () => this.#sourceChanged());
     document.addEventListener("keydown", this.#onKey);
   }
 

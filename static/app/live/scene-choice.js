@@ -1,6 +1,6 @@
 /** Which layers of the 3D scene the user sees, and from where; remembered in this browser. */
 
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 
 /** @typedef {keyof typeof CAMERAS} CameraChoice */
 
@@ -13,7 +13,7 @@ export const CAMERAS = {
 };
 
 /** Fires `changed`. */
-export class SceneChoice extends Teller {
+export class SceneChoice extends Emitter {
   /** @type {Set<string>} */
   #hidden;
   /** @type {CameraChoice} */
@@ -24,7 +24,7 @@ export class SceneChoice extends Teller {
   constructor(store = localStorage) {
     super();
     this.#store = store;
-    const { hidden, camera } = remembered(store.getItem(KEY));
+    const { hidden, camera } = parseStored(store.getItem(KEY));
     this.#hidden = new Set(hidden);
     this.#camera = camera;
   }
@@ -54,12 +54,12 @@ export class SceneChoice extends Teller {
   #keep() {
     const value = { hidden: [...this.#hidden], camera: this.#camera };
     this.#store.setItem(KEY, JSON.stringify(value));
-    this.tell("changed");
+    this.emit("changed");
   }
 }
 
 /** @param {string | null} text @returns {{hidden: string[], camera: CameraChoice}} */
-function remembered(text) {
+function parseStored(text) {
   /** @type {{hidden?: unknown, camera?: unknown} | null} */
   let value = null;
   try {

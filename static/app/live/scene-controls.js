@@ -8,7 +8,7 @@ import { CAMERAS, SceneChoice } from "./scene-choice.js";
 /** @import { SceneLayer } from "../contract" */
 /** @import { CameraChoice } from "./scene-choice.js" */
 
-const HOUSE = "M8 2 1.5 7.6l1 1.2 1-.8v5.5h3.7V10h1.6v3.5h3.7V8l1 .8 1-1.2z";
+const HOME_ICON = "M8 2 1.5 7.6l1 1.2 1-.8v5.5h3.7V10h1.6v3.5h3.7V8l1 .8 1-1.2z";
 
 /** Fires `reset` when the view is reset; everything else is in `choice`. */
 export class SceneControls extends Part {
@@ -39,7 +39,7 @@ export class SceneControls extends Part {
         svg(
           "svg",
           { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" },
-          svg("path", { d: HOUSE }),
+          svg("path", { d: HOME_ICON }),
         ),
         h("span.reset-word", "Reset view"),
       ],
@@ -50,7 +50,7 @@ export class SceneControls extends Part {
     this.enlarge.what = this.closest(".stage") ?? this.enlarge.what;
     this.enlarge.attach(this.hub);
     this.append(h("div.scene-tools", this.#open, cameras, reset, this.enlarge), this.#layers);
-    this.hear("changed", () => this.#render(), this.choice);
+    this.listen("changed", () => this.#render(), this.choice);
     this.#render();
   }
 

@@ -40,19 +40,19 @@ class Scene extends Part {
     this.#controls.hidden = true;
     this.append(this.#frame, this.#wait, this.#trouble, this.#controls, this.#pick);
     this.#controls.attach(this.hub);
-    this.hear("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
-    this.hear("changed", () => this.#choose(), this.#controls.choice);
-    this.hear("reset", () => this.#tell({ kind: "reset" }), this.#controls);
+    this.listen("message", (event) => this.#receive(/** @type {MessageEvent} */ (event)), window);
+    this.listen("changed", () => this.#choose(), this.#controls.choice);
+    this.listen("reset", () => this.#post({ kind: "reset" }), this.#controls);
     // The page first: without a graphics card the viewer keeps the processor busy for seconds.
-    this.hear("painted", () => this.#load());
+    this.listen("painted", () => this.#load());
     setTimeout(() => this.#load(), PATIENCE_MS);
-    this.hear("reconnected", () => this.#back());
+    this.listen("reconnected", () => this.#back());
     const { floorPick, driver } = this.hub;
-    this.hear("change", () => this.#showPick(), floorPick);
-    this.hear("stopping", () => floorPick.cancel(), driver);
+    this.listen("change", () => this.#showPick(), floorPick);
+    this.listen("stopping", () => floorPick.cancel(), driver);
     window.addEventListener("keydown", (event) => this.#cancelByKey(event), { capture: true });
-    this.hear("freshness", () => this.#mark());
-    this.hear("themechange", () => this.#paint(), window);
+    this.listen("freshness", () => this.#mark());
+    this.listen("themechange", () => this.#paint(), window);
     this.#mark();
   }
 
@@ -62,12 +62,14 @@ class Scene extends Part {
       sandbox: "allow-scripts",
       title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
     });
-    frame.addEventListener("load", () => setTimeout(() => this.#judge(frame), STARTED_MS));
+    frame.addEventListener("load", () =>
+      setTimeout(() => this.#hideWaitIfRefused(frame), STARTED_MS),
+    );
     return frame;
   }
 
   /** What loaded but did not start is the server's refusal: leave the frame to it. */
-  #judge(/** @type {HTMLIFrameElement} */ frame) {
+  #hideWaitIfRefused(/** @type {HTMLIFrameElement} */ frame) {
     if (frame.src && this.#controls.hidden) this.#wait.hidden = true;
   }
 
@@ -78,7 +80,7 @@ class Scene extends Part {
   /** Handle the return of the server; a running viewer restores its link itself. */
   #back() {
     if (!this.#controls.hidden) {
-      this.#tell({ kind: "back" });
+      this.#post({ kind: "back" });
     } else if (this.#frame.src) {
       // A new frame: a second address in the old one would add an entry to the browser's history.
       this.#wait.hidden = false;
@@ -90,7 +92,7 @@ class Scene extends Part {
   }
 
   /** @param {MessageEvent} event */
-  #hear({ source, data }) {
+  #receive({ source, data }) {
     if (source !== this.#frame.contentWindow) return;
     const message = /** @type {FromFrame} */ (data);
     if (message.kind === "ready") void this.#start(message.draws);
@@ -129,7 +131,7 @@ class Scene extends Part {
   #showPick() {
     const { floorPick } = this.hub;
     const base = (floorPick.asked && this.#facts?.base_node) || null;
-    this.#tell({ kind: "pick", base });
+    this.#post({ kind: "pick", base });
     setText(this.#pickWords, floorPick.words);
     setAttribute(this.#pick, "data-tone", floorPick.refused ? "bad" : null);
     this.#pick.hidden = !floorPick.words;
@@ -164,15 +166,15 @@ class Scene extends Part {
     const facts = this.#facts;
     if (!facts) return;
     const hidden = facts.layers.filter(({ name }) => !choice.shows(name)).map(({ node }) => node);
-    this.#tell({ kind: "choice", facts, hidden, camera: choice.camera });
+    this.#post({ kind: "choice", facts, hidden, camera: choice.camera });
   }
 
   #paint() {
-    this.#tell({ kind: "ground", colour: getComputedStyle(this).backgroundColor });
+    this.#post({ kind: "ground", colour: getComputedStyle(this).backgroundColor });
   }
 
   /** @param {ToFrame} message no secret: the frame has no origin by which to address it */
-  #tell(message) {
+  #post(message) {
     this.#frame.contentWindow?.postMessage(message, "*");
   }
 

@@ -29,7 +29,7 @@ class StatusPanel extends Part {
       this.#skipped,
       h("p.hint", this.#version, " · ", h("a", { href: "/docs" }, "REST API")),
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.whenShown(() => this.#render());
     this.#render();
   }
@@ -88,7 +88,7 @@ function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) 
     ],
     [
       "Dense cloud",
-      denseWords(dense_stereo),
+      denseCloudInWords(dense_stereo),
       "point clouds and disparity images per second, and the age of the newest",
     ],
     [
@@ -115,7 +115,7 @@ function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) 
 }
 
 /** @param {Status["dense_stereo"]} dense */
-function denseWords({ per_s, age_s, coarseness }) {
+function denseCloudInWords({ per_s, age_s, coarseness }) {
   if (!per_s || age_s === null) return "–";
   const grid = coarseness && coarseness > 1 ? `, at 1/${coarseness} size` : "";
   return `${fixed(per_s, 1)} /s, ${fixed(1000 * age_s, 0)} ms old${grid}`;

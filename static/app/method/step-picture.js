@@ -3,17 +3,17 @@
 import { BoundedMap } from "../elements/bounded-map.js";
 import { h, setAttribute } from "../elements/dom.js";
 import { requestImage } from "../shell/api.js";
-import { Newest } from "../elements/newest.js";
+import { LatestRequest } from "../elements/latest-request.js";
 
 // Pictures kept in memory, a few hundred kilobytes each.
-const MOST_KEPT = 14;
+const MAX_PICTURES = 14;
 
 export class StepPicture {
   #image = h("img", { alt: "", hidden: true });
   #wait = h("p.step-picture-wait", "Processing the frames…");
   element = h("div.step-picture", this.#image, this.#wait);
-  #newest = new Newest();
-  #kept = new KeptPictures();
+  #latest = new LatestRequest();
+  #cache = new PictureCache();
   #waiting = new AbortController();
 
   /** Called when another picture is shown. @type {(url: string, alt: string) => void} */
@@ -31,7 +31,7 @@ export class StepPicture {
     const { signal } = this.#waiting;
     setAttribute(this.element, "aria-busy", "true");
     try {
-      const url = await this.#newest.answer(() => this.#kept.get(path, signal));
+      const url = await this.#latest.run(() => this.#cache.get(path, signal));
       if (url === undefined) return false;
       this.#image.src = url;
       this.#image.alt = alt;
@@ -47,17 +47,17 @@ export class StepPicture {
 
   /** Preload a picture that is probably needed next. @param {string} path */
   prepare(path) {
-    void this.#kept.get(path, this.#waiting.signal).catch(() => {});
+    void this.#cache.get(path, this.#waiting.signal).catch(() => {});
   }
 }
 
-class KeptPictures {
+class PictureCache {
   /**
    * Object URLs of the pictures by their path.
    *
    * @type {BoundedMap<string, string>}
    */
-  #urls = new BoundedMap(MOST_KEPT, (_, url) => URL.revokeObjectURL(url));
+  #urls = new BoundedMap(MAX_PICTURES, (_, url) => URL.revokeObjectURL(url));
 
   /** @param {string} path @param {AbortSignal} signal @returns {Promise<string>} */
   async get(path, signal) {

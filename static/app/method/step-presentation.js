@@ -42,7 +42,7 @@ export class StepPresentation {
       ),
       stopCopy(),
     );
-    this.#dialog.addEventListener("close", () => void this.#left());
+    this.#dialog.addEventListener("close", () => void this.#closed());
     document.addEventListener("fullscreenchange", () => {
       const ended = document.fullscreenElement === null && !this.#ending;
       this.#ending = false;
@@ -71,7 +71,7 @@ export class StepPresentation {
   }
 
   /** @param {MethodStep} step */
-  tell(step) {
+  update(step) {
     setText(this.#title, step.title);
     setText(this.#place, `${step.number} / ${STEPS}`);
     this.#formula.replaceChildren(...formulaParts(step));
@@ -83,7 +83,7 @@ export class StepPresentation {
     this.#image.alt = alt;
   }
 
-  async #left() {
+  async #closed() {
     this.#dialog.remove();
     await this.#endFullScreen();
   }

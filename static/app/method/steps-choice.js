@@ -3,14 +3,14 @@
 import { field, h, input, offer, setAttribute } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { refuse } from "../shell/notice.js";
+import { showError } from "../shell/notice.js";
 import { choiceOfEntry, choicesOfRuns, merged } from "../sources/choices.js";
 import { storeOf } from "../parameters/parameter-store.js";
 
 /** @import { History, MethodSteps, SourceEntry } from "../contract" */
 /** @import { StepsPlace } from "./steps-address.js" */
 
-const MOST_RUNS = 20;
+const MAX_RUNS = 20;
 const MODEL = "ego_motion.model";
 
 /** The part of the place chosen here. @typedef {Partial<Omit<StepsPlace, "step">>} Choice */
@@ -24,7 +24,7 @@ export class StepsChoice extends Part {
   /** Spec and title of each source. @type {[string, string][]} */
   #sources = [];
   /** @type {MethodSteps | null} */
-  #told = null;
+  #answer = null;
 
   /** Called with the choice, and whether the slider is still moving. @type {(choice: Choice, moving: boolean) => void} */
   chosen = () => {};
@@ -61,7 +61,7 @@ export class StepsChoice extends Part {
   async load() {
     const [entries, history] = await Promise.all([
       /** @type {Promise<SourceEntry[]>} */ (request("GET", "/sources")).catch(() => []),
-      /** @type {Promise<History | null>} */ (request("GET", `/history?limit=${MOST_RUNS}`)).catch(
+      /** @type {Promise<History | null>} */ (request("GET", `/history?limit=${MAX_RUNS}`)).catch(
         () => null,
       ),
     ]);
@@ -73,23 +73,23 @@ export class StepsChoice extends Part {
     this.#offerSources();
   }
 
-  /** @param {MethodSteps} told */
-  show(told) {
-    this.#told = told;
+  /** @param {MethodSteps} answer */
+  show(answer) {
+    this.#answer = answer;
     this.#offerSources();
     this.#offerPresets();
-    const last = told.frame_count === null ? null : told.frame_count - 1;
+    const last = answer.frame_count === null ? null : answer.frame_count - 1;
     this.#slider.hidden = last === null;
     for (const each of [this.#slider, this.#frame]) {
       setAttribute(each, "max", last === null ? null : String(last));
-      if (each !== document.activeElement) each.value = String(told.frame);
+      if (each !== document.activeElement) each.value = String(answer.frame);
     }
-    refuse(this.#error, "");
+    showError(this.#error, "");
   }
 
   /** @param {string} sentence */
   fail(sentence) {
-    refuse(this.#error, sentence);
+    showError(this.#error, sentence);
   }
 
   /** @param {number} frame @param {boolean} moving */
@@ -101,7 +101,7 @@ export class StepsChoice extends Part {
   }
 
   #offerSources() {
-    const source = this.#told?.source;
+    const source = this.#answer?.source;
     const there = source === undefined || this.#sources.some(([spec]) => spec === source);
     offer(
       this.#source,
@@ -111,8 +111,8 @@ export class StepsChoice extends Part {
   }
 
   #offerPresets() {
-    if (!this.#told) return;
-    const { models, preset } = this.#told;
+    if (!this.#answer) return;
+    const { models, preset } = this.#answer;
     const names = storeOf(this.hub)
       .presets.filter(({ values }) => models.includes(String(values[MODEL])))
       .map(({ name }) => name);

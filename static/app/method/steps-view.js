@@ -1,7 +1,7 @@
 /** The paper's method step by step, on one frozen pair of frames. */
 
 import { button, download, h, setAttribute, setText, table, tableRow } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { declareKeys, writesText } from "../elements/keys.js";
@@ -11,7 +11,7 @@ import { storeOf } from "../parameters/parameter-store.js";
 import { groupTitle } from "../parameters/value-words.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
 import { attempt } from "../shell/notice.js";
-import { Newest } from "../elements/newest.js";
+import { LatestRequest } from "../elements/latest-request.js";
 import { formulaParts } from "./step-formula.js";
 import { StepPicture } from "./step-picture.js";
 import { StepPresentation } from "./step-presentation.js";
@@ -60,10 +60,10 @@ export class StepsView extends Part {
   #export = new ExportMenu(() => [{ title: "This step", items: this.#exports() }]);
   /** @type {StepPresentation | null} */
   #presentation = null;
-  #newest = new Newest();
+  #latest = new LatestRequest();
   /** @type {Map<string, ParameterField>} */
   #made = new Map();
-  #arranged = new KeptList(
+  #fieldList = new KeyedList(
     this.#fields,
     (/** @type {string} */ name) => this.#field(name),
     () => null,
@@ -71,7 +71,7 @@ export class StepsView extends Part {
   /** What is shown; null: another page is. @type {StepsPlace | null} */
   #place = null;
   /** @type {MethodSteps | null} */
-  #told = null;
+  #answer = null;
   #timer = 0;
   #preparing = 0;
   /** Values that a field's reset restores. @type {Values} */
@@ -115,8 +115,8 @@ export class StepsView extends Part {
     this.#choice.chosen = (choice, moving) => this.#change(choice, moving);
     this.#picture.shown = (url, alt) => this.#presentation?.show(url, alt);
     storeOf(this.hub).addEventListener("loaded", () => this.#render());
-    this.hear("themechange", () => this.#draw(), window);
-    this.hear("change", () => this.#draw(), matchMedia("(prefers-color-scheme: dark)"));
+    this.listen("themechange", () => this.#draw(), window);
+    this.listen("change", () => this.#draw(), matchMedia("(prefers-color-scheme: dark)"));
     document.addEventListener("keydown", (event) => this.#pressed(event));
   }
 
@@ -192,13 +192,13 @@ export class StepsView extends Part {
     this.#render();
     setAttribute(this, "aria-busy", "true");
     /** @type {Promise<MethodSteps | undefined>} */
-    const asked = this.#newest.answer(() => request("GET", `/steps?${queryOf(place)}`));
+    const asked = this.#latest.run(() => request("GET", `/steps?${queryOf(place)}`));
     // If the server chooses the frame, only its answer tells which one.
     const drawing = place.frame === null ? null : this.#draw();
     try {
-      const told = await asked;
-      if (told === undefined || this.#place === null) return;
-      this.#take(told);
+      const answer = await asked;
+      if (answer === undefined || this.#place === null) return;
+      this.#take(answer);
       if (drawing === null) this.#draw();
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
@@ -207,16 +207,16 @@ export class StepsView extends Part {
     setAttribute(this, "aria-busy", null);
   }
 
-  /** @param {MethodSteps} told */
-  #take(told) {
+  /** @param {MethodSteps} answer */
+  #take(answer) {
     const place = /** @type {StepsPlace} */ (this.#place);
-    this.#told = told;
-    this.defaults = /** @type {Values} */ (told.preset_values);
-    this.#place = { ...place, source: told.source, frame: told.frame };
+    this.#answer = answer;
+    this.defaults = /** @type {Values} */ (answer.preset_values);
+    this.#place = { ...place, source: answer.source, frame: answer.frame };
     // If the user went back or forward meanwhile, another place is shown next.
     if (addressOf(placeOfAddress(location.hash)) === addressOf(place))
       history.replaceState(null, "", addressOf(this.#place));
-    this.#choice.show(told);
+    this.#choice.show(answer);
     setText(this.#error, "");
     this.#render();
   }
@@ -272,7 +272,7 @@ export class StepsView extends Part {
   /** @returns {MethodStep | undefined} */
   get #step() {
     const number = this.#place?.step;
-    return this.#told?.steps.find((step) => step.number === number);
+    return this.#answer?.steps.find((step) => step.number === number);
   }
 
   #render() {
@@ -280,12 +280,12 @@ export class StepsView extends Part {
     for (const [at, item] of [...this.#strip.children].entries()) {
       const go = /** @type {HTMLElement} */ (item.firstElementChild);
       setAttribute(go, "aria-current", at + 1 === number ? "step" : null);
-      const step = this.#told?.steps[at];
+      const step = this.#answer?.steps[at];
       const words = go.querySelector("span");
       if (step && words) setText(words, groupTitle(step.key));
     }
     const step = this.#step;
-    if (!step || !this.#told) return;
+    if (!step || !this.#answer) return;
     setText(this.#title, `${step.number}. ${step.title}`);
     setText(this.#text, step.text);
     setText(this.#caption, step.caption);
@@ -298,15 +298,15 @@ export class StepsView extends Part {
       step.missing ? h("p.hint", sentence(step.missing)) : "",
       table("step-numbers", [], rows),
     );
-    this.#presentation?.tell(step);
-    this.#showFields(step, /** @type {Values} */ (this.#told.values));
+    this.#presentation?.update(step);
+    this.#showFields(step, /** @type {Values} */ (this.#answer.values));
   }
 
   /** @param {MethodStep} step @param {Values} values */
   #showFields({ parameters }, values) {
     const known = storeOf(this.hub).schema.map(({ name }) => name);
     const shown = parameters.filter((name) => known.includes(name));
-    this.#arranged.show(shown, (name) => name);
+    this.#fieldList.show(shown, (name) => name);
     this.#noFields.hidden = shown.length > 0;
     const model = String(values[MODEL]);
     for (const name of shown) {
@@ -322,7 +322,7 @@ export class StepsView extends Part {
     const field = new ParameterField();
     const entry = storeOf(this.hub).schema.find((each) => each.name === name);
     if (!entry) return field;
-    const choices = name === MODEL ? (this.#told?.models ?? []) : entry.choices;
+    const choices = name === MODEL ? (this.#answer?.models ?? []) : entry.choices;
     field.build({ ...entry, choices }, this, "step");
     this.#made.set(name, field);
     return field;
@@ -335,7 +335,7 @@ export class StepsView extends Part {
       this.#presentation = new StepPresentation(this.hub);
       this.#presentation.stepped = (by) => this.#go(clamped((this.#place?.step ?? 1) + by));
     }
-    if (this.#step) this.#presentation.tell(this.#step);
+    if (this.#step) this.#presentation.update(this.#step);
     this.#presentation.open();
     void this.#draw();
   }
@@ -348,7 +348,7 @@ export class StepsView extends Part {
     const presents = this.#presentation?.isOpen === true;
     if (!presents && (writesText(target) || target.closest(OWN_KEYS))) return;
     // The user may be driving with the arrow keys.
-    if (!presents && this.hub.driver.hindrance === "") return;
+    if (!presents && this.hub.driver.blockedReason === "") return;
     if (/^[fp]$/i.test(event.key)) {
       event.preventDefault();
       if (presents) this.#presentation?.close();

@@ -21,7 +21,7 @@ class MethodSwitch extends Part {
     name,
     input: h("input", { type: "radio", name: "method", value: name }),
     mark: h("span.changed-dot", { hidden: true, "aria-hidden": "true" }),
-    said: h("span.visually-hidden"),
+    announcement: h("span.visually-hidden"),
   }));
   #other = h("span.other-method", { hidden: true });
   #nowName = h("span");
@@ -30,7 +30,7 @@ class MethodSwitch extends Part {
   #now = button(
     [this.#nowName, this.#nowMark],
     () => document.getElementById("tab-parameters")?.click(),
-    { class: "button method-now", "data-looks": true },
+    { class: "button method-now", "data-harmless": true },
   );
   #fields = h("fieldset.segmented", { disabled: true }, h("legend.visually-hidden", "Method"));
 
@@ -39,9 +39,9 @@ class MethodSwitch extends Part {
   }
 
   build() {
-    for (const { name, input, mark, said } of this.#choices) {
+    for (const { name, input, mark, announcement } of this.#choices) {
       input.addEventListener("change", () => void this.#switch(name));
-      this.#fields.append(h("label", input, h("span", name), mark, said));
+      this.#fields.append(h("label", input, h("span", name), mark, announcement));
     }
     this.append(
       this.#now,
@@ -66,22 +66,22 @@ class MethodSwitch extends Part {
   #render() {
     const { state, presets, schema } = this.#store;
     this.#fields.disabled = schema.length === 0;
-    const method = this.#inForce();
+    const method = this.#currentMethod();
     const model = String(state.values[MODEL] ?? "");
     if (method) {
       this.#memory.remember(method, {
         basedOn: state.based_on,
-        values: ofMethod(state.values),
+        values: withoutDriving(state.values),
       });
     }
     let changed = 0;
-    for (const { name, input, mark, said } of this.#choices) {
+    for (const { name, input, mark, announcement } of this.#choices) {
       input.checked = name === method;
       const preset = presets.find((each) => each.name === name);
       const differ = name === method && preset ? this.#differing(preset) : 0;
       changed += differ;
       mark.hidden = differ === 0;
-      setText(said, differ > 0 ? `, ${differ} changed` : "");
+      setText(announcement, differ > 0 ? `, ${differ} changed` : "");
       const title = `${preset?.help ?? ""}${differ > 0 ? ` ${changedWords(differ)}.` : ""}`;
       setAttribute(input.parentElement ?? input, "title", title);
     }
@@ -101,7 +101,7 @@ class MethodSwitch extends Part {
    * Return which of the two is in force, regardless of other changed values; null if another model
    * was chosen by hand.
    */
-  #inForce() {
+  #currentMethod() {
     const { state, presets, defaults } = this.#store;
     const model = state.values[MODEL];
     if (defaults[MODEL] !== model) return null;
@@ -114,7 +114,7 @@ class MethodSwitch extends Part {
   /** @param {Preset} preset @returns {number} how many values of the method differ from it */
   #differing(preset) {
     const store = this.#store;
-    return Object.keys(ofMethod(store.differing(store.valuesOf(preset)))).length;
+    return Object.keys(withoutDriving(store.differing(store.valuesOf(preset)))).length;
   }
 
   /**
@@ -124,16 +124,16 @@ class MethodSwitch extends Part {
    */
   async #switch(name) {
     const store = this.#store;
-    const preset = store.presetNamed(name);
+    const preset = store.findPreset(name);
     if (!preset) return this.#render();
-    const before = this.#inForce();
+    const before = this.#currentMethod();
     const kept = store.changed.filter((each) => !DRIVING.test(each)).length;
     const from = store.basePreset?.name ?? "";
     const left = this.#memory.recall(name);
-    const base = (left && store.presetNamed(left.basedOn)) ?? preset;
-    const values = { ...store.valuesOf(base), ...known(left?.values, store.state.values) };
+    const base = (left && store.findPreset(left.basedOn)) ?? preset;
+    const values = { ...store.valuesOf(base), ...stillValid(left?.values, store.state.values) };
     const step = await store.changeUndoably(
-      ofMethod(store.differing(values)),
+      withoutDriving(store.differing(values)),
       undefined,
       base.name,
     );
@@ -146,16 +146,16 @@ class MethodSwitch extends Part {
     if (changed === 0 && kept === 0) return;
     const as = changed > 0 ? `, as you left it: ${changedWords(changed)} from ${base.name}` : "";
     const those = `${counted(kept, "change")} to ${from}`;
-    const fate = before ? `Kept for when you switch back: ${those}.` : `Replaced: ${those}.`;
-    notify(`Switched to ${name}${as}.${kept > 0 ? ` ${fate}` : ""}`, "done", {
+    const outcome = before ? `Kept for when you switch back: ${those}.` : `Replaced: ${those}.`;
+    notify(`Switched to ${name}${as}.${kept > 0 ? ` ${outcome}` : ""}`, "done", {
       words: "Undo",
-      act: () => void store.takeBack(step),
+      act: () => void store.revert(step),
     });
   }
 }
 
 /** @param {Values} values @returns {Values} without those of driving */
-function ofMethod(values) {
+function withoutDriving(values) {
   return Object.fromEntries(Object.entries(values).filter(([name]) => !DRIVING.test(name)));
 }
 
@@ -164,7 +164,7 @@ function ofMethod(values) {
  * @param {Values} present
  * @returns {Values} those that still exist with the same type
  */
-function known(values, present) {
+function stillValid(values, present) {
   return Object.fromEntries(
     Object.entries(values ?? {}).filter(([name, value]) => typeof value === typeof present[name]),
   );

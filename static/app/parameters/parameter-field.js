@@ -2,7 +2,7 @@
 
 import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
 import { helpButton } from "./help-button.js";
-import { groupTitle, rangeInWords, tidy, valueInWords } from "./value-words.js";
+import { groupTitle, rangeInWords, roundOff, valueInWords } from "./value-words.js";
 
 /** @import { ParameterEntry, ParameterValue, Values } from "./parameter-store.js" */
 
@@ -61,7 +61,7 @@ export class ParameterField extends HTMLElement {
       h(
         "div.parameter-head",
         h("label", { for: id }, entry.title),
-        h("span.of-group", groupTitle(entry.group)),
+        h("span.group-label", groupTitle(entry.group)),
         this.#badge,
         this.#reset,
         help,
@@ -112,11 +112,11 @@ export class ParameterField extends HTMLElement {
   /** True while the text field holds an unsent edit: then Ctrl+Z belongs to the text. */
   get isEdited() {
     const text = this.querySelector('input[type="number"]');
-    return text instanceof HTMLInputElement && text.value !== tidy(this.#shown);
+    return text instanceof HTMLInputElement && text.value !== roundOff(this.#shown);
   }
 
   /** @param {string} term @returns {boolean} whether the term occurs in its texts */
-  isAbout(term) {
+  matchesSearch(term) {
     const { name, title, help, group } = /** @type {ParameterEntry} */ (this.entry);
     return `${name} ${title} ${help} ${group}`.toLowerCase().includes(term);
   }
@@ -171,7 +171,7 @@ export class ParameterField extends HTMLElement {
       ...described,
     });
     const display = (/** @type {ParameterValue} */ value) => {
-      number.value = tidy(value);
+      number.value = roundOff(value);
       slider.setAttribute("aria-valuetext", `${number.value} ${entry.unit}`);
     };
     const gesture = this.#gesture(display);

@@ -56,14 +56,14 @@ class ParameterForm extends Part {
     );
     const tab = this.closest('[role="tabpanel"]')?.getAttribute("aria-labelledby") ?? "";
     document.getElementById(tab)?.append(this.#tabBadge);
-    store.keepUp("loaded", () => this.#groups.make(store.schema, store));
-    store.keepUp("values", () => this.#render());
+    store.subscribe("loaded", () => this.#groups.make(store.schema, store));
+    store.subscribe("values", () => this.#render());
     store.addEventListener("refused", (event) =>
       this.#refuse(/** @type {CustomEvent} */ (event).detail),
     );
     store.addEventListener("trouble", () => setText(this.#found, store.trouble));
     setText(this.#found, store.trouble);
-    this.hear("observation", () => this.#renderRevision());
+    this.listen("observation", () => this.#renderRevision());
   }
 
   #render() {

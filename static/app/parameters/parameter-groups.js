@@ -116,7 +116,7 @@ export class ParameterGroups extends HTMLElement {
     this.#term = term;
     let shown = 0;
     for (const field of this.#fields.values()) {
-      field.hidden = !field.isAbout(term);
+      field.hidden = !field.matchesSearch(term);
       if (!field.hidden) shown += 1;
     }
     this.#hideEmpty();

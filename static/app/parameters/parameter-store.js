@@ -1,7 +1,7 @@
 /** The parameters as held by the server, with changes, undo and redo. */
 
 import { ApiError, request } from "../shell/api.js";
-import { Teller } from "../shell/teller.js";
+import { Emitter } from "../shell/emitter.js";
 import { withTitles } from "./value-words.js";
 
 /** @import * as contract from "../contract" */
@@ -16,7 +16,7 @@ import { withTitles } from "./value-words.js";
 /** @typedef {contract.ParametersNow & {values: Values}} ParameterState */
 /** @typedef {contract.Preset & {values: Values}} Preset */
 /**
- * @typedef {object} Waiting
+ * @typedef {object} PendingChange
  * @property {Values} changes
  * @property {string | undefined} basedOn the preset that the values come from, if it changes
  * @property {(taken: boolean) => void} done
@@ -38,7 +38,7 @@ const FALLBACK = "default";
  * about no field), `trouble` (they could not be read, or can be again).
  * Only one request is in flight at a time; changes made meanwhile go with the next one.
  */
-export class ParameterStore extends Teller {
+export class ParameterStore extends Emitter {
   /** @type {ParameterEntry[]} */
   schema = [];
   /** @type {Preset[]} */
@@ -63,8 +63,8 @@ export class ParameterStore extends Teller {
   #redoable = [];
   /** Settles when the newest undoable change has been answered. @type {Promise<void>} */
   #lastStep = Promise.resolve();
-  /** @type {Waiting[]} */
-  #waiting = [];
+  /** @type {PendingChange[]} */
+  #pending = [];
   #busy = false;
 
   /** Read everything; @throws {ApiError} */
@@ -81,7 +81,7 @@ export class ParameterStore extends Teller {
       group_help: withTitles(entry.group_help, schema),
     }));
     this.presets = presets;
-    this.tell("loaded");
+    this.emit("loaded");
     this.#take(state);
   }
 
@@ -94,7 +94,7 @@ export class ParameterStore extends Teller {
       if (!(error instanceof ApiError)) throw error;
       this.trouble = error.message;
     }
-    this.tell("trouble");
+    this.emit("trouble");
   }
 
   /**
@@ -103,7 +103,7 @@ export class ParameterStore extends Teller {
    * @param {"loaded" | "values"} type
    * @param {() => void} listener
    */
-  keepUp(type, listener) {
+  subscribe(type, listener) {
     this.addEventListener(type, listener);
     if (this.schema.length > 0) listener();
   }
@@ -140,7 +140,7 @@ export class ParameterStore extends Teller {
    */
   change(changes, basedOn) {
     return new Promise((done) => {
-      this.#waiting.push({ changes, basedOn, done });
+      this.#pending.push({ changes, basedOn, done });
       void this.#pump();
     });
   }
@@ -163,7 +163,7 @@ export class ParameterStore extends Teller {
       this.#undoable.push(step);
       this.#undoable.splice(0, this.#undoable.length - HISTORY_LENGTH);
       this.#redoable = [];
-      this.tell("values");
+      this.emit("values");
     });
     await this.#lastStep;
     return step;
@@ -186,19 +186,19 @@ export class ParameterStore extends Teller {
   }
 
   /** Undo one step, even if others followed it. @param {Step} step */
-  async takeBack(step) {
+  async revert(step) {
     if (this.#undoable.at(-1) === step) await this.undo();
     else await this.changeUndoably(step.before, undefined, this.#known(step.from));
   }
 
   /** @param {string} name @returns {Preset | null} */
-  presetNamed(name) {
+  findPreset(name) {
     return this.presets.find((preset) => preset.name === name) ?? null;
   }
 
   /** The preset that the current values come from; null before anything was read. */
   get basePreset() {
-    return this.presetNamed(this.state.based_on) ?? this.presetNamed(FALLBACK);
+    return this.findPreset(this.state.based_on) ?? this.findPreset(FALLBACK);
   }
 
   /** Names of the parameters that differ from it. @returns {string[]} */
@@ -254,7 +254,7 @@ export class ParameterStore extends Teller {
 
   /** @param {string} preset its name @returns {string | undefined} undefined if it no longer exists */
   #known(preset) {
-    return this.presetNamed(preset) ? preset : undefined;
+    return this.findPreset(preset) ? preset : undefined;
   }
 
   /** @param {string[]} names @returns {Values} */
@@ -275,13 +275,13 @@ export class ParameterStore extends Teller {
     if (!step) return;
     const basedOn = this.#known(side === "before" ? step.from : step.to);
     if (await this.change(step[side], basedOn)) to.push(step);
-    this.tell("values");
+    this.emit("values");
   }
 
   async #pump() {
-    if (this.#busy || this.#waiting.length === 0) return;
+    if (this.#busy || this.#pending.length === 0) return;
     this.#busy = true;
-    const batch = this.#waiting.splice(0);
+    const batch = this.#pending.splice(0);
     try {
       await this.#send(batch);
     } finally {
@@ -290,7 +290,7 @@ export class ParameterStore extends Teller {
     }
   }
 
-  /** @param {Waiting[]} batch */
+  /** @param {PendingChange[]} batch */
   async #send(batch) {
     const changes = Object.assign({}, ...batch.map((waiting) => waiting.changes));
     const basedOn = batch.findLast((waiting) => waiting.basedOn !== undefined)?.basedOn;
@@ -305,31 +305,31 @@ export class ParameterStore extends Teller {
   }
 
   /**
-   * @param {Waiting[]} batch
+   * @param {PendingChange[]} batch
    * @param {ApiError} error
    */
   #refuse(batch, error) {
     const named = Object.keys(error.fields);
-    const innocent = batch.filter((waiting) => !named.some((name) => name in waiting.changes));
+    const unaffected = batch.filter((waiting) => !named.some((name) => name in waiting.changes));
     // Changes to other fields that were merely in the same request are sent again.
-    if (innocent.length < batch.length) this.#waiting.unshift(...innocent);
-    const guilty =
-      innocent.length < batch.length ? batch.filter((w) => !innocent.includes(w)) : batch;
+    if (unaffected.length < batch.length) this.#pending.unshift(...unaffected);
+    const rejected =
+      unaffected.length < batch.length ? batch.filter((w) => !unaffected.includes(w)) : batch;
     const known = named.some((name) => name in this.state.values);
-    const asked = guilty.flatMap((waiting) => Object.keys(waiting.changes));
+    const asked = rejected.flatMap((waiting) => Object.keys(waiting.changes));
     // An error about no field is shown at the only field changed, or else once for all.
     const place = new Set(asked).size === 1 ? (asked[0] ?? "") : "";
     const fields = known ? error.fields : { [place]: error.message };
-    this.tell("values");
+    this.emit("values");
     this.dispatchEvent(new CustomEvent("refused", { detail: fields }));
-    guilty.forEach((waiting) => waiting.done(false));
+    rejected.forEach((waiting) => waiting.done(false));
   }
 
   /** @param {ParameterState} state */
   #take(state) {
     this.state = state;
     this.defaults = this.valuesOf(this.basePreset);
-    this.tell("values");
+    this.emit("values");
   }
 }
 

@@ -24,7 +24,7 @@ export async function comparePresets(store) {
   left.value = base;
   const other = store.presets.find(({ name, built_in: builtIn }) => builtIn && name !== base);
   right.value = store.changed.length > 0 ? IN_FORCE : (other?.name ?? IN_FORCE);
-  const said = h("p", { role: "status" });
+  const announcement = h("p", { role: "status" });
   const found = h("div.preset-differences");
   const show = () => {
     const sides = [left, right].map((list) => ({
@@ -32,9 +32,9 @@ export async function comparePresets(store) {
       values: valuesNamed(store, list.value),
     }));
     const rows = differences(store.schema, sides[0]?.values ?? {}, sides[1]?.values ?? {});
-    said.textContent =
+    announcement.textContent =
       rows.length === 0 ? "All values are the same." : `${counted(rows.length, "value")} differ.`;
-    if (rows.length === 1) said.textContent = "1 value differs.";
+    if (rows.length === 1) announcement.textContent = "1 value differs.";
     const headings = ["Parameter", ...sides.map(({ name }) => name)];
     found.replaceChildren(rows.length > 0 ? differenceTable(headings, rows) : "");
   };
@@ -44,7 +44,7 @@ export async function comparePresets(store) {
   await showModal(
     "preview",
     "Compare presets",
-    [h("div.row.compared-presets", left, h("span", "and"), right), said, found],
+    [h("div.row.compared-presets", left, h("span", "and"), right), announcement, found],
     h("button.button", { value: "close" }, "Close"),
   );
 }
@@ -83,5 +83,5 @@ function differenceTable(headings, rows) {
  * @param {string} name
  */
 function valuesNamed(store, name) {
-  return name === IN_FORCE ? store.state.values : store.valuesOf(store.presetNamed(name));
+  return name === IN_FORCE ? store.state.values : store.valuesOf(store.findPreset(name));
 }

@@ -6,9 +6,9 @@ import { ApiError } from "../shell/api.js";
 /** @typedef {{name: string, help: string, values: Record<string, unknown>}} SharedPreset */
 
 const FORMAT = "dynamic-observer preset";
-const MOST_BYTES = 200_000;
-const LONGEST_NAME = 100;
-const LONGEST_HELP = 300;
+const MAX_BYTES = 200_000;
+const MAX_NAME_LENGTH = 100;
+const MAX_HELP_LENGTH = 300;
 
 /** The file is not a preset; the message is one sentence. */
 export class PresetFileError extends Error {}
@@ -25,7 +25,7 @@ export function presetFile({ name, help, values }) {
 
 /** @param {File} file @throws {PresetFileError} */
 export async function readPreset(file) {
-  if (file.size > MOST_BYTES) throw new PresetFileError(`${file.name} is too large for a preset.`);
+  if (file.size > MAX_BYTES) throw new PresetFileError(`${file.name} is too large for a preset.`);
   return parsePreset(await file.text(), file.name);
 }
 
@@ -49,8 +49,9 @@ export function parsePreset(text, fileName) {
     );
   }
   return {
-    name: plainName(name) || plainName(fileName.replace(/(\.preset)?\.json$/i, "")) || "imported",
-    help: typeof help === "string" ? help.slice(0, LONGEST_HELP) : "",
+    name:
+      fileSafeName(name) || fileSafeName(fileName.replace(/(\.preset)?\.json$/i, "")) || "imported",
+    help: typeof help === "string" ? help.slice(0, MAX_HELP_LENGTH) : "",
     values,
   };
 }
@@ -60,11 +61,11 @@ export function parsePreset(text, fileName) {
  * @param {string[]} taken
  * @returns {string} the name, with a number appended if it is taken
  */
-export function freeName(wanted, taken) {
+export function unusedName(wanted, taken) {
   let name = wanted;
   for (let number = 2; taken.includes(name); number += 1) {
     const behind = ` ${number}`;
-    name = `${wanted.slice(0, LONGEST_NAME - behind.length)}${behind}`;
+    name = `${wanted.slice(0, MAX_NAME_LENGTH - behind.length)}${behind}`;
   }
   return name;
 }
@@ -97,10 +98,10 @@ function parsed(text, fileName) {
 }
 
 /** @param {unknown} name @returns {string} on a single line, short enough */
-function plainName(name) {
+function fileSafeName(name) {
   if (typeof name !== "string") return "";
   return name
     .replace(/[\x00-\x1f\x7f]+/g, " ")
     .trim()
-    .slice(0, LONGEST_NAME);
+    .slice(0, MAX_NAME_LENGTH);
 }

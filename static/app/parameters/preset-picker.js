@@ -1,10 +1,10 @@
 /** Presets: choose one, save the current values as one, share and compare them. */
 
 import { button, download, h, icon, input, offer, onSubmit, setText } from "../elements/dom.js";
-import { attempt, attemptIn, confirmed, notify, refuse } from "../shell/notice.js";
+import { attempt, attemptIn, askConfirmation, notify, showError } from "../shell/notice.js";
 import { helpButton, openBeside } from "./help-button.js";
 import { comparePresets } from "./preset-compare.js";
-import { freeName, presetFile, readPreset, refusalOf } from "./preset-files.js";
+import { unusedName, presetFile, readPreset, refusalOf } from "./preset-files.js";
 
 /** @import { ParameterStore } from "./parameter-store.js" */
 
@@ -41,7 +41,7 @@ export class PresetPicker extends HTMLElement {
     const menu = h(
       "div.pop-box.preset-more",
       { id: "preset-more", popover: true },
-      button([icon("download"), "Download file"], () => this.#share(), { "data-looks": true }),
+      button([icon("download"), "Download file"], () => this.#share(), { "data-harmless": true }),
       button([icon("upload"), "Import file…"], () => this.#file.click()),
       this.#delete,
     );
@@ -61,7 +61,7 @@ export class PresetPicker extends HTMLElement {
         "div.row.preset-actions",
         this.#overwrite,
         this.#saveAs,
-        button("Compare…", () => comparePresets(store), { "data-looks": true }),
+        button("Compare…", () => comparePresets(store), { "data-harmless": true }),
         more,
         menu,
         this.#file,
@@ -70,13 +70,13 @@ export class PresetPicker extends HTMLElement {
       this.#error,
       box,
     );
-    store.keepUp("loaded", () => {
+    store.subscribe("loaded", () => {
       offer(
         this.#select,
         store.presets.map(({ name }) => [name, name]),
       );
     });
-    store.keepUp("values", () => this.#render());
+    store.subscribe("values", () => this.#render());
   }
 
   #render() {
@@ -91,7 +91,7 @@ export class PresetPicker extends HTMLElement {
   /** @param {string} name */
   async #choose(name) {
     const store = this.#store;
-    const preset = store.presetNamed(name);
+    const preset = store.findPreset(name);
     if (!preset) return;
     const { changed } = store;
     const before = store.basePreset?.name;
@@ -101,7 +101,7 @@ export class PresetPicker extends HTMLElement {
     const values = changed.length === 1 ? "1 changed value" : `${changed.length} changed values`;
     notify(`Preset ${name} replaced ${values} of ${before}.`, "done", {
       words: "Undo",
-      act: () => void store.takeBack(step),
+      act: () => void store.revert(step),
     });
   }
 
@@ -109,14 +109,14 @@ export class PresetPicker extends HTMLElement {
   #openForm(open) {
     this.#form.hidden = !open;
     this.#saveAs.setAttribute("aria-expanded", String(open));
-    refuse(this.#error, "");
+    showError(this.#error, "");
     if (open) this.#name.focus();
   }
 
   async #save() {
     const name = this.#name.value.trim();
-    if (!name) return refuse(this.#error, "Enter a preset name.");
-    const there = this.#store.presetNamed(name);
+    if (!name) return showError(this.#error, "Enter a preset name.");
+    const there = this.#store.findPreset(name);
     if (there && !there.built_in) {
       if (await this.#mayOverwrite(name)) await this.#saved(name, true);
       return;
@@ -142,7 +142,7 @@ export class PresetPicker extends HTMLElement {
 
   /** @param {string} name */
   #mayOverwrite(name) {
-    return confirmed(
+    return askConfirmation(
       `Overwrite preset ${name}?`,
       "Its values are replaced by the current ones. You cannot undo this.",
       "Overwrite preset",
@@ -151,7 +151,7 @@ export class PresetPicker extends HTMLElement {
 
   async #remove() {
     const name = this.#select.value;
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Delete preset ${name}?`,
       "You cannot undo this. The current parameter values do not change.",
       "Delete preset",
@@ -171,12 +171,12 @@ export class PresetPicker extends HTMLElement {
   async #import() {
     const [file] = this.#file.files ?? [];
     if (!file) return;
-    refuse(this.#error, "");
+    showError(this.#error, "");
     const store = this.#store;
     try {
       const preset = await readPreset(file);
       const wanted = preset.name;
-      const name = freeName(
+      const name = unusedName(
         wanted,
         store.presets.map((each) => each.name),
       );
@@ -187,7 +187,7 @@ export class PresetPicker extends HTMLElement {
         act: () => void this.#choose(name),
       });
     } catch (error) {
-      refuse(this.#error, refusalOf(file.name, error));
+      showError(this.#error, refusalOf(file.name, error));
     } finally {
       // Allow choosing the same file again, once corrected.
       this.#file.value = "";

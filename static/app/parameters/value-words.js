@@ -3,7 +3,7 @@
 /** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
 
 /** @param {ParameterValue | undefined} value @returns {string} as a field shows it */
-export function tidy(value) {
+export function roundOff(value) {
   return typeof value === "number" ? String(Number(value.toPrecision(7))) : String(value ?? "");
 }
 
@@ -14,13 +14,13 @@ export function tidy(value) {
  */
 export function valueInWords(value, { type, unit }) {
   if (type === "boolean") return value ? "on" : "off";
-  return unit ? `${tidy(value)} ${unit}` : tidy(value);
+  return unit ? `${roundOff(value)} ${unit}` : roundOff(value);
 }
 
 /** @param {ParameterEntry} entry @returns {string} as in "0.1 to 20 px", empty if it has none */
 export function rangeInWords({ minimum, maximum, unit, type }) {
   if (type !== "number" && type !== "integer") return "";
-  return `${tidy(minimum)} to ${tidy(maximum)}${unit ? ` ${unit}` : ""}`;
+  return `${roundOff(minimum)} to ${roundOff(maximum)}${unit ? ` ${unit}` : ""}`;
 }
 
 /** @param {string} group as in "ego_motion" @returns {string} as in "Ego motion" */

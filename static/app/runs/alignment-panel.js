@@ -37,7 +37,7 @@ export class AlignmentPanel extends Part {
   #camera = new CameraOnBody();
   #compared = h("div.chips", { role: "group", "aria-label": "Bodies to compare" });
   #bodies = h("div.stack");
-  #align = button("Align", () => this.#alignAnew(), {
+  #align = button("Align", () => this.#realign(), {
     class: "button primary",
     title: GLOSSARY["alignment"],
   });
@@ -150,7 +150,7 @@ export class AlignmentPanel extends Part {
     });
   }
 
-  async #alignAnew() {
+  async #realign() {
     const { file, live } = this.#picker;
     if (!file && !live) return this.#refuse("Choose a ground-truth file first.");
     let camera;
@@ -171,17 +171,17 @@ export class AlignmentPanel extends Part {
       camera_on_body: camera,
     });
     setText(this.#align, "Align");
-    this.#tell();
+    this.#scrollToResult();
   }
 
   /** @param {string} why */
   #refuse(why) {
     setText(this.#error, why);
-    this.#tell();
+    this.#scrollToResult();
   }
 
   /** Scroll the result or the error, which are above, into view. */
-  #tell() {
+  #scrollToResult() {
     (this.#error.textContent ? this.#error : this.#heading).scrollIntoView({ block: "nearest" });
   }
 
@@ -202,7 +202,7 @@ export class AlignmentPanel extends Part {
     const done = await attemptIn(this.#error, async () => {
       await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
       setText(this.#state, "Aligned. Recomputing the errors…");
-      this.hub.tell("runs");
+      this.hub.emit("runs");
       this.aligned();
     });
     this.#setBusy(false);

@@ -3,7 +3,7 @@
 import { button, h, icon, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { notify, oneAtATime } from "../shell/notice.js";
+import { notify, exclusiveRunner } from "../shell/notice.js";
 
 /** Hidden while no recording of a run is open. */
 export class BackToSource extends Part {
@@ -11,11 +11,11 @@ export class BackToSource extends Part {
   #name = h("span");
   #back = button([icon("undo"), this.#name], () => this.#do(() => this.#go()));
   #error = h("p.field-error", { role: "alert" });
-  #do = oneAtATime(() => {}, this.#error);
+  #do = exclusiveRunner(() => {}, this.#error);
 
   build() {
     this.append(h("p", this.#words, this.#back), this.#error);
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.#render();
   }
 
@@ -28,7 +28,7 @@ export class BackToSource extends Part {
   }
 
   async #go() {
-    this.hub.takeStatus(await request("POST", "/source/back"));
+    this.hub.applyStatus(await request("POST", "/source/back"));
     notify(`Source: ${this.hub.status?.source?.name ?? "open again"}.`);
   }
 }

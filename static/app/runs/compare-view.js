@@ -11,8 +11,8 @@ import { runHref } from "./run-words.js";
 /** @import { RunChart as Chart } from "../contract" */
 
 // A re-run is aligned with ground truth only after it ends; until then, ask again.
-const AGAIN_MS = 4000;
-const ASKED_AT_MOST = 15;
+const RETRY_MS = 4000;
+const MAX_RETRIES = 15;
 
 export class CompareView extends Part {
   /** Called with the title of the view. @type {(words: string) => void} */
@@ -26,19 +26,19 @@ export class CompareView extends Part {
   /** @type {string[]} */
   #ids = [];
   #asked = 0;
-  #again = 0;
+  #retries = 0;
   #timer = 0;
 
   build() {
     this.append(this.#error, this.#waiting, this.#frames, this.#chart, this.#table);
-    this.hear("reconnected", () => this.#load());
+    this.listen("reconnected", () => this.#load());
   }
 
   /** @param {string[]} ids empty: another view is shown */
   show(ids) {
     this.hidden = ids.length === 0;
     this.#ids = ids;
-    this.#again = 0;
+    this.#retries = 0;
     clearTimeout(this.#timer);
     this.#chart.show([]);
     this.#frames.replaceChildren();
@@ -64,14 +64,14 @@ export class CompareView extends Part {
       setText(this.#waiting, "");
       this.named(`Compare ${charts.map(({ run }) => run.name).join(" and ")}`);
       this.#chart.show(charts);
-      if (ofOneRecording(charts))
+      if (areSameFrames(charts))
         this.#frames.replaceChildren(
           h("a", { href: methodsHref(ids) }, "Side by side, frame by frame"),
         );
       this.#table.replaceChildren(settingsTable(charts));
-      this.#again += 1;
-      if (awaitsTruth(charts) && this.#again < ASKED_AT_MOST)
-        this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
+      this.#retries += 1;
+      if (isAwaitingTruth(charts) && this.#retries < MAX_RETRIES)
+        this.#timer = setTimeout(() => void this.#load(), RETRY_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (asked !== this.#asked) return;
@@ -82,7 +82,7 @@ export class CompareView extends Part {
 }
 
 /** @param {Chart[]} charts */
-function awaitsTruth(charts) {
+function isAwaitingTruth(charts) {
   const aligned = new Set(charts.flatMap(({ run, aligned }) => (aligned ? [run.id] : [])));
   return charts.some(
     ({ run, aligned: there }) => !there && run.rerun_of !== null && aligned.has(run.rerun_of),
@@ -90,7 +90,7 @@ function awaitsTruth(charts) {
 }
 
 /** @param {Chart[]} charts @returns whether they are two runs of the same frames */
-function ofOneRecording(charts) {
+function areSameFrames(charts) {
   const [first, second, more] = charts.map(({ run }) => run);
   if (!first || !second || more) return false;
   return (

@@ -13,7 +13,7 @@ import { frameAt } from "./run-words.js";
 const SPREAD = 1000;
 const PAGE = 200;
 // Enough for playback, the neighbouring pages and some jumping about.
-const MOST_PAGES = 12;
+const MAX_PAGES = 12;
 
 export class FrameEntries {
   #path;
@@ -22,7 +22,7 @@ export class FrameEntries {
   /** @type {Map<number, RunFrames>} */
   #pages = new Map();
   /** By number. @type {BoundedMap<number, Promise<RunFrames | null>>} */
-  #asked = new BoundedMap(MOST_PAGES, (number) => this.#pages.delete(number));
+  #asked = new BoundedMap(MAX_PAGES, (number) => this.#pages.delete(number));
 
   /**
    * Load the entries spread over a run.

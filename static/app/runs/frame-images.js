@@ -3,9 +3,9 @@
 import { BoundedMap } from "../elements/bounded-map.js";
 import { ApiError, requestImage } from "../shell/api.js";
 
-const AT_ONCE = 3;
+const MAX_CONCURRENT = 3;
 // About 20 MB for a 640x480 camera.
-const MOST_KEPT = 300;
+const MAX_IMAGES = 300;
 
 export class FrameImages {
   /** Why there are no images; empty if there are. */
@@ -15,7 +15,7 @@ export class FrameImages {
   #count;
   #stop = new AbortController();
   /** @type {BoundedMap<number, Promise<Blob | null>>} */
-  #kept = new BoundedMap(MOST_KEPT);
+  #cache = new BoundedMap(MAX_IMAGES);
   #going = 0;
   #next = 0;
 
@@ -43,15 +43,15 @@ export class FrameImages {
   /** Stop fetching. */
   close() {
     this.#stop.abort();
-    this.#kept.clear();
+    this.#cache.clear();
   }
 
   /** @param {number} position */
   #get(position) {
-    let image = this.#kept.get(position);
+    let image = this.#cache.get(position);
     if (!image) {
       image = this.#fetch(position);
-      this.#kept.set(position, image);
+      this.#cache.set(position, image);
     }
     return image;
   }
@@ -67,7 +67,7 @@ export class FrameImages {
       if (!(error instanceof ApiError)) throw error;
       if (!this.#stop.signal.aborted) this.trouble = error.message;
       // Try again next time.
-      this.#kept.delete(position);
+      this.#cache.delete(position);
       return null;
     } finally {
       this.#going -= 1;
@@ -76,9 +76,9 @@ export class FrameImages {
   }
 
   #fetchAhead() {
-    const end = Math.min(this.#count, this.#next + MOST_KEPT / 2);
-    while (this.#going < AT_ONCE && !this.#stop.signal.aborted) {
-      while (this.#next < end && this.#kept.has(this.#next)) this.#next += 1;
+    const end = Math.min(this.#count, this.#next + MAX_IMAGES / 2);
+    while (this.#going < MAX_CONCURRENT && !this.#stop.signal.aborted) {
+      while (this.#next < end && this.#cache.has(this.#next)) this.#next += 1;
       if (this.#next >= end) return;
       void this.#get(this.#next);
     }

@@ -8,7 +8,7 @@ import { fixed, trackColour } from "../elements/words.js";
 /** How a track was matched to its body. @type {Record<string, string>} */
 const BY = { position: "position", speed: "speed", person: "manual choice" };
 const NONE = "unmatched";
-const MOST_BUTTONS = 5;
+const MAX_BUTTONS = 5;
 
 export class MatchTable extends HTMLElement {
   /** Called with a track and its body chosen by hand. @type {(key: string, body: string | null) => void} */
@@ -76,7 +76,7 @@ export class MatchTable extends HTMLElement {
       h("td", seen),
       h(
         "td",
-        bodies.length > MOST_BUTTONS
+        bodies.length > MAX_BUTTONS
           ? this.#list(key, label, bodies, now)
           : this.#buttons(key, label, bodies, now),
       ),

@@ -6,7 +6,7 @@ import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { FrameImages } from "./frame-images.js";
 import { OverlaidPicture } from "./methods-overlay.js";
-import { conclusion, figuresAt, methodsHref, seenInWords } from "./methods-words.js";
+import { conclusion, figuresAt, methodsHref, findingsInWords } from "./methods-words.js";
 
 /** @import { Method } from "./methods-words.js" */
 
@@ -51,7 +51,7 @@ export class MethodsSplit extends Part {
   #panes = [new Pane(), new Pane()];
   #play = iconButton("play", "Play", () => this.#toggle());
   #slider = input("range", "methods-frame", { min: 0, step: 1, "aria-label": "Frame" });
-  #place = h("span.figure.methods-place");
+  #place = h("span.figure.methods-position");
   #truth = input("checkbox", "methods-truth", { checked: true });
   #truthLabel = h("label.check", this.#truth, "Ground truth");
   #legend = h("ul.legend", { "aria-label": "Legend" });
@@ -166,7 +166,7 @@ export class MethodsSplit extends Part {
     if (this.#position >= this.#count - 1) this.#position = 0;
     this.#began = performance.now() - 1000 * (this.#time(this.#position) - this.#time(0));
     offerPlayback(this.#play, true);
-    void this.#playOn();
+    void this.#playNext();
   }
 
   #pause() {
@@ -174,11 +174,11 @@ export class MethodsSplit extends Part {
     if (this.#began === null) return;
     this.#began = null;
     offerPlayback(this.#play, false);
-    this.#tellAddress();
+    this.#updateAddress();
   }
 
   /** Show the frame that is due and continue; late frames are not skipped but delay the rest. */
-  async #playOn() {
+  async #playNext() {
     await this.#show();
     if (this.#began === null || !this.isConnected) return;
     if (this.#position >= this.#count - 1) return this.#pause();
@@ -188,7 +188,7 @@ export class MethodsSplit extends Part {
     this.#timer = setTimeout(
       () => {
         this.#position = this.#within(this.#position + 1);
-        void this.#playOn();
+        void this.#playNext();
       },
       Math.max(0, wait),
     );
@@ -199,10 +199,10 @@ export class MethodsSplit extends Part {
     this.#pause();
     this.#position = this.#within(position);
     void this.#show();
-    this.#tellAddress();
+    this.#updateAddress();
   }
 
-  #tellAddress() {
+  #updateAddress() {
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => {
       const ids = this.#methods.map(({ run }) => run.id);
@@ -229,8 +229,8 @@ export class MethodsSplit extends Part {
         const pane = this.#panes[at];
         if (!entry || !pane) return;
         pane.count(method, position);
-        const told = seenInWords(method.name, entry);
-        pane.picture.show(image, entry, told, this.#truth.checked);
+        const findings = findingsInWords(method.name, entry);
+        pane.picture.show(image, entry, findings, this.#truth.checked);
       });
       setText(this.#trouble, images.trouble);
     }

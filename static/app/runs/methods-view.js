@@ -10,12 +10,12 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { sentence, when } from "../elements/words.js";
 import { access } from "../shell/access.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
-import { attemptIn, oneAtATime } from "../shell/notice.js";
+import { attemptIn, exclusiveRunner } from "../shell/notice.js";
 import { MethodsSplit } from "./methods-split.js";
 import { methodNames, methodsHref, positionOf, sameFrames } from "./methods-words.js";
 import { compareHref, hasImages } from "./run-words.js";
@@ -28,7 +28,7 @@ const FIRST = "simulated:people";
 const OPEN = "open";
 // The tag with which the server marks the runs of a comparison.
 const TAG = "comparison";
-const MOST_LISTED = 40;
+const MAX_LISTED = 40;
 
 export class MethodsView extends Part {
   #source = h("select", { id: "methods-source" });
@@ -41,7 +41,7 @@ export class MethodsView extends Part {
   // No status role: it changes with every frame, too often for screen readers.
   #words = h("p.figure");
   #cancel = button("Cancel", () => this.#cancelled());
-  #going = h("div.methods-going", { hidden: true });
+  #going = h("div.methods-progress", { hidden: true });
   #waiting = h("p.empty", { role: "status" });
   #split = new MethodsSplit();
   #more = h("p.row");
@@ -52,7 +52,7 @@ export class MethodsView extends Part {
   #ids = [];
   #asked = 0;
   #timer = 0;
-  #do = oneAtATime(
+  #do = exclusiveRunner(
     (busy) => setAttribute(this.#begin, "aria-disabled", busy ? "true" : null),
     this.#error,
   );
@@ -82,8 +82,8 @@ export class MethodsView extends Part {
     this.#split.attach(this.hub);
     this.#split.hidden = true;
     onSubmit(this.#form, () => this.#start());
-    this.hear("reconnected", () => this.#shown && this.#ask());
-    this.hear("hashchange", () => this.#follow(), window);
+    this.listen("reconnected", () => this.#shown && this.#ask());
+    this.listen("hashchange", () => this.#follow(), window);
   }
 
   /** @param {string[] | null} ids of two runs; empty: the newest two; null: another view is open */
@@ -114,18 +114,18 @@ export class MethodsView extends Part {
       const [granted] = await Promise.all([access(), this.#connected()]);
       const [status, listed, sources] = await Promise.all([
         /** @type {Promise<ComparisonStatus>} */ (request("GET", "/comparison")),
-        /** @type {Promise<History>} */ (request("GET", `/history?limit=${MOST_LISTED}`)),
+        /** @type {Promise<History>} */ (request("GET", `/history?limit=${MAX_LISTED}`)),
         /** @type {Promise<SourceEntry[]>} */ (request("GET", "/sources")),
       ]);
       if (asked !== this.#asked) return;
       this.#offerSources(sources, listed.runs);
       const pairs = pairsOf(listed.runs);
       this.#list(pairs);
-      this.#tell(status);
+      this.#showStatus(status);
       if (status.going || this.#ids.length === 2) return;
       const newest = pairs[0]?.map(({ id }) => id);
       if (newest) location.replace(methodsHref(newest));
-      else if (granted === "operator" && this.#undisturbed) await this.#start();
+      else if (granted === "operator" && this.#mayStartUnasked) await this.#start();
     });
   }
 
@@ -138,7 +138,7 @@ export class MethodsView extends Part {
   }
 
   /** Whether nothing is going on that the first comparison could slow down. */
-  get #undisturbed() {
+  get #mayStartUnasked() {
     const { status, driver } = this.hub;
     return Boolean(status?.source && !status.source.live && !status.run && !driver.anyArmed);
   }
@@ -171,13 +171,13 @@ export class MethodsView extends Part {
         seconds,
         ...(source && source !== OPEN ? { source } : {}),
       });
-      this.#tell(status);
+      this.#showStatus(status);
     });
   }
 
   async #cancelled() {
     await attemptIn(this.#error, async () => {
-      this.#tell(await request("POST", "/comparison/cancel"));
+      this.#showStatus(await request("POST", "/comparison/cancel"));
     });
   }
 
@@ -186,15 +186,15 @@ export class MethodsView extends Part {
     const asked = this.#asked;
     /** @type {ComparisonStatus | null} */
     const status = await request("GET", "/comparison").catch(() => null);
-    if (asked === this.#asked && status) this.#tell(status);
+    if (asked === this.#asked && status) this.#showStatus(status);
   }
 
   /** @param {ComparisonStatus} status */
-  #tell({ going, runs, trouble }) {
+  #showStatus({ going, runs, trouble }) {
     clearTimeout(this.#timer);
     const ended = !this.#going.hidden && !going;
     this.#begin.disabled = going !== null;
-    if (!going) passFocus(this.#going, this.#begin);
+    if (!going) moveFocus(this.#going, this.#begin);
     this.#going.hidden = !going;
     if (trouble) setText(this.#error, sentence(trouble));
     if (going) {
@@ -208,7 +208,7 @@ export class MethodsView extends Part {
       );
       if (this.#shown) this.#timer = setTimeout(() => void this.#ask(), ASK_EVERY_MS);
     } else if (ended && runs && !trouble) {
-      this.hub.tell("runs");
+      this.hub.emit("runs");
       location.hash = methodsHref([...runs]);
     }
   }
@@ -231,16 +231,16 @@ export class MethodsView extends Part {
       const runs = paths.map((path) => request("GET", path));
       /** @type {Promise<RunFrames>[]} */
       const frames = paths.map((path) => request("GET", `${path}/frames`));
-      const [told, found] = await Promise.all([Promise.all(runs), Promise.all(frames)]);
+      const [answered, found] = await Promise.all([Promise.all(runs), Promise.all(frames)]);
       if (asked !== this.#asked) return;
       if (!sameFrames(found))
         throw new ApiError(
           "These runs have different frames. Compare their speeds instead, or compare the methods on one recording.",
           0,
         );
-      const names = methodNames(told);
+      const names = methodNames(answered);
       this.#split.show(
-        told.map((run, at) => ({
+        answered.map((run, at) => ({
           run,
           name: names[at] ?? run.name,
           found: /** @type {RunFrames} */ (found[at]),

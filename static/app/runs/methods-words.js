@@ -86,17 +86,17 @@ export function conclusion(methods) {
   const on = `On these ${counted(length, "frame")}`;
   const ends = methods.map(({ found }) => found.frames.at(-1)?.counts ?? null);
   if (ends.some((counts) => counts === null)) {
-    const told = methods.map(({ name, found: { frames } }) => {
+    const results = methods.map(({ name, found: { frames } }) => {
       const seen = frames.filter(({ obstacles }) => obstacles.length > 0).length;
       return `${name} reported obstacles in ${counted(seen, "frame")}`;
     });
-    return `${on}, ${told.join(", ")}. False obstacles and errors can only be counted with ground truth.`;
+    return `${on}, ${results.join(", ")}. False obstacles and errors can only be counted with ground truth.`;
   }
   const wrong = ends.map((counts) => counts?.false ?? 0);
-  const told = methods.map(({ name }, at) =>
+  const results = methods.map(({ name }, at) =>
     at === 0
-      ? `${name} reported ${none(wrong[at])} false ${wrong[at] === 1 ? "obstacle" : "obstacles"}`
-      : `${name} ${none(wrong[at])}`,
+      ? `${name} reported ${countOrNone(wrong[at])} false ${wrong[at] === 1 ? "obstacle" : "obstacles"}`
+      : `${name} ${countOrNone(wrong[at])}`,
   );
   const errors = ends.map((counts) => counts?.velocity_rmse_mps ?? null);
   const known = methods.flatMap(({ name }, at) => {
@@ -104,7 +104,7 @@ export function conclusion(methods) {
     return error === null ? [] : [`${fixed(error, 2)} m/s with ${name}`];
   });
   const second = known.length > 0 ? ` Velocity error: ${known.join(", ")}.` : "";
-  return `${on}, ${told.join(", ")}.${second}`;
+  return `${on}, ${results.join(", ")}.${second}`;
 }
 
 /**
@@ -113,7 +113,7 @@ export function conclusion(methods) {
  * @param {string} name
  * @param {FrameEntry | undefined} entry
  */
-export function seenInWords(name, entry) {
+export function findingsInWords(name, entry) {
   if (!entry) return name;
   const moving = entry.obstacles.filter(({ motion }) => motion === "moving");
   const wrong = entry.obstacles.filter((each) => each.false).length;
@@ -140,7 +140,7 @@ export function positionOf(hash) {
 }
 
 /** @param {number | undefined} count */
-function none(count) {
+function countOrNone(count) {
   return count ? String(count) : "none";
 }
 

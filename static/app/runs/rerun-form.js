@@ -16,8 +16,8 @@ import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { ParameterGroups } from "../parameters/parameter-groups.js";
 import { request } from "../shell/api.js";
-import { oneAtATime } from "../shell/notice.js";
-import { Teller } from "../shell/teller.js";
+import { exclusiveRunner } from "../shell/notice.js";
+import { Emitter } from "../shell/emitter.js";
 import { RerunProgress } from "./rerun-progress.js";
 import { compareHref, hasImages, runHref } from "./run-words.js";
 
@@ -25,7 +25,7 @@ import { compareHref, hasImages, runHref } from "./run-words.js";
 /** @import { ParameterEntry, Preset, Values } from "../parameters/parameter-store.js" */
 
 /** Values that are not in force yet. Event: `values`. */
-class Draft extends Teller {
+class Draft extends Emitter {
   /** @type {Values} */
   values = {};
   /** Values that reset restores. @type {Values} */
@@ -34,7 +34,7 @@ class Draft extends Teller {
   /** @param {Values} changes */
   async change(changes) {
     this.values = { ...this.values, ...changes };
-    this.tell("values");
+    this.emit("values");
     return true;
   }
 
@@ -71,7 +71,7 @@ export class RerunForm extends Part {
   #presets = [];
   /** @type {Run | null} */
   #run = null;
-  #do = oneAtATime(
+  #do = exclusiveRunner(
     (busy) => setAttribute(this.#start, "aria-disabled", busy ? "true" : null),
     this.#error,
   );
@@ -196,7 +196,7 @@ export class RerunForm extends Part {
       });
       setText(this.#done, "");
       if (this.#run?.id === run.id) this.#progress.watch(rerun);
-      this.hub.tell("runs");
+      this.hub.emit("runs");
     });
   }
 

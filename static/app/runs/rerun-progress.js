@@ -1,7 +1,7 @@
 /** Progress of a re-run, its cancellation and its outcome. */
 
 import { button, h, setText } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
@@ -37,7 +37,7 @@ export class RerunProgress extends Part {
 
   build() {
     this.append(this.#going, this.#error);
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.#going.hidden = true;
   }
 
@@ -54,7 +54,7 @@ export class RerunProgress extends Part {
   #render() {
     const run = this.#run;
     if (!run) {
-      passFocus(this.#going, this.closest("section, observer-history")?.querySelector("h2"));
+      moveFocus(this.#going, this.closest("section, observer-history")?.querySelector("h2"));
       this.#going.hidden = true;
       return;
     }
@@ -77,7 +77,7 @@ export class RerunProgress extends Part {
     this.watch(null);
     /** @type {Run | null} */
     const ended = await request("GET", `/runs/${encodeURIComponent(run.id)}`).catch(() => null);
-    this.hub.tell("runs");
+    this.hub.emit("runs");
     if (ended?.state === "failed")
       setText(this.#error, `Re-run failed: ${sentence(ended.reason ?? "the reason is not known")}`);
     this.ended(ended);
@@ -90,7 +90,7 @@ export class RerunProgress extends Part {
     await attemptIn(this.#error, async () => {
       await request("DELETE", `/runs/${encodeURIComponent(run.id)}`);
       this.watch(null);
-      this.hub.tell("runs");
+      this.hub.emit("runs");
       this.ended(null);
     });
     this.#leaving = false;

@@ -15,7 +15,7 @@ import {
 import { Part } from "../elements/part.js";
 import { duration, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { notify, oneAtATime } from "../shell/notice.js";
+import { notify, exclusiveRunner } from "../shell/notice.js";
 import { size } from "./run-words.js";
 
 /** @import { RecordingStatus, Run, Status } from "../contract" */
@@ -32,7 +32,7 @@ const STATES = {
 };
 
 /** Choices of which images to record. @type {[string, string][]} */
-const RECORDS = [
+const RECORDING_CHOICES = [
   ["jpeg", "JPEG"],
   ["lossless", "Lossless"],
   ["none", "None"],
@@ -42,7 +42,7 @@ class RunBar extends Part {
   #words = h("span");
   #state = h("span.state-chip", this.#words);
   #name = input("text", "run-name", { maxlength: 80, placeholder: "Optional" });
-  #record = select({ id: "run-record" }, RECORDS);
+  #record = select({ id: "run-record" }, RECORDING_CHOICES);
   #recording = h("span.record-chip.figure", { hidden: true });
   #start = h(
     "button.button.primary",
@@ -64,7 +64,7 @@ class RunBar extends Part {
   });
   #running = h("span.run-clock.figure", { hidden: true });
   #busy = false;
-  #do = oneAtATime((busy) => void this.#changed(busy));
+  #do = exclusiveRunner((busy) => void this.#changed(busy));
   /** @type {number | null} */
   #restarts = null;
 
@@ -79,7 +79,7 @@ class RunBar extends Part {
     );
     onSubmit(form, () => this.#do(() => this.#begin()));
     this.append(this.#state, form);
-    this.hear("status connection", () => this.#render());
+    this.listen("status connection", () => this.#render());
     this.#render();
   }
 
@@ -90,7 +90,7 @@ class RunBar extends Part {
     setText(this.#words, STATES[state] ?? state);
     setAttribute(this.#state, "data-state", state);
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
-    if (status) this.#tellRestart(status.engine.restarts);
+    if (status) this.#notifyRestart(status.engine.restarts);
     const run = status?.run ?? null;
     this.#renderRecording(status?.recording ?? null);
     this.#start.hidden = this.#more.hidden = run !== null;
@@ -124,7 +124,7 @@ class RunBar extends Part {
   }
 
   /** @param {number} restarts since the server was started */
-  #tellRestart(restarts) {
+  #notifyRestart(restarts) {
     const before = this.#restarts;
     this.#restarts = restarts;
     if (before === null || restarts <= before) return;
@@ -140,7 +140,7 @@ class RunBar extends Part {
     });
     this.#name.value = "";
     notify(`Run “${run.name}” started.`);
-    this.hub.tell("runs");
+    this.hub.emit("runs");
   }
 
   async #end() {
@@ -148,7 +148,7 @@ class RunBar extends Part {
     if (!run) return;
     await request("POST", `/runs/${encodeURIComponent(run.id)}/stop`);
     notify(`Run “${run.name}” stopped and saved.`);
-    this.hub.tell("runs");
+    this.hub.emit("runs");
   }
 
   /** @param {boolean} busy */
@@ -157,7 +157,7 @@ class RunBar extends Part {
     this.#render();
     if (busy) return;
     const status = await request("GET", "/status").catch(() => null);
-    if (status) this.hub.takeStatus(/** @type {Status} */ (status));
+    if (status) this.hub.applyStatus(/** @type {Status} */ (status));
   }
 }
 

@@ -27,7 +27,7 @@ import { trackColour } from "../elements/words.js";
 // As in the figures of reports: no line across a gap this many times the curve's median step.
 const GAP_STEPS = 3;
 // Tracks with fewer samples are drawn without their number.
-const NAMED_FROM = 5;
+const MIN_LABELLED_SAMPLES = 5;
 /** @type {Choice[]} front to back */
 const ORDER = ["truth", "commanded", "encoder", "matched", "stray", "own"];
 
@@ -44,7 +44,7 @@ export function panelsOf(charts, overlaid) {
       return {
         title: chart.run.name,
         charts: [chart],
-        curves: inOrder(inLanes(curves)),
+        curves: inOrder(assignLanes(curves)),
         starts: startsOf(curves),
         changes: changesOf(chart, Number(origins[run]), "--muted"),
         gaps: gapsOf(curves),
@@ -62,7 +62,7 @@ export function panelsOf(charts, overlaid) {
     {
       title: charts.map(({ run }) => run.name).join(" and "),
       charts,
-      curves: inOrder(inLanes(curves)),
+      curves: inOrder(assignLanes(curves)),
       starts: [],
       changes: charts.flatMap((chart, run) =>
         changesOf(chart, Number(origins[run]), trackColour(run)),
@@ -209,7 +209,7 @@ function colourOf({ kind, track_id }, choice) {
  * @param {ChosenCurve[]} curves
  * @returns {ChosenCurve[]}
  */
-function inLanes(curves) {
+function assignLanes(curves) {
   /** @type {Map<string, ChosenCurve[]>} */
   const lanes = new Map();
   const tracks = curves.filter(isTrack).sort((a, b) => Number(a.times[0]) - Number(b.times[0]));
@@ -266,7 +266,7 @@ function withGaps({ times, speeds, stds }) {
 /** Return where tracks begin, to show identity switches. @param {ChosenCurve[]} curves not yet joined */
 function startsOf(curves) {
   return curves
-    .filter((curve) => isTrack(curve) && curve.times.length >= NAMED_FROM)
+    .filter((curve) => isTrack(curve) && curve.times.length >= MIN_LABELLED_SAMPLES)
     .flatMap(({ times, speeds, colour, choice, words }) => {
       const first = speeds.findIndex((speed) => speed !== null);
       const speed = speeds[first];

@@ -8,7 +8,7 @@ import { fixed, trackColour } from "../elements/words.js";
 
 const WITHIN = "within 95 % interval";
 const COLUMNS = ["samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", WITHIN, "measured"];
-const WHAT = `The error is the estimated speed minus the ground-truth speed at the same instant, over the whole
+const EXPLANATION = `The error is the estimated speed minus the ground-truth speed at the same instant, over the whole
   run. “Measured” is the share of time with an estimate while the body moved in view.`;
 
 /** @param {RunChart[]} charts @param {boolean} coloured by run @returns {HTMLElement} */
@@ -20,12 +20,12 @@ export function errorSection(charts, coloured) {
     { "aria-label": "Speed errors" },
     h("h3", "Speed errors"),
     known
-      ? h("p.hint", WHAT)
+      ? h("p.hint", EXPLANATION)
       : h("p.empty", "No speed errors: there is no ground truth at the times of these speeds."),
     known
       ? several
-        ? comparison(charts, coloured)
-        : ofOne(charts[0] ? charts[0].errors : [])
+        ? comparisonTable(charts, coloured)
+        : singleRunTables(charts[0] ? charts[0].errors : [])
       : null,
   );
 }
@@ -41,10 +41,12 @@ function errorTable(more, rows) {
 }
 
 /** @param {SpeedErrorsEntry[]} errors */
-function ofOne(errors) {
+function singleRunTables(errors) {
   const tracks = errors.filter(({ group }) => group === "track");
   const rows = (/** @type {SpeedErrorsEntry[]} */ some) =>
-    some.map((each) => h("tr", h("th", { scope: "row" }, inWords(each)), ...cells(each, false)));
+    some.map((each) =>
+      h("tr", h("th", { scope: "row" }, groupInWords(each)), ...cells(each, false)),
+    );
   return h(
     "div.stack",
     errorTable([], rows(errors.filter(({ group }) => group !== "track"))),
@@ -64,13 +66,15 @@ function ofOne(errors) {
  * @param {RunChart[]} charts
  * @param {boolean} coloured
  */
-function comparison(charts, coloured) {
+function comparisonTable(charts, coloured) {
   const groups = new Set(
-    charts.flatMap((chart) => chart.errors.filter(({ group }) => group !== "track").map(inWords)),
+    charts.flatMap((chart) =>
+      chart.errors.filter(({ group }) => group !== "track").map(groupInWords),
+    ),
   );
   const bodies = [...groups].map((words) => {
     const found = charts.map((chart) =>
-      chart.errors.find((each) => each.group !== "track" && inWords(each) === words),
+      chart.errors.find((each) => each.group !== "track" && groupInWords(each) === words),
     );
     const best = Math.min(...found.map((each) => each?.rmse_mps ?? Infinity));
     return h(
@@ -83,7 +87,7 @@ function comparison(charts, coloured) {
           h(
             "th",
             { scope: "row" },
-            h("span.of-run", coloured ? swatch("estimate", trackColour(at)) : null, run.name),
+            h("span.run-label", coloured ? swatch("estimate", trackColour(at)) : null, run.name),
           ),
           ...(each
             ? cells(each, charts.length > 1 && each.rmse_mps === best)
@@ -119,7 +123,7 @@ function percent(share) {
 }
 
 /** @param {SpeedErrorsEntry} errors @returns {string} */
-function inWords({ group, label, body }) {
+function groupInWords({ group, label, body }) {
   if (group === "all") return "Whole run";
   if (group === "direction")
     return label === "at rest" ? "At rest" : `Moving ${directionInWords(label)}`;

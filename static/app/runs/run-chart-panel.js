@@ -30,13 +30,13 @@ declareKeys(
  */
 
 const HEIGHT_PX = 280;
-const TOP_AT_LEAST_MPS = 0.2;
+const MIN_TOP_MPS = 0.2;
 // Shares of the visible range: steps of a key, and how far past a curve's end it is still read.
 const STEP = 0.02;
 const PAN = 0.2;
 const ZOOM = 2;
-const REACH = 0.005;
-const LISTED_AT_MOST = 6;
+const READ_PAST_END = 0.005;
+const MAX_LISTED = 6;
 const READING = "Hover over the chart or use the arrow keys to read values.";
 const KEYS_IN_WORDS =
   "Arrow keys read values, Shift with arrow keys pans, plus and minus zoom, 0 shows all.";
@@ -49,7 +49,7 @@ export class ChartPanel {
   });
   #reading = h("p.chart-reading.figure", READING);
   // Announced after key presses only: the pointer would be too fast for screen readers.
-  #said = h("p.visually-hidden", { role: "status" });
+  #announcement = h("p.visually-hidden", { role: "status" });
   /** @type {number | null} */
   #time = null;
   /** @type {ChosenCurve[]} */
@@ -66,7 +66,7 @@ export class ChartPanel {
     this.shared = shared;
     this.#plot = new SpeedPlot(this.#host, {
       height: HEIGHT_PX,
-      topAtLeast: TOP_AT_LEAST_MPS,
+      minTop: MIN_TOP_MPS,
       range: shared.range,
       top: shared.top,
       xWords: (seconds) => `${seconds} s`,
@@ -83,7 +83,7 @@ export class ChartPanel {
       several && panel.charts.length === 1 ? h("h3", panel.title) : null,
       ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
       ...(panel.curves.length > 0
-        ? [this.#host, this.#reading, this.#said, factsOf(panel)]
+        ? [this.#host, this.#reading, this.#announcement, factsOf(panel)]
         : [h("p.empty", "No speeds in this run.")]),
     );
   }
@@ -129,7 +129,11 @@ export class ChartPanel {
     this.#time = time;
     if (time === null) return this.#reading.replaceChildren(READING);
     const [begin, end] = this.shared.range();
-    const read = readingsAt(this.#shown, time, Math.max(REACH * (end - begin), 0.05)).reverse();
+    const read = readingsAt(
+      this.#shown,
+      time,
+      Math.max(READ_PAST_END * (end - begin), 0.05),
+    ).reverse();
     const values = read.map(({ label, colour, kind, speed, std }) =>
       h("span", swatch(kind, colour), ` ${label} ${withBand({ speed, std })}`),
     );
@@ -178,16 +182,16 @@ export class ChartPanel {
     this.shared.read(time);
     this.#plot.point(time);
     setText(
-      this.#said,
+      this.#announcement,
       [...this.#reading.children].map(({ textContent }) => textContent?.trim()).join(", "),
     );
   }
 }
 
 /** Say why there is no truth to compare with. @param {RunChart} chart @param {boolean} named */
-function noteOf({ run, aligned, sentence: told }, named) {
-  if (aligned || !told) return null;
-  return h("p.chart-note", named ? `${run.name}: ${sentence(told)}` : sentence(told));
+function noteOf({ run, aligned, sentence: reason }, named) {
+  if (aligned || !reason) return null;
+  return h("p.chart-note", named ? `${run.name}: ${sentence(reason)}` : sentence(reason));
 }
 
 /** Describe identity switches and gaps in ground truth. @param {Panel} panel */
@@ -212,8 +216,6 @@ function factsOf({ charts, changes, gaps }) {
 
 /** @param {string[]} words */
 function listed(words) {
-  const shown = words.slice(0, LISTED_AT_MOST).join(", ");
-  return words.length > LISTED_AT_MOST
-    ? `${shown} and ${words.length - LISTED_AT_MOST} more`
-    : shown;
+  const shown = words.slice(0, MAX_LISTED).join(", ");
+  return words.length > MAX_LISTED ? `${shown} and ${words.length - MAX_LISTED} more` : shown;
 }

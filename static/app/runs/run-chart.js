@@ -5,7 +5,7 @@
  * hidden curves and the arrangement of several runs.
  */
 
-import { chartMenu, ofRun } from "../chart/chart-files.js";
+import { chartMenu, runOffer } from "../chart/chart-files.js";
 import { markLegend } from "../chart/mark-legend.js";
 import { button, h, setText, swatch } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
@@ -17,7 +17,7 @@ import { ChartPanel } from "./run-chart-panel.js";
 /** @import { Choice } from "./run-chart-data.js" */
 
 // The zoom stops here.
-const LEAST_SPAN_S = 0.2;
+const MIN_SPAN_S = 0.2;
 const ZOOM = 2;
 
 /** @type {{choice: Choice, label: string, kind: string, colour: string | null, shown: boolean}[]} colour null: that of the first track */
@@ -98,7 +98,7 @@ export class RunChart extends HTMLElement {
    */
   show(charts) {
     const ids = (/** @type {StoredChart[]} */ some) => some.map(({ run }) => run.id).join(" ");
-    const again = ids(charts) === ids(this.#charts) && !this.#seesAll();
+    const again = ids(charts) === ids(this.#charts) && !this.#showsAll();
     this.#charts = charts;
     this.#extent = extentOf(charts);
     if (!again) this.#range = this.#extent;
@@ -115,15 +115,15 @@ export class RunChart extends HTMLElement {
   offers() {
     const origins = originsOf(this.#charts);
     const [begin, end] = this.#range;
-    const all = this.#seesAll();
+    const all = this.#showsAll();
     return this.#charts.map(({ run }, at) => {
       const origin = Number(origins[at]);
       // Times on each run's own clock.
-      return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });
+      return runOffer(run, all ? null : { begin: begin + origin, end: end + origin });
     });
   }
 
-  #seesAll() {
+  #showsAll() {
     return this.#range[0] <= this.#extent[0] && this.#range[1] >= this.#extent[1];
   }
 
@@ -234,7 +234,7 @@ export class RunChart extends HTMLElement {
     for (const panel of this.#panels) panel.draw(this.#choices);
     // The panels share the upper end, which depends on all visible curves, known only now.
     for (const panel of this.#panels) panel.rescale();
-    this.#pointAgain();
+    this.#restoreCursor();
   }
 
   /** Make a legend of what these runs contain; pressing an entry toggles it. */
@@ -265,7 +265,7 @@ export class RunChart extends HTMLElement {
     );
     const runs = several
       ? this.#charts.map(({ run }, at) =>
-          h("span.of-run", swatch("estimate", trackColour(at)), run.name),
+          h("span.run-label", swatch("estimate", trackColour(at)), run.name),
         )
       : [];
     // Marks are visible only with their curves, so they have no toggle of their own.
@@ -297,7 +297,7 @@ export class RunChart extends HTMLElement {
   }
 
   /** Move the cursor line back in place after the plots were rescaled. */
-  #pointAgain() {
+  #restoreCursor() {
     if (this.#at !== null) queueMicrotask(() => this.#point(this.#at));
   }
 
@@ -331,14 +331,14 @@ export class RunChart extends HTMLElement {
   #zoom(begin, end) {
     const [first, last] = this.#extent;
     if (begin < end) {
-      const span = Math.min(last - first, Math.max(end - begin, LEAST_SPAN_S));
+      const span = Math.min(last - first, Math.max(end - begin, MIN_SPAN_S));
       const from = Math.min(Math.max(begin, first), last - span);
       this.#range = [from, from + span];
     }
     this.#begin.value = fixed(this.#range[0], 2);
     this.#end.value = fixed(this.#range[1], 2);
     for (const panel of this.#panels) panel.rescale();
-    this.#pointAgain();
+    this.#restoreCursor();
   }
 }
 

@@ -3,7 +3,7 @@
 import { chartGroups } from "../chart/chart-files.js";
 import { button, download, field, h, select, setText } from "../elements/dom.js";
 import { ExportMenu } from "../elements/export-menu.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { ApiError, requestImage } from "../shell/api.js";
 import { showModal } from "../shell/modal.js";
@@ -76,7 +76,7 @@ export class RunExport extends Part {
   #cancel = button("Cancel", () => this.#making?.abort());
   #error = h("span.field-error", { role: "alert" });
   /** State and outcome of an export; placed by the caller where there is room. */
-  told = h("p.export-told", { hidden: true }, this.#state, this.#cancel, this.#error);
+  message = h("p.export-message", { hidden: true }, this.#state, this.#cancel, this.#error);
   /** @type {Run | null} */
   #run = null;
   /** @type {() => Offer[]} */
@@ -98,7 +98,7 @@ export class RunExport extends Part {
   show(run) {
     if (run.id !== this.#run?.id) {
       this.#making?.abort();
-      this.#tell("");
+      this.#report("");
     }
     this.#run = run;
   }
@@ -122,7 +122,7 @@ export class RunExport extends Part {
     /** @type {MenuItem[]} */
     const items = MADE.filter(({ images }) => !images || hasImages(run)).map((made) => ({
       ...made,
-      take: () => this.#makeOf(run, made.path, made.ending, made.words),
+      take: () => this.#exportFile(run, made.path, made.ending, made.words),
     }));
     items.splice(
       1,
@@ -161,7 +161,7 @@ export class RunExport extends Part {
     this.#menu.focus();
     if (answer !== "yes") return;
     const path = `export?format=${format.value}&table=${table.value}`;
-    await this.#makeOf(run, path, format.value, `Table ${table.value}`, ` ${table.value}`);
+    await this.#exportFile(run, path, format.value, `Table ${table.value}`, ` ${table.value}`);
   }
 
   /**
@@ -171,7 +171,7 @@ export class RunExport extends Part {
    * @param {string} words
    * @param {string} part added to the file's name
    */
-  #makeOf(run, path, ending, words, part = "") {
+  #exportFile(run, path, ending, words, part = "") {
     return this.#make(words, async (signal) => {
       const { blob } = await requestImage(`/runs/${encodeURIComponent(run.id)}/${path}`, signal);
       return { blob, name: fileName(run, ending, part) };
@@ -187,12 +187,12 @@ export class RunExport extends Part {
   async #make(words, make) {
     const run = this.#run;
     if (this.#making) {
-      this.told.hidden = false;
+      this.message.hidden = false;
       return setText(this.#error, "Another export is in progress. Wait for it or cancel it.");
     }
     const making = new AbortController();
     this.#making = making;
-    this.#tell(`Exporting ${words}…`, true);
+    this.#report(`Exporting ${words}…`, true);
     let end = "";
     let refused = "";
     try {
@@ -207,17 +207,17 @@ export class RunExport extends Part {
     } finally {
       this.#making = null;
       if (making.signal.aborted) end = `${words} cancelled.`;
-      passFocus(this.#cancel, this.#menu);
-      if (run === this.#run || run?.id === this.#run?.id) this.#tell(end, false, refused);
+      moveFocus(this.#cancel, this.#menu);
+      if (run === this.#run || run?.id === this.#run?.id) this.#report(end, false, refused);
     }
   }
 
   /** @param {string} words @param {boolean} [going] @param {string} [refused] */
-  #tell(words, going = false, refused = "") {
+  #report(words, going = false, refused = "") {
     setText(this.#state, words);
     setText(this.#error, refused);
     this.#cancel.hidden = !going;
-    this.told.hidden = words === "" && refused === "";
+    this.message.hidden = words === "" && refused === "";
   }
 }
 

@@ -1,14 +1,14 @@
 /** What the observer did on its way to a goal at the frame shown, and why. */
 
 import { details, h, setText } from "../elements/dom.js";
-import { GoalWhy } from "../elements/goal-why.js";
+import { GoalExplanation } from "../elements/goal-explanation.js";
 import { fixed } from "../elements/words.js";
 
 /** @import { FrameEntry } from "../contract" */
 
 export class RunGoal extends HTMLElement {
   #sentence = h("p");
-  #why = new GoalWhy();
+  #why = new GoalExplanation();
   // It scrolls, so that a chart below does not move under the pointer.
   #opens = details("Why", h("div", { tabindex: 0, role: "group", "aria-label": "Why" }, this.#why));
 
@@ -26,8 +26,8 @@ export class RunGoal extends HTMLElement {
     this.hidden = !had || !entry;
     if (!had || !entry) return;
     const { goal, plan } = entry;
-    const told = goal?.sentence ?? "no goal.";
-    setText(this.#sentence, `${fixed(plan.time, 2)} s: ${told}`);
+    const text = goal?.sentence ?? "no goal.";
+    setText(this.#sentence, `${fixed(plan.time, 2)} s: ${text}`);
     this.#why.hidden = goal?.state !== "driving";
     if (goal) this.#why.show(goal);
   }

@@ -1,7 +1,7 @@
 /** A run's name, tags and notes, by which it can be searched; saved as they change. */
 
 import { button, field, h, icon, input, onSubmit, setText } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attemptIn } from "../shell/notice.js";
@@ -15,7 +15,7 @@ export class RunLabels extends Part {
   #name = input("text", "run-label-name", { maxlength: 100 });
   #notes = h("textarea", { id: "run-label-notes", rows: 4, maxlength: 20000 });
   #list = h("ul.tag-list", { "aria-label": "Tags" });
-  #tags = new KeptList(
+  #tags = new KeyedList(
     this.#list,
     (/** @type {string} */ tag) => this.#tag(tag),
     () => this.#add,
@@ -117,7 +117,7 @@ export class RunLabels extends Part {
         this.show(kept);
         this.changed(kept);
       }
-      this.hub.tell("runs");
+      this.hub.emit("runs");
     });
     setText(this.#state, done ? "Saved." : "");
     return done;

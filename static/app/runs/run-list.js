@@ -1,13 +1,13 @@
 /** The newest runs, and a link to all of them. */
 
 import { button, downloadLink, h, iconButton, item, stateChip } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
 import { removeRun } from "./run-search.js";
-import { facts, goingRuns, runHref, size } from "./run-words.js";
+import { facts, activeRunIds, runHref, size } from "./run-words.js";
 
 /** @import { History, RingFile, Run } from "../contract" */
 
@@ -16,7 +16,7 @@ const NEWEST = 8;
 
 class RunList extends Part {
   #list = h("ul.item-list");
-  #items = new KeptList(
+  #items = new KeyedList(
     this.#list,
     (/** @type {Run} */ run) => this.#item(run),
     () => this.#history,
@@ -44,9 +44,9 @@ class RunList extends Part {
       this.#empty,
       this.#list,
     );
-    this.hear("runs reconnected", () => this.#load());
-    this.hear("status", () => {
-      const going = goingRuns(this.hub.status);
+    this.listen("runs reconnected", () => this.#load());
+    this.listen("status", () => {
+      const going = activeRunIds(this.hub.status);
       if (going === this.#going) return;
       this.#going = going;
       void this.#load();
@@ -69,7 +69,7 @@ class RunList extends Part {
       notify(
         `Saved the last ${fixed(seconds, 0)} s (${size(bytes)}). The clip is listed under All runs.`,
       );
-      this.hub.tell("saved-clips");
+      this.hub.emit("saved-clips");
     });
   }
 

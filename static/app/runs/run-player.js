@@ -20,7 +20,7 @@ const RATES = [
   ["2", "2 ×"],
   ["4", "4 ×"],
 ];
-const AT_ONCE = 3;
+const MAX_WAITING = 3;
 const NO_IMAGES = "This run has no images: the top view shows what was found.";
 
 export class RunPlayer extends Part {
@@ -109,8 +109,8 @@ export class RunPlayer extends Part {
     if (run.record === null)
       return this.#empty("This run was not recorded: it has no frames to show.");
     this.#empty("Reading the frames from the recording…", true);
-    this.#without(isPictured(run) ? "" : NO_IMAGES);
-    if (isPictured(run)) {
+    this.#showNoImages(hasFrameImages(run) ? "" : NO_IMAGES);
+    if (hasFrameImages(run)) {
       this.#images = new FrameImages(run.id, Math.max(1, run.frames));
       void this.#showFirst(this.#images);
     }
@@ -132,7 +132,7 @@ export class RunPlayer extends Part {
   async #showFirst(images) {
     const bitmap = await images.at(this.#at);
     if (images !== this.#images || this.#frames) return bitmap?.close();
-    if (!bitmap) return this.#without(images.trouble || NO_IMAGES);
+    if (!bitmap) return this.#showNoImages(images.trouble || NO_IMAGES);
     this.#picture.show(bitmap, null, { width: bitmap.width, height: bitmap.height });
   }
 
@@ -169,7 +169,7 @@ export class RunPlayer extends Part {
   }
 
   /** @param {string} words why there are no images; empty: there are */
-  #without(words) {
+  #showNoImages(words) {
     if (words) this.#images = null;
     if (words) this.#method.hidden = true;
     this.#trouble = words;
@@ -223,12 +223,12 @@ export class RunPlayer extends Part {
   async #showImage(position) {
     const images = this.#images;
     // During playback, drop images that would have to wait.
-    if (!images || (this.#playing && this.#waiting >= AT_ONCE)) return;
+    if (!images || (this.#playing && this.#waiting >= MAX_WAITING)) return;
     this.#waiting += 1;
     const bitmap = await images.at(position).finally(() => (this.#waiting -= 1));
     const wanted = position === this.#at || (this.#playing && position > this.#drawn);
     if (images !== this.#images || !this.#frames || !wanted) return bitmap?.close();
-    if (!bitmap && images.trouble) return this.#without(images.trouble);
+    if (!bitmap && images.trouble) return this.#showNoImages(images.trouble);
     this.#drawn = position;
     this.#picture.show(bitmap, this.#frames.at(position), this.#frames.size);
   }
@@ -281,7 +281,7 @@ export class RunPlayer extends Part {
 }
 
 /** Whether its frames have images: a re-run uses those of its original run. @param {Run} run */
-function isPictured({ record, rerun_of }) {
+function hasFrameImages({ record, rerun_of }) {
   return record !== null && (record !== "none" || rerun_of !== null);
 }
 

@@ -10,24 +10,24 @@ import {
   setText,
   stateChip,
 } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, sentence, when } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attempt, attemptIn, notify } from "../shell/notice.js";
-import { compareHref, facts, goingRuns, runHref, size } from "./run-words.js";
+import { compareHref, facts, activeRunIds, runHref, size } from "./run-words.js";
 
 /** @import { History, Run } from "../contract" */
 
 const PAGE = 50;
 const ASK_AFTER_MS = 200;
 // More curves than this could not be told apart.
-const MOST_COMPARED = 4;
+const MAX_COMPARED = 4;
 
 export class RunSearch extends Part {
   #words = input("search", "history-words", { placeholder: "Name, note or tag" });
   #tags = h("div.chips", { role: "group", "aria-label": "Filter by tag" });
-  #chips = new KeptList(
+  #chips = new KeyedList(
     this.#tags,
     (/** @type {[string, number]} */ tag) => this.#tag(...tag),
     () => this.#words,
@@ -37,7 +37,7 @@ export class RunSearch extends Part {
   #disk = h("p.hint");
   #compare = button("Compare", () => this.#goCompare());
   #list = h("ul.run-rows");
-  #rows = new KeptList(
+  #rows = new KeyedList(
     this.#list,
     (/** @type {Run} */ run) => this.#row(run),
     () => this.#words,
@@ -73,11 +73,11 @@ export class RunSearch extends Part {
       this.#list,
       h("div.row", this.#more),
     );
-    this.#words.addEventListener("input", () => this.#soon());
+    this.#words.addEventListener("input", () => this.#scheduleSearch());
     this.#deleted.addEventListener("change", () => void this.#load());
-    this.hear("runs reconnected", () => this.#load());
-    this.hear("status", () => {
-      const going = goingRuns(this.hub.status);
+    this.listen("runs reconnected", () => this.#load());
+    this.listen("status", () => {
+      const going = activeRunIds(this.hub.status);
       if (going === this.#going) return;
       this.#going = going;
       void this.#load();
@@ -92,7 +92,7 @@ export class RunSearch extends Part {
     if (shown) void this.#load();
   }
 
-  #soon() {
+  #scheduleSearch() {
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => {
       this.#limit = PAGE;
@@ -199,14 +199,14 @@ export class RunSearch extends Part {
           : null,
       ),
       run.deleted_at
-        ? button([icon("undo"), "Restore"], () => recover(this.hub, run), {
+        ? button([icon("undo"), "Restore"], () => restoreRun(this.hub, run), {
             "aria-label": `Restore run ${run.name}`,
-            "data-acts": true,
+            "data-changing": true,
           })
         : iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
             disabled: run.state === "running",
             title: "Delete",
-            "data-acts": true,
+            "data-changing": true,
           }),
     );
   }
@@ -220,21 +220,21 @@ export class RunSearch extends Part {
 
   #renderChosen() {
     const count = this.#chosen.size;
-    const possible = count >= 2 && count <= MOST_COMPARED;
+    const possible = count >= 2 && count <= MAX_COMPARED;
     setText(this.#compare, count > 0 ? `Compare ${counted(count, "run")}` : "Compare");
     // Not disabled: its description says what is missing.
     setAttribute(this.#compare, "aria-disabled", possible ? null : "true");
     setAttribute(
       this.#compare,
       "title",
-      possible ? [...this.#chosen.values()].join(", ") : `Select 2 to ${MOST_COMPARED} runs.`,
+      possible ? [...this.#chosen.values()].join(", ") : `Select 2 to ${MAX_COMPARED} runs.`,
     );
   }
 
   #goCompare() {
     const count = this.#chosen.size;
-    if (count < 2 || count > MOST_COMPARED)
-      return notify(`Select 2 to ${MOST_COMPARED} runs with the checkboxes beside their names.`);
+    if (count < 2 || count > MAX_COMPARED)
+      return notify(`Select 2 to ${MAX_COMPARED} runs with the checkboxes beside their names.`);
     location.hash = compareHref([...this.#chosen.keys()]);
   }
 }
@@ -251,9 +251,9 @@ export async function removeRun(hub, run) {
     return false;
   notify(`Run “${run.name}” deleted.`, "done", {
     words: "Undo",
-    act: () => void recover(hub, run),
+    act: () => void restoreRun(hub, run),
   });
-  hub.tell("runs");
+  hub.emit("runs");
   return true;
 }
 
@@ -261,12 +261,12 @@ export async function removeRun(hub, run) {
  * @param {import("../shell/hub.js").Hub} hub
  * @param {Run} run
  */
-async function recover(hub, run) {
+async function restoreRun(hub, run) {
   await attempt(async () => {
     await request("POST", `/runs/${encodeURIComponent(run.id)}/recover`);
     notify(`Run “${run.name}” restored.`);
   });
-  hub.tell("runs");
+  hub.emit("runs");
 }
 
 customElements.define("observer-run-search", RunSearch);

@@ -28,7 +28,7 @@ import { compareHref, facts, hasImages } from "./run-words.js";
 
 /** @import { Run, RunChart as Chart } from "../contract" */
 
-const AGAIN_MS = 5000;
+const RETRY_MS = 5000;
 // Frames played before the one opened in 3D.
 const LEAD = 15;
 
@@ -47,7 +47,7 @@ export class RunView extends Part {
   });
   #playHelp = h("p.hint", { id: "open-in-3d-help" });
   #back = new BackToSource();
-  #remove = button([icon("trash"), "Delete run"], () => this.#delete(), { "data-acts": true });
+  #remove = button([icon("trash"), "Delete run"], () => this.#delete(), { "data-changing": true });
   #error = h("p.field-error", { role: "alert" });
   #waiting = h("p.empty", { role: "status" });
   #player = new RunPlayer();
@@ -75,7 +75,7 @@ export class RunView extends Part {
 
   build() {
     this.#body.append(
-      this.#files.told,
+      this.#files.message,
       this.#player,
       this.#goal,
       h("div.run-head", this.#state, this.#facts, this.#original, this.#playHelp, this.#play),
@@ -102,8 +102,8 @@ export class RunView extends Part {
       if (run) void this.#load();
       else location.hash = "#history";
     };
-    this.hear("reconnected", () => this.#load());
-    this.hear("status", () => {
+    this.listen("reconnected", () => this.#load());
+    this.listen("status", () => {
       this.#renderPlay();
       const id = this.hub.status?.run?.id ?? null;
       const ended = this.#running === this.#id && id !== this.#id;
@@ -148,7 +148,7 @@ export class RunView extends Part {
       this.#chart.show([chart]);
       this.#truth.show(chart);
       if (chart.run.state === "running")
-        this.#timer = setTimeout(() => void this.#load(), AGAIN_MS);
+        this.#timer = setTimeout(() => void this.#load(), RETRY_MS);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (asked !== this.#asked) return;
@@ -201,7 +201,7 @@ export class RunView extends Part {
     setAttribute(this.#play, "aria-disabled", "true");
     const seek = this.#player.position;
     await attemptIn(this.#error, async () => {
-      this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
+      this.hub.applyStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
       // Tracks need some frames to start.
       const lead = Math.min(seek, LEAD);
       await request("POST", "/playback", { paused: true, seek: seek - lead });

@@ -56,7 +56,7 @@ export function frameAt(frames, time) {
 }
 
 /** Name the runs in progress, live and re-runs: lists change with them. @param {Status | null} status */
-export function goingRuns(status) {
+export function activeRunIds(status) {
   return [status?.run, ...(status?.reruns ?? [])].map((run) => run?.id ?? "").join(" ");
 }
 

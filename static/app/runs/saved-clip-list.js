@@ -1,11 +1,11 @@
 /** Saved clips of half a minute: played as a source, downloaded, deleted. */
 
 import { button, downloadLink, h, icon, iconButton, item } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { when } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, confirmed, notify } from "../shell/notice.js";
+import { attempt, askConfirmation, notify } from "../shell/notice.js";
 import { runHref, size } from "./run-words.js";
 
 /** @import { RingEntry } from "../contract" */
@@ -16,7 +16,7 @@ export class SavedClipList extends Part {
 
   #heading = h("h3", { tabindex: "-1" }, "Saved clips");
   #list = h("ul.item-list");
-  #items = new KeptList(
+  #items = new KeyedList(
     this.#list,
     (/** @type {RingEntry} */ clip) => this.#item(clip),
     () => this.#heading,
@@ -26,7 +26,7 @@ export class SavedClipList extends Part {
   build() {
     this.hidden = true;
     this.append(this.#heading, this.#list);
-    this.hear("saved-clips runs reconnected", () => this.#load());
+    this.listen("saved-clips runs reconnected", () => this.#load());
   }
 
   /** @param {boolean} shown */
@@ -81,7 +81,7 @@ export class SavedClipList extends Part {
   /** @param {RingEntry} clip */
   async #open(clip) {
     await attempt(async () => {
-      this.hub.takeStatus(await request("PUT", "/source", { source: clip.source }));
+      this.hub.applyStatus(await request("PUT", "/source", { source: clip.source }));
       notify(`Playing the clip that ends at ${when(clip.saved_at)}.`);
       this.left();
     });
@@ -89,7 +89,7 @@ export class SavedClipList extends Part {
 
   /** @param {RingEntry} clip */
   async #delete(clip) {
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Delete the clip that ends at ${when(clip.saved_at)}?`,
       "You cannot undo this.",
       "Delete clip",

@@ -4,7 +4,7 @@
 
 // Share of the positions that may lie outside on each side: a far outlier would shrink the rest.
 const OUTSIDE = 0.02;
-const LEAST_M = 3;
+const MIN_EXTENT_M = 3;
 const MARGIN_PX = 26;
 const GRID_PX = 34;
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50];
@@ -28,13 +28,13 @@ export function boundsOf(frames, wide, high) {
     const [low, up] = middleOf(found.map((at) => Number(at[axis])));
     const least = Math.min(low, ...extremes(own));
     const most = Math.max(up, ...extremes(own));
-    return Number.isFinite(least) ? [least, most] : [-LEAST_M / 2, LEAST_M / 2];
+    return Number.isFinite(least) ? [least, most] : [-MIN_EXTENT_M / 2, MIN_EXTENT_M / 2];
   });
   const [[back = 0, front = 0] = [], [right = 0, left = 0] = []] = spans;
   const room = (/** @type {number} */ px) => Math.max(px - 2 * MARGIN_PX, px / 2);
   const perMetre = Math.min(
-    room(high) / Math.max(front - back, LEAST_M),
-    room(wide) / Math.max(left - right, LEAST_M),
+    room(high) / Math.max(front - back, MIN_EXTENT_M),
+    room(wide) / Math.max(left - right, MIN_EXTENT_M),
   );
   return { ahead: (front + back) / 2, left: (left + right) / 2, perMetre };
 }

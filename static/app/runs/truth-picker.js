@@ -16,7 +16,7 @@ import {
 import { Part } from "../elements/part.js";
 import { counted, fixed, sentence, when } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attempt, confirmed, oneAtATime } from "../shell/notice.js";
+import { attempt, askConfirmation, exclusiveRunner } from "../shell/notice.js";
 
 /** @import { TruthEntry as TruthFile } from "../contract" */
 
@@ -47,12 +47,12 @@ export class TruthPicker extends Part {
     "aria-label": "Angle convention",
     hidden: true,
   });
-  #understood = h("div.stack.understood");
+  #reading = h("div.stack.file-summary");
   /** @type {TruthFile[]} */
   #all = [];
   /** The file whose angle convention was ambiguous. @type {File | null} */
   #unclear = null;
-  #do = oneAtATime(undefined, this.#error);
+  #do = exclusiveRunner(undefined, this.#error);
 
   build() {
     this.#choice.append(
@@ -72,8 +72,8 @@ export class TruthPicker extends Part {
       this.#angles,
       this.#sending,
     );
-    this.append(this.#choice, this.#understood, drop);
-    this.#select.addEventListener("change", () => this.#tell());
+    this.append(this.#choice, this.#reading, drop);
+    this.#select.addEventListener("change", () => this.#render());
   }
 
   /** @returns {TruthFile | null} */
@@ -106,13 +106,13 @@ export class TruthPicker extends Part {
       ],
       id,
     );
-    this.#tell();
+    this.#render();
   }
 
-  #tell() {
+  #render() {
     const { file } = this;
     this.#remove.hidden = file === null;
-    this.#understood.replaceChildren(...(file ? understood(file) : []));
+    this.#reading.replaceChildren(...(file ? readingOf(file) : []));
     this.chosen(file);
   }
 
@@ -142,14 +142,14 @@ export class TruthPicker extends Part {
     };
     await this.#do(send, this.#sending, `Reading ${file.name}…`);
     const why = this.#error.textContent;
-    if (why) setText(this.#error, naming(why, file.name));
+    if (why) setText(this.#error, withFileName(why, file.name));
   }
 
   async #delete() {
     const { file } = this;
     if (
       !file ||
-      !(await confirmed(
+      !(await askConfirmation(
         `Delete ground-truth file ${file.name}?`,
         "You cannot undo this. Runs that were aligned with it keep their results.",
         "Delete file",
@@ -166,7 +166,7 @@ export class TruthPicker extends Part {
  * @param {string} message a sentence, which may begin with the file's name
  * @param {string} name
  */
-function naming(message, name) {
+function withFileName(message, name) {
   const named = message.toLowerCase().startsWith(name.toLowerCase());
   return named ? `${name}${message.slice(name.length)}` : `${name} not imported: ${message}`;
 }
@@ -176,7 +176,7 @@ function naming(message, name) {
  *
  * @param {TruthFile} file
  */
-function understood({ format, info }) {
+function readingOf({ format, info }) {
   const { bodies, notes, rate_hz: rate, duration_s: seconds } = info;
   const facts = [
     format,

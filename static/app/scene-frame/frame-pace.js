@@ -13,19 +13,19 @@
   const SLOW_MS = 40;
   // After a slow drawing, pause for this many times its duration: page and server share the
   // processor.
-  const REST_SHARE = 5;
+  const PAUSE_RATIO = 5;
   // While the user turns the scene, smooth turning matters more than fresh data.
-  const REST_SHARE_IN_HAND = 1;
-  const IN_HAND_MS = 1000;
-  const LONGEST_REST_MS = 1000;
+  const PAUSE_RATIO_INTERACTING = 1;
+  const INTERACTING_MS = 1000;
+  const MAX_PAUSE_MS = 1000;
 
   const ask = window.requestAnimationFrame.bind(window);
   /** @type {Map<number, FrameRequestCallback>} */
   const waiting = new Map();
   let number = 0;
   let asked = false;
-  let rest_ms = 0;
-  let touched = -IN_HAND_MS;
+  let pause_ms = 0;
+  let touched = -INTERACTING_MS;
 
   for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"]) {
     const touch = (/** @type {Event} */ event) => {
@@ -38,8 +38,8 @@
   const measure = (/** @type {number} */ start) => {
     const now = performance.now();
     const took = now - start;
-    const share = now - touched < IN_HAND_MS ? REST_SHARE_IN_HAND : REST_SHARE;
-    rest_ms = took > SLOW_MS ? Math.min(share * took, LONGEST_REST_MS) : 0;
+    const ratio = now - touched < INTERACTING_MS ? PAUSE_RATIO_INTERACTING : PAUSE_RATIO;
+    pause_ms = took > SLOW_MS ? Math.min(ratio * took, MAX_PAUSE_MS) : 0;
     window.dispatchEvent(new Event("drawn"));
   };
 
@@ -63,7 +63,7 @@
     waiting.set(number, callback);
     if (!asked) {
       asked = true;
-      if (rest_ms > 0) setTimeout(() => ask(draw), rest_ms);
+      if (pause_ms > 0) setTimeout(() => ask(draw), pause_ms);
       else ask(draw);
     }
     return number;

@@ -1,7 +1,7 @@
 /** Runs in the viewer's page: shows what the outer page chooses and reports user input to it. */
 
 import { listenForClicks, onFloor } from "./floor-click.js";
-import { SceneCamera, listenForHand } from "./scene-camera.js";
+import { SceneCamera, onUserMove } from "./scene-camera.js";
 import { SceneClient } from "./scene-client.js";
 
 /** @import { Choice, FromFrame, ToFrame } from "./messages.js" */
@@ -10,7 +10,7 @@ import { SceneClient } from "./scene-client.js";
 // page has its own. viser has no setting to hide them.
 const HIDE_PANEL =
   "#root .mantine-Paper-root, .mantine-Notifications-root { display: none !important }";
-const AIM = "[data-pick] canvas { cursor: crosshair !important }";
+const PICK_CURSOR = "[data-pick] canvas { cursor: crosshair !important }";
 // The viewer's background, which follows the page's colours.
 const GROUND =
   '#root div[style*="background-color"]:has(canvas) { background-color: COLOUR !important }';
@@ -39,7 +39,7 @@ function choose(wanted) {
 function drawn() {
   const layers = choice?.facts.layers ?? [];
   const arrived = layers.some(({ node }) => client.shows(node) !== null);
-  if (arrived && ++drawings === 2) tell({ kind: "drawn" });
+  if (arrived && ++drawings === 2) post({ kind: "drawn" });
   follow();
 }
 
@@ -55,7 +55,7 @@ function follow() {
 
 /** @param {string} colour */
 function paint(colour) {
-  style.textContent = `${HIDE_PANEL} ${AIM} ${GROUND.replace("COLOUR", colour)}`;
+  style.textContent = `${HIDE_PANEL} ${PICK_CURSOR} ${GROUND.replace("COLOUR", colour)}`;
 }
 
 /** @param {string | null} node */
@@ -69,11 +69,11 @@ function clicked(x, y) {
   if (base === null) return;
   const robot = client.shows(base) ? client.frame(base) : null;
   const ray = client.ray(x, y);
-  tell({ kind: "picked", place: robot && ray && onFloor(ray, robot), known: robot !== null });
+  post({ kind: "picked", place: robot && ray && onFloor(ray, robot), known: robot !== null });
 }
 
 /** @param {FromFrame} message */
-function tell(message) {
+function post(message) {
   parent.postMessage(message, "*");
 }
 
@@ -94,9 +94,9 @@ addEventListener("message", ({ source, data }) => {
 });
 addEventListener("keydown", ({ key, code, ctrlKey, metaKey, altKey, repeat }) => {
   const meant = (code === "Space" || key === "Escape") && !ctrlKey && !metaKey && !altKey;
-  if (meant && !repeat) tell({ kind: "key", key, code });
+  if (meant && !repeat) post({ kind: "key", key, code });
 });
-listenForHand(window, () => tell({ kind: "taken" }));
+onUserMove(window, () => post({ kind: "taken" }));
 listenForClicks(window, clicked);
 addEventListener("drawn", drawn);
-tell({ kind: "ready", draws: canDraw() });
+post({ kind: "ready", draws: canDraw() });

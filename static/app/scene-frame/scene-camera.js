@@ -12,11 +12,11 @@
  */
 
 // Time constant with which the camera lags behind.
-const LAG_S = 0.35;
+const LAG_TIME_CONSTANT_S = 0.35;
 // A larger jump means another world or a restarted source.
 const JUMP_M = 2;
 // Smaller movements are invisible and not drawn.
-const SEEN_M = 0.005;
+const MIN_VISIBLE_M = 0.005;
 // The viewer's own keys for moving its camera.
 const MOVING_KEYS = /^(Key[WASDQE]|Arrow(Up|Down|Left|Right))$/;
 const DRAGGED_PX = 3;
@@ -68,7 +68,7 @@ export class SceneCamera {
     const from = above ? { ...place, heading: 0 } : place;
     const wanted = inScene(eye, from, display);
     // Compare with the actual camera, which the viewer itself may have moved, as at its start.
-    if (distance(this.#client.eye() ?? wanted, wanted) > SEEN_M)
+    if (distance(this.#client.eye() ?? wanted, wanted) > MIN_VISIBLE_M)
       this.#client.look(wanted, inScene(look_at, from, display));
   }
 }
@@ -112,7 +112,7 @@ export function inScene(point, place, display) {
  */
 export function eased(from, to, passed_s) {
   if (Math.hypot(to.ahead - from.ahead, to.left - from.left) > JUMP_M) return to;
-  const share = 1 - Math.exp(-passed_s / LAG_S);
+  const share = 1 - Math.exp(-passed_s / LAG_TIME_CONSTANT_S);
   const turn = to.heading - from.heading;
   return {
     ahead: from.ahead + share * (to.ahead - from.ahead),
@@ -127,7 +127,7 @@ export function eased(from, to, passed_s) {
  * @param {Window} inside the frame's window
  * @param {() => void} taken
  */
-export function listenForHand(inside, taken) {
+export function onUserMove(inside, taken) {
   const options = { capture: true, passive: true };
   let pressed = { x: 0, y: 0 };
   inside.addEventListener("wheel", taken, options);

@@ -15,16 +15,16 @@
   /** @type {Worker | null} */
   let link = null;
   let open = false;
-  let heard = 0;
+  let lastMessageAt = 0;
 
   const connect = () => link?.postMessage({ type: "retry" });
 
   /** @param {Worker} worker @param {{type?: string, versionMismatch?: boolean} | null} message */
-  const hear = (worker, message) => {
+  const handleMessage = (worker, message) => {
     if (message?.type === "connected" || message?.type === "message_batch") {
       link = worker;
       open = true;
-      heard = performance.now();
+      lastMessageAt = performance.now();
     } else if (message?.type === "closed") {
       link = worker;
       open = false;
@@ -38,12 +38,12 @@
     /** @param {string | URL} address @param {WorkerOptions} [options] */
     constructor(address, options) {
       super(address, options);
-      this.addEventListener("message", ({ data }) => hear(this, data));
+      this.addEventListener("message", ({ data }) => handleMessage(this, data));
     }
   };
 
   window.addEventListener("message", ({ source, data }) => {
     const back = source === parent && data?.kind === "back";
-    if (back && open && performance.now() - heard > SILENT_MS) connect();
+    if (back && open && performance.now() - lastMessageAt > SILENT_MS) connect();
   });
 }

@@ -13,7 +13,7 @@ let asked = null;
  */
 export function access() {
   asked ??= request("GET", "/session").then(
-    (told) => /** @type {SessionNow} */ (told).access,
+    (answer) => /** @type {SessionNow} */ (answer).access,
     () => "operator",
   );
   return asked;

@@ -1,7 +1,7 @@
 /** The REST interface under /api: one function to call, one error to catch. */
 
 import { sentence } from "../elements/words.js";
-import { toSignIn } from "./session.js";
+import { goToSignIn } from "./session.js";
 
 /**
  * A request was refused or did not arrive. `message` is one sentence for the user; `fields` has a
@@ -76,7 +76,7 @@ async function send(method, path, body, signal) {
     throw unreachable();
   }
   if (response.ok) return response;
-  if (response.status === 401) toSignIn();
+  if (response.status === 401) goToSignIn();
   throw refusal(response.status, await response.json().catch(() => null));
 }
 

@@ -7,7 +7,7 @@ import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { firstLine, trackColour } from "../elements/words.js";
-import { tooSlow } from "./pace-words.js";
+import { paceWarning } from "./pace-words.js";
 
 // Faster changes cannot be read; spoken words change more slowly still.
 const SHOWN_EVERY_MS = 250;
@@ -24,9 +24,9 @@ class FirstLine extends Part {
 
   build() {
     this.append(this.#text, this.#context, this.#spoken);
-    this.hear("observation", () => this.#render(false));
-    this.hear("freshness", () => this.#render(true));
-    this.hear("status", () => this.#renderContext());
+    this.listen("observation", () => this.#render(false));
+    this.listen("freshness", () => this.#render(true));
+    this.listen("status", () => this.#renderContext());
     this.#render(true);
     // While the data are stale, only their age changes.
     setInterval(() => {
@@ -75,7 +75,7 @@ class FirstLine extends Part {
           `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
           calibration && !calibrating ? `calibration ${calibration.name}` : null,
           calibrating ? null : status.has_truth ? "with ground truth" : "no ground truth",
-          tooSlow(status),
+          paceWarning(status),
           this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
           run ? `run ${run.name}` : calibrating ? "observation paused" : "preview, not recorded",
         ]

@@ -1,6 +1,6 @@
 /** One click on the floor of the 3D scene: a part requests it, the scene answers. */
 
-import { Teller } from "./teller.js";
+import { Emitter } from "./emitter.js";
 
 /**
  * @typedef {object} FloorPlace m from the robot's current pose
@@ -12,7 +12,7 @@ import { Teller } from "./teller.js";
  * Events: `change` (whether it is requested, whether it is possible, or the words changed),
  * `picked` (see `place`).
  */
-export class FloorPick extends Teller {
+export class FloorPick extends Emitter {
   #possible = false;
   /** Whether a click is being waited for. */
   asked = false;
@@ -32,7 +32,7 @@ export class FloorPick extends Teller {
     if (possible === this.#possible) return;
     this.#possible = possible;
     if (!possible) this.cancel();
-    this.tell("change");
+    this.emit("change");
   }
 
   /** Ask for the next click. @param {string} words what to click at */
@@ -55,13 +55,13 @@ export class FloorPick extends Teller {
     this.asked = false;
     this.place = place;
     this.say("");
-    this.tell("picked");
+    this.emit("picked");
   }
 
   /** @param {string} words empty clears them @param {boolean} [refused] */
   say(words, refused = false) {
     this.words = words;
     this.refused = refused;
-    this.tell("change");
+    this.emit("change");
   }
 }

@@ -3,7 +3,7 @@
 import { sentence } from "../elements/words.js";
 import { FloorPick } from "./floor-pick.js";
 import { LiveSocket } from "./live-socket.js";
-import { Teller } from "./teller.js";
+import { Emitter } from "./emitter.js";
 
 /** @import { LogEntry, ObservationMessage, RobotsMessage, SourceEntry, Status } from "../contract" */
 /** @import { Driver } from "../driving/driver.js" */
@@ -18,8 +18,8 @@ import { Teller } from "./teller.js";
 
 const STALE_AFTER_S = 1;
 // A restarted server is back sooner, unless its port or address has changed.
-const AWAY_AFTER_S = 15;
-const JUDGE_EVERY_MS = 200;
+const RESTART_HINT_AFTER_S = 15;
+const FRESHNESS_CHECK_MS = 200;
 
 /**
  * Events, all without detail (read the property of the same name):
@@ -30,7 +30,7 @@ const JUDGE_EVERY_MS = 200;
  * parts, or given way to them), `titled` (the view that replaced them has another heading),
  * `robots` (state of robots and driving), `log` (entries were added).
  */
-export class Hub extends Teller {
+export class Hub extends Emitter {
   /** @type {Status | null} */
   status = null;
   /** @type {ObservationMessage | null} */
@@ -55,7 +55,7 @@ export class Hub extends Teller {
   /** @type {number[]} */
   #unpainted = [];
   /** @type {{at: number, age_s: number | null} | null} */
-  #beat = null;
+  #heartbeat = null;
   // A message to it is handled right after the frame is painted, unlike requestAnimationFrame.
   #afterPaint = new MessageChannel();
 
@@ -68,14 +68,14 @@ export class Hub extends Teller {
     });
     this.driver = driver(this);
     this.#afterPaint.port1.onmessage = () => this.#acknowledge();
-    let judged = performance.now();
+    let checkedAt = performance.now();
     setInterval(() => {
-      const late = performance.now() - judged > 2 * JUDGE_EVERY_MS;
-      judged = performance.now();
+      const late = performance.now() - checkedAt > 2 * FRESHNESS_CHECK_MS;
+      checkedAt = performance.now();
       // If the page itself was held up, first read the messages that arrived meanwhile.
-      if (late) setTimeout(() => this.#judgeFreshness(), JUDGE_EVERY_MS / 2);
-      else this.#judgeFreshness();
-    }, JUDGE_EVERY_MS);
+      if (late) setTimeout(() => this.#updateFreshness(), FRESHNESS_CHECK_MS / 2);
+      else this.#updateFreshness();
+    }, FRESHNESS_CHECK_MS);
   }
 
   start() {
@@ -83,34 +83,34 @@ export class Hub extends Teller {
   }
 
   /** @param {Status} status from the socket or from the answer to a request that changed it */
-  takeStatus(status) {
+  applyStatus(status) {
     this.status = status;
-    this.tell("status");
-    this.#judgeFreshness();
+    this.emit("status");
+    this.#updateFreshness();
   }
 
   /** @param {any} message */
   #receive(message) {
     if (message.type === "observation") {
-      this.#beat = { at: performance.now(), age_s: message.age_ms / 1000 };
+      this.#heartbeat = { at: performance.now(), age_s: message.age_ms / 1000 };
       this.observation = message;
       this.#unpainted.push(message.sequence);
       this.#askForFrame();
     } else if (message.type === "heartbeat") {
-      this.#beat = { at: performance.now(), age_s: message.observation_age_s };
+      this.#heartbeat = { at: performance.now(), age_s: message.observation_age_s };
     } else if (message.type === "status") {
-      this.takeStatus(message);
+      this.applyStatus(message);
     } else if (message.type === "robots") {
       this.robots = message;
-      this.tell("robots");
+      this.emit("robots");
     } else if (message.type === "log") {
       this.log = message.entries;
-      this.tell("log");
+      this.emit("log");
     }
     // Only once the server sends something: one that accepts and hangs up is not back yet.
     if (this.#lost) {
       this.#lost = false;
-      this.tell("reconnected");
+      this.emit("reconnected");
     }
   }
 
@@ -119,8 +119,8 @@ export class Hub extends Teller {
     this.#frameAsked = true;
     requestAnimationFrame(() => {
       this.#frameAsked = false;
-      this.tell("observation");
-      this.#judgeFreshness();
+      this.emit("observation");
+      this.#updateFreshness();
       this.#afterPaint.port2.postMessage(null);
     });
   }
@@ -129,24 +129,29 @@ export class Hub extends Teller {
     for (const sequence of this.#unpainted.splice(0)) {
       this.socket.send({ type: "painted", sequence });
     }
-    this.tell("painted");
+    this.emit("painted");
   }
 
   /** @param {Connection} state */
   #connectionChanged(state) {
     this.connection = state;
     this.#unpainted = [];
-    this.tell("connection");
+    this.emit("connection");
     this.#lost ||= state === "closed";
-    this.#judgeFreshness();
+    this.#updateFreshness();
   }
 
-  #judgeFreshness() {
+  #updateFreshness() {
     const before = this.freshness;
-    this.freshness = judge(this.connection, this.status, this.#beat, performance.now());
+    this.freshness = assessFreshness(
+      this.connection,
+      this.status,
+      this.#heartbeat,
+      performance.now(),
+    );
     const changed =
       before.state !== this.freshness.state || before.reason !== this.freshness.reason;
-    if (changed) this.tell("freshness");
+    if (changed) this.emit("freshness");
   }
 }
 
@@ -155,18 +160,20 @@ export class Hub extends Teller {
  *
  * @param {Connection} connection
  * @param {Status | null} status
- * @param {{at: number, age_s: number | null} | null} beat the last report of the age of the newest
+ * @param {{at: number, age_s: number | null} | null} heartbeat the last report of the age of the newest
  *   observation, and when it arrived (ms of `now`'s clock)
  * @param {number} now ms
  * @returns {Freshness}
  */
-export function judge(connection, status, beat, now) {
-  const silent_s = beat ? (now - beat.at) / 1000 : 0;
-  const age_s = beat && beat.age_s !== null ? beat.age_s + silent_s : 0;
+export function assessFreshness(connection, status, heartbeat, now) {
+  const silent_s = heartbeat ? (now - heartbeat.at) / 1000 : 0;
+  const age_s = heartbeat && heartbeat.age_s !== null ? heartbeat.age_s + silent_s : 0;
   if (connection !== "open") {
     if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
     const hint =
-      silent_s > AWAY_AFTER_S ? " If it was restarted, open the link that it printed then." : "";
+      silent_s > RESTART_HINT_AFTER_S
+        ? " If it was restarted, open the link that it printed then."
+        : "";
     return { state: "stale", age_s, reason: `Connection to the server lost. Reconnecting.${hint}` };
   }
   if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
@@ -184,7 +191,7 @@ export function judge(connection, status, beat, now) {
     return { state: "none", age_s, reason: "Calibration in progress." };
   const trouble = status.live?.trouble;
   if (trouble) return { state: "stale", age_s, reason: sentence(trouble) };
-  const seen = beat !== null && beat.age_s !== null;
+  const seen = heartbeat !== null && heartbeat.age_s !== null;
   if (seen && age_s <= STALE_AFTER_S) return { state: "fresh", age_s, reason: "" };
   if (playback?.ended) return { state: "held", age_s, reason: "The source has ended." };
   if (playback?.paused)

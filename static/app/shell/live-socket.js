@@ -1,21 +1,21 @@
 /** A WebSocket that parses messages and reconnects when it is lost. */
 
-import { SESSION_OVER, leaveIfSignedOut, toSignIn } from "./session.js";
+import { SESSION_OVER, leaveIfSignedOut, goToSignIn } from "./session.js";
 
 /** @typedef {"connecting" | "open" | "closed"} Connection */
 
 const RETRY_MS = [250, 500, 1000, 2000];
 // A socket silent for this long is given up; the server sends something every 250 ms.
 const SILENT_MS = 3000;
-const LOOK_EVERY_MS = 500;
+const CHECK_EVERY_MS = 500;
 
 export class LiveSocket {
   /** @type {WebSocket | null} */
   #socket = null;
   #attempt = 0;
-  #heard = 0;
+  #lastMessageAt = 0;
   #retry = 0;
-  #looked = 0;
+  #checkedAt = 0;
 
   /**
    * @param {string} path as in "/api/live"
@@ -26,7 +26,7 @@ export class LiveSocket {
   constructor(path, handlers) {
     this.url = socketUrl(path);
     this.handlers = handlers;
-    setInterval(() => this.#giveUpOnSilence(), LOOK_EVERY_MS);
+    setInterval(() => this.#closeIfSilent(), CHECK_EVERY_MS);
     window.addEventListener("online", () => this.open());
   }
 
@@ -38,9 +38,9 @@ export class LiveSocket {
     const socket = new WebSocket(this.url);
     let opened = false;
     this.#socket = socket;
-    this.#heard = performance.now();
+    this.#lastMessageAt = performance.now();
     socket.addEventListener("message", (event) => {
-      this.#heard = performance.now();
+      this.#lastMessageAt = performance.now();
       this.#attempt = 0;
       this.handlers.message(JSON.parse(event.data));
     });
@@ -49,7 +49,7 @@ export class LiveSocket {
       if (this.#socket === socket) this.handlers.state("open");
     });
     socket.addEventListener("close", ({ code }) => {
-      if (code === SESSION_OVER) toSignIn();
+      if (code === SESSION_OVER) goToSignIn();
       // Browsers hide why a handshake was refused.
       else if (!opened) void leaveIfSignedOut();
       this.#lost(socket);
@@ -61,13 +61,13 @@ export class LiveSocket {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
   }
 
-  #giveUpOnSilence() {
+  #closeIfSilent() {
     const socket = this.#socket;
     const now = performance.now();
     // If the page itself was held up (asleep, drawing slowly), messages are still to be read.
-    if (now - this.#looked > 2 * LOOK_EVERY_MS) this.#heard = now;
-    this.#looked = now;
-    if (socket && now - this.#heard > SILENT_MS) {
+    if (now - this.#checkedAt > 2 * CHECK_EVERY_MS) this.#lastMessageAt = now;
+    this.#checkedAt = now;
+    if (socket && now - this.#lastMessageAt > SILENT_MS) {
       // A dead peer may delay the close event for long: do not wait for it.
       this.#lost(socket);
       socket.close();

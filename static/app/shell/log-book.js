@@ -4,8 +4,8 @@
 /** @typedef {Pick<LogEntry, "time" | "severity" | "text">} Line */
 
 // As many as the server keeps.
-const MOST = 500;
-const MOST_NOTICES = 100;
+const MAX_ENTRIES = 500;
+const MAX_NOTICES = 100;
 // The page shows a refusal at about the time the server logs it.
 const SAME_S = 10;
 
@@ -23,14 +23,14 @@ export class LogBook {
   /**
    * Add new entries from the server.
    *
-   * @param {readonly LogEntry[]} told oldest first
+   * @param {readonly LogEntry[]} entries oldest first
    * @returns {boolean} false if entries in between were missed: request all
    */
-  add(told) {
+  add(entries) {
     const last = this.#entries.at(-1)?.number ?? 0;
-    const fresh = told.filter(({ number }) => number > last);
+    const fresh = entries.filter(({ number }) => number > last);
     if (fresh[0] && fresh[0].number !== last + 1) return false;
-    this.#entries = [...this.#entries, ...fresh].slice(-MOST);
+    this.#entries = [...this.#entries, ...fresh].slice(-MAX_ENTRIES);
     return true;
   }
 
@@ -42,7 +42,7 @@ export class LogBook {
    * @param {number} [time] seconds since 1970
    */
   note(text, severity, time = Date.now() / 1000) {
-    this.#notices = [...this.#notices, { time, severity, text }].slice(-MOST_NOTICES);
+    this.#notices = [...this.#notices, { time, severity, text }].slice(-MAX_NOTICES);
   }
 
   /** All lines, oldest first. */

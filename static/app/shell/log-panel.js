@@ -4,7 +4,7 @@ import { button, download, h, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "./api.js";
 import { LogBook } from "./log-book.js";
-import { SHOWN, attempt } from "./notice.js";
+import { NOTICE_SHOWN, attempt } from "./notice.js";
 
 /** @import { LogPage } from "../contract" */
 /** @import { Line } from "./log-book.js" */
@@ -16,7 +16,7 @@ class Log extends Part {
   #asked = false;
   #list = h("ol.log", { tabindex: 0, "aria-label": "Log entries, newest first" });
   #empty = h("p.hint");
-  #important = h("input", { type: "checkbox", id: "log-important", "data-looks": true });
+  #important = h("input", { type: "checkbox", id: "log-important", "data-harmless": true });
 
   build() {
     const save = () => download(new Blob([this.#book.text()]), "dynamic-observer-log.txt");
@@ -31,10 +31,10 @@ class Log extends Part {
       this.#list,
     );
     this.#important.addEventListener("change", () => this.#render());
-    this.hear("log", () => this.#take());
-    this.hear("status", () => this.#askFirst());
-    this.hear("reconnected", () => this.#ask());
-    window.addEventListener(SHOWN, (event) => {
+    this.listen("log", () => this.#take());
+    this.listen("status", () => this.#askFirst());
+    this.listen("reconnected", () => this.#ask());
+    window.addEventListener(NOTICE_SHOWN, (event) => {
       if (event instanceof CustomEvent) this.#book.note(event.detail.text, event.detail.severity);
       this.#render();
     });

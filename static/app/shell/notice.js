@@ -5,7 +5,7 @@ import { ApiError } from "./api.js";
 import { showModal } from "./modal.js";
 
 /** Event of the window for every notice: its detail has `text` and `severity`. */
-export const SHOWN = "notice-shown";
+export const NOTICE_SHOWN = "notice-shown";
 
 const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 
@@ -44,7 +44,7 @@ export function notify(text, kind = "done", offer) {
   }
   host.append(notice);
   const severity = kind === "error" ? "error" : "info";
-  window.dispatchEvent(new CustomEvent(SHOWN, { detail: { text, severity } }));
+  window.dispatchEvent(new CustomEvent(NOTICE_SHOWN, { detail: { text, severity } }));
   setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
 }
 
@@ -78,13 +78,13 @@ export async function attempt(action) {
  */
 export async function attemptIn(place, action) {
   // Clear an earlier error; other words in the element stay until there are new ones.
-  if (place.getAttribute("role") === "alert") refuse(place, "");
+  if (place.getAttribute("role") === "alert") showError(place, "");
   try {
     await action();
     return true;
   } catch (error) {
     if (!(error instanceof ApiError)) throw error;
-    refuse(place, error.message);
+    showError(place, error.message);
     return false;
   }
 }
@@ -95,7 +95,7 @@ export async function attemptIn(place, action) {
  * @param {HTMLElement} place
  * @param {string} message empty clears it
  */
-export function refuse(place, message) {
+export function showError(place, message) {
   setText(place, message);
   const described = place.id && document.querySelectorAll(`[aria-describedby~="${place.id}"]`);
   for (const field of described || []) setAttribute(field, "aria-invalid", message ? "true" : null);
@@ -106,22 +106,22 @@ export function refuse(place, message) {
  *
  * @param {(busy: boolean) => void} [changed] called when an action begins and when it has ended
  * @param {HTMLElement | null} [place] shows refusals of the server; null: a notice does
- * @returns {(action: () => unknown, teller?: Element, words?: string) => Promise<boolean>} whether
- *   it was done; the teller shows the words meanwhile
+ * @returns {(action: () => unknown, indicator?: Element, words?: string) => Promise<boolean>} whether
+ *   it was done; the indicator shows the words meanwhile
  */
-export function oneAtATime(changed = () => {}, place = null) {
+export function exclusiveRunner(changed = () => {}, place = null) {
   let busy = false;
-  return async (action, teller, words = "") => {
+  return async (action, indicator, words = "") => {
     if (busy) return false;
     busy = true;
-    const before = teller?.textContent ?? "";
-    if (teller) setText(teller, words);
+    const before = indicator?.textContent ?? "";
+    if (indicator) setText(indicator, words);
     changed(busy);
     try {
       return await (place ? attemptIn(place, action) : attempt(action));
     } finally {
       busy = false;
-      if (teller) setText(teller, before);
+      if (indicator) setText(indicator, before);
       changed(busy);
     }
   };
@@ -135,7 +135,7 @@ export function oneAtATime(changed = () => {}, place = null) {
  * @param {string} action label of the button
  * @returns {Promise<boolean>}
  */
-export async function confirmed(question, consequence, action) {
+export async function askConfirmation(question, consequence, action) {
   const answer = await showModal(
     "question",
     question,
@@ -154,7 +154,7 @@ export async function confirmed(question, consequence, action) {
  * @param {string} first initial value
  * @returns {Promise<string | null>} null if cancelled
  */
-export async function answered(question, label, first) {
+export async function promptText(question, label, first) {
   const line = input("text", "answer", { maxlength: 100, required: true, value: first });
   const closed = showModal(
     "question",

@@ -1,14 +1,14 @@
 /** The valid read-only links, in the share dialog: how many watch, and revoking. */
 
 import { button, h, item, setText } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { when } from "../elements/words.js";
 import { request } from "./api.js";
-import { attemptIn, confirmed } from "./notice.js";
+import { attemptIn, askConfirmation } from "./notice.js";
 
 /** @import { ReadOnlyLinkNow } from "../contract" */
 
-const AGAIN_MS = 2000;
+const REFRESH_MS = 2000;
 
 export class RevokeList {
   /** Called when the link to share may have changed. @type {() => Promise<void>} */
@@ -18,26 +18,26 @@ export class RevokeList {
     title: "Links made before remain valid",
   });
   #list = h("ul.item-list");
-  #items = new KeptList(
+  #items = new KeyedList(
     this.#list,
     (/** @type {ReadOnlyLinkNow} */ link) => this.#item(link),
     () => this.#make,
   );
   #error = h("p.field-error", { role: "alert" });
-  #told = h("span.visually-hidden", { role: "status" });
+  #status = h("span.visually-hidden", { role: "status" });
   element = h(
     "section.share-links",
     { "aria-label": "Read-only links" },
     h("div.pane-head.row", h("h3", "Read-only links"), this.#make),
     this.#list,
     this.#error,
-    this.#told,
+    this.#status,
   );
   #timer = 0;
 
   async begin() {
     await this.#load();
-    this.#timer = setInterval(() => void this.#load().catch(() => {}), AGAIN_MS);
+    this.#timer = setInterval(() => void this.#load().catch(() => {}), REFRESH_MS);
   }
 
   end() {
@@ -63,18 +63,18 @@ export class RevokeList {
   /** @param {ReadOnlyLinkNow} link */
   async #revoke({ id, made_at, watching }) {
     const them = watching === 1 ? "1 browser is" : `${watching} browsers are`;
-    const sure = await confirmed(
+    const sure = await askConfirmation(
       `Revoke the link made ${when(made_at)}?`,
       `Nobody can open it any more${watching > 0 ? `, and ${them} signed out at once` : ""}. You cannot undo this.`,
       "Revoke link",
     );
     if (sure && (await this.#act(() => request("DELETE", `/links/read-only/${id}`))))
-      setText(this.#told, "Link revoked.");
+      setText(this.#status, "Link revoked.");
   }
 
   /** @param {() => Promise<unknown>} act */
   #act(act) {
-    setText(this.#told, "");
+    setText(this.#status, "");
     return attemptIn(this.#error, async () => {
       await act();
       await Promise.all([this.#load(), this.changed()]);

@@ -6,7 +6,7 @@ export const SESSION_OVER = 4401;
 let leaving = false;
 
 /** Leave for the sign-in page: nothing works here any more. */
-export function toSignIn() {
+export function goToSignIn() {
   // Every socket and request gets here; further calls would restart the navigation.
   if (leaving) return;
   leaving = true;
@@ -18,7 +18,7 @@ export async function leaveIfSignedOut() {
   try {
     // A signed-in browser is redirected from there.
     const answer = await fetch("/sign-in", { redirect: "manual", cache: "no-store" });
-    if (answer.ok) toSignIn();
+    if (answer.ok) goToSignIn();
   } catch {
     // The server is away, which says nothing about the session.
   }

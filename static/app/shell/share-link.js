@@ -39,7 +39,9 @@ class Share extends HTMLElement {
     const ask = () =>
       Promise.all(
         offered.map(({ value }) =>
-          request("GET", `/links?access=${value}`).then((told) => /** @type {ShareLinks} */ (told)),
+          request("GET", `/links?access=${value}`).then(
+            (answer) => /** @type {ShareLinks} */ (answer),
+          ),
         ),
       );
     const revoking = mayRevoke ? new RevokeList() : null;

@@ -50,12 +50,12 @@ class SideTabs extends HTMLElement {
       if (selected) panel?.dispatchEvent(new Event("shown"));
     }
     document.body.dataset.pane = chosen.id.replace("tab-", "");
-    this.#tellMain();
+    this.#reportToMain();
     if (chosen.id !== VIEW) localStorage.setItem(KEY, chosen.id);
   }
 
   /** Give the panel the main role while the page's main part is hidden. */
-  #tellMain() {
+  #reportToMain() {
     const beside = document.querySelector("main")?.checkVisibility();
     this.closest("#panel")?.setAttribute("role", beside ? "complementary" : "main");
   }

@@ -4,7 +4,7 @@ import { button, h, icon } from "../elements/dom.js";
 import { request } from "./api.js";
 import { showModal } from "./modal.js";
 import { attempt } from "./notice.js";
-import { toSignIn } from "./session.js";
+import { goToSignIn } from "./session.js";
 
 /** The resource to delete. @type {Record<string, string>} */
 const ENDS = { here: "/session", everywhere: "/sessions" };
@@ -30,11 +30,11 @@ class SignOut extends HTMLElement {
         ),
       ],
       h("button.button", { value: "" }, "Cancel"),
-      h("button.button", { value: "everywhere", "data-acts": true }, "Sign out everywhere"),
+      h("button.button", { value: "everywhere", "data-changing": true }, "Sign out everywhere"),
       h("button.button.primary", { value: "here" }, "Sign out"),
     );
     const ended = ENDS[answer];
-    if (ended && (await attempt(() => request("DELETE", ended)))) toSignIn();
+    if (ended && (await attempt(() => request("DELETE", ended)))) goToSignIn();
   }
 }
 

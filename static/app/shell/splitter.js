@@ -8,8 +8,8 @@ declareKeys("Bar between panes", ["↑ ← ↓ →", "Resize the pane"], ["Enter
 const KEY = "dynamic-observer.pane.";
 const STEP_PX = 24;
 // The smallest useful pane, and the largest share of the window it may take.
-const LEAST_PX = 160;
-const MOST = 0.7;
+const MIN_PX = 160;
+const MAX_SHARE = 0.7;
 
 /**
  * Sets the size of the pane after it (to its right, or below), named by `pane`, as the custom
@@ -36,9 +36,9 @@ class Splitter extends HTMLElement {
     document.addEventListener("pane-wanted", (event) => {
       if (event instanceof CustomEvent && event.detail === this.#pane) this.#close(false);
     });
-    const { size = null, closed = false } = remembered(this.#pane);
+    const { size = null, closed = false } = loadStored(this.#pane);
     if (typeof size === "number") this.#resize(size, false);
-    else requestAnimationFrame(() => this.#tell(this.#size()));
+    else requestAnimationFrame(() => this.#describe(this.#size()));
     this.#close(Boolean(closed), false);
   }
 
@@ -79,7 +79,7 @@ class Splitter extends HTMLElement {
   }
 
   /** Tell screen readers the size in per cent of the window. @param {number} size */
-  #tell(size) {
+  #describe(size) {
     const share = (100 * size) / (this.#upright ? innerWidth : innerHeight);
     setAttribute(this.#bar, "aria-valuenow", String(Math.round(share)));
   }
@@ -91,10 +91,10 @@ class Splitter extends HTMLElement {
 
   /** @param {number} size CSS pixels @param {boolean} [keep] */
   #resize(size, keep = true) {
-    const most = MOST * (this.#upright ? innerWidth : innerHeight);
-    const taken = Math.round(Math.min(Math.max(size, LEAST_PX), Math.max(most, LEAST_PX)));
+    const most = MAX_SHARE * (this.#upright ? innerWidth : innerHeight);
+    const taken = Math.round(Math.min(Math.max(size, MIN_PX), Math.max(most, MIN_PX)));
     document.documentElement.style.setProperty(`--pane-size-${this.#pane}`, `${taken}px`);
-    this.#tell(taken);
+    this.#describe(taken);
     if (keep) this.#remember({ size: taken });
   }
 
@@ -111,7 +111,7 @@ class Splitter extends HTMLElement {
 
   /** @param {{size?: number, closed?: boolean}} changed */
   #remember(changed) {
-    const value = JSON.stringify({ ...remembered(this.#pane), ...changed });
+    const value = JSON.stringify({ ...loadStored(this.#pane), ...changed });
     localStorage.setItem(KEY + this.#pane, value);
   }
 }
@@ -126,7 +126,7 @@ export function openPane(pane) {
 }
 
 /** @param {string} pane @returns {{size?: unknown, closed?: unknown}} */
-function remembered(pane) {
+function loadStored(pane) {
   try {
     const value = JSON.parse(localStorage.getItem(KEY + pane) ?? "{}");
     return value && typeof value === "object" ? value : {};

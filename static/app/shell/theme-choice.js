@@ -13,7 +13,7 @@ const CHOICES = [
 class ThemeChoice extends HTMLElement {
   connectedCallback() {
     if (this.childElementCount) return;
-    const chosen = remembered();
+    const chosen = loadStored();
     apply(chosen);
     this.append(
       h(
@@ -35,7 +35,7 @@ class ThemeChoice extends HTMLElement {
   }
 }
 
-function remembered() {
+function loadStored() {
   const value = localStorage.getItem(KEY);
   return value === "light" || value === "dark" ? value : "auto";
 }

@@ -1,7 +1,7 @@
 /** An optional tour of the page: one card that moves from part to part. */
 
 import { button, h, setText } from "../elements/dom.js";
-import { giveBackFocus } from "../elements/focus-place.js";
+import { restoreFocus } from "../elements/focus.js";
 
 const KEY = "dynamic-observer.tour";
 const WANTED = "tour-wanted";
@@ -101,7 +101,7 @@ class Tour extends HTMLElement {
   #end() {
     this.#mark(null);
     this.#card.hidePopover();
-    giveBackFocus(this.#caller);
+    restoreFocus(this.#caller);
   }
 
   /** @param {number} at */

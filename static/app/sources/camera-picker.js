@@ -13,9 +13,9 @@ import {
 } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
-import { refuse } from "../shell/notice.js";
-import { cameraSpec, modesOf, nameOf, usualMode } from "./choices.js";
-import { Newest } from "../elements/newest.js";
+import { showError } from "../shell/notice.js";
+import { cameraSpec, modesOf, nameOf, defaultMode } from "./choices.js";
+import { LatestRequest } from "../elements/latest-request.js";
 
 /** @import { Devices, VideoDevice } from "../contract" */
 
@@ -56,9 +56,9 @@ export class CameraPicker extends Part {
   #use = h("button.button.primary", { type: "submit" }, "Open these cameras");
   #more = details("Left and right, image size, exposure", this.#form);
   #troubles = h("ul.plain-list.warnings");
-  #unheard = h("p.field-error", { role: "alert" });
+  #listError = h("p.field-error", { role: "alert" });
   #error = h("p.field-error", { role: "alert", id: "camera-error" });
-  #newest = new Newest();
+  #latestDevices = new LatestRequest();
   /** @type {VideoDevice[]} */
   #cameras = [];
   /** Whether there were cameras to choose from at the last look. */
@@ -87,24 +87,24 @@ export class CameraPicker extends Part {
       this.#error,
       h("div.row", this.#use),
     );
-    this.append(this.#unheard, this.#words, this.#troubles, this.#more);
+    this.append(this.#listError, this.#words, this.#troubles, this.#more);
     this.#left.addEventListener("change", () => this.#renderModes(null));
     onSubmit(this.#form, () => this.chosen(this.#spec(), this.#use, this.#error));
-    this.hear("reconnected", () => this.look());
+    this.listen("reconnected", () => this.look());
     void this.look();
   }
 
   /** Look for cameras; only the answer to the newest look counts. */
   async look() {
-    refuse(this.#unheard, "");
+    showError(this.#listError, "");
     try {
       /** @type {Devices | undefined} */
-      const devices = await this.#newest.answer(() => request("GET", "/devices"));
+      const devices = await this.#latestDevices.run(() => request("GET", "/devices"));
       if (devices) this.#show(devices);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       // Cameras found before may still be connected.
-      refuse(this.#unheard, error.message);
+      showError(this.#listError, error.message);
       if (!this.#known) setText(this.#words, "");
     }
   }
@@ -140,7 +140,7 @@ export class CameraPicker extends Part {
   /** @param {string | null} chosen */
   #renderModes(chosen) {
     const camera = this.#cameras.find((each) => nameOf(each) === this.#left.value);
-    offer(this.#mode, [["", "Unchanged"], ...modesOf(camera)], chosen, usualMode(camera));
+    offer(this.#mode, [["", "Unchanged"], ...modesOf(camera)], chosen, defaultMode(camera));
   }
 
   #spec() {

@@ -55,7 +55,7 @@ export function choicesOfCameras([left, right]) {
   const paths = `${left.path} and ${right.path}`;
   return [
     {
-      spec: cameraSpec(nameOf(left), nameOf(right), usualMode(left)),
+      spec: cameraSpec(nameOf(left), nameOf(right), defaultMode(left)),
       title: [...new Set([left.card ?? "Camera", right.card ?? "Camera"])].join(" and "),
       line: `Two cameras: ${paths}`,
       help: `Opens ${left.path} as the left and ${right.path} as the right camera.`,
@@ -128,8 +128,8 @@ export function suggestions(choices, typed, most) {
 function score({ title, spec, help }, words) {
   const named = `${title} ${spec}`.toLowerCase();
   if (words.every((word) => named.includes(word))) return 0;
-  const told = `${named} ${help}`.toLowerCase();
-  return words.every((word) => told.includes(word)) ? 1 : Infinity;
+  const text = `${named} ${help}`.toLowerCase();
+  return words.every((word) => text.includes(word)) ? 1 : Infinity;
 }
 
 /**
@@ -189,7 +189,7 @@ export function modesOf(camera) {
  * @param {VideoDevice | undefined} camera
  * @returns {string} its query, empty if the camera has no such mode
  */
-export function usualMode(camera) {
+export function defaultMode(camera) {
   return modesOf(camera).find(([, words]) => words.startsWith("640 × 480, MJPG"))?.[0] ?? "";
 }
 

@@ -10,11 +10,11 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, half95, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attemptIn, notify, oneAtATime, refuse } from "../shell/notice.js";
+import { attemptIn, notify, exclusiveRunner, showError } from "../shell/notice.js";
 
 /** @import { LiveTruthChoice, LiveTruthStatus } from "../contract" */
 
@@ -40,7 +40,7 @@ class LiveTruthForm extends Part {
   #clock = h("p.hint.figure");
   #observer = h("select", { id: "live-truth-observer" });
   #list = h("ul.live-bodies");
-  #bodies = new KeptList(
+  #bodies = new KeyedList(
     this.#list,
     (/** @type {string} */ name) => this.#body(name),
     () => this.#observer,
@@ -51,7 +51,7 @@ class LiveTruthForm extends Part {
   #heard = h("div.stack", { hidden: true });
   #names = "";
   #followed = "";
-  #do = oneAtATime(() => this.#render());
+  #do = exclusiveRunner(() => this.#render());
 
   build() {
     const form = h(
@@ -77,7 +77,7 @@ class LiveTruthForm extends Part {
     this.append(h("h3", "Live motion capture"), form, this.#heard);
     onSubmit(form, () => this.#begin());
     this.#observer.addEventListener("change", () => void this.#choose());
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
     this.#render();
   }
 
@@ -139,7 +139,8 @@ class LiveTruthForm extends Part {
 
   async #begin() {
     const spec = this.#spec.value.trim();
-    if (!spec) return refuse(this.#error, "Enter a stream address, for example vrpn:192.168.0.5.");
+    if (!spec)
+      return showError(this.#error, "Enter a stream address, for example vrpn:192.168.0.5.");
     const order = { spec, observer: null, ignore: [] };
     await this.#put(order, this.#error, this.#listen, "Connecting…");
   }
@@ -181,7 +182,7 @@ class LiveTruthForm extends Part {
           /** @type {LiveTruthStatus | null} */
           const truth = await request("PUT", "/truth/live", order);
           this.#followed = truth?.spec ?? "";
-          if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, truth });
+          if (this.hub.status) this.hub.applyStatus({ ...this.hub.status, truth });
         });
       },
       button,

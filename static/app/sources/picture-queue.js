@@ -1,7 +1,7 @@
 /** Fetches pictures a few at a time, so that nothing else on the page has to wait for them. */
 
 // A browser has six connections per server, and rendering a picture may take seconds.
-const AT_ONCE = 2;
+const MAX_CONCURRENT = 2;
 
 export class PictureQueue {
   /** @type {{image: HTMLImageElement, address: string}[]} */
@@ -27,7 +27,7 @@ export class PictureQueue {
 
   #next() {
     this.#waiting = this.#waiting.filter(({ image }) => image.isConnected);
-    while (this.#going < AT_ONCE) {
+    while (this.#going < MAX_CONCURRENT) {
       const at = this.#waiting.findIndex(({ image }) => image.checkVisibility());
       const [next] = at < 0 ? [] : this.#waiting.splice(at, 1);
       if (!next) return;

@@ -75,8 +75,8 @@ class PlaybackBar extends Part {
     this.#scrub.error = this.#error;
     this.#scrub.attach(this.hub);
     this.append(this.#error, this.#controls, this.#live);
-    this.hear("status", () => this.#render());
-    this.hear("observation", () => this.#renderPosition());
+    this.listen("status", () => this.#render());
+    this.listen("observation", () => this.#renderPosition());
     this.#render();
   }
 
@@ -142,7 +142,7 @@ class PlaybackBar extends Part {
     const done = await attemptIn(this.#error, async () => {
       /** @type {PlaybackStatus} */
       const playback = await request("POST", "/playback", change);
-      if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, playback });
+      if (this.hub.status) this.hub.applyStatus({ ...this.hub.status, playback });
     });
     if (done) return;
     this.#holdRateUntil = 0;

@@ -23,7 +23,7 @@ export class ScrubBar extends Part {
   build() {
     this.append(this.#slider);
     this.#slider.addEventListener("input", () => this.#move(this.#slider.valueAsNumber));
-    this.hear("status observation", () => this.#render());
+    this.listen("status observation", () => this.#render());
     this.#render();
   }
 
@@ -35,14 +35,14 @@ export class ScrubBar extends Part {
     setAttribute(this.#slider, "max", String(count - 1));
     const held = this.#busy || performance.now() < this.#holdUntil;
     if (!held) this.#slider.value = String(playback.frame ?? 0);
-    this.#tell(count, source?.frame_rate ?? 0);
+    this.#describe(count, source?.frame_rate ?? 0);
   }
 
   /**
    * @param {number} count
    * @param {number} rate frames per second
    */
-  #tell(count, rate) {
+  #describe(count, rate) {
     const frame = this.#slider.valueAsNumber;
     const second = rate > 0 ? `, ${(frame / rate).toFixed(1)} s` : "";
     setAttribute(this.#slider, "aria-valuetext", `frame ${frame} of ${count}${second}`);
@@ -68,7 +68,7 @@ export class ScrubBar extends Part {
         /** @type {PlaybackStatus} */
         const playback = await request("POST", "/playback", { seek });
         this.#holdUntil = performance.now() + HOLD_MS;
-        if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, playback });
+        if (this.hub.status) this.hub.applyStatus({ ...this.hub.status, playback });
       }
     }).finally(() => (this.#busy = false));
     if (!gone) {

@@ -1,7 +1,7 @@
 /** Sources of one kind as tiles: the first few, or all on demand. */
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import { KeyedList } from "../elements/focus.js";
 import { firstFew } from "./choices.js";
 
 /** @import { SourceEntry } from "../contract" */
@@ -9,7 +9,7 @@ import { firstFew } from "./choices.js";
 /** @import { PictureQueue } from "./picture-queue.js" */
 
 /** Drawn while there is no picture. @type {Record<SourceEntry["group"], string>} */
-const SIGNS = {
+const PLACEHOLDER_ICONS = {
   simulated:
     "M8 1.2 14.2 4.6v6.8L8 14.8l-6.2-3.4V4.6zm0 1.7L4.6 4.8 8 6.7l3.4-1.9zM3.3 6v4.5l4 2.2V8.2zm9.4 0-4 2.2v4.5l4-2.2z",
   cameras:
@@ -31,7 +31,7 @@ export class SourceGroup {
   #current = "";
   #shown = "";
   #all = false;
-  #more = button("", () => this.#toggle(), { class: "quiet", hidden: true, "data-looks": true });
+  #more = button("", () => this.#toggle(), { class: "quiet", hidden: true, "data-harmless": true });
 
   /**
    * @param {SourceEntry["group"]} group
@@ -53,7 +53,7 @@ export class SourceGroup {
       "aria-labelledby": `${id}-title`,
       "data-few": few,
     });
-    this.#items = new KeptList(
+    this.#items = new KeyedList(
       this.#list,
       (/** @type {Choice} */ choice) => this.#tile(choice),
       () => this.#more,
@@ -77,8 +77,8 @@ export class SourceGroup {
     const shown = JSON.stringify([this.#all, choices, few]);
     if (shown === this.#shown) return;
     this.#shown = shown;
-    const told = [...this.#list.children].filter((child) => !child.matches(".source"));
-    const beside = told[0]?.previousElementSibling?.getAttribute("data-spec");
+    const inserted = [...this.#list.children].filter((child) => !child.matches(".source"));
+    const beside = inserted[0]?.previousElementSibling?.getAttribute("data-spec");
     // Until all are requested, create only the first few tiles and fetch only their pictures.
     this.#items.show(
       this.#all ? choices : few,
@@ -87,7 +87,7 @@ export class SourceGroup {
     );
     // Messages about a tile stay next to it.
     const tile = [...this.#list.children].find((each) => each.getAttribute("data-spec") === beside);
-    if (tile) tile.after(...told);
+    if (tile) tile.after(...inserted);
     this.#more.hidden = choices.length <= this.#few;
     setText(this.#more, this.#all ? "Show fewer" : `Show all ${choices.length}`);
     setAttribute(this.#more, "aria-expanded", String(this.#all));
@@ -106,7 +106,7 @@ export class SourceGroup {
       svg(
         "svg",
         { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" },
-        svg("path", { d: SIGNS[this.#group] }),
+        svg("path", { d: PLACEHOLDER_ICONS[this.#group] }),
       ),
     );
     if (picture) {

@@ -13,7 +13,7 @@ import {
 import { declareKeys } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { attemptIn, notify, refuse } from "../shell/notice.js";
+import { attemptIn, notify, showError } from "../shell/notice.js";
 import { CameraPicker } from "./camera-picker.js";
 import {
   boardOf,
@@ -26,7 +26,7 @@ import {
   suggestions,
 } from "./choices.js";
 import { Combobox } from "./combobox.js";
-import { Newest } from "../elements/newest.js";
+import { LatestRequest } from "../elements/latest-request.js";
 import { PictureQueue } from "./picture-queue.js";
 import { SourceGroup } from "./source-group.js";
 
@@ -37,7 +37,7 @@ import { SourceGroup } from "./source-group.js";
 /**
  * @typedef {object} Pressed the control pressed to open a source
  * @property {HTMLElement} button
- * @property {Element} teller shows that it is being opened
+ * @property {Element} indicator shows that it is being opened
  * @property {HTMLElement} error shows why it was not
  */
 
@@ -48,8 +48,8 @@ declareKeys(
   ["Esc", "Close the suggestions"],
 );
 
-const MOST_OF_EACH = 6;
-const MOST_RUNS = 50;
+const MAX_PER_GROUP = 6;
+const MAX_RUNS = 50;
 // Query the server only once typing pauses.
 const SEARCH_AFTER_MS = 200;
 
@@ -72,7 +72,7 @@ class SourcePicker extends Part {
   /** Moves to the tile pressed. */
   #tileError = h("p.field-error.source-error", { role: "alert" });
   /** Moves below the error that it remedies. */
-  #calibrate = button("Calibrate these cameras", () => this.#toWizard(this.#uncalibrated), {
+  #calibrate = button("Calibrate these cameras", () => this.#openWizard(this.#uncalibrated), {
     hidden: true,
   });
   #groups = this.#makeGroups();
@@ -82,9 +82,9 @@ class SourcePicker extends Part {
   #foundRuns = [];
   /** @type {Choice[]} */
   #foundCameras = [];
-  #newest = new Newest();
-  #newestRuns = new Newest();
-  #search = new Newest();
+  #latestSources = new LatestRequest();
+  #latestRuns = new LatestRequest();
+  #search = new LatestRequest();
   #searchTimer = 0;
   #uncalibrated = "";
   #busy = false;
@@ -112,7 +112,7 @@ class SourcePicker extends Part {
     this.#suggested.asked = () => this.#suggest();
     this.#suggested.taken = (choice) => this.#take(choice);
     this.#cameras.chosen = (spec, pressed, error) =>
-      void this.#openSource(spec, { button: pressed, teller: pressed, error });
+      void this.#openSource(spec, { button: pressed, indicator: pressed, error });
     this.#cameras.found = (cameras) => {
       this.#foundCameras = choicesOfCameras(cameras);
       this.#show();
@@ -121,10 +121,10 @@ class SourcePicker extends Part {
     for (const group of Object.values(this.#groups)) this.append(group.element);
     this.#groups.cameras.element.append(this.#cameras);
     this.#cameras.attach(this.hub);
-    this.hear("status", () => this.#render());
-    this.hear("calibrations", () => this.#loadCalibrations());
-    this.hear("runs reconnected", () => this.#loadRuns());
-    this.hear("reconnected", () => this.#load());
+    this.listen("status", () => this.#render());
+    this.listen("calibrations", () => this.#loadCalibrations());
+    this.listen("runs reconnected", () => this.#loadRuns());
+    this.listen("reconnected", () => this.#load());
     this.whenShown(() => this.#pictures.go());
     void this.#load();
     void this.#loadRuns();
@@ -141,7 +141,7 @@ class SourcePicker extends Part {
       new SourceGroup(name, title, few, this.#pictures, (...it) => this.#pressed(...it), ...tools);
     const find = button("Find cameras", () => this.#cameras.look(), {
       class: "quiet",
-      "data-looks": true,
+      "data-harmless": true,
     });
     return {
       simulated: group("simulated", "Simulated", 4),
@@ -153,18 +153,20 @@ class SourcePicker extends Part {
 
   async #load() {
     /** @type {SourceEntry[] | null | undefined} */
-    const entries = await this.#newest.answer(() => request("GET", "/sources")).catch(() => null);
+    const entries = await this.#latestSources
+      .run(() => request("GET", "/sources"))
+      .catch(() => null);
     // Keep the previous sources if the server does not answer.
     if (!entries) return;
     this.hub.sources = entries;
-    this.hub.tell("sources");
+    this.hub.emit("sources");
     this.#show();
   }
 
   async #loadRuns() {
     /** @type {History | null | undefined} */
-    const history = await this.#newestRuns
-      .answer(() => request("GET", `/history?limit=${MOST_RUNS}`))
+    const history = await this.#latestRuns
+      .run(() => request("GET", `/history?limit=${MAX_RUNS}`))
       .catch(() => null);
     if (!history) return;
     this.#runs = choicesOfRuns(history.runs);
@@ -251,15 +253,15 @@ class SourcePicker extends Part {
   #showSuggestions() {
     const listed = this.hub.sources.map(choiceOfEntry);
     const all = merged([...this.#foundCameras, ...listed, ...this.#foundRuns, ...this.#runs]);
-    this.#suggested.show(suggestions(all, this.#words, MOST_OF_EACH), ({ spec }) => spec);
+    this.#suggested.show(suggestions(all, this.#words, MAX_PER_GROUP), ({ spec }) => spec);
   }
 
   /** Find runs among all stored ones by their names. @param {string} words */
   async #searchRuns(words) {
-    const query = new URLSearchParams({ text: words.slice(0, 200), limit: String(MOST_OF_EACH) });
+    const query = new URLSearchParams({ text: words.slice(0, 200), limit: String(MAX_PER_GROUP) });
     /** @type {History | null | undefined} */
     const found = await this.#search
-      .answer(() => request("GET", `/history?${query}`))
+      .run(() => request("GET", `/history?${query}`))
       .catch(() => null);
     if (!found || this.#words !== words) return;
     this.#foundRuns = choicesOfRuns(found.runs);
@@ -269,13 +271,13 @@ class SourcePicker extends Part {
   #submit() {
     const spec = this.#spec.value.trim();
     this.#suggested.close();
-    if (!spec) return refuse(this.#error, "Enter a source, for example simulated:lab.");
+    if (!spec) return showError(this.#error, "Enter a source, for example simulated:lab.");
     return this.#openSource(spec, this.#field);
   }
 
   /** @returns {Pressed} */
   get #field() {
-    return { button: this.#open, teller: this.#open, error: this.#error };
+    return { button: this.#open, indicator: this.#open, error: this.#error };
   }
 
   /** @param {Choice} choice that was suggested */
@@ -296,8 +298,8 @@ class SourcePicker extends Part {
     }
     setText(this.#tileError, "");
     tile.after(this.#tileError);
-    const teller = tile.querySelector(".source-line") ?? tile;
-    void this.#openSource(spec, { button: tile, teller, error: this.#tileError });
+    const indicator = tile.querySelector(".source-line") ?? tile;
+    void this.#openSource(spec, { button: tile, indicator, error: this.#tileError });
   }
 
   /**
@@ -310,17 +312,17 @@ class SourcePicker extends Part {
   async #openSource(spec, pressed) {
     if (this.#busy) return;
     this.#calibrate.hidden = true;
-    for (const error of [this.#error, this.#tileError]) refuse(error, "");
+    for (const error of [this.#error, this.#tileError]) showError(error, "");
     const calibration = this.#calibration.value || null;
-    if (!calibration && boardOf(this.hub.sources, spec)) return this.#toWizard(spec);
-    const before = pressed.teller.textContent ?? "";
+    if (!calibration && boardOf(this.hub.sources, spec)) return this.#openWizard(spec);
+    const before = pressed.indicator.textContent ?? "";
     this.#setBusy(pressed, true, "Opening…");
     const opened = await attemptIn(pressed.error, async () => {
       /** @type {Status} */
       const status = await request("PUT", "/source", { source: spec, calibration });
       this.#followed = shortSpec(status.source?.spec ?? spec);
       this.#spec.value = this.#followed;
-      this.hub.takeStatus(status);
+      this.hub.applyStatus(status);
       notify(`${status.source?.name ?? spec} is open.`);
     }).finally(() => this.#setBusy(pressed, false, before));
     if (opened) return this.#load();
@@ -331,25 +333,25 @@ class SourcePicker extends Part {
   }
 
   /** @param {Pressed} pressed @param {boolean} busy @param {string} words */
-  #setBusy({ button, teller }, busy, words) {
+  #setBusy({ button, indicator }, busy, words) {
     this.#busy = busy;
     setAttribute(button, "aria-busy", busy ? "true" : null);
-    setText(teller, words);
+    setText(indicator, words);
     this.#render();
   }
 
   /** @param {string} spec */
-  #toWizard(spec) {
+  #openWizard(spec) {
     this.hub.uncalibrated = spec;
-    this.hub.tell("calibrate");
+    this.hub.emit("calibrate");
   }
 }
 
 /** @param {Choice} choice */
 function drawn({ title, spec, recent }) {
-  const told = [h("b", title), h("code", spec)];
-  if (recent !== null) told.push(h("span", "Recent"));
-  return told;
+  const content = [h("b", title), h("code", spec)];
+  if (recent !== null) content.push(h("span", "Recent"));
+  return content;
 }
 
 customElements.define("observer-source-picker", SourcePicker);

@@ -41,17 +41,17 @@ test("what must be done first is told, the most urgent alone", () => {
 });
 
 test("a place that was typed is read, or refused in a sentence", () => {
-  assert.deepEqual(words.goalOf("2.5", "-0.5"), { ahead: 2.5, left: -0.5 });
-  assert.deepEqual(words.goalOf("0", "0"), { ahead: 0, left: 0 });
+  assert.deepEqual(words.parseGoal("2.5", "-0.5"), { ahead: 2.5, left: -0.5 });
+  assert.deepEqual(words.parseGoal("0", "0"), { ahead: 0, left: 0 });
   for (const [ahead, left] of [
     ["", "0"],
     ["1", " "],
     ["a", "0"],
     ["Infinity", "0"],
   ])
-    assert.match(String(words.goalOf(ahead ?? "", left ?? "")), /^Enter both distances/);
-  assert.match(String(words.goalOf("15", "15")), /^The place is 21\.2 m away/);
-  assert.equal(words.tooFar({ ahead: 20, left: 0 }), "");
+    assert.match(String(words.parseGoal(ahead ?? "", left ?? "")), /^Enter both distances/);
+  assert.match(String(words.parseGoal("15", "15")), /^The place is 21\.2 m away/);
+  assert.equal(words.tooFarReason({ ahead: 20, left: 0 }), "");
 });
 
 test("a place is told by its sides", () => {
@@ -62,19 +62,19 @@ test("a place is told by its sides", () => {
 
 test("a refusal begins with what did not happen", () => {
   assert.equal(
-    words.notDone("Not sent", "First arm the observer."),
+    words.refusalSentence("Not sent", "First arm the observer."),
     "Not sent: first arm the observer.",
   );
 });
 
 test("another number alone is no news", () => {
-  const [one, two] = ["it will cross in 1.4 s", "it will cross in 12 s"].map(words.withoutNumbers);
+  const [one, two] = ["it will cross in 1.4 s", "it will cross in 12 s"].map(words.stripNumbers);
   assert.equal(one, two);
 });
 
 test("the first risk is the server's, and none is offered twice", () => {
   const offered = (/** @type {number | undefined} */ usual) =>
-    words.risks(usual).map(([value, told]) => [value, told?.split(" ")[0]]);
+    words.riskChoices(usual).map(([value, told]) => [value, told?.split(" ")[0]]);
   const others = [
     ["0.0001", "0.0001"],
     ["0.001", "0.001"],

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { beyondStill, Hold } from "../../../static/app/driving/hold.js";
+import { applyDeadZone, Hold } from "../../../static/app/driving/hold.js";
 
 const AHEAD = { forward: 1, left: 0 };
 const LEFT = { forward: 0, left: 1 };
@@ -11,16 +11,16 @@ function held() {
   const hold = new Hold();
   /** @type {string[]} */
   const told = [];
-  for (const type of ["pressed", "released", "forgotten"])
+  for (const type of ["pressed", "released", "cleared"])
     hold.addEventListener(type, () => told.push(type));
   return { hold, told };
 }
 
 test("near its middle nothing moves, and beyond it grows from zero to one", () => {
-  assert.deepEqual([0, 0.11, -0.11].map(beyondStill), [0, 0, 0]);
-  assert.deepEqual([1, -1, 3].map(beyondStill), [1, -1, 1]);
-  assert.ok(Math.abs(beyondStill(0.13)) < 0.02);
-  assert.ok(beyondStill(-0.5) < 0);
+  assert.deepEqual([0, 0.11, -0.11].map(applyDeadZone), [0, 0, 0]);
+  assert.deepEqual([1, -1, 3].map(applyDeadZone), [1, -1, 1]);
+  assert.ok(Math.abs(applyDeadZone(0.13)) < 0.02);
+  assert.ok(applyDeadZone(-0.5) < 0);
 });
 
 test("what was pressed last steers, until the last is let go", () => {
@@ -36,34 +36,34 @@ test("what was pressed last steers, until the last is let go", () => {
   assert.deepEqual(told, ["pressed", "released"]);
 });
 
-test("what is barred counts for nothing until all of it was let go", () => {
+test("what is blocked counts for nothing until all of it was let go", () => {
   const { hold, told } = held();
   hold.set("keys", AHEAD);
-  hold.bar("The link was lost.");
-  assert.deepEqual([hold.isHeld, hold.counts, hold.deflection], [true, false, null]);
+  hold.block("The link was lost.");
+  assert.deepEqual([hold.isHeld, hold.isActive, hold.deflection], [true, false, null]);
   hold.set("pad", LEFT);
   assert.equal(hold.deflection, null);
   hold.release("keys");
-  assert.equal(hold.barred, "The link was lost.");
+  assert.equal(hold.blockedReason, "The link was lost.");
   hold.release("pad");
-  assert.equal(hold.barred, "");
+  assert.equal(hold.blockedReason, "");
   hold.set("keys", AHEAD);
   assert.deepEqual(hold.deflection, AHEAD);
   assert.deepEqual(told, ["pressed", "released", "pressed"]);
 });
 
-test("nothing is barred while nothing counts", () => {
+test("nothing is blocked while nothing counts", () => {
   const { hold, told } = held();
-  hold.bar("Nobody holds anything.");
-  assert.deepEqual([hold.barred, told], ["", []]);
+  hold.block("Nobody holds anything.");
+  assert.deepEqual([hold.blockedReason, told], ["", []]);
 });
 
-test("what is forgotten must be pressed again", () => {
+test("what is cleared must be pressed again", () => {
   const { hold, told } = held();
   hold.set("gamepad", AHEAD);
-  hold.forget();
+  hold.releaseAll();
   assert.deepEqual([hold.isHeld, hold.deflection], [false, null]);
-  assert.deepEqual(told, ["pressed", "forgotten", "released"]);
+  assert.deepEqual(told, ["pressed", "cleared", "released"]);
 });
 
 test("letting go of what was not held tells nothing", () => {

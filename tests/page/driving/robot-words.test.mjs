@@ -123,7 +123,7 @@ test("turns have a side, times have minutes", () => {
   assert.equal(words.turnInWords(-0.2), "11 °/s to the right");
   assert.equal(words.turnInWords(0.001), "straight");
   assert.deepEqual([65, 59.6, -3].map(words.clock), ["1:05", "1:00", "0:00"]);
-  assert.deepEqual([59, 65].map(words.lastsInWords), ["59 s", "1 min 5 s"]);
+  assert.deepEqual([59, 65].map(words.durationInWords), ["59 s", "1 min 5 s"]);
 });
 
 test("sonars tell the nearest echo and how old the oldest word is", () => {

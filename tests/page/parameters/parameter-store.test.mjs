@@ -101,12 +101,12 @@ test("a refused change is told by field, stays undone, and takes no other with i
   store.addEventListener("refused", (event) =>
     refusals.push(/** @type {CustomEvent} */ (event).detail),
   );
-  const [, refused, innocent] = await Promise.all([
+  const [, refused, unaffected] = await Promise.all([
     store.change({ "a.x": 3 }),
     store.change({ "a.x": 11 }),
     store.change({ "a.y": 7 }),
   ]);
-  assert.deepEqual([refused, innocent], [false, true]);
+  assert.deepEqual([refused, unaffected], [false, true]);
   assert.deepEqual(asked.at(-1), { "a.y": 7 });
   assert.deepEqual(refusals, [{ "a.x": "must be below 10" }]);
   await store.changeUndoably({ "a.x": 12 });
@@ -124,7 +124,7 @@ test("reset goes to the preset that the values come from, over what is declared"
   assert.deepEqual(store.changed, ["a.y"]);
   await store.change(store.differing(store.defaults));
   assert.deepEqual(store.changed, []);
-  const paper = store.presetNamed("paper");
+  const paper = store.findPreset("paper");
   assert.ok(paper);
   await store.choose(paper);
   assert.equal(store.basePreset?.name, "paper");
@@ -135,7 +135,7 @@ test("reset goes to the preset that the values come from, over what is declared"
 
 test("undo brings back the preset too, and one step can be taken back behind others", async () => {
   const { store } = await loaded();
-  const paper = store.presetNamed("paper");
+  const paper = store.findPreset("paper");
   assert.ok(paper);
   const step = await store.choose(paper);
   await store.undo();
@@ -144,7 +144,7 @@ test("undo brings back the preset too, and one step can be taken back behind oth
   assert.deepEqual([store.basePreset?.name, store.state.values["a.x"]], ["paper", 8]);
   await store.changeUndoably({ "a.y": 9 });
   assert.ok(step);
-  await store.takeBack(step);
+  await store.revert(step);
   assert.equal(store.basePreset?.name, "default");
   assert.deepEqual(store.state.values, { "a.x": 1, "a.y": 9 });
   await store.undo();

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import {
-  freeName,
+  unusedName,
   parsePreset,
   presetFile,
   refusalOf,
@@ -56,9 +56,9 @@ test("a name that is missing is taken from the file, and a long or odd one is ma
 });
 
 test("a name that is taken gets a number", () => {
-  assert.equal(freeName("mine", ["paper"]), "mine");
-  assert.equal(freeName("mine", ["mine", "mine 2"]), "mine 3");
-  assert.equal(freeName("x".repeat(100), ["x".repeat(100)]).length, 100);
+  assert.equal(unusedName("mine", ["paper"]), "mine");
+  assert.equal(unusedName("mine", ["mine", "mine 2"]), "mine 3");
+  assert.equal(unusedName("x".repeat(100), ["x".repeat(100)]).length, 100);
 });
 
 test("why the server refuses is one sentence with the parameter's name", () => {

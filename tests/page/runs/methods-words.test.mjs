@@ -145,9 +145,9 @@ test("the page's address names the runs and the frame", () => {
 });
 
 test("a picture is told to who does not see it", () => {
-  const told = words.seenInWords(
+  const results = words.findingsInWords(
     "paper",
     entry(3, [obstacle({ false: true }), obstacle({ id: 2, motion: "stopped" })], counts(1, null)),
   );
-  assert.equal(told, "paper: 2 obstacles; moving: 1 at 0.50 m/s; 1 false");
+  assert.equal(results, "paper: 2 obstacles; moving: 1 at 0.50 m/s; 1 false");
 });

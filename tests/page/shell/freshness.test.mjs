@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { judge } from "../../../static/app/shell/hub.js";
+import { assessFreshness } from "../../../static/app/shell/hub.js";
 
 /** @import { Status } from "../../../static/app/contract" */
 
@@ -21,49 +21,52 @@ function status(changes) {
 }
 
 /** @param {number} silent_s @param {number | null} age_s */
-const beat = (silent_s, age_s) => ({ at: NOW - 1000 * silent_s, age_s });
+const heartbeat = (silent_s, age_s) => ({ at: NOW - 1000 * silent_s, age_s });
 
 test("before the server spoke nothing is stale, after it was lost everything is", () => {
-  assert.equal(judge("connecting", null, null, NOW).state, "none");
-  assert.equal(judge("open", null, null, NOW).state, "none");
-  const lost = judge("closed", status(), beat(4, 0.5), NOW);
+  assert.equal(assessFreshness("connecting", null, null, NOW).state, "none");
+  assert.equal(assessFreshness("open", null, null, NOW).state, "none");
+  const lost = assessFreshness("closed", status(), heartbeat(4, 0.5), NOW);
   assert.deepEqual([lost.state, lost.age_s], ["stale", 4.5]);
   assert.match(lost.reason, /Reconnecting\.$/);
-  assert.match(judge("closed", status(), beat(20, 0.5), NOW).reason, /open the link/);
+  assert.match(
+    assessFreshness("closed", status(), heartbeat(20, 0.5), NOW).reason,
+    /open the link/,
+  );
 });
 
 test("fresh is what is a second old at most, the silence since then included", () => {
-  assert.equal(judge("open", status(), beat(0.5, 0.5), NOW).state, "fresh");
-  const old = judge("open", status(), beat(0.6, 0.5), NOW);
+  assert.equal(assessFreshness("open", status(), heartbeat(0.5, 0.5), NOW).state, "fresh");
+  const old = assessFreshness("open", status(), heartbeat(0.6, 0.5), NOW);
   assert.deepEqual([old.state, old.reason], ["stale", "No new frames are arriving."]);
 });
 
 test("a server that is silent for more than a second makes all of it stale", () => {
-  const silent = judge("open", status(), beat(1.1, 0), NOW);
+  const silent = assessFreshness("open", status(), heartbeat(1.1, 0), NOW);
   assert.equal(silent.state, "stale");
   assert.match(silent.reason, /^The server is not responding/);
 });
 
 test("an engine that failed says why", () => {
   const engine = { state: "failed", reason: "the camera is busy" };
-  const failed = judge("open", status({ engine }), beat(0, 0), NOW);
+  const failed = assessFreshness("open", status({ engine }), heartbeat(0, 0), NOW);
   assert.deepEqual([failed.state, failed.reason], ["stale", "The camera is busy."]);
 });
 
 test("what was paused or has ended is held, and does not count as stale", () => {
   const paused = { paused: true, ended: false, frame: 12 };
-  const held = judge("open", status({ playback: paused }), beat(0.1, 60), NOW);
+  const held = assessFreshness("open", status({ playback: paused }), heartbeat(0.1, 60), NOW);
   assert.deepEqual([held.state, held.reason], ["held", "Paused at frame 12."]);
   const ended = { paused: true, ended: true, frame: 12 };
   assert.equal(
-    judge("open", status({ playback: ended }), beat(0.1, 60), NOW).reason,
+    assessFreshness("open", status({ playback: ended }), heartbeat(0.1, 60), NOW).reason,
     "The source has ended.",
   );
 });
 
 test("a camera's trouble counts before the age of what it sent last", () => {
   const live = { trouble: "the left camera sends nothing" };
-  const troubled = judge("open", status({ live }), beat(0, 0), NOW);
+  const troubled = assessFreshness("open", status({ live }), heartbeat(0, 0), NOW);
   assert.deepEqual([troubled.state, troubled.reason], ["stale", "The left camera sends nothing."]);
 });
 
@@ -73,7 +76,7 @@ test("without a source, while calibrating and before the first frame there is no
     [{ engine: { state: "calibrating", reason: null } }, "Calibration in progress."],
     [{}, "Waiting for the first frame."],
   ])) {
-    const judged = judge("open", status(changes), beat(0, null), NOW);
-    assert.deepEqual([judged.state, judged.reason], ["none", reason]);
+    const checkedAt = assessFreshness("open", status(changes), heartbeat(0, null), NOW);
+    assert.deepEqual([checkedAt.state, checkedAt.reason], ["none", reason]);
   }
 });

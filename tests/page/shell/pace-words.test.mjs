@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { tooSlow } from "../../../static/app/shell/pace-words.js";
+import { paceWarning } from "../../../static/app/shell/pace-words.js";
 
-/** @typedef {Parameters<typeof tooSlow>[0]} Facts */
+/** @typedef {Parameters<typeof paceWarning>[0]} Facts */
 
 /** @param {object} playback @param {number} [seen] frames per second @param {object | null} [live] */
 function facts(playback, seen = 15, live = null) {
@@ -14,8 +14,8 @@ function facts(playback, seen = 15, live = null) {
 
 test("a source that plays slower than asked for is told, with its rate", () => {
   const playing = { rate: 1, achieved_rate: 0.4, paused: false, ended: false };
-  assert.equal(tooSlow(facts(playing)), "this computer is too slow: 0.4 × real time");
-  const faster = tooSlow(facts({ ...playing, rate: 4, achieved_rate: 2.1 }));
+  assert.equal(paceWarning(facts(playing)), "this computer is too slow: 0.4 × real time");
+  const faster = paceWarning(facts({ ...playing, rate: 4, achieved_rate: 2.1 }));
   assert.equal(faster, "this computer is too slow: 2.1 × real time, 4 × requested");
 });
 
@@ -28,23 +28,23 @@ test("nothing is told while it keeps up, pauses, has ended or was not measured",
     { achieved_rate: 0.2, ended: true },
     { achieved_rate: null },
   ])
-    assert.equal(tooSlow(facts({ ...playing, ...other })), "");
+    assert.equal(paceWarning(facts({ ...playing, ...other })), "");
 });
 
 test("cameras are told by the frames that were seen of those they send", () => {
   const cameras = { trouble: null };
-  assert.equal(tooSlow(facts({}, 6.2, cameras)), "this computer is too slow: 6.2 of 15 fps");
-  assert.equal(tooSlow(facts({}, 14.2, cameras)), "");
+  assert.equal(paceWarning(facts({}, 6.2, cameras)), "this computer is too slow: 6.2 of 15 fps");
+  assert.equal(paceWarning(facts({}, 14.2, cameras)), "");
 });
 
 test("reduced processing is told, whether or not it lets all frames through", () => {
   const cameras = { trouble: null, reduced_to: "points every 25 px" };
   assert.equal(
-    tooSlow(facts({}, 6.2, cameras)),
+    paceWarning(facts({}, 6.2, cameras)),
     "this computer is too slow: 6.2 of 15 fps, reduced to points every 25 px",
   );
   assert.equal(
-    tooSlow(facts({}, 15, cameras)),
+    paceWarning(facts({}, 15, cameras)),
     "this computer is too slow for full processing: reduced to points every 25 px",
   );
 });

@@ -41,8 +41,8 @@ test("what was opened lately is suggested first, then what is called so, then wh
   const folder = choices.choiceOfEntry(
     entry({ spec: "/data/lab", title: "lab", group: "folders", recent: 0 }),
   );
-  const told = choices.choiceOfEntry(entry({ spec: "x", title: "y", help: "In the lab." }));
-  assert.deepEqual(specs(choices.suggestions([told, ...ALL, folder], "LAB", 9)), [
+  const text = choices.choiceOfEntry(entry({ spec: "x", title: "y", help: "In the lab." }));
+  assert.deepEqual(specs(choices.suggestions([text, ...ALL, folder], "LAB", 9)), [
     "/data/lab",
     "simulated:lab",
     "simulated:people",

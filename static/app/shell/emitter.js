@@ -1,8 +1,8 @@
 /** Fires events without detail: listeners read the changed state themselves. */
 
-export class Teller extends EventTarget {
+export class Emitter extends EventTarget {
   /** @param {string} type */
-  tell(type) {
+  emit(type) {
     this.dispatchEvent(new Event(type));
   }
 }

@@ -2,12 +2,12 @@
 
 import { fillList, h, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
-import { figuresOfGoal, refusalsInWords } from "./why-words.js";
+import { figuresOfGoal, refusalsInWords } from "./goal-explanation-words.js";
 
 /** @import { GoalNow } from "../contract" */
 
 /** Details behind the one sentence that is always shown for a goal. */
-export class GoalWhy extends HTMLElement {
+export class GoalExplanation extends HTMLElement {
   #figures = h("dl.figures");
   #title = h("p.hint");
   #refused = h("ul.refused-paths");
@@ -24,4 +24,4 @@ export class GoalWhy extends HTMLElement {
   }
 }
 
-customElements.define("observer-goal-why", GoalWhy);
+customElements.define("observer-goal-explanation", GoalExplanation);

@@ -7,7 +7,7 @@
  * @param {Element} from
  * @param {...(HTMLElement | null | undefined)} to
  */
-export function passFocus(from, ...to) {
+export function moveFocus(from, ...to) {
   if (!from.contains(document.activeElement)) return;
   for (const each of to) {
     if (!each || from.contains(each) || !each.checkVisibility()) continue;
@@ -21,7 +21,7 @@ export function passFocus(from, ...to) {
  *
  * @param {Element | null} caller
  */
-export function giveBackFocus(caller) {
+export function restoreFocus(caller) {
   const there =
     caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
   const next = there ? caller : document.querySelector('[role="tab"][aria-selected="true"]');
@@ -34,7 +34,7 @@ export function giveBackFocus(caller) {
  *
  * @template T
  */
-export class KeptList {
+export class KeyedList {
   #list;
   #make;
   #fallback;

@@ -10,13 +10,13 @@ import { notify } from "./notice.js";
 /** @import { Hub } from "./hub.js" */
 
 // Used if no frame comes, for example while no source is open.
-const PATIENCE_MS = 1000;
+const LOAD_ANYWAY_AFTER_MS = 1000;
 
-export class Later {
+export class LazyParts {
   #hub;
   #modules;
   /** Parts loaded or loading: whether loading succeeded. @type {Map<string, Promise<boolean>>} */
-  #loads = new Map();
+  #loading = new Map();
   /** @type {Set<string>} */
   #attached = new Set();
 
@@ -30,7 +30,7 @@ export class Later {
     this.#modules = modules;
     const loadAll = () => void this.#loadAll();
     hub.addEventListener("painted", loadAll, { once: true });
-    setTimeout(loadAll, PATIENCE_MS);
+    setTimeout(loadAll, LOAD_ANYWAY_AFTER_MS);
     // Load what was requested while the server was away.
     hub.addEventListener("reconnected", loadAll);
     for (const panel of document.querySelectorAll('[role="tabpanel"]'))
@@ -49,8 +49,8 @@ export class Later {
    * @returns {Promise<boolean>} whether it is attached
    */
   load(name) {
-    const loading = this.#loads.get(name) ?? this.#load(name);
-    this.#loads.set(name, loading);
+    const loading = this.#loading.get(name) ?? this.#load(name);
+    this.#loading.set(name, loading);
     return loading;
   }
 
@@ -59,7 +59,7 @@ export class Later {
     try {
       await this.#modules[name]?.();
     } catch {
-      this.#loads.delete(name);
+      this.#loading.delete(name);
       notify("Part of this page did not load. Reload the page.", "error");
       return false;
     }

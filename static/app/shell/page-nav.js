@@ -11,7 +11,7 @@ const HEADINGS = ["observer-calibration-wizard", "observer-history"].map(
   (part) => `${part}:not([hidden]) > header h2`,
 );
 
-class Places extends Part {
+class PageNav extends Part {
   #live = h("a", { href: "#live" }, "Live");
   #runs = h("a", { href: "#history" }, "Runs");
   #method = h("a", { href: METHOD, title: "The method, step by step" }, "Method");
@@ -21,7 +21,7 @@ class Places extends Part {
       h("nav", { "aria-label": "Pages" }, this.#live, this.#runs, this.#method),
       tourOffer(),
     );
-    this.hear("history titled", () => this.#mark());
+    this.listen("history titled", () => this.#mark());
     this.#mark();
   }
 
@@ -36,4 +36,4 @@ class Places extends Part {
   }
 }
 
-customElements.define("observer-places", Places);
+customElements.define("observer-page-nav", PageNav);

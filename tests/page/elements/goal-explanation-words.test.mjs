@@ -1,7 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { figuresOfGoal, refusalsInWords } from "../../../static/app/elements/why-words.js";
+import {
+  figuresOfGoal,
+  refusalsInWords,
+} from "../../../static/app/elements/goal-explanation-words.js";
 import { goal } from "../made.mjs";
 
 /** @import { GoalNow, RefusedPath } from "../../../static/app/contract" */

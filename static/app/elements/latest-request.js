@@ -1,6 +1,6 @@
 /** Requests whose answers are discarded once a newer one has been made. */
 
-export class Newest {
+export class LatestRequest {
   #asked = 0;
 
   /**
@@ -9,7 +9,7 @@ export class Newest {
    * @returns {Promise<T | undefined>} undefined if superseded by a newer request, even if this one
    *   failed
    */
-  async answer(ask) {
+  async run(ask) {
     const asked = ++this.#asked;
     try {
       const answer = await ask();

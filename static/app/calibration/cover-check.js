@@ -1,12 +1,12 @@
 /** Checks the camera order: the user covers one lens, and the page says which image went dark. */
 
 import { button, h, setText } from "../elements/dom.js";
-import { passFocus } from "../elements/focus-place.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { notifyError } from "../shell/notice.js";
 
-export class CoverQuestion extends Part {
+export class CoverCheck extends Part {
   #ask = button("Check which camera is left", () => this.#change(true));
   #words = h("p", { role: "status" });
   #swap = button("Swap left and right", () => this.#swapCameras(), {
@@ -21,7 +21,7 @@ export class CoverQuestion extends Part {
       this.#words,
       h("div.row", this.#ask, this.#swap, this.#done),
     );
-    this.hear("status", () => this.#render());
+    this.listen("status", () => this.#render());
   }
 
   #render() {
@@ -30,10 +30,10 @@ export class CoverQuestion extends Part {
     const covered = look?.covered ?? null;
     const [shown, taken] = asked ? [this.#done, this.#ask] : [this.#ask, this.#done];
     shown.hidden = false;
-    passFocus(taken, shown);
+    moveFocus(taken, shown);
     taken.hidden = true;
     const swapped = covered === "right";
-    if (!swapped) passFocus(this.#swap, this.#done, this.#ask);
+    if (!swapped) moveFocus(this.#swap, this.#done, this.#ask);
     this.#swap.hidden = !swapped;
     setText(this.#words, !asked ? "" : words(covered));
   }
@@ -56,4 +56,4 @@ function words(covered) {
   return "Cover the left lens with your hand for a second. Left is as seen from behind the cameras.";
 }
 
-customElements.define("observer-cover-question", CoverQuestion);
+customElements.define("observer-cover-check", CoverCheck);

@@ -47,13 +47,13 @@ function causeInWords({ cause, track, meets_s, risk, guard }) {
   if (cause === "guard") return guard ? `refused by the guard, ${guard}` : "refused by the guard";
   const when = meets_s === null ? "" : ` in ${fixed(meets_s, 1)} s`;
   if (cause === "surface") return `would reach an obstruction${when}`;
-  const met = `would meet ${track === null ? "an obstacle" : trackInWords(track)}${when}`;
-  if (risk === null) return met;
-  const told =
+  const encounter = `would meet ${track === null ? "an obstacle" : trackInWords(track)}${when}`;
+  if (risk === null) return encounter;
+  const detail =
     cause === "risk"
       ? `risk per metre ${shortNumber(risk)}`
       : `probability ${shortNumber(100 * risk)} %`;
-  return `${met} (${told})`;
+  return `${encounter} (${detail})`;
 }
 
 /** @param {number} direction radians to the left @returns {string} as in "Left by 45°" */

@@ -3,17 +3,17 @@
  *
  * The server refuses any change by a watcher, so every control, including new ones, counts as
  * changing something unless it is marked as harmless: it or an ancestor is listed below or has
- * `data-looks`. Within such an element, `data-acts` marks controls that do change something. The
- * nearest mark wins.
+ * `data-harmless`. Within such an element, `data-changing` marks controls that do change something.
+ * The nearest mark wins.
  */
 
 import { h, setAttribute } from "../elements/dom.js";
 import { access } from "./access.js";
 
-const WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anything.";
+const READ_ONLY_HINT = "This link is read-only. Ask for an operator link to change anything.";
 
-const LOOKS = [
-  "[data-looks]",
+const HARMLESS = [
+  "[data-harmless]",
   "[popovertarget]",
   '[type="search"]',
   '[role="tab"]',
@@ -22,7 +22,7 @@ const LOOKS = [
   "#notices",
   // The page itself.
   "observer-keyboard-help",
-  "observer-places",
+  "observer-page-nav",
   "observer-share",
   "observer-sign-out",
   "observer-splitter",
@@ -40,17 +40,17 @@ const LOOKS = [
   "observer-status",
   // Recordings.
   ".history-head",
-  ".export-told",
+  ".export-message",
   "observer-methods-split",
   "observer-run-chart",
   "observer-run-player",
   "observer-run-search",
   "observer-steps",
 ].join();
-const ACTS = "[data-acts]";
+const CHANGING = "[data-changing]";
 const CONTROLS = "button, input, select, textarea";
 
-class Watching extends HTMLElement {
+class ReadOnlyBadge extends HTMLElement {
   connectedCallback() {
     this.hidden = true;
     void this.#begin();
@@ -59,8 +59,8 @@ class Watching extends HTMLElement {
   async #begin() {
     if ((await access()) === "operator") return;
     document.documentElement.dataset.access = "read_only";
-    this.append(h("span.state-chip", { title: WATCHING_ONLY }, "Read-only"));
-    this.append(h("span.visually-hidden", `. ${WATCHING_ONLY}`));
+    this.append(h("span.state-chip", { title: READ_ONLY_HINT }, "Read-only"));
+    this.append(h("span.visually-hidden", `. ${READ_ONLY_HINT}`));
     this.hidden = false;
     lockAll(document.body);
     // Controls that are created, enabled or renamed later.
@@ -85,12 +85,12 @@ function lockAll(part) {
 
 /** @param {Element} control */
 function lock(control) {
-  const marked = control.closest(`${LOOKS}, ${ACTS}`);
-  if (marked && !marked.matches(ACTS)) return;
+  const marked = control.closest(`${HARMLESS}, ${CHANGING}`);
+  if (marked && !marked.matches(CHANGING)) return;
   setAttribute(control, "disabled", "");
   // The label of a checkbox needs the tooltip as well.
   for (const each of [control, control.closest("label")])
-    if (each) setAttribute(each, "title", WATCHING_ONLY);
+    if (each) setAttribute(each, "title", READ_ONLY_HINT);
 }
 
-customElements.define("observer-watching", Watching);
+customElements.define("observer-read-only", ReadOnlyBadge);
