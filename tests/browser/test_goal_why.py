@@ -105,7 +105,10 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     expect(section.locator("[role=status].visually-hidden")).to_have_text(
         "Passing behind obstacle 3."
     )
-    why, refused = driving.locator("observer-goal-explanation"), driving.locator(".refused-paths li")
+    why, refused = (
+        driving.locator("observer-goal-explanation"),
+        driving.locator(".refused-paths li"),
+    )
     expect(why).to_be_hidden()
     # By keyboard, starting from the button above it.
     driving.get_by_role("button", name="Cancel goal").focus()
@@ -160,7 +163,9 @@ def test_somebody_in_the_way_is_reported_live_and_in_the_run(
     section.get_by_label("Ahead (m)").fill("4.5")
     send = section.get_by_role("button", name="Drive there")
     # Open before the goal is sent: on a slow machine the drive lasts only moments.
-    section.locator("details", has=page.locator("observer-goal-explanation")).evaluate("e => e.open = true")
+    section.locator("details", has=page.locator("observer-goal-explanation")).evaluate(
+        "e => e.open = true"
+    )
     run = crossing.api.post("/api/runs", json={"record": "none"}).json()["id"]
     refused = section.locator(".refused-paths li")
     deadline = time.monotonic() + DRIVEN_S

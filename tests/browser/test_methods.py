@@ -100,7 +100,9 @@ def test_a_newcomer_sees_both_methods_on_the_same_frames(
 
 def _expect_frame(view: Locator, found: list[dict[str, Any]], position: int) -> None:
     """Expect both halves to show this frame with each method's detections and counts."""
-    expect(view.locator(".methods-position")).to_contain_text(f"{position + 1} / 30", timeout=20_000)
+    expect(view.locator(".methods-position")).to_contain_text(
+        f"{position + 1} / 30", timeout=20_000
+    )
     panes = view.locator(".methods-pane")
     left, right = panes.evaluate_all(_PICTURES)
     assert left == right
