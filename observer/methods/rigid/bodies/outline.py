@@ -87,6 +87,7 @@ class Outline:
         middle: (3,) metres, world.
         carried_s: seconds since it was seen, during which it was assumed to move as predicted.
         trunk: as it last looked; None where little of it was seen. depths: of points on it.
+        depth_by_points: points rather than the segment told its depth when it was last measured.
         only_legs: the trunk is above the image's upper border.
         arrived_frames, uncovered_frames: number of frames with evidence of motion of either kind.
         idle_frames: frames in a row in which it idled, see ``count_idle``.
@@ -109,6 +110,7 @@ class Outline:
     carried_s: float = 0.0
     trunk: TrunkView | None = None
     depths: TrunkDepths = field(default_factory=TrunkDepths)
+    depth_by_points: bool = False
     only_legs: bool = False
     _silhouette: _Silhouette | None = None
     _silhouette_s: float = 0.0

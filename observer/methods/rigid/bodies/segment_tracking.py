@@ -273,6 +273,10 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         outline.offsets.clear()
         before = np.zeros(3) if has_left(track, scene) else track.mean[VELOCITY]
         track.filter = _motion_at(place, before, cov)
+    if outline.depth_by_points and not outline.depths.measured:
+        # Points told changes of depth only: meanwhile the body went from where its segment is.
+        outline.offsets.clear()
+    outline.depth_by_points = outline.depths.measured
     # When a new anchor takes over, the body is assumed to be where it was expected.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
     if outline.depths.measured:

@@ -9,7 +9,7 @@ import pytest
 
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.filter import POSITION, YAW_RATE
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, YAW_RATE
 from observer.methods.rigid.bodies.segment_tracking import learn_box, measure_limbs
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import pooled_motion
@@ -202,6 +202,28 @@ def test_points_on_a_body_with_limbs_belong_to_nobody_but_measure_its_trunk() ->
     host.age_s += DT
     limbs_measured(host, arrived(newcomer), points, (0.0, 0.0, 0.04))
     np.testing.assert_allclose(host.mean[POSITION] - before, [0.0, 0.0, 0.04], atol=0.01)
+
+
+def test_a_segment_that_takes_over_from_points_does_not_pull_the_body_to_its_own_depth() -> None:
+    """The points tell changes of depth well; all depths of a segment are wrong by the same."""
+    newcomer = person(0.1, 4.0)
+    tracks, host = outlined(newcomer, TrackIds())
+    points, scene = points_on(many(0.1, 3.87)), arrived(newcomer)
+
+    def see(seen: TrackedPoints, farther_m: float) -> None:
+        host.filter = host.filter.predicted(DT, (0.6, 1.1), (0.0, 0.0), None)
+        host.age_s += DT
+        tracked(tracks, TrackedPoints.none(), scene)
+        limbs_measured(host, scene, seen, (0.0, 0.0, farther_m))
+
+    for k in range(12):
+        see(points, 0.02 * k)
+    assert host.outline.depths.measured
+    before = host.mean[VELOCITY].copy()
+    for _ in range(4):
+        see(TrackedPoints.none(), 0.0)
+    assert before[2] > 0.15
+    np.testing.assert_allclose(host.mean[VELOCITY], before, atol=0.05)
 
 
 def test_points_at_another_depth_are_not_on_the_body() -> None:
