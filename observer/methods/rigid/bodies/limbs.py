@@ -47,13 +47,22 @@ def may_be_rigid(track: BodyTrack) -> bool:
     outline = track.outline
     if outline is None or track.rigid:
         return False
-    return not outline.upright or not outline.depths.measured
+    return not _looks_like_a_person(outline) or not outline.depths.measured
 
 
 def moves_as_one(track: BodyTrack, velocity: Float64Array, points: int) -> bool:
     """Return whether a group of points that moves at (3,) m/s shows that its body is rigid."""
     assert track.outline is not None
-    return not track.outline.upright or track.drive.note(velocity, points, track.age_s)
+    person = _looks_like_a_person(track.outline)
+    return not person or track.drive.note(velocity, points, track.age_s)
+
+
+def _looks_like_a_person(outline: Outline) -> bool:
+    """Return whether a body is upright; so is one of which only legs were in view.
+
+    What the image's border leaves of them in the end may be as wide as it is high.
+    """
+    return outline.upright or outline.legs_seen
 
 
 def _drives(track: BodyTrack) -> bool:

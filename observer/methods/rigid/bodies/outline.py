@@ -88,7 +88,7 @@ class Outline:
         carried_s: seconds since it was seen, during which it was assumed to move as predicted.
         trunk: as it last looked; None where little of it was seen. depths: of points on it.
         depth_by_points: points rather than the segment told its depth when it was last measured.
-        only_legs: the trunk is above the image's upper border.
+        only_legs: the trunk is above the image's upper border. legs_seen: it was at some time.
         arrived_frames, uncovered_frames: number of frames with evidence of motion of either kind.
         idle_frames: frames in a row in which it idled, see ``count_idle``.
         moving_area: largest while it moved, cells per px^2 of disparity, so at any distance.
@@ -112,6 +112,7 @@ class Outline:
     depths: TrunkDepths = field(default_factory=TrunkDepths)
     depth_by_points: bool = False
     only_legs: bool = False
+    legs_seen: bool = False
     _silhouette: _Silhouette | None = None
     _silhouette_s: float = 0.0
 

@@ -138,6 +138,7 @@ def measure_limbs(
             continue
         on_body = _surely_on(track.outline, track.id, points, scene)
         track.outline.only_legs = shows_only_legs(track.outline.segment, scene)
+        track.outline.legs_seen |= track.outline.only_legs
         judge_rigidity(track, obstacle[on_body[motion.judged[on_body]]] == track.id)
         if not track.rigid:
             obstacle[obstacle == track.id] = NO_OBSTACLE

@@ -128,5 +128,6 @@ def test_a_person_walking_past_close_by_is_one_body_moving_as_the_hips_do() -> N
         assert len(shown) <= 1
         velocities += [track.centre_velocity()[0] for track in shown]
     assert len(velocities) >= 6
+    assert [track.outline.legs_seen for track in shown if track.outline] == [True]
     np.testing.assert_allclose(np.mean(velocities, axis=0), [speed, 0.0, 0.0], atol=0.15)
     assert abs(velocities[-1][2]) < 0.15

@@ -96,6 +96,17 @@ def test_what_lies_is_rigid_once_a_group_of_points_on_it_moves(make_track: MakeT
     assert moves_as_one(track, np.array([0.3, 0.0, 0.0]), 3)
 
 
+def test_what_the_border_leaves_of_legs_is_not_rigid(make_track: MakeTrack) -> None:
+    """However wide it is: a few points on one shin move as one."""
+    track = with_outline(make_track(), size=(0.8, 0.4, 0.1))
+    track.loosen()
+    assert track.outline is not None
+    track.outline.legs_seen = True
+    assert not moves_as_one(track, np.array([0.3, 0.0, 0.0]), 3)
+    track.outline.depths.measured = True
+    assert not may_be_rigid(track)
+
+
 def test_a_body_with_limbs_keeps_them(upright: BodyTrack) -> None:
     after_frames(upright, 10, APART)
     assert not after_frames(upright, 100, ALONG).rigid
