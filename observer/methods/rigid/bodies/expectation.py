@@ -20,6 +20,10 @@ _WALKING = 0.6
 # Factor by which a reported person may accelerate more along the line of sight while no points on
 # the trunk tell its distance: turning round is then noticed late, by a depth whose error lasts.
 _UNSEEN_TURNS = 2.0
+# Standard deviations of a person's velocity from which it shows where the person is heading.
+_HEADING_SIGMAS = 4.0
+# The world's horizontal axes.
+_LEVEL = np.array([1.0, 0.0, 1.0])
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
 # rad/s^2, of a steady and of a manoeuvring body.
@@ -36,7 +40,7 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         agile = parameters.acceleration_px * depth / now.camera.fx
         steady = _STEADY if track.rigid else _WALKING
         yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
-        axis = track.shape.axis(track.yaw)
+        axis = track.shape.axis(track.yaw) if track.rigid else _walking_axis(track)
         if track.state is not TrackState.TENTATIVE and _depth_is_unmeasured(track):
             agile *= _UNSEEN_TURNS
             axis = (track.mean[POSITION] - position) / depth
@@ -45,6 +49,16 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         track.age_s += dt
         track.frames += 1
         track.steady_s += dt
+
+
+def _walking_axis(track: BodyTrack) -> Float64Array | None:
+    """(3,) unit vector along which a person walks, and stops and starts more than turns aside.
+
+    None while the velocity is not sure enough to show it.
+    """
+    level = track.mean[VELOCITY] * _LEVEL
+    speed = float(np.linalg.norm(level))
+    return level / speed if speed > 0 and track.significance >= _HEADING_SIGMAS else None
 
 
 def _depth_is_unmeasured(track: BodyTrack) -> bool:

@@ -59,3 +59,18 @@ def test_a_tentative_body_is_no_more_uncertain_for_that(walker: MakeTrack) -> No
         doubt(walker(tells=tells, state=TrackState.TENTATIVE), SIGHT) for tells in (True, False)
     )
     assert untold == told
+
+
+def test_a_person_stops_and_starts_more_than_turns_aside(walker: MakeTrack) -> None:
+    """Whatever a limb seemed to do before it was known to be one."""
+    ahead, aside = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+
+    def ratio(significance: float) -> float:
+        walkers = [walker(tells=True), walker(tells=True)]
+        for track in walkers:
+            track.shape.note_heading(aside, np.eye(3) * 1e-4, track.yaw)
+            track.significance = significance
+        return doubt(walkers[0], ahead) / doubt(walkers[1], aside)
+
+    assert ratio(10.0) == pytest.approx(4.0, rel=0.05)
+    assert ratio(2.0) == pytest.approx(1.0, rel=0.05)
