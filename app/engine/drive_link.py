@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.engine.sight import SightTeller
+from app.engine.sight import SightWriter
 from app.engine.wayfinding import Wayfinder
 from app.engine.wheel_feed import WheelFeed
 
@@ -18,6 +18,6 @@ class DriveLink:
         wayfinder: plans the observer's path.
     """
 
-    sight: SightTeller
+    sight: SightWriter
     wheels: WheelFeed
     wayfinder: Wayfinder

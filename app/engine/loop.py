@@ -240,7 +240,7 @@ class Engine:
         if drive is not None:
             # Send this first: a robot drives by it.
             guard = session.parameters.guard
-            sight = drive.sight.tell(observed, session.mount, session.world, guard)
+            sight = drive.sight.write(observed, session.mount, session.world, guard)
         published = time.monotonic()
         line = observation_line(observation)
         line["segment"] = session.segment

@@ -25,7 +25,7 @@ from app.engine.played_source import SourceOpener
 from app.engine.preparing import Preparation, Preparing
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory
-from app.engine.sight import SightTeller
+from app.engine.sight import SightWriter
 from app.engine.wayfinding import Wayfinder
 from app.engine.wheel_feed import WheelFeed
 from app.runtime.arguments import ProcessArguments
@@ -80,7 +80,7 @@ def run_engine(
         observations_lost=lambda: sender.lost(ObservationEvent),
         publisher=Publisher({name: LatestWriter(fd) for name, fd in slots.items()}, sender.send),
         drive=DriveLink(
-            SightTeller(sight, wheels, time.monotonic),
+            SightWriter(sight, wheels, time.monotonic),
             wheels,
             Wayfinder(plan, wheels, time.monotonic),
         ),

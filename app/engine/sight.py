@@ -18,7 +18,7 @@ from observer.mount import CameraMount
 _log = logging.getLogger(__name__)
 
 
-class SightTeller:
+class SightWriter:
     """Writer of each observed frame's sight."""
 
     def __init__(self, sight: LatestWriter, wheels: WheelFeed, clock: Callable[[], float]) -> None:
@@ -35,7 +35,7 @@ class SightTeller:
         self._free_path: FreePath | None = None
         self._failed = False
 
-    def tell(
+    def write(
         self,
         observed: Observed,
         mount: CameraMount | None,

@@ -16,7 +16,7 @@ from app.contract.drive import SIGHT_NAME, WHEELS_NAME
 from app.engine.observed import Observed
 from app.engine.recorders import Recorders
 from app.engine.session import Session, open_session
-from app.engine.sight import SightTeller
+from app.engine.sight import SightWriter
 from app.engine.wheel_feed import WheelFeed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
@@ -44,7 +44,7 @@ class Slots:
             os.close(fd)
         self.now = 100.0
         self.feed = WheelFeed(self.ends[1])  # type: ignore[arg-type]
-        self.teller = SightTeller(self.ends[0], self.feed, lambda: self.now)  # type: ignore[arg-type]
+        self.writer = SightWriter(self.ends[0], self.feed, lambda: self.now)  # type: ignore[arg-type]
 
     def drive(self, role: str = "observer", speed: float = 0.5) -> None:
         rows = [[self.now - 0.5 + 0.1 * k, speed * 0.1 * k, 0.0, 0.02 * k] for k in range(6)]
@@ -91,7 +91,7 @@ GUARD = GuardParameters()
 
 def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
     for observed in observed_frames(2):
-        slots.teller.tell(observed, MOUNT, WORLD, GUARD)
+        slots.writer.write(observed, MOUNT, WORLD, GUARD)
         sight = slots.read()
         assert sight.frame == observed.frame.index
         assert sight.received == observed.frame.received
@@ -105,24 +105,24 @@ def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
 def test_free_floor_is_looked_for_while_a_robot_is_there(slots: Slots) -> None:
     observed = observed_frames(2)[1]
     slots.drive()
-    slots.teller.tell(observed, MOUNT, WORLD, GUARD)
+    slots.writer.write(observed, MOUNT, WORLD, GUARD)
     scan = slots.read().scan
     free = [b for a, b in zip(scan.known_from_m, scan.known_to_m, strict=True) if b > a]
     assert len(free) > 0.7 * len(scan.bearings)
     # In a recording nobody drives; without a mount the floor is unknown.
-    slots.teller.tell(observed, MOUNT, None, GUARD)
+    slots.writer.write(observed, MOUNT, None, GUARD)
     assert slots.read().scan is None
-    slots.teller.tell(observed, None, WORLD, GUARD)
+    slots.writer.write(observed, None, WORLD, GUARD)
     assert (slots.read().mount_known, slots.read().scan) == (False, None)
     slots.now += 1.5
-    slots.teller.tell(observed, MOUNT, WORLD, GUARD)
+    slots.writer.write(observed, MOUNT, WORLD, GUARD)
     assert slots.read().scan is None
 
 
 def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
     for observed in observed_frames(8, cover_from=6)[5:]:
         slots.drive()
-        slots.teller.tell(observed, MOUNT, WORLD, GUARD)
+        slots.writer.write(observed, MOUNT, WORLD, GUARD)
         sight = slots.read()
         if observed.frame.index < 6:
             assert sight.status is Status.OK
