@@ -75,7 +75,7 @@ def unseen(*rows: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "accounted"),
     [
         ({}, False),
         ({"status": "lost"}, True),
