@@ -17,13 +17,12 @@ from observer.types import TrackState
 _STEADY = 0.1
 # The same for a walking person.
 _WALKING = 0.6
+# m/s^2, one standard deviation of a reported person's acceleration, however near: close by, what
+# accelerates little in the image may still walk along a curve.
+_AGILE_MPS2 = 2.0
 # Factor by which a reported person may accelerate more along the line of sight while no points on
 # the trunk tell its distance: turning round is then noticed late, by a depth whose error lasts.
 _UNSEEN_TURNS = 2.0
-# Standard deviations of a person's velocity from which it shows where the person is heading.
-_HEADING_SIGMAS = 4.0
-# The world's horizontal axes.
-_LEVEL = np.array([1.0, 0.0, 1.0])
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
 # rad/s^2, of a steady and of a manoeuvring body.
@@ -38,9 +37,14 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
     for track in tracks:
         depth = float(np.linalg.norm(track.mean[POSITION] - position))
         agile = parameters.acceleration_px * depth / now.camera.fx
-        steady = _STEADY if track.rigid else _WALKING
-        yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
-        axis = track.shape.axis(track.yaw) if track.rigid else _walking_axis(track)
+        steady, yaw_acceleration = _STEADY, _YAW_ACCELERATION
+        axis = track.shape.axis(track.yaw)
+        if not track.rigid:
+            steady, yaw_acceleration = _WALKING, (0.0, 0.0)
+            # What it learned while it counted as rigid is how a limb went.
+            axis = None
+        if not track.rigid and track.state is not TrackState.TENTATIVE:
+            agile = max(agile, _AGILE_MPS2)
         if track.state is not TrackState.TENTATIVE and _depth_is_unmeasured(track):
             agile *= _UNSEEN_TURNS
             axis = (track.mean[POSITION] - position) / depth
@@ -49,16 +53,6 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         track.age_s += dt
         track.frames += 1
         track.steady_s += dt
-
-
-def _walking_axis(track: BodyTrack) -> Float64Array | None:
-    """(3,) unit vector along which a person walks, and stops and starts more than turns aside.
-
-    None while the velocity is not sure enough to show it.
-    """
-    level = track.mean[VELOCITY] * _LEVEL
-    speed = float(np.linalg.norm(level))
-    return level / speed if speed > 0 and track.significance >= _HEADING_SIGMAS else None
 
 
 def _depth_is_unmeasured(track: BodyTrack) -> bool:
