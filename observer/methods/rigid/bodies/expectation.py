@@ -45,9 +45,9 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
             axis = None
         if not track.rigid and track.state is not TrackState.TENTATIVE:
             agile = max(agile, _AGILE_MPS2)
-        if track.state is not TrackState.TENTATIVE and _depth_is_unmeasured(track):
-            agile *= _UNSEEN_TURNS
-            axis = (track.mean[POSITION] - position) / depth
+            if _depth_is_unmeasured(track):
+                agile *= _UNSEEN_TURNS
+                axis = (track.mean[POSITION] - position) / depth
         track.filter = track.filter.predicted(dt, (steady * agile, agile), yaw_acceleration, axis)
         track.by_points = False
         track.age_s += dt
