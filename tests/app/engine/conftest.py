@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,6 +31,7 @@ class NumberedSource:
     count: int = 5
     broken: Collection[int] = ()
     live: bool = False
+    live_interval_s: float = 0.005
     own_calibration: StereoCalibration | None = field(default_factory=calibration)
     spec: str = "numbered"
     at: int = 0
@@ -48,6 +50,10 @@ class NumberedSource:
         index = self.at
         if index >= self.count:
             return None
+        if self.live:
+            # Nothing else paces a live source. Thousands of frames per second would fill queues
+            # that no camera fills.
+            time.sleep(self.live_interval_s)
         self.at += 1
         if index in self.broken:
             return SkippedFrame(index, f"frame {index} is damaged")

@@ -91,8 +91,8 @@ def test_local_maps_are_told_and_recorded_beside_their_frames(
     numbered: Numbered, tmp_path: Path
 ) -> None:
     path = tmp_path / "recording.mcap"
-    telling = SimpleNamespace(tell=lambda observed, *_: observed)
-    drive: Any = SimpleNamespace(sight=telling, wheels=None, wayfinder=_Mapping())
+    writer = SimpleNamespace(write=lambda observed, *_: observed)
+    drive: Any = SimpleNamespace(sight=writer, wheels=None, wayfinder=_Mapping())
     with Bench(drive) as bench:
         bench.sources["mounted"] = numbered(8)
         bench.value(opening("mounted", run_id="r1", record=RecordOrder(str(path), "none", "a run")))
@@ -224,7 +224,7 @@ def test_cameras_too_fast_for_the_computer_are_processed_less_and_the_run_says_s
     bench: Bench, numbered: Numbered, tmp_path: Path
 ) -> None:
     path = tmp_path / "r1" / "recording.mcap"
-    bench.sources["numbers"] = Cameras(numbered(10_000, live=True))
+    bench.sources["numbers"] = Cameras(numbered(10_000, live=True, live_interval_s=0.0))
     bench.value(opening(rate=1.0, run_id="r1", record=RecordOrder(str(path), "lossless", "a run")))
     bench.observers[-1].slow_stages = [0.1]
     reduced = bench.wait(StateEvent, lambda s: s.live is not None and s.live.reduced_to)
