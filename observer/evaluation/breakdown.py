@@ -20,10 +20,10 @@ from observer.evaluation.evaluate import (
     coverage,
     delay_median,
     markdown_table,
-    misses_not_told,
     recall,
     rms,
     shown,
+    unflagged_misses,
 )
 from observer.evaluation.tally import (
     Episode,
@@ -58,7 +58,7 @@ class Group:
     centre_rmse_m: float | None
     coverage: float | None
     box_iou_median: float | None
-    misses_not_told: int
+    unflagged_misses: int
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _cells(group: Group | DelayGroup) -> list[str]:
         shown(value)
         for value in (
             group.count, group.recall, group.speed_rmse_mps, group.velocity_rmse_mps,
-            group.centre_rmse_m, group.coverage, group.box_iou_median, group.misses_not_told,
+            group.centre_rmse_m, group.coverage, group.box_iou_median, group.unflagged_misses,
         )
     ]  # fmt: skip
 
@@ -223,7 +223,7 @@ def _group(label: str, scored: Sequence[tuple[Sample, bool]]) -> Group:
         centre_rmse_m=rms(s.centre_error_m for s in measured),
         coverage=coverage(samples),
         box_iou_median=box_iou_median(samples),
-        misses_not_told=misses_not_told(samples),
+        unflagged_misses=unflagged_misses(samples),
     )
 
 

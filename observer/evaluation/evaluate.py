@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from observer.evaluation.accounted import VELOCITY_95_CHI2
+from observer.evaluation.flagged import VELOCITY_95_CHI2
 from observer.evaluation.tally import Episode, Sample, Tally
 
 
@@ -24,8 +24,8 @@ class Evaluation:
         frames_degraded, frames_lost: of all frames, by the method's status.
         truth_count: obstacles that count, summed over frames. matched: those found.
         recall: matched / truth_count.
-        missed: those not found. missed_told: missed ones that the lines flag as possibly missed.
-            misses_not_told: unflagged ones; misses_not_told_share: their share of all missed.
+        missed: those not found. flagged_misses: missed ones that the lines flag as possibly missed.
+            unflagged_misses: unflagged ones; unflagged_misses_share: their share of all missed.
         false: instances with no moving true obstacle nearby. false_per_100_frames.
         surplus_boxes: second instances on one obstacle. surplus_boxes_per_100_frames.
         box_iou_median: intersection over union of the reported and the true box in the image.
@@ -50,9 +50,9 @@ class Evaluation:
     matched: int
     recall: float | None
     missed: int
-    missed_told: int
-    misses_not_told: int
-    misses_not_told_share: float | None
+    flagged_misses: int
+    unflagged_misses: int
+    unflagged_misses_share: float | None
     false: int
     false_per_100_frames: float | None
     surplus_boxes: int
@@ -92,8 +92,8 @@ FIGURE_TITLES: dict[str, str] = {
     "truth_count": "moving obstacles in view, summed over frames",
     "recall": "recall",
     "missed": "misses",
-    "misses_not_told": "unflagged misses",
-    "misses_not_told_share": "unflagged misses, share of misses",
+    "unflagged_misses": "unflagged misses",
+    "unflagged_misses_share": "unflagged misses, share of misses",
     "false_per_100_frames": "false per 100 frames",
     "surplus_boxes_per_100_frames": "surplus boxes per 100 frames",
     "box_iou_median": "box IoU, median",
@@ -122,7 +122,7 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
     false = sum(len(t.false) for t in tallies)
     surplus = sum(t.surplus_boxes for t in tallies)
     missed = [s for s in samples if not s.matched]
-    unaccounted = misses_not_told(samples)
+    unflagged = unflagged_misses(samples)
     switches = sum(s.switched for s in pairs)
     errors = len(missed) + false + surplus + switches
     return Evaluation(
@@ -134,9 +134,9 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
         matched=len(pairs),
         recall=recall(samples),
         missed=len(missed),
-        missed_told=len(missed) - unaccounted,
-        misses_not_told=unaccounted,
-        misses_not_told_share=unaccounted / len(missed) if missed else None,
+        flagged_misses=len(missed) - unflagged,
+        unflagged_misses=unflagged,
+        unflagged_misses_share=unflagged / len(missed) if missed else None,
         false=false,
         false_per_100_frames=per_100(false, frames),
         surplus_boxes=surplus,
@@ -162,9 +162,9 @@ def recall(samples: Sequence[Sample]) -> float | None:
     return sum(s.matched for s in samples) / len(samples) if samples else None
 
 
-def misses_not_told(samples: Iterable[Sample]) -> int:
+def unflagged_misses(samples: Iterable[Sample]) -> int:
     """Return the number of missed samples that the line does not flag as possibly missed."""
-    return sum(not s.matched and not s.accounted for s in samples)
+    return sum(not s.matched and not s.flagged for s in samples)
 
 
 def box_iou_median(samples: Iterable[Sample]) -> float | None:

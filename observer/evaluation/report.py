@@ -83,7 +83,7 @@ def _source_row(result: SourceResult) -> list[str]:
         return [spec, result.preset, *["-"] * (len(_SOURCE_HEADER) - 2)]
     figures = [
         e.recall, e.false_per_100_frames, e.speed_rmse_mps, e.velocity_rmse_mps, e.centre_rmse_m,
-        e.coverage, e.box_iou_median, e.surplus_boxes_per_100_frames, e.misses_not_told,
+        e.coverage, e.box_iou_median, e.surplus_boxes_per_100_frames, e.unflagged_misses,
         e.delay_median_s, e.identity_switches, e.mota, e.frames_degraded,
         e.frames_lost,
     ]  # fmt: skip

@@ -14,9 +14,9 @@ The definitions, the same for every method:
   total distance.
 * An instance is **false** if no moving true obstacle, visible or not, lies within the gate.
 * A second instance on one obstacle is not false but a **surplus box**; MOTA counts both.
-* A miss is **accounted for** (flagged) if the line's status is lost, if a coasting instance lies
+* A miss is **flagged** if the line's status is lost, if a coasting instance lies
   within the gate, or if the line is degraded and motion could not be noticed in at least half of
-  the box in which the obstacle is seen. It is also accounted for if it is reported in its place as
+  the box in which the obstacle is seen. It is also flagged if it is reported in its place as
   ``stopped`` or ``in_place`` and its true velocity lies within the stated 95 % region: a person who
   turns round is slow for a moment, but not unseen.
 """
@@ -31,8 +31,8 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from observer.evaluation.accounted import is_accounted_for, squared_length
 from observer.evaluation.choices import GATE_M, MOVING_MPS
+from observer.evaluation.flagged import is_flagged, squared_length
 from observer.evaluation.image_boxes import area, box_iou, clipped
 from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
 from observer.evaluation.lines import Line
@@ -66,7 +66,7 @@ class Sample:
         mahalanobis2: squared Mahalanobis distance of the velocity error; None without a covariance.
         switched: whether the instance's identity differs from the obstacle's previous one.
         box_iou: intersection over union of the reported and the true box; None if one is unknown.
-        kind: of the obstacle. accounted: whether it was missed but the line flags that.
+        kind: of the obstacle. flagged: whether it was missed but the line flags that.
         segment, frame: of its line.
     """
 
@@ -83,7 +83,7 @@ class Sample:
     switched: bool = False
     box_iou: float | None = None
     kind: Kind | None = None
-    accounted: bool = False
+    flagged: bool = False
     segment: int = 0
     frame: int = 0
 
@@ -327,13 +327,13 @@ class _Comparison:
     ) -> None:
         common = (float(np.linalg.norm(body.position - camera)), body.speed, _radial(body, camera))
         if instance is None:
-            accounted = is_accounted_for(line, body, self._worlds[line.segment], self._gate)
+            flagged = is_flagged(line, body, self._worlds[line.segment], self._gate)
             self._tally.samples.append(
                 Sample(
                     *common,
                     matched=False,
                     kind=body.kind,
-                    accounted=accounted,
+                    flagged=flagged,
                     segment=line.segment,
                     frame=line.frame,
                 )

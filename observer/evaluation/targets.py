@@ -20,11 +20,11 @@ from observer.evaluation.evaluate import (
     coverage,
     delay_median,
     markdown_table,
-    misses_not_told,
     per_100,
     recall,
     rms,
     shown,
+    unflagged_misses,
 )
 from observer.evaluation.tally import Episode, Sample, Tally
 
@@ -149,14 +149,14 @@ def _people(tallies: Sequence[Tally]) -> list[Target]:
     among = [t for t in tallies if t.people]
     frames = sum(t.frames for t in among)
     surplus = per_100(sum(t.surplus_boxes for t in among), frames)
-    unaccounted = misses_not_told(samples) if samples else None
+    unflagged = unflagged_misses(samples) if samples else None
     place = f"people, {PEOPLE_MPS:g} m/s at {PEOPLE_RANGE_M[0]:g}-{PEOPLE_RANGE_M[1]:g} m"
     return [
         Target(f"{place}: recall", 0.95, None, recall(samples), len(samples)),
         Target(f"{place}: velocity RMSE, m/s", None, 0.10,
                rms(s.velocity_error_mps for s in pairs), len(pairs)),
         Target(f"{place}: box IoU, median", 0.6, None, box_iou_median(boxes), len(boxes)),
-        Target(f"{place}: unflagged misses", None, 0.0, unaccounted, len(samples)),
+        Target(f"{place}: unflagged misses", None, 0.0, unflagged, len(samples)),
         Target("surplus boxes per 100 frames, scenarios with people", None, 0.5, surplus, frames),
         _false("false per 100 frames, scenarios with people", 0.5, among),
     ]  # fmt: skip

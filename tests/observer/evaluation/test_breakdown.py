@@ -241,7 +241,7 @@ def test_robots_and_people_apart_where_the_truth_tells_them_apart() -> None:
         Sample(2, 0.4, 0.0, matched=True, box_iou=0.5, kind="person"),
         Sample(2, 0.4, 0.0, matched=True, box_iou=0.3, kind="person"),
         Sample(2, 0.4, 0.0, matched=False, kind="person"),
-        Sample(2, 0.4, 0.0, matched=False, kind="person", accounted=True),
+        Sample(2, 0.4, 0.0, matched=False, kind="person", flagged=True),
     ]
     robots, people = break_down([Tally(samples=samples)]).by_body
     assert (robots.label, robots.count, robots.recall, robots.box_iou_median) == (
@@ -249,7 +249,7 @@ def test_robots_and_people_apart_where_the_truth_tells_them_apart() -> None:
     )  # fmt: skip
     assert (people.label, people.count, people.recall) == ("people", 4, 0.5)
     assert people.box_iou_median == pytest.approx(0.4)
-    assert (robots.misses_not_told, people.misses_not_told) == (0, 1)
+    assert (robots.unflagged_misses, people.unflagged_misses) == (0, 1)
     assert [g.label for g in break_down([counted()]).by_body] == ["unknown"]
 
 

@@ -75,7 +75,7 @@ def unseen(*rows: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("changes", "accounted"),
+    ("changes", "flagged"),
     [
         ({}, False),
         ({"status": "lost"}, True),
@@ -92,14 +92,14 @@ def unseen(*rows: str) -> dict[str, Any]:
     ],
 )
 def test_a_miss_is_told_where_the_line_says_that_it_could_not_see(
-    changes: dict[str, Any], accounted: bool
+    changes: dict[str, Any], flagged: bool
 ) -> None:
     truth = BoxedTruth(box_px=(-0.5, -0.5, 9.5, 19.5))
     result = evaluate([line(k, [], **changes) for k in range(20)], truth)
     assert result.missed == 14
-    assert result.missed_told == (14 if accounted else 0)
-    assert result.misses_not_told == (0 if accounted else 14)
-    assert result.misses_not_told_share == (0.0 if accounted else 1.0)
+    assert result.flagged_misses == (14 if flagged else 0)
+    assert result.unflagged_misses == (0 if flagged else 14)
+    assert result.unflagged_misses_share == (0.0 if flagged else 1.0)
 
 
 def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
@@ -107,15 +107,15 @@ def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
     truth = BoxedTruth(box_px=(-0.5, -0.5, 19.5, 10.5))
     below = {"status": "degraded", "unseen": unseen("..", "dd")}
     above = {"status": "degraded", "unseen": unseen("dd", "..")}
-    assert evaluate([line(k, [], **below) for k in range(20)], truth).missed_told == 0
-    assert evaluate([line(k, [], **above) for k in range(20)], truth).missed_told == 14
+    assert evaluate([line(k, [], **below) for k in range(20)], truth).flagged_misses == 0
+    assert evaluate([line(k, [], **above) for k in range(20)], truth).flagged_misses == 14
 
 
 def test_a_miss_without_a_known_box_is_told_by_a_lost_line_alone() -> None:
     truth = BoxedTruth(box_px=None)
     blind = {"status": "degraded", "unseen": unseen("xx", "xx")}
-    assert evaluate([line(k, [], **blind) for k in range(20)], truth).missed_told == 0
-    assert evaluate([line(k, [], status="lost") for k in range(20)], truth).missed_told == 14
+    assert evaluate([line(k, [], **blind) for k in range(20)], truth).flagged_misses == 0
+    assert evaluate([line(k, [], status="lost") for k in range(20)], truth).flagged_misses == 14
 
 
 def test_a_miss_is_told_by_a_coasting_obstacle_where_it_is() -> None:
@@ -124,11 +124,11 @@ def test_a_miss_is_told_by_a_coasting_obstacle_where_it_is() -> None:
     for each in lines:
         each["obstacles"][0]["state"] = "coasting"
     result = evaluate(lines, truth)
-    assert (result.missed, result.missed_told) == (14, 14)
+    assert (result.missed, result.flagged_misses) == (14, 14)
     for each in lines:
         x, y, z = each["obstacles"][0]["position"]
         each["obstacles"][0]["position"] = [x + 1.0, y, z]
-    assert evaluate(lines, truth).missed_told == 0
+    assert evaluate(lines, truth).flagged_misses == 0
 
 
 @pytest.mark.parametrize("motion", ["stopped", "in_place"])
@@ -138,27 +138,27 @@ def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_
     """A body that reverses counts as stopped for a moment, but is not unseen."""
     truth = BoxedTruth()
 
-    def accounted(off_mps: float, aside_m: float = 0.0, cov: object = None) -> int:
+    def flagged(off_mps: float, aside_m: float = 0.0, cov: object = None) -> int:
         lines = perfect(truth, 20, error=(off_mps, 0.0, 0.0), offset=(aside_m, 0.0, 0.0))
         for each in lines:
             each["obstacles"][0].update(motion=motion, velocity_cov=cov)
         result = evaluate(lines, truth)
         assert result.missed == 14
-        return result.missed_told
+        return result.flagged_misses
 
     cov = (np.eye(3) * 0.1**2).tolist()
     # 95 % lie within 2.8 standard deviations.
-    assert accounted(0.27, cov=cov) == 14
-    assert accounted(0.29, cov=cov) == 0
-    assert accounted(0.0, aside_m=1.0, cov=cov) == 0
+    assert flagged(0.27, cov=cov) == 14
+    assert flagged(0.29, cov=cov) == 0
+    assert flagged(0.0, aside_m=1.0, cov=cov) == 0
     # Without a stated uncertainty the velocity is neither right nor wrong.
-    assert accounted(0.0) == 0
+    assert flagged(0.0) == 0
 
 
 def test_no_misses_no_share() -> None:
     truth = BoxedTruth()
     result = evaluate(perfect(truth, 20), truth)
-    assert (result.missed, result.misses_not_told, result.misses_not_told_share) == (0, 0, None)
+    assert (result.missed, result.unflagged_misses, result.unflagged_misses_share) == (0, 0, None)
 
 
 @pytest.mark.parametrize(

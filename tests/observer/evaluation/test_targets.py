@@ -149,13 +149,13 @@ def person(
     speed: float = 1.0,
     *,
     matched: bool = True,
-    accounted: bool = False,
+    flagged: bool = False,
     iou: float | None = 0.7,
     error: float = 0.08,
 ) -> Sample:
     kind: Kind = "person"
     if not matched:
-        return Sample(range_m, speed, 0.0, matched=False, kind=kind, accounted=accounted)
+        return Sample(range_m, speed, 0.0, matched=False, kind=kind, flagged=flagged)
     return Sample(
         range_m, speed, 0.0, matched=True, velocity_error_mps=error, speed_error_mps=error,
         centre_error_m=1.0, mahalanobis2=50.0, switched=True, box_iou=iou, kind=kind,
@@ -167,7 +167,7 @@ def test_people_have_figures_of_their_own() -> None:
         *(person() for _ in range(18)),
         person(0.5, 0.4),  # at both limits
         person(6.0, iou=0.1),
-        person(matched=False, accounted=True),
+        person(matched=False, flagged=True),
         person(0.4, matched=False),  # too near, too far, too slow
         person(6.1, matched=False),
         person(2.0, 0.39, matched=False),

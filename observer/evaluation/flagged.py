@@ -1,4 +1,4 @@
-"""Decides whether a line accounts for an obstacle that it does not report as moving."""
+"""Decides whether a line flags an obstacle that it does not report as moving."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VELOCITY_95_CHI2 = quantile(0.95, df=3)
 _STANDING = ("stopped", "in_place")
 
 
-def is_accounted_for(line: Line, body: TrueBody, world: Pose, gate_m: float) -> bool:
+def is_flagged(line: Line, body: TrueBody, world: Pose, gate_m: float) -> bool:
     """Return whether a line flags that this body may have been missed, or reports its place.
 
     Args:
