@@ -85,14 +85,14 @@ class SimulatedSource:
         if self._driven is not None:
             self._driven.advance(now)
         left, right = self._imager.pair(index, now)
-        tells_skew = s.faults.skew_s != 0 and s.faults.skew_told
+        has_right_time = s.faults.skew_s != 0 and s.faults.skew_known
         return StereoFrame(
             index=index,
             time=now,
             left=left,
             right=right,
             received=clock.monotonic(),
-            right_time=self._imager.right_time(now) if tells_skew else None,
+            right_time=self._imager.right_time(now) if has_right_time else None,
             odometry=self._odometry.read(now),
         )
 

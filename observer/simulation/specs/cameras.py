@@ -84,7 +84,7 @@ class FaultSpec(Spec):
         exposure_s: exposure time, which causes motion blur; a frame's time is its middle.
         exposure_samples: number of instants that are rendered and averaged over the exposure.
         skew_s: the right camera exposes this much later, as free-running cameras do.
-        skew_told: whether frames carry the right camera's time; cheap cameras stamp only the pair.
+        skew_known: whether frames carry the right camera's time; cheap cameras stamp only the pair.
         readout_s: rolling shutter: time from the exposure of the first row to that of the last.
     """
 
@@ -96,7 +96,7 @@ class FaultSpec(Spec):
     exposure_s: float = Field(0.0, ge=0, le=0.5)
     exposure_samples: int = Field(5, ge=2, le=32)
     skew_s: float = Field(0.0, ge=-0.5, le=0.5)
-    skew_told: bool = True
+    skew_known: bool = True
     readout_s: float = Field(0.0, ge=0, le=0.2)
     lens: LensSpec = LensSpec()
     tilt: TiltSpec = TiltSpec()

@@ -122,15 +122,15 @@ def test_skew_shows_the_right_camera_another_instant() -> None:
     assert frames[1].right_time is None
 
 
-def test_skew_that_is_not_told_shows_in_the_images_alone() -> None:
-    told, untold = (world_with(skew_s=0.016, skew_told=told) for told in (True, False))
-    frames = [SimulatedSource(world).read() for world in (told, untold)]
+def test_skew_that_is_not_known_shows_only_in_the_images() -> None:
+    known, unknown = (world_with(skew_s=0.016, skew_known=known) for known in (True, False))
+    frames = [SimulatedSource(world).read() for world in (known, unknown)]
     assert frames[0] is not None
     assert frames[1] is not None
     assert np.array_equal(frames[0].right, frames[1].right)
     assert frames[0].right_time == pytest.approx(0.016)
     assert frames[1].right_time is None
-    assert not load_scenario("static_skew").faults.skew_told
+    assert not load_scenario("static_skew").faults.skew_known
 
 
 def test_the_vergence_scene_biases_every_disparity_alike() -> None:
