@@ -41,7 +41,7 @@ def names_of(pairs: tuple[BoardPair, ...]) -> list[tuple[str, str]]:
     return [(pair.left_name, pair.right_name) for pair in pairs]
 
 
-def test_pairs_by_number_and_names_files_without_a_partner(tmp_path: Path) -> None:
+def test_pairs_by_number_and_reports_unpaired_files(tmp_path: Path) -> None:
     touched(tmp_path, *(f"left{k:02d}.jpg" for k in (1, 2, 3, 10)))
     touched(tmp_path, *(f"right{k}.jpg" for k in (2, 3, 10, 11)), "right_notes.txt")
     pairs, refused = read_board_pairs(f"{tmp_path}/left*", f"{tmp_path}/right*")
@@ -63,7 +63,7 @@ def test_pairs_by_equal_names_in_two_folders(tmp_path: Path) -> None:
     assert refused == ()
 
 
-def test_pairs_in_order_where_names_tell_nothing(tmp_path: Path) -> None:
+def test_pairs_in_sorted_order_when_names_do_not_match(tmp_path: Path) -> None:
     touched(tmp_path / "l", "a.png", "b.png")
     touched(tmp_path / "r", "x.png", "y.png")
     pairs, _ = read_board_pairs(f"{tmp_path}/l/*", f"{tmp_path}/r/*")
@@ -73,7 +73,7 @@ def test_pairs_in_order_where_names_tell_nothing(tmp_path: Path) -> None:
         read_board_pairs(f"{tmp_path}/l/*", f"{tmp_path}/r/*")
 
 
-def test_patterns_that_fit_nothing_or_the_same_files_are_refused(tmp_path: Path) -> None:
+def test_patterns_matching_nothing_or_the_same_files_are_refused(tmp_path: Path) -> None:
     touched(tmp_path, "left1.png", "right1.png", "right2.txt")
     with pytest.raises(InputError, match="no image matches"):
         read_board_pairs(f"{tmp_path}/left*", f"{tmp_path}/nothing*")
@@ -86,7 +86,7 @@ def encoded(image: Image) -> bytes:
 
 
 def test_unusable_images_are_refused_by_name_and_the_rest_is_used() -> None:
-    told: list[float] = []
+    shares: list[float] = []
     good = [pictures(BOARD, seed) for seed in (1, 2, 3)]
     png = encoded(good[0][0])
     small = np.asarray(cv2.resize(good[1][0], (320, 240)), np.uint8)
@@ -103,7 +103,7 @@ def test_unusable_images_are_refused_by_name_and_the_rest_is_used() -> None:
             pair_of("blank", blank, blank),
         ],
         BOARD,
-        progress=lambda _, share: told.append(share),
+        progress=lambda _, share: shares.append(share),
     )
     assert (found.width, found.height) == (640, 480)
     seen = {view.name: (view.left is not None, view.right is not None) for view in found.views}
@@ -116,10 +116,10 @@ def test_unusable_images_are_refused_by_name_and_the_rest_is_used() -> None:
     assert "no image left is damaged or not an image" in reasons["no image"]
     assert "320x240 pixels and the right one 640x480" in reasons["uneven"]
     assert "320x240 pixels, the others 640x480" in reasons["small"]
-    assert told == pytest.approx(np.arange(1, 9) / 8)
+    assert shares == pytest.approx(np.arange(1, 9) / 8)
 
 
-def test_another_size_of_board_is_named() -> None:
+def test_board_size_in_images_is_named_when_it_differs() -> None:
     left, right = (
         np.asarray(cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA), np.uint8)
         for image in pictures(BOARD, 1)
@@ -131,7 +131,7 @@ def test_another_size_of_board_is_named() -> None:
         find_boards([pair_of("x", b"", b"")], BOARD)
 
 
-def test_pictures_of_a_board_give_the_pair_that_took_them() -> None:
+def test_rendered_board_images_recover_the_camera_pair() -> None:
     """Detection and fit together, from pixels to metres, on rendered boards."""
     found = find_boards([pair_of(str(k), *pictures(BOARD, k)) for k in range(9)], BOARD)
     fit = fit_stereo(found.views, BOARD, found.width, found.height)
@@ -144,7 +144,7 @@ def test_pictures_of_a_board_give_the_pair_that_took_them() -> None:
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"needs {DATA}")
-def test_the_published_chessboards() -> None:
+def test_published_chessboards_calibrate() -> None:
     pairs, unpaired = read_board_pairs(f"{DATA}/left[0-9]*.jpg", f"{DATA}/right[0-9]*.jpg")
     assert (len(pairs), unpaired) == (13, ())
     found = find_boards(pairs, BOARD)
@@ -158,7 +158,7 @@ def test_the_published_chessboards() -> None:
     assert fit.held_out.p95_px < 0.5
 
 
-def test_a_wrong_size_is_named_before_all_images_are_searched(shared_data: Path) -> None:
+def test_wrong_board_size_is_reported_before_all_images_are_searched(shared_data: Path) -> None:
     folder = shared_data / "chessboards"
     pairs, _ = read_board_pairs(str(folder / "left*.jpg"), str(folder / "right*.jpg"))
     # As many as one collects by holding up the board for a minute.
@@ -167,5 +167,7 @@ def test_a_wrong_size_is_named_before_all_images_are_searched(shared_data: Path)
     with pytest.raises(CalibrationError, match=r"show a chessboard with 9x6 .* not 8x6"):
         find_boards(many, Board("chessboard", 8, 6, 0.025))
     spent = time.process_time() - started
-    sys.stdout.write(f"a wrong size of 52 pairs is named after {spent:.1f} s of processor time\n")
+    sys.stdout.write(
+        f"a wrong board size in 52 pairs is reported after {spent:.1f} s of processor time\n"
+    )
     assert spent < 15.0

@@ -63,7 +63,7 @@ def hold(
     return [collector.look(*rig.see(turn, place), start + 0.1 * k) for k in range(6)]
 
 
-def test_a_new_pose_is_captured_when_it_was_still_for_a_while() -> None:
+def test_new_pose_is_captured_once_held_still() -> None:
     collector = ViewCollector(BOARD, SIZE)
     looks = hold(collector, Rig(), MIDDLE, 10.0)
     captured = [k for k, look in enumerate(looks) if look.view]
@@ -78,7 +78,7 @@ def test_a_new_pose_is_captured_when_it_was_still_for_a_while() -> None:
     assert len(view.left.common_px(view.right)[0]) == BOARD.corner_count
 
 
-def test_a_moving_board_is_not_captured() -> None:
+def test_moving_board_is_not_captured() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     # 8 cm a second at 0.6 m: 67 pixels a second.
     for k in range(20):
@@ -88,7 +88,7 @@ def test_a_moving_board_is_not_captured() -> None:
     assert look.words == "Hold the board still"
 
 
-def test_slow_motion_matters_where_both_images_are_not_taken_at_once() -> None:
+def test_slow_motion_blocks_capture_only_when_camera_skew_is_large() -> None:
     # 4 px/s: nothing within 5 ms, but within 100 ms a turn that a calibration would believe.
     for skew, taken in ((0.005, True), (0.1, False)):
         collector, rig = ViewCollector(BOARD, SIZE), Rig()
@@ -101,7 +101,7 @@ def test_slow_motion_matters_where_both_images_are_not_taken_at_once() -> None:
         assert any(look.view for look in looks) is taken
 
 
-def test_what_is_not_seen_is_said_by_camera() -> None:
+def test_guidance_names_the_camera_that_does_not_see_the_board() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     left, right = rig.see(FACING, MIDDLE)
     assert collector.look(None, None, 0.0).words == (
@@ -114,7 +114,7 @@ def test_what_is_not_seen_is_said_by_camera() -> None:
     assert look.still is None
 
 
-def test_a_moment_without_detection_does_not_start_stillness_anew() -> None:
+def test_brief_detection_gap_does_not_reset_stillness() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     for k in range(3):
         collector.look(*rig.see(FACING, MIDDLE), 0.1 * k)
@@ -123,7 +123,7 @@ def test_a_moment_without_detection_does_not_start_stillness_anew() -> None:
     assert not collector.look(None, None, 5.0).view
 
 
-def test_the_first_pose_wanted_is_in_the_middle() -> None:
+def test_first_requested_pose_is_in_the_middle() -> None:
     look = ViewCollector(BOARD, SIZE).look(None, None, 0.0)
     assert look.ghost is not None
     assert look.next_words == "Hold the board in the middle of the image"
@@ -132,7 +132,7 @@ def test_the_first_pose_wanted_is_in_the_middle() -> None:
     assert look.ghost[:, 1].mean() == pytest.approx(239.5, abs=30)
 
 
-def test_by_hand_a_view_is_taken_wherever_both_see_the_board() -> None:
+def test_manual_capture_requires_both_cameras_to_see_the_board() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     with pytest.raises(CalibrationError, match="not visible to both cameras right now"):
         collector.capture(0.0)
@@ -147,7 +147,7 @@ def test_by_hand_a_view_is_taken_wherever_both_see_the_board() -> None:
         collector.capture(4.0)
 
 
-def test_what_was_taken_back_is_not_taken_again_before_it_moved() -> None:
+def test_undone_view_is_not_recaptured_until_the_board_moves() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     hold(collector, rig, MIDDLE, 0.0)
     taken = collector.undo()
@@ -162,7 +162,7 @@ def test_what_was_taken_back_is_not_taken_again_before_it_moved() -> None:
     assert ViewCollector(BOARD, SIZE).undo() is None
 
 
-def test_views_are_removed_by_name_and_names_are_not_used_twice() -> None:
+def test_views_are_removed_by_name_and_names_are_not_reused() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     collector.look(*rig.see(FACING, MIDDLE), 0.0)
     for _ in range(3):
@@ -174,7 +174,7 @@ def test_views_are_removed_by_name_and_names_are_not_used_twice() -> None:
         collector.remove("2")
 
 
-def test_after_a_crash_it_goes_on_with_the_views_it_had() -> None:
+def test_collector_resumes_with_existing_views_after_a_crash() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     hold(collector, rig, MIDDLE, 0.0)
     hold(collector, rig, np.add(MIDDLE, (0.15, 0.1, 0.2)), 2.0)
@@ -186,7 +186,7 @@ def test_after_a_crash_it_goes_on_with_the_views_it_had() -> None:
     assert looks[-1].words.startswith("Already captured")
 
 
-def test_a_pose_that_cannot_be_reached_is_given_up() -> None:
+def test_unreachable_pose_is_abandoned() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
     hold(collector, rig, MIDDLE, 0.0)
     first = collector.look(*rig.see(FACING, MIDDLE), 1.0).ghost

@@ -49,7 +49,7 @@ def clutter(seed: int) -> np.ndarray:
     ],
     ids=lambda value: value.kind if isinstance(value, Board) else str(value),
 )
-def test_corners_are_where_they_were_drawn(
+def test_corners_are_detected_where_they_were_drawn(
     board: Board, width: float, most: float, quick: bool
 ) -> None:
     for seed, tilt in enumerate(TILTS):
@@ -60,7 +60,7 @@ def test_corners_are_where_they_were_drawn(
         assert rms(found, truth) < most
 
 
-def test_the_upper_left_pixel_s_centre_is_the_origin() -> None:
+def test_origin_is_the_centre_of_the_upper_left_pixel() -> None:
     # A convention that differs by half a pixel would show in the mean over all corners.
     offsets = []
     for seed, centre in enumerate([(319.5, 239.5), (300.2, 200.8), (340.7, 260.1)]):
@@ -73,7 +73,7 @@ def test_the_upper_left_pixel_s_centre_is_the_origin() -> None:
     assert np.abs(np.mean(offsets, axis=0)).max() < 0.02
 
 
-def test_a_color_image_gives_the_same_corners_as_its_grey_one() -> None:
+def test_color_and_grey_images_give_the_same_corners() -> None:
     image, _ = draw(CHESSBOARD, board_to_image(CHESSBOARD, 250))
     grey = detect_board(image, CHESSBOARD)
     colored = np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), np.uint8)
@@ -85,7 +85,7 @@ def test_a_color_image_gives_the_same_corners_as_its_grey_one() -> None:
 
 @pytest.mark.parametrize("turn", [0.0, 90.0, 180.0, -90.0])
 @pytest.mark.parametrize("board", [CHESSBOARD, CHARUCO], ids=["chessboard", "charuco"])
-def test_numbers_go_with_the_board_however_it_is_held(board: Board, turn: float) -> None:
+def test_corner_numbering_follows_the_board_in_any_orientation(board: Board, turn: float) -> None:
     pose = board_to_image(board, 240, (0.2, -0.2, np.deg2rad(turn)))
     image, truth = draw(board, pose)
     found = detect_board(image, board)
@@ -96,7 +96,7 @@ def test_numbers_go_with_the_board_however_it_is_held(board: Board, turn: float)
 @pytest.mark.parametrize(
     ("columns", "rows", "alike"), [(9, 6, False), (9, 7, True), (8, 6, True), (7, 7, True)]
 )
-def test_boards_that_look_the_same_upside_down_are_known(
+def test_boards_with_half_turn_symmetry_are_recognised(
     columns: int, rows: int, alike: bool
 ) -> None:
     assert turns_alike(Board("chessboard", columns, rows)) is alike
@@ -104,7 +104,7 @@ def test_boards_that_look_the_same_upside_down_are_known(
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(8, 6), (7, 7), (6, 6)])
-def test_the_right_camera_numbers_as_the_left_one(columns: int, rows: int) -> None:
+def test_right_camera_uses_the_left_cameras_numbering(columns: int, rows: int) -> None:
     board = Board("chessboard", columns, rows)
     # Turned so far that each image by itself could be numbered either way.
     sightings = []
@@ -120,7 +120,7 @@ def test_the_right_camera_numbers_as_the_left_one(columns: int, rows: int) -> No
         assert np.linalg.norm(agreed.px - left.px, axis=1).max() < 60
 
 
-def test_a_board_numbered_by_its_colours_is_left_as_it_is() -> None:
+def test_numbering_fixed_by_colours_is_unchanged() -> None:
     # The right camera is upside down: its image is rotated, the numbering is correct.
     image, _ = draw(CHESSBOARD, board_to_image(CHESSBOARD, 240))
     left = detect_board(image, CHESSBOARD)
@@ -131,7 +131,7 @@ def test_a_board_numbered_by_its_colours_is_left_as_it_is() -> None:
     assert same_numbering(left, right, CHESSBOARD) is right
 
 
-def test_a_part_of_a_charuco_board_is_enough_and_of_a_chessboard_not() -> None:
+def test_partial_charuco_board_is_detected_but_not_a_partial_chessboard() -> None:
     for board in (CHARUCO, CHESSBOARD):
         image, truth = draw(board, board_to_image(board, 400, (0.2, 0.3, 0.1), (610.0, 240.0)))
         found = detect_board(image, board, quick=True)
@@ -143,26 +143,26 @@ def test_a_part_of_a_charuco_board_is_enough_and_of_a_chessboard_not() -> None:
             assert rms(found, truth) < 0.2
 
 
-def test_too_small_a_part_of_a_charuco_board_is_none() -> None:
+def test_too_small_part_of_a_charuco_board_is_not_detected() -> None:
     image, _ = draw(CHARUCO, board_to_image(CHARUCO, 400, centre=(800.0, 240.0)))
     assert detect_board(image, CHARUCO) is None
 
 
 @pytest.mark.parametrize("quick", [False, True])
-def test_where_no_board_is_none_is_found(quick: bool) -> None:
+def test_nothing_is_detected_without_a_board(quick: bool) -> None:
     for board in (CHESSBOARD, CHARUCO):
         assert detect_board(clutter(1), board, quick=quick) is None
         assert detect_board(np.zeros(SIZE[::-1], np.uint8), board, quick=quick) is None
 
 
-def test_a_part_of_a_larger_board_is_not_taken_for_the_board() -> None:
+def test_part_of_a_larger_board_is_not_mistaken_for_the_board() -> None:
     image, _ = draw(CHESSBOARD, board_to_image(CHESSBOARD, 300, (0.3, 0.2, 0.1)))
     for quick in (False, True):
         assert detect_board(image, Board("chessboard", 8, 6), quick=quick) is None
     assert size_shown(image) == (9, 6)
 
 
-def test_a_highlight_over_a_corner_misplaces_none() -> None:
+def test_highlight_over_a_corner_misplaces_no_corner() -> None:
     image, truth = draw(CHESSBOARD, board_to_image(CHESSBOARD, 300, (0.3, 0.2, 0.1)))
     # OpenCV places it 5 pixels off; only the other corners reveal that.
     hidden = truth[22]
@@ -181,7 +181,7 @@ def read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason=f"needs {RECORDED}")
 @pytest.mark.parametrize("quick", [False, True])
-def test_all_recorded_chessboards_are_found(quick: bool) -> None:
+def test_all_recorded_chessboards_are_detected(quick: bool) -> None:
     missed = [
         path.name
         for path in sorted(RECORDED.glob("*.jpg"))
@@ -191,7 +191,7 @@ def test_all_recorded_chessboards_are_found(quick: bool) -> None:
 
 
 @pytest.mark.skipif(not RECORDED.is_dir(), reason=f"needs {RECORDED}")
-def test_a_part_of_a_recorded_board_is_not_taken_for_the_board() -> None:
+def test_part_of_a_recorded_board_is_not_mistaken_for_the_board() -> None:
     image = read_image(RECORDED / "left02.jpg", cv2.IMREAD_GRAYSCALE)
     assert cv2.findChessboardCorners(image, (8, 6))[0], "OpenCV no longer finds a part of it"
     for quick in (False, True):

@@ -1,4 +1,4 @@
-"""The fit on exactly known camera pairs, and in the face of faults."""
+"""The fit on exactly known camera pairs, and with faulty views."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def rotation_error_deg(found: StereoCalibration, true: StereoCalibration) -> flo
 
 
 @pytest.mark.parametrize(("seed", "noise_px"), [(0, 0.1), (1, 0.15), (2, 0.2)])
-def test_finds_the_pair_that_took_the_views(seed: int, noise_px: float) -> None:
+def test_recovers_the_pair_that_took_the_views(seed: int, noise_px: float) -> None:
     fit = fitted(views_of(TRUE, 20, seed, noise_px))
     found = fit.calibration
     for name in ("K1", "K2"):
@@ -71,7 +71,7 @@ def projected_errors(found: StereoCalibration, seed: int) -> np.ndarray:
     return np.abs(np.concatenate([vertical_errors(found, v.left.px, v.right.px) for v in views]))
 
 
-def test_says_how_sure_it_is_and_is_right_about_that() -> None:
+def test_stated_uncertainty_matches_actual_errors() -> None:
     """Over several seeds, errors match the stated intervals to within a factor of ten."""
     shares: dict[str, list[float]] = {"focal": [], "baseline": [], "vergence": [], "depth": []}
     per_disparity = 3 / (TRUE.K1[0, 0] * TRUE.baseline)
@@ -89,7 +89,7 @@ def test_says_how_sure_it_is_and_is_right_about_that() -> None:
         assert 0.1 < np.sqrt(np.mean(np.square(values))) < 1.1, (name, values)
 
 
-def test_held_out_views_show_noise_and_little_else() -> None:
+def test_held_out_errors_are_little_more_than_noise() -> None:
     fit = fitted(views_of(TRUE, 12, 4, 0.15))
     held_out = fit.held_out
     assert held_out is not None
@@ -101,7 +101,7 @@ def test_held_out_views_show_noise_and_little_else() -> None:
     assert fitted(views_of(TRUE, 5, 4)).held_out is None
 
 
-def test_seeks_k3_only_where_it_is_needed() -> None:
+def test_fits_k3_only_when_needed() -> None:
     plain = fitted(views_of(TRUE, 10, 5)).calibration
     assert plain.D1.size == 5
     assert plain.D1[4] == plain.D2[4] == 0
@@ -125,7 +125,7 @@ def test_fits_fisheye_lenses() -> None:
     assert fit.rms_stereo == pytest.approx(0.1 * np.sqrt(2), rel=0.08)
 
 
-def test_views_of_one_camera_serve_that_camera() -> None:
+def test_single_camera_views_improve_that_camera() -> None:
     views = views_of(TRUE, 20, 7)
     alone = [
         replace(v, right=None) if k % 3 == 0 else replace(v, left=None) if k % 3 == 1 else v
@@ -139,7 +139,7 @@ def test_views_of_one_camera_serve_that_camera() -> None:
     assert more.calibration.baseline == pytest.approx(TRUE.baseline, rel=0.005)
 
 
-def test_parts_of_a_board_are_enough() -> None:
+def test_partial_boards_are_enough() -> None:
     rng = np.random.default_rng(8)
     parts = [
         BoardView(v.name, *(sighting(s.px, rng.random(54) < 0.4) for s in (v.left, v.right)))
@@ -174,7 +174,7 @@ def test_bad_views_are_refused_by_name_with_their_errors() -> None:
     assert fit.calibration.baseline == pytest.approx(TRUE.baseline, rel=0.005)
 
 
-def test_a_single_wrong_corner_costs_a_corner_and_not_the_view() -> None:
+def test_wrong_corners_are_dropped_without_dropping_the_view() -> None:
     views = views_of(TRUE, 9, 19)
     px = views[4].right.px.copy()
     px[[7, 30]] += [[30.0, 10.0], [0.0, -2.5]]
@@ -185,7 +185,7 @@ def test_a_single_wrong_corner_costs_a_corner_and_not_the_view() -> None:
     assert fit.rms_stereo == pytest.approx(0.15 * np.sqrt(2), rel=0.08)
 
 
-def test_a_bent_board_is_told_by_how_much() -> None:
+def test_board_bend_is_measured() -> None:
     flat = fitted(views_of(TRUE, 8, 20, 0.1)).bend
     bent = fitted(views_of(TRUE, 8, 20, 0.1, bend_m=0.003)).bend
     assert flat is not None
@@ -260,7 +260,7 @@ def unpaired(views: list[BoardView]) -> list[BoardView]:
         (views_of(TRUE, 7, 15, noise_px=4.0), ["the overall reprojection error is"]),
     ],
 )  # fmt: skip
-def test_what_cannot_be_calibrated_is_told_in_one_sentence(
+def test_uncalibratable_views_are_refused_with_a_one_line_reason(
     views: list[BoardView], words: list[str]
 ) -> None:
     with pytest.raises(CalibrationError) as error:
@@ -270,23 +270,23 @@ def test_what_cannot_be_calibrated_is_told_in_one_sentence(
     assert "\n" not in str(error.value)
 
 
-def test_a_pair_one_above_the_other_is_refused() -> None:
+def test_vertically_stacked_pair_is_refused() -> None:
     above = replace(TRUE, T=np.array([0.0, -0.08, 0.0]))
     with pytest.raises(CalibrationError, match="side by side"):
         fitted(views_of(above, 6, 16))
 
 
-def test_progress_is_told_often_and_rises() -> None:
-    told: list[tuple[str, float]] = []
-    fitted(views_of(TRUE, 8, 17), progress=lambda words, share: told.append((words, share)))
-    shares = [share for _, share in told]
+def test_progress_is_reported_often_and_increases() -> None:
+    reported: list[tuple[str, float]] = []
+    fitted(views_of(TRUE, 8, 17), progress=lambda words, share: reported.append((words, share)))
+    shares = [share for _, share in reported]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
-    assert len(told) >= 15
-    assert all(words for words, _ in told)
+    assert len(reported) >= 15
+    assert all(words for words, _ in reported)
 
 
-def test_the_same_views_give_the_same_calibration() -> None:
+def test_same_views_give_the_same_calibration() -> None:
     views = views_of(TRUE, 6, 18)
     one, two = fitted(views), fitted(views)
     for name in ("K1", "D1", "K2", "D2", "R", "T"):
@@ -328,7 +328,7 @@ def sightings(draw: st.DrawFn) -> BoardSighting | None:
     st.integers(0, 7),
     st.sampled_from(["radtan", "equidistant"]),
 )
-def test_no_views_make_it_fail_otherwise_than_by_a_sentence(
+def test_arbitrary_views_fit_or_raise_a_calibration_error(
     pairs: list[tuple[BoardSighting | None, BoardSighting | None]], good: int, model: str
 ) -> None:
     views = [BoardView(str(k), *pair) for k, pair in enumerate(pairs)]

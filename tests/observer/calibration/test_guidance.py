@@ -36,13 +36,13 @@ def wanted(centre: tuple[float, float], depth: float, normal: tuple[float, ...])
         ((330, 245), 2.1, (0.1, 0, 1), "Hold it there"),
     ],
 )
-def test_words_tell_what_differs(
+def test_words_describe_what_differs(
     centre: tuple[float, float], depth: float, normal: tuple[float, ...], words: str
 ) -> None:
     assert GUIDE.words(wanted(centre, depth, normal), FACING) == words
 
 
-def test_words_for_a_board_not_seen_tell_all() -> None:
+def test_words_describe_the_whole_pose_when_no_board_is_seen() -> None:
     target = wanted((319.5, 60), 2.0, (0, 1, 1))
     assert GUIDE.words(target, None) == (
         "Hold the board in the top of the image, tilt its top side away from the cameras"
@@ -53,7 +53,7 @@ def test_words_for_a_board_not_seen_tell_all() -> None:
     )
 
 
-def test_the_side_that_is_said_to_be_away_is_away() -> None:
+def test_side_described_as_away_is_farther() -> None:
     # A board whose right side is further from the camera than its left one.
     rotation = cv2.Rodrigues(np.array([0.0, -0.7, 0.0]))[0]
     points = BOARD.object_points @ rotation.T + (-0.08, -0.06, 0.6)
@@ -70,11 +70,11 @@ def test_the_side_that_is_said_to_be_away_is_away() -> None:
     assert words == "Tilt its right side away from the cameras"
 
 
-def test_the_outline_has_the_perspective_of_its_pose() -> None:
+def test_outline_has_the_perspective_of_its_pose() -> None:
     # Each requested pose in turn, as if taken exactly.
     kept: list[ViewMeasures] = []
     poses: list[SeenPose] = []
-    told = 0
+    checked = 0
     for _ in range(8):
         pose = GUIDE.next_pose(kept, poses)
         assert pose is not None
@@ -85,16 +85,16 @@ def test_the_outline_has_the_perspective_of_its_pose() -> None:
         right_is_away = -pose.pose.normal[0]
         if abs(right_is_away) > 0.5 and abs(pose.pose.normal[1]) < 0.1:
             assert (sides[1] < sides[3]) == (right_is_away > 0)
-            told += 1
+            checked += 1
         kept.append(pose.measures)
         poses.append(pose.pose)
-    assert told, "no pose tells the sides apart"
+    assert checked, "no pose distinguishes the sides"
     normals = np.array([pose.normal for pose in poses])
     apart = np.rad2deg(np.arccos(np.clip(normals @ normals.T, -1, 1)))
     assert (apart[0] > 20).sum() >= 4, "the board is hardly ever tilted"
 
 
-def test_what_two_cameras_far_apart_cannot_see_is_not_wanted() -> None:
+def test_poses_outside_a_wide_baselines_view_are_not_requested() -> None:
     # At 3 board widths the right camera already sees the board a third of an image further left.
     near, far = GUIDE.wanted_ranges([(3.0, -40.0, 0.0)]), GUIDE.wanted_ranges([(3.0, -200.0, 0.0)])
     assert near == (0.7, 0.7, 0.4, 0.5)

@@ -167,18 +167,18 @@ def widths(half: Interval95) -> Float64Array:
     ],
     ids=["well", "well, bent board and lens", "barely", "barely, bent board and lens"],
 )
-def test_intervals_hold_the_truth(pictures: Pictures) -> None:
+def test_intervals_contain_the_truth(pictures: Pictures) -> None:
     # At 95 %, fewer than 25 of 30 seeds have a probability of 0.003.
     assert held(pictures).min() >= 25 / SEEDS
 
 
-def test_the_curvature_alone_would_promise_too_much() -> None:
+def test_curvature_alone_is_overconfident() -> None:
     """Shows that the test above is meaningful: these sets of views are the hard ones."""
     share = np.mean([each.holds(each.found.covariance) for each in all_solved(BARELY)], axis=0)
     assert share[[0, 1, 4]].max() < 0.8
 
 
-def test_a_view_that_alone_fixes_something_makes_it_unsure() -> None:
+def test_value_determined_by_a_single_view_is_uncertain() -> None:
     """One tilted view beside eleven that face the camera determines the focal length alone."""
     _, facing = taken(replace(BARELY, count=11), 3)
     true, tilted = taken(replace(WELL, count=1), 4)
@@ -193,7 +193,7 @@ def barely() -> StereoFit:
     return fit_stereo(taken(BARELY, 5)[1], BOARD, WIDTH, HEIGHT)
 
 
-def test_the_verdict_says_what_pictures_to_add(barely: StereoFit) -> None:
+def test_verdict_suggests_which_pictures_to_add(barely: StereoFit) -> None:
     verdict = judge(barely, 30.0)
     (warning,) = [text for text in verdict.warnings if "focal length" in text]
     c, half = barely.calibration, barely.interval_95
@@ -211,6 +211,6 @@ def test_the_verdict_says_what_pictures_to_add(barely: StereoFit) -> None:
     assert warning in report["verdict"]["warnings"]
 
 
-def test_pictures_that_fix_it_are_not_blamed() -> None:
+def test_well_determined_focal_length_gives_no_warning() -> None:
     fit = fit_stereo(taken(replace(WELL, count=12), 5)[1], BOARD, WIDTH, HEIGHT)
     assert not [text for text in judge(fit, 30.0).warnings if "focal length" in text]

@@ -46,7 +46,7 @@ class Printed:
 def read_svg(board: Board, paper: Paper) -> Printed:
     root = ElementTree.fromstring(board_svg(board, paper))
     size = tuple(float(root.attrib[side].removesuffix("mm")) for side in ("width", "height"))
-    assert root.attrib["viewBox"] == f"0 0 {size[0]:g} {size[1]:g}", "its unit is not the mm"
+    assert root.attrib["viewBox"] == f"0 0 {size[0]:g} {size[1]:g}", "its unit is not mm"
     rectangles, words = [], []
     for element in root:
         if element.tag.endswith("rect"):
@@ -80,7 +80,7 @@ def read_pdf(board: Board, paper: Paper) -> Printed:
 @pytest.mark.parametrize(
     ("board", "paper"), BOARDS, ids=lambda value: getattr(value, "words", value)
 )
-def test_the_printed_board_is_found_in_true_scale(
+def test_printed_board_is_detected_at_true_scale(
     read: Callable[[Board, Paper], Printed], board: Board, paper: Paper
 ) -> None:
     sheet = read(board, paper)
@@ -98,7 +98,7 @@ def test_the_printed_board_is_found_in_true_scale(
 @pytest.mark.parametrize(
     ("board", "paper"), BOARDS, ids=lambda value: getattr(value, "words", value)
 )
-def test_squares_are_exact_and_have_white_around_them(
+def test_squares_are_exact_and_surrounded_by_white(
     read: Callable[[Board, Paper], Printed], board: Board, paper: Paper
 ) -> None:
     sheet = read(board, paper)
@@ -119,7 +119,7 @@ def test_squares_are_exact_and_have_white_around_them(
 
 
 @pytest.mark.parametrize("read", [read_svg, read_pdf])
-def test_the_sheet_says_what_to_measure_and_what_it_is(
+def test_sheet_states_what_to_measure_and_which_board_it_is(
     read: Callable[[Board, Paper], Printed],
 ) -> None:
     words = read(Board("charuco", 9, 6, 0.02), "A4").words
@@ -131,7 +131,7 @@ def test_the_sheet_says_what_to_measure_and_what_it_is(
     assert "flat" in words
 
 
-def test_a_pdf_s_table_points_at_its_objects() -> None:
+def test_pdf_xref_table_points_at_its_objects() -> None:
     data = board_pdf(Board(square_m=0.02), "A4")
     start = int(data.split(b"startxref\n")[1].split(b"\n")[0])
     assert data[start : start + 4] == b"xref"
@@ -143,7 +143,7 @@ def test_a_pdf_s_table_points_at_its_objects() -> None:
     assert int(stream[1]) == len(stream[2])
 
 
-def test_a_board_too_large_is_refused_with_the_largest_that_fits() -> None:
+def test_oversized_board_is_refused_naming_the_largest_that_fits() -> None:
     with pytest.raises(CalibrationError, match=r"does not fit on A4.* up to 21 mm fit"):
         board_svg(Board(), "A4")
     assert board_pdf(Board(square_m=0.021), "A4")
@@ -151,12 +151,12 @@ def test_a_board_too_large_is_refused_with_the_largest_that_fits() -> None:
         board_pdf(Board(square_m=0.022), "A4")
 
 
-def test_another_paper_is_refused_by_name() -> None:
+def test_unknown_paper_size_is_refused_by_name() -> None:
     with pytest.raises(CalibrationError, match="A4, A3, Letter, not on 'A5'"):
         board_svg(Board(square_m=0.01), "A5")  # type: ignore[arg-type]
 
 
-def test_a_board_printed_too_small_is_scaled_by_its_bar() -> None:
+def test_board_printed_too_small_is_scaled_by_its_bar() -> None:
     assert scaled(Board(square_m=0.025), 97.0).square_m == pytest.approx(0.02425)
     with pytest.raises(CalibrationError, match="not 10 mm"):
         scaled(Board(), 10.0)

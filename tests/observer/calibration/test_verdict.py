@@ -41,7 +41,7 @@ def fit() -> StereoFit:
     return fit_stereo(views_of(true_pair(), 12, 0), BOARD, WIDTH, HEIGHT)
 
 
-def test_depth_error_is_noise_and_lasting_error(fit: StereoFit) -> None:
+def test_depth_error_combines_noise_and_bias(fit: StereoFit) -> None:
     verdict = judge(fit, 30.0)
     assert [row.distance_m for row in verdict.rows] == [1.0, 3.0, 5.0]
     for row in verdict.rows:
@@ -55,7 +55,7 @@ def test_depth_error_is_noise_and_lasting_error(fit: StereoFit) -> None:
     assert verdict.warnings == ()
 
 
-def test_depth_is_as_wrong_as_the_verdict_says() -> None:
+def test_depth_error_matches_the_verdict() -> None:
     """Over several calibrations from noisy views, at 3 m: the median is within two deviations."""
     true, shares = true_pair(), []
     for seed in range(3):
@@ -70,7 +70,7 @@ def test_depth_is_as_wrong_as_the_verdict_says() -> None:
     assert max(shares) > 0.05
 
 
-def test_vergence_counts_with_distance_and_scale_does_not() -> None:
+def test_vergence_error_grows_with_distance_but_scale_error_does_not() -> None:
     scale = DepthBias(((0.01**2, 0.0, 0.0, 0.0),))
     offset = DepthBias(((0.0, 0.0, 0.0, 0.2**2),))
     for distance in (1.0, 5.0):
@@ -86,7 +86,7 @@ def test_vergence_counts_with_distance_and_scale_does_not() -> None:
 
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), TOWARDS])
-def test_slower_farther_and_noisier_is_reported_later(
+def test_slower_farther_and_noisier_motion_is_reported_later(
     direction: tuple[float, float, float],
 ) -> None:
     def delay(speed: float = 0.3, depth: float = 3.0, sigma: float = 0.1) -> float:
@@ -104,13 +104,13 @@ def test_slower_farther_and_noisier_is_reported_later(
     assert delay(speed=0.05, depth=1.0, sigma=0.05) == math.inf
 
 
-def test_too_few_points_are_no_obstacle() -> None:
+def test_too_few_points_give_no_obstacle() -> None:
     velocity = np.array([0.5, 0.0, 0.0])
     assert report_delay(LAB, 3.0, velocity, 2, 15.0, 4.0, Thing(), PARAMETERS) is None
     assert report_delay(LAB, 3.0, velocity, 8, 15.0, 4.0, Thing(), PARAMETERS) is not None
 
 
-def test_a_wider_baseline_and_a_larger_thing_tell_slower_approach() -> None:
+def test_wider_baseline_or_larger_object_reveals_slower_approach() -> None:
     def slowest(camera: StereoCamera, thing: Thing) -> float:
         found = slowest_reported(camera, 3.0, TOWARDS, 15.0, WITHIN_S, thing, PARAMETERS)
         return math.inf if found is None else found.speed_mps
@@ -123,7 +123,7 @@ def test_a_wider_baseline_and_a_larger_thing_tell_slower_approach() -> None:
     assert slowest(narrow, small) > slowest(narrow, large)
 
 
-def test_poor_rigs_are_told_so_with_what_to_do(fit: StereoFit) -> None:
+def test_poor_rigs_get_warnings_with_advice(fit: StereoFit) -> None:
     narrow = StereoCalibration.rectified(640, 480, 500.0, 500.0, 319.5, 239.5, 0.005)
     verdict = judge(replace(fit, calibration=narrow), 30.0)
     assert any(
@@ -137,7 +137,7 @@ def test_poor_rigs_are_told_so_with_what_to_do(fit: StereoFit) -> None:
     assert "reaches 1.5 px" in " ".join(judge(sure, 30.0).warnings)
 
 
-def test_what_is_too_near_to_be_matched_is_told(fit: StereoFit) -> None:
+def test_objects_too_near_to_match_are_reported(fit: StereoFit) -> None:
     sharp = StereoCalibration.rectified(1920, 1080, 1400.0, 1400.0, 959.5, 539.5, 0.12)
     verdict = judge(replace(fit, calibration=sharp), 30.0)
     assert verdict.nearest_m == pytest.approx(1400 * 0.12 / 96)
@@ -168,7 +168,7 @@ robots:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("y", "heading", "speed"), [(0.3, -90, 0.2), (0.0, 180, 0.3)])
-def test_the_method_reports_when_the_verdict_says(
+def test_measured_report_delay_matches_the_verdict(
     tmp_path: Path, y: float, heading: float, speed: float
 ) -> None:
     """A body starts to move 3 m away, across or towards the simulated cameras."""
@@ -189,7 +189,7 @@ def test_the_method_reports_when_the_verdict_says(
     assert reported == pytest.approx(predicted, abs=0.35)
 
 
-def test_a_calibration_that_cannot_be_rectified_is_judged_with_a_warning(
+def test_unrectifiable_calibration_is_judged_with_a_warning(
     fit: StereoFit,
 ) -> None:
     folded = replace(true_pair(), D1=np.array([-0.5, -3.0, 0, 0, 0]))
@@ -197,7 +197,7 @@ def test_a_calibration_that_cannot_be_rectified_is_judged_with_a_warning(
     assert any("cannot be rectified" in warning for warning in verdict.warnings)
 
 
-def test_report_is_plain_and_gives_back_what_a_tape_check_needs(fit: StereoFit) -> None:
+def test_report_is_plain_json_and_retains_tape_check_inputs(fit: StereoFit) -> None:
     report = json.loads(json.dumps(fit_report(fit, judge(fit, 30.0)), allow_nan=False))
     assert report["rms_stereo_px"] == fit.rms_stereo
     assert report["board"]["words"] == "chessboard 9x6, 25 mm"
@@ -212,7 +212,7 @@ def test_report_is_plain_and_gives_back_what_a_tape_check_needs(fit: StereoFit) 
     assert depth_bias_of({}) == (None, 0.0)
 
 
-def test_a_print_at_97_percent_shows_as_depth_that_is_too_large() -> None:
+def test_print_at_97_percent_shows_as_excessive_depth() -> None:
     # Squares are 24.25 mm but 25 mm was entered: the rig measures all distances too large.
     check = tape_check(RECTIFIED, 3.0 / 0.97, 3.0, square_m=0.025)
     assert not check.agrees
@@ -223,7 +223,7 @@ def test_a_print_at_97_percent_shows_as_depth_that_is_too_large() -> None:
     assert "too far" in check.sentence
 
 
-def test_a_turned_camera_explains_a_tape_check_as_well() -> None:
+def test_turned_camera_can_also_explain_a_tape_check() -> None:
     turn = math.radians(0.1)
     # Disparity 500 * 0.1 / 3 px, minus the part due to the turn.
     measured = 50 / (50 / 3 - 500 * turn)
@@ -233,7 +233,7 @@ def test_a_turned_camera_explains_a_tape_check_as_well() -> None:
     assert "0.10 degrees" in check.sentence
 
 
-def test_a_tape_check_agrees_within_its_interval() -> None:
+def test_tape_check_agrees_within_its_interval() -> None:
     sure = tape_check(RECTIFIED, 3.04, 3.0)
     unsure = tape_check(RECTIFIED, 3.04, 3.0, bias=DepthBias(((0.02**2, 0, 0, 0),)))
     assert unsure.expected_m > sure.expected_m > 0.02
@@ -243,6 +243,6 @@ def test_a_tape_check_agrees_within_its_interval() -> None:
 
 
 @pytest.mark.parametrize(("rig", "tape"), [(math.nan, 3.0), (3.0, 0.0), (3.0, 1e4), (-1.0, 3.0)])
-def test_a_tape_check_wants_distances(rig: float, tape: float) -> None:
+def test_tape_check_requires_valid_distances(rig: float, tape: float) -> None:
     with pytest.raises(InputError, match="distances from"):
         tape_check(RECTIFIED, rig, tape)

@@ -32,7 +32,7 @@ def lab() -> tuple[Benchmark, list[tuple[int, int]]]:
     return run_benchmark(sources, PRESETS, max_frames=FRAMES, progress=noting(steps)), steps
 
 
-def test_every_preset_meets_every_source(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
+def test_every_preset_runs_on_every_source(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
     result, _ = lab
     assert [(s.preset, s.source.spec) for s in result.sources] == [
         ("paper", "simulated:lab?seed=0"),
@@ -63,13 +63,15 @@ def test_timings_name_every_stage_and_add_up(lab: tuple[Benchmark, list[tuple[in
         assert parts <= 1.5 * each.timings["total"].p95_ms
 
 
-def test_progress_rises_to_its_end(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
+def test_progress_increases_to_the_end(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
     _, steps = lab
     assert steps == sorted(steps)
     assert steps[-1] == (2 * FRAMES, 2 * FRAMES)
 
 
-def test_the_result_as_json_and_markdown(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
+def test_result_is_written_as_json_and_markdown(
+    lab: tuple[Benchmark, list[tuple[int, int]]],
+) -> None:
     result, _ = lab
     again = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert set(again) == {"scale", "jobs", "presets", "sources"}
@@ -84,7 +86,7 @@ def test_the_result_as_json_and_markdown(lab: tuple[Benchmark, list[tuple[int, i
         assert words in text
 
 
-def test_opencvs_share_of_the_cost_is_told(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
+def test_opencv_share_of_the_cost_is_reported(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
     result, _ = lab
     for each in result.presets:
         cost = each.opencv
@@ -98,7 +100,7 @@ def test_opencvs_share_of_the_cost_is_told(lab: tuple[Benchmark, list[tuple[int,
     assert "whole step / OpenCV" in benchmark_markdown(result)
 
 
-def test_opencv_is_timed_on_frames_of_their_own() -> None:
+def test_opencv_is_timed_on_separate_frames() -> None:
     seen = run_source(described("simulated:lab"), PRESETS, 18, 0.5, lambda _: None)
     for run in seen.values():
         clean, recorded = len(run.times_ms["total"]), len(run.opencv_ms)
@@ -109,7 +111,7 @@ def test_opencv_is_timed_on_frames_of_their_own() -> None:
 
 
 @pytest.mark.patient
-def test_several_processes_find_the_same_and_leave_cost_out(
+def test_several_processes_give_the_same_accuracy_without_cost(
     lab: tuple[Benchmark, list[tuple[int, int]]],
 ) -> None:
     alone, sources = lab[0], simulated_sources(["lab"], [0, 5])
@@ -127,7 +129,7 @@ def test_several_processes_find_the_same_and_leave_cost_out(
     assert "Not measured: 2 processes" in benchmark_markdown(spread)
 
 
-def test_an_error_in_a_process_is_the_same_error(tmp_path: Path) -> None:
+def test_error_in_a_worker_process_is_reraised(tmp_path: Path) -> None:
     scenario, folder = tmp_path / "short.yaml", tmp_path / "short"
     scenario.write_text("based_on: lab\nduration_s: 0.2\n")
     export_stereo_folder(str(scenario), 0, folder)
@@ -136,7 +138,7 @@ def test_an_error_in_a_process_is_the_same_error(tmp_path: Path) -> None:
         run_benchmark([str(folder)] * 2, PRESETS, max_frames=3, jobs=2)
 
 
-def test_what_is_scored_for_detection_gives_no_errors() -> None:
+def test_detection_only_sources_give_no_errors() -> None:
     (spec,) = simulated_sources(["miscalibrated_vergence"], [0])
     source = described(spec)
     assert (source.declares, source.scored_for, source.frames) == ("faulty", "detection", 150)
@@ -153,7 +155,7 @@ def test_what_is_scored_for_detection_gives_no_errors() -> None:
     assert whole.presets[0].evaluation.speed_rmse_mps is not None
 
 
-def test_scenarios_with_people_are_kept_apart() -> None:
+def test_scenarios_with_people_are_listed_separately() -> None:
     specs = simulated_sources(["people_stop_and_go", "lateral"], [1])
     (result,) = run_benchmark(specs, {"default": PRESETS["default"]}, max_frames=30).presets
     assert result.breakdown is not None
@@ -169,7 +171,7 @@ def test_scenarios_with_people_are_kept_apart() -> None:
     assert people[0].count > 0
 
 
-def test_progress_knows_how_long_a_scenario_is() -> None:
+def test_progress_total_matches_the_scenario_length() -> None:
     steps: list[tuple[int, int]] = []
     run_benchmark(["simulated:lab"], {"paper": PRESETS["paper"]}, max_frames=6,
                   progress=noting(steps))  # fmt: skip
@@ -179,14 +181,14 @@ def test_progress_knows_how_long_a_scenario_is() -> None:
     assert described("simulated:toward?seed=4").planned(20) == 20
 
 
-def test_accuracy_is_the_same_each_time(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
+def test_accuracy_is_reproducible(lab: tuple[Benchmark, list[tuple[int, int]]]) -> None:
     sources = simulated_sources(["lab"], [5])
     again = run_benchmark(sources, {"default": PRESETS["default"]}, max_frames=FRAMES)
     (first,) = [s for s in lab[0].sources if (s.preset, s.source.spec) == ("default", sources[0])]
     assert again.sources[0].evaluation == first.evaluation
 
 
-def test_nothing_to_do_and_unknown_scenarios_are_refused() -> None:
+def test_empty_benchmarks_and_unknown_scenarios_are_refused() -> None:
     with pytest.raises(InputError, match="at least one source"):
         run_benchmark([], PRESETS)
     with pytest.raises(InputError, match="one preset"):

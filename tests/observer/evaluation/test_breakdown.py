@@ -145,9 +145,7 @@ EXPECTED = {
 
 
 @pytest.mark.parametrize("grouping", EXPECTED)
-def test_every_class_has_exactly_the_figures_of_its_samples(
-    scene: Breakdown, grouping: str
-) -> None:
+def test_every_class_has_exactly_its_samples_figures(scene: Breakdown, grouping: str) -> None:
     groups = getattr(scene, grouping)
     assert [g.label for g in groups] == list(EXPECTED[grouping])
     for g in groups:
@@ -165,7 +163,7 @@ def test_every_class_has_exactly_the_figures_of_its_samples(
                 assert found == pytest.approx(expected, abs=1e-9), g
 
 
-def test_delay_by_the_direction_in_which_it_began(scene: Breakdown) -> None:
+def test_delays_are_grouped_by_initial_direction(scene: Breakdown) -> None:
     found = {d.label: (d.episodes, d.missed, d.median_s) for d in scene.delays}
     assert found == {
         # 0.9 s, 0 s and never.
@@ -176,7 +174,7 @@ def test_delay_by_the_direction_in_which_it_began(scene: Breakdown) -> None:
     }
 
 
-def test_what_began_farther_away_is_not_near() -> None:
+def test_motion_started_farther_away_is_not_counted_as_near() -> None:
     far = Tally(episodes=[Episode(1, 0.0, 2.0, range_m=3.2, radial=1.0, first_seen=1.0)])
     near = {d.label: d for d in break_down([far]).delays}
     assert near["radial"].median_s == 1.0
@@ -184,7 +182,7 @@ def test_what_began_farther_away_is_not_near() -> None:
     assert near["radial, started within 3 m"].median_s is None
 
 
-def test_what_is_scored_for_detection_gives_no_errors_but_counts_otherwise() -> None:
+def test_detection_only_runs_give_no_errors_but_are_counted() -> None:
     run = replace(counted(), scored_for="detection")
     both = break_down([run, counted()])
     alone = break_down([run])
@@ -208,18 +206,18 @@ def test_what_is_scored_for_detection_gives_no_errors_but_counts_otherwise() -> 
         (1.0, "radial"),
     ],
 )
-def test_direction(radial: float, direction: str) -> None:
+def test_direction_of_classifies_by_radial_share(radial: float, direction: str) -> None:
     assert direction_of(radial) == direction
 
 
-def test_a_limit_belongs_to_the_class_above_it() -> None:
+def test_limit_belongs_to_the_class_above_it() -> None:
     samples = [Sample(r, v, 0.0, matched=True) for r, v in ((2, 0.2), (3, 0.4), (4, 0.7))]
     groups = break_down([Tally(samples=samples)])
     assert [g.count for g in groups.by_range] == [0, 1, 1, 1]
     assert [g.count for g in groups.by_speed] == [0, 1, 1, 1]
 
 
-def test_classes_on_the_road() -> None:
+def test_road_has_its_own_classes() -> None:
     samples = [Sample(r, v, 1.0, matched=False) for r, v in ((9, 4), (10, 5), (29, 9), (60, 15))]
     groups = break_down([Tally(samples=samples)], ROAD)
     assert {g.label: g.count for g in groups.by_range} == {
@@ -235,7 +233,7 @@ def test_classes_on_the_road() -> None:
     }
 
 
-def test_robots_and_people_apart_where_the_truth_tells_them_apart() -> None:
+def test_robots_and_people_are_separated_when_the_kind_is_known() -> None:
     samples = [
         Sample(2, 0.4, 0.0, matched=True, box_iou=0.8, kind="robot"),
         Sample(2, 0.4, 0.0, matched=True, box_iou=0.5, kind="person"),
@@ -253,7 +251,7 @@ def test_robots_and_people_apart_where_the_truth_tells_them_apart() -> None:
     assert [g.label for g in break_down([counted()]).by_body] == ["unknown"]
 
 
-def test_as_json_and_tables(scene: Breakdown) -> None:
+def test_breakdown_is_written_as_json_and_tables(scene: Breakdown) -> None:
     again = json.loads(json.dumps(asdict(scene), allow_nan=False))
     assert again["by_range"][0]["label"] == "< 2 m"
     assert again["delays"][0]["median_s"] == pytest.approx(0.9)

@@ -1,4 +1,4 @@
-"""Accuracy of calibrations: deliberately wrong cameras are found to be exactly that wrong."""
+"""Accuracy of calibrations: planted camera errors are measured exactly."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def figures(focal: float = 0.1, held_out: float | None = 0.1, seed: int = 1) -> 
     )
 
 
-def test_errors_of_the_cameras_are_those_that_were_made() -> None:
+def test_camera_errors_match_the_planted_ones() -> None:
     K2 = truth().K2.copy()
     K2[1, 1] *= 0.996
     turned = replace(
@@ -68,7 +68,7 @@ def test_errors_of_the_cameras_are_those_that_were_made() -> None:
     assert errors.roll_deg == pytest.approx(0.04, abs=2e-3)
 
 
-def test_a_principal_point_that_makes_up_for_a_turn_leaves_what_is_seen() -> None:
+def test_vergence_error_vanishes_when_the_principal_point_compensates_a_turn() -> None:
     K2 = truth().K2.copy()
     # As many pixels as 0.05 degrees at the image centre.
     K2[0, 2] += np.radians(0.05) * K2[0, 0]
@@ -80,10 +80,10 @@ def test_a_principal_point_that_makes_up_for_a_turn_leaves_what_is_seen() -> Non
         assert small or large
         if small:
             return
-    pytest.fail("neither turn was made up for")
+    pytest.fail("neither turn was compensated")
 
 
-def test_rows_of_exact_corners_are_wrong_by_the_pitch_between_the_cameras() -> None:
+def test_row_error_of_exact_corners_equals_the_relative_pitch() -> None:
     world = World(load_scenario(BOARD_SCENARIO), 0)
     assert world.board is not None
     assert exact_row_error_p95(world, world.board, truth()) < 0.001
@@ -94,7 +94,7 @@ def test_rows_of_exact_corners_are_wrong_by_the_pitch_between_the_cameras() -> N
     assert expected < p95 < 1.25 * expected
 
 
-def test_depth_with_the_cameras_as_they_are_has_what_matching_leaves() -> None:
+def test_depth_error_of_the_true_calibration_is_matching_error() -> None:
     right = depth_accuracy(place(), truth(), scenes())
     assert right.count > 500
     assert 0.8 < right.matched <= 1.0
@@ -106,7 +106,7 @@ def test_depth_with_the_cameras_as_they_are_has_what_matching_leaves() -> None:
     assert 0.2 < right.spread_percent < 4.0
 
 
-def test_a_wrong_baseline_and_vergence_show_in_depth_as_they_must() -> None:
+def test_baseline_and_vergence_errors_bias_depth_as_predicted() -> None:
     right = depth_accuracy(place(), truth(), scenes())
     long = depth_accuracy(place(), replace(truth(), T=1.03 * truth().T), scenes())
     assert right.bias_percent is not None
@@ -121,12 +121,12 @@ def test_a_wrong_baseline_and_vergence_show_in_depth_as_they_must() -> None:
     )
 
 
-def test_nothing_at_that_distance_is_not_called_accurate() -> None:
+def test_depth_accuracy_is_unknown_without_samples() -> None:
     none = depth_accuracy(place(), truth(), [])
     assert (none.count, none.median_percent, none.bias_percent) == (0, None, None)
 
 
-def test_the_board_and_the_place_have_the_same_cameras_whatever_the_seed() -> None:
+def test_board_and_depth_scenes_share_cameras_for_any_seed() -> None:
     for seed in (1, 5):
         for name in (BOARD_SCENARIO, DEPTH_SCENARIO):
             other = World(load_scenario(name), seed).true_calibration
@@ -135,7 +135,7 @@ def test_the_board_and_the_place_have_the_same_cameras_whatever_the_seed() -> No
 
 
 @pytest.mark.patient
-def test_few_views_already_calibrate_and_all_figures_are_there() -> None:
+def test_few_views_calibrate_and_give_all_figures() -> None:
     ticks = iter(range(1000))
     run = calibration_accuracy(3, poses=7, scenes=1, clock=lambda: float(next(ticks)))
     assert run.poses == 7
@@ -153,7 +153,7 @@ def test_few_views_already_calibrate_and_all_figures_are_there() -> None:
     assert asdict(run)["errors"]["turn_y_deg"] == run.errors.turn_y_deg
 
 
-def test_the_worst_seed_decides() -> None:
+def test_worst_seed_decides() -> None:
     both = calibration_targets([figures(0.1), figures(0.2), figures(0.31)])
     worst, median = (
         next(t for t in both[name] if t.figure.startswith("focal")) for name in ("worst", "median")
@@ -165,7 +165,7 @@ def test_the_worst_seed_decides() -> None:
     assert (rows.measured, rows.reached) == (None, False)
 
 
-def test_tables_have_a_row_for_each_seed_and_mark_what_is_missed() -> None:
+def test_tables_have_a_row_per_seed_and_mark_missed_targets() -> None:
     text = calibration_markdown([figures(0.1, seed=4), figures(0.5, seed=7)])
     assert "| focal length, % | <= 0.3 | 0.500 | **no** | 0.300 | yes |" in text
     assert "| depth at 3 m, median, % | <= 2 | 1.000 | yes | 1.000 | yes |" in text

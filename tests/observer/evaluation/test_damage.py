@@ -1,4 +1,4 @@
-"""Damaged JSON lines and grids of parameters: valid or one sentence."""
+"""Damaged JSON lines and grids of parameters: valid or refused with one line."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_damaged_lines_are_refused_or_in_order(path: Path, content: bytes) -> No
 
 @examples(60)
 @given(data=st.data())
-def test_lines_of_any_shape_are_observed_or_refused(data: st.DataObject) -> None:
+def test_lines_of_any_shape_are_accepted_or_refused(data: st.DataObject) -> None:
     changed = line(0)
     within: Any = data.draw(st.sampled_from([changed, changed["obstacles"][0], changed["pose"]]))
     key = data.draw(st.sampled_from(sorted(within)))
@@ -92,7 +92,7 @@ WORDS = ("preset: paper\n", "set: {", "evidence.radius_px: [20]\n", "tracking.ga
 
 @examples(60)
 @given(damaged_text([GRID], WORDS) | hostile_text(WORDS))
-def test_a_damaged_grid_is_refused_or_can_be_swept(text: str) -> None:
+def test_damaged_grid_is_refused_or_can_be_swept(text: str) -> None:
     grid = read_or_refused(lambda: grid_from_text(text, "grid.yaml"), InputError)
     if grid is not None:
         assert grid.count >= 1

@@ -100,7 +100,7 @@ def perfect(truth: StraightTruth, count: int, **changes: Any) -> list[dict[str, 
     ]
 
 
-def test_a_perfect_run() -> None:
+def test_perfect_run_scores_perfectly() -> None:
     truth = StraightTruth(RIGHT)
     result = evaluate(perfect(truth, 20), truth)
     # Evaluation starts at 0.6 s: frames 6 to 19.
@@ -113,7 +113,7 @@ def test_a_perfect_run() -> None:
     assert (result.episodes, result.episodes_missed, result.delay_median_s) == (1, 0, 0.0)
 
 
-def test_errors_of_known_size() -> None:
+def test_known_errors_are_measured() -> None:
     truth = StraightTruth(RIGHT)
     lines = perfect(truth, 20, offset=(0.0, 0.0, -0.19), error=(0.03, 0.04, 0.0))
     result = evaluate(lines, truth)
@@ -123,7 +123,7 @@ def test_errors_of_known_size() -> None:
     assert result.motp_m == pytest.approx(0.19)
 
 
-def test_misses_and_delay() -> None:
+def test_misses_and_delay_are_measured() -> None:
     truth = StraightTruth(RIGHT)
     lines = [line(k, [] if k < 9 else [entry(truth, k * DT)]) for k in range(20)]
     result = evaluate(lines, truth)
@@ -139,7 +139,7 @@ def test_misses_and_delay() -> None:
 
 
 @pytest.mark.parametrize(("gate", "false"), [(0.5, 20), (ROAD_GATE_M, 0)])
-def test_a_report_far_from_everything_is_false(gate: float, false: int) -> None:
+def test_report_far_from_every_body_is_false(gate: float, false: int) -> None:
     truth = StraightTruth(RIGHT)
     far = perfect(truth, 20, offset=(0.0, 0.0, 1.0))
     result = evaluate(far, truth, gate_m=gate)
@@ -150,7 +150,7 @@ def test_a_report_far_from_everything_is_false(gate: float, false: int) -> None:
         assert result.mota == pytest.approx(1 - (14 + 20) / 14)
 
 
-def test_false_ones_are_kept_with_where_and_when() -> None:
+def test_false_instances_record_position_and_time() -> None:
     paths = {1: ((-1.0, 0.0, 3.0), (0.4, 0.0, 0.0)), 2: ((1.0, 0.0, 4.0), (0.0, 0.0, 0.0))}
     camera = Pose.from_rotvec((0, 0, 0), (0.0, 0.0, 1.0))
     truth = StraightTruth(paths, camera=camera)
@@ -170,7 +170,7 @@ def test_false_ones_are_kept_with_where_and_when() -> None:
     json.dumps(asdict(found), allow_nan=False)
 
 
-def test_false_ones_are_listed_up_to_a_number() -> None:
+def test_false_instances_are_listed_up_to_a_limit() -> None:
     truth = StraightTruth({})
     lines = [line(k, [entry(StraightTruth(RIGHT), k * DT)]) for k in range(FALSE_LISTED + 5)]
     counted = tally(checked_lines(lines), truth)
@@ -182,7 +182,7 @@ def test_false_ones_are_listed_up_to_a_number() -> None:
     assert summarise([counted]).false == FALSE_LISTED + 5
 
 
-def test_the_methods_own_status_is_counted() -> None:
+def test_degraded_and_lost_frames_are_counted() -> None:
     truth = StraightTruth(RIGHT)
     lines = [
         line(k, [], status=status)
@@ -192,7 +192,7 @@ def test_the_methods_own_status_is_counted() -> None:
     assert (result.frames_degraded, result.frames_lost) == (1, 2)
 
 
-def test_an_episodes_direction_is_that_of_its_first_moments() -> None:
+def test_episode_direction_is_that_of_its_first_moments() -> None:
     """It comes near head-on and turns aside a second later."""
 
     class Turning(StraightTruth):
@@ -208,7 +208,7 @@ def test_an_episodes_direction_is_that_of_its_first_moments() -> None:
     assert episode.range_m == pytest.approx(3.0)
 
 
-def test_a_report_of_something_parked_is_false() -> None:
+def test_report_of_a_parked_body_is_false() -> None:
     parked = StraightTruth({1: ((0.0, 0.0, 2.0), (0.04, 0.0, 0.0))})
     result = evaluate(perfect(parked, 10), parked)
     assert result.false == 10
@@ -221,7 +221,7 @@ def test_a_report_of_something_parked_is_false() -> None:
     "change",
     [{"state": "tentative"}, {"state": "coasting"}, {"motion": "stopped"}, {"position": None}],
 )
-def test_what_is_not_confirmed_moving_and_placed_is_no_instance(change: dict[str, Any]) -> None:
+def test_only_confirmed_moving_and_located_obstacles_are_instances(change: dict[str, Any]) -> None:
     truth = StraightTruth(RIGHT)
     result = evaluate(perfect(truth, 20, **change), truth)
     assert result.matched == result.false == 0
@@ -234,7 +234,7 @@ def test_what_is_not_confirmed_moving_and_placed_is_no_instance(change: dict[str
 
 
 @pytest.mark.parametrize(("visible", "counted"), [(1.0, 14), (0.5, 14), (0.4, 0), (None, 14)])
-def test_only_what_is_half_visible_counts_and_the_rest_is_not_false(
+def test_only_half_visible_bodies_count_and_others_are_not_false(
     visible: float | None, counted: int
 ) -> None:
     truth = StraightTruth(RIGHT, visible=visible)
@@ -243,14 +243,14 @@ def test_only_what_is_half_visible_counts_and_the_rest_is_not_false(
     assert result.false == result.surplus_boxes == 0
 
 
-def test_the_observers_own_robot_is_ignored() -> None:
+def test_own_robot_is_not_ground_truth() -> None:
     truth = StraightTruth(RIGHT, role="observer")
     result = evaluate(perfect(truth, 10), truth)
     assert result.truth_count == 0
     assert result.false == 10
 
 
-def test_a_second_report_on_one_obstacle_is_a_surplus_box() -> None:
+def test_second_report_of_one_obstacle_is_a_surplus_box() -> None:
     truth = StraightTruth(RIGHT)
     lines = perfect(truth, 20)
     for k, each in enumerate(lines):
@@ -263,7 +263,7 @@ def test_a_second_report_on_one_obstacle_is_a_surplus_box() -> None:
     assert result.mota == pytest.approx(0.0)
 
 
-def test_a_pair_stays_together_while_it_can() -> None:
+def test_match_persists_while_possible() -> None:
     """A nearer newcomer does not take over, as in CLEAR-MOT."""
     truth = StraightTruth(RIGHT)
     lines = perfect(truth, 20, offset=(0.3, 0, 0))
@@ -274,7 +274,7 @@ def test_a_pair_stays_together_while_it_can() -> None:
     assert result.motp_m == pytest.approx(0.3)
 
 
-def test_a_changed_identity_is_a_switch_also_after_a_gap() -> None:
+def test_identity_change_is_a_switch_even_after_a_gap() -> None:
     truth = StraightTruth(RIGHT)
     lines = perfect(truth, 20)
     lines[9]["obstacles"][0]["id"] = 8
@@ -286,7 +286,7 @@ def test_a_changed_identity_is_a_switch_also_after_a_gap() -> None:
     assert result.mota == pytest.approx(1 - 3 / 14)
 
 
-def test_two_that_pass_each_other_are_paired_one_to_one() -> None:
+def test_two_crossing_bodies_are_matched_one_to_one() -> None:
     paths = {1: ((-0.5, 0.0, 3.0), (0.4, 0.0, 0.0)), 2: ((0.6, 0.0, 3.2), (-0.4, 0.0, 0.0))}
     truth = StraightTruth(paths)
     lines = perfect(truth, 28)
@@ -298,7 +298,7 @@ def test_two_that_pass_each_other_are_paired_one_to_one() -> None:
     assert result.velocity_rmse_mps == pytest.approx(0, abs=1e-12)
 
 
-def test_velocity_is_compared_at_its_own_time() -> None:
+def test_velocity_is_compared_at_its_own_timestamp() -> None:
     class Accelerating(StraightTruth):
         def bodies(self, time: float) -> tuple[TrueBody, ...]:
             (b,) = super().bodies(time)
@@ -327,7 +327,7 @@ def test_coverage_is_the_share_within_the_stated_95_percent(sigma: float, covera
     assert evaluate(lines, truth).coverage == pytest.approx(coverage, abs=0.03)
 
 
-def test_reports_without_covariance_do_not_enter_the_coverage() -> None:
+def test_reports_without_covariance_do_not_affect_the_coverage() -> None:
     truth = StraightTruth(RIGHT)
     result = evaluate(perfect(truth, 20, velocity_cov=None), truth)
     assert result.matched == 14
@@ -346,7 +346,7 @@ def test_position_is_compared_with_surface_and_centre() -> None:
     assert two_faces.surface_rmse_m > 0.1
 
 
-def test_a_later_segment_is_placed_by_the_true_camera() -> None:
+def test_later_segment_is_placed_by_the_true_camera_pose() -> None:
     turned = Pose.from_rotvec((0, 0.5, 0), (1.0, 0, 2.0))
     truth = StraightTruth(RIGHT, camera=turned)
     lines = []
@@ -369,7 +369,7 @@ def test_a_later_segment_is_placed_by_the_true_camera() -> None:
     assert left_out.recall is None
 
 
-def test_several_runs_are_summed_up_together() -> None:
+def test_several_runs_are_summarised_together() -> None:
     truth = StraightTruth(RIGHT)
     good = tally(checked_lines(perfect(truth, 20)), truth)
     bad = tally(checked_lines([line(k, []) for k in range(20)]), truth)
@@ -380,14 +380,14 @@ def test_several_runs_are_summed_up_together() -> None:
     assert summarise([]).recall is None
 
 
-def test_what_moves_in_sight_for_a_moment_only_is_no_episode() -> None:
+def test_brief_motion_in_view_is_not_an_episode() -> None:
     truth = StraightTruth(RIGHT)
     result = evaluate([line(k, []) for k in range(5)], truth)
     assert result.truth_count == 0
     assert result.episodes == 0
 
 
-def test_the_figures_as_dictionary_and_table() -> None:
+def test_figures_as_dictionary_and_table() -> None:
     truth = StraightTruth(RIGHT)
     result = evaluate(perfect(truth, 20), truth)
     again = json.loads(json.dumps(result.as_dict(), allow_nan=False))
@@ -399,7 +399,7 @@ def test_the_figures_as_dictionary_and_table() -> None:
     assert "| recall | - |" in empty
 
 
-def test_lines_come_back_from_a_file(tmp_path: Path) -> None:
+def test_lines_are_read_back_from_a_file(tmp_path: Path) -> None:
     truth = StraightTruth(RIGHT)
     path = tmp_path / "tracks.jsonl"
     lines = perfect(truth, 20)
@@ -407,7 +407,7 @@ def test_lines_come_back_from_a_file(tmp_path: Path) -> None:
     assert summarise([tally(read_both(path)[0], truth)]) == evaluate(lines, truth)
 
 
-def test_a_line_is_named_by_its_place_in_the_file(tmp_path: Path) -> None:
+def test_refusal_names_the_line_number_in_the_file(tmp_path: Path) -> None:
     first, second = perfect(StraightTruth(RIGHT), 2)
     path = tmp_path / "tracks.jsonl"
     path.write_text(f"{json.dumps(second)}\n\n\n{json.dumps(first)}\n")
@@ -415,7 +415,7 @@ def test_a_line_is_named_by_its_place_in_the_file(tmp_path: Path) -> None:
         read_both(path)
 
 
-def test_a_file_is_read_with_all_that_its_lines_hold(tmp_path: Path) -> None:
+def test_file_is_read_with_all_extra_fields(tmp_path: Path) -> None:
     lines = [{**each, "more": k} for k, each in enumerate(perfect(StraightTruth(RIGHT), 3))]
     path = tmp_path / "tracks.jsonl"
     path.write_text("".join(f"{json.dumps(each)}\n" for each in lines))
@@ -435,14 +435,14 @@ def test_a_file_is_read_with_all_that_its_lines_hold(tmp_path: Path) -> None:
         ("[" * 100_000, "not valid JSON"),
     ],
 )
-def test_a_bad_file_is_refused_with_the_line(tmp_path: Path, text: str, sentence: str) -> None:
+def test_bad_file_is_refused_naming_the_line(tmp_path: Path, text: str, sentence: str) -> None:
     path = tmp_path / "tracks.jsonl"
     path.write_text(text)
     with pytest.raises(InputError, match=sentence):
         read_both(path)
 
 
-def test_other_bad_files(tmp_path: Path) -> None:
+def test_missing_and_non_utf8_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.jsonl cannot be read"):
         read_both(tmp_path / "none.jsonl")
     binary = tmp_path / "b.jsonl"
@@ -455,7 +455,7 @@ def test_other_bad_files(tmp_path: Path) -> None:
     ("field", "value"),
     [("speed", -1.0), ("speed", float("nan")), ("position", [0, 1]), ("velocity_cov", [[1]])],
 )
-def test_a_bad_field_is_named(field: str, value: Any) -> None:
+def test_bad_field_is_named(field: str, value: Any) -> None:
     truth = StraightTruth(RIGHT)
     lines = perfect(truth, 3)
     lines[1]["obstacles"][0][field] = value

@@ -68,7 +68,7 @@ ACCURACY = [
 ]
 
 
-def test_only_what_was_measured_has_a_panel() -> None:
+def test_only_measured_quantities_have_a_panel() -> None:
     assert titles(benchmark_figure(result())) == [
         *ACCURACY,
         "False instances by source",
@@ -82,7 +82,7 @@ def test_only_what_was_measured_has_a_panel() -> None:
     assert titles(benchmark_figure(result(truth=False, timed=False))) == []
 
 
-def test_the_points_are_the_figures() -> None:
+def test_plotted_points_match_the_figures() -> None:
     figure = benchmark_figure(result())
     axes = dict(zip(titles(figure), figure.get_axes(), strict=True))
     velocity = axes["Velocity error by range"].get_lines()[1]
@@ -104,7 +104,7 @@ def test_the_points_are_the_figures() -> None:
     assert "paper 1.5" in cost.get_title(loc="right")
 
 
-def test_a_run_without_truth_and_with_one_preset() -> None:
+def test_figure_of_a_real_benchmark_with_one_preset() -> None:
     from observer.parameters import preset
 
     done = run_benchmark(["simulated:lateral"], {"default": preset("default")}, max_frames=8)
@@ -114,7 +114,9 @@ def test_a_run_without_truth_and_with_one_preset() -> None:
 @pytest.mark.parametrize(
     ("name", "begins"), [("a.png", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.PDF", b"%PDF")]
 )
-def test_every_format_and_no_half_file(tmp_path: Path, name: str, begins: bytes) -> None:
+def test_every_format_is_written_without_leftover_files(
+    tmp_path: Path, name: str, begins: bytes
+) -> None:
     path = tmp_path / name
     save_figure(benchmark_figure(result()), path)
     assert path.read_bytes().startswith(begins)
@@ -126,6 +128,6 @@ def test_every_format_and_no_half_file(tmp_path: Path, name: str, begins: bytes)
         assert image[5, 5].tolist() == [255, 255, 255]
 
 
-def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+def test_missing_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
         save_figure(Figure(), tmp_path / "none" / "a.png")

@@ -49,7 +49,7 @@ def test_boxes_are_compared_by_intersection_over_union(
     assert evaluate(perfect(unknown, 20, box_px=reported), unknown).box_iou_median is None
 
 
-def test_the_median_is_over_all_pairs_with_both_boxes() -> None:
+def test_median_covers_all_pairs_with_both_boxes() -> None:
     truth = BoxedTruth()
     lines = perfect(truth, 20, box_px=[0, 0, 10, 20])
     for each in lines[13:18]:
@@ -62,7 +62,7 @@ def test_the_median_is_over_all_pairs_with_both_boxes() -> None:
     assert evaluate(lines, truth).box_iou_median == 0.5
 
 
-def test_a_reported_box_is_cut_where_the_image_ends() -> None:
+def test_reported_box_is_clipped_to_the_image() -> None:
     truth = BoxedTruth(box_px=(89.5, 39.5, 99.5, 49.5))
     checked = checked_lines(perfect(truth, 20, box_px=[89.5, 39.5, 109.5, 59.5]))
     assert summarise([tally(checked, truth)]).box_iou_median == pytest.approx(0.25)
@@ -91,7 +91,7 @@ def unseen(*rows: str) -> dict[str, Any]:
         ({"status": "degraded", "unseen": unseen("..")}, False),
     ],
 )
-def test_a_miss_is_told_where_the_line_says_that_it_could_not_see(
+def test_miss_is_flagged_where_the_line_declares_it_unseen(
     changes: dict[str, Any], flagged: bool
 ) -> None:
     truth = BoxedTruth(box_px=(-0.5, -0.5, 9.5, 19.5))
@@ -102,7 +102,7 @@ def test_a_miss_is_told_where_the_line_says_that_it_could_not_see(
     assert result.unflagged_misses_share == (0.0 if flagged else 1.0)
 
 
-def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
+def test_unseen_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
     """Its lower part covers only a tenth of two cells."""
     truth = BoxedTruth(box_px=(-0.5, -0.5, 19.5, 10.5))
     below = {"status": "degraded", "unseen": unseen("..", "dd")}
@@ -111,14 +111,14 @@ def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
     assert evaluate([line(k, [], **above) for k in range(20)], truth).flagged_misses == 14
 
 
-def test_a_miss_without_a_known_box_is_told_by_a_lost_line_alone() -> None:
+def test_miss_without_a_known_box_is_flagged_only_by_a_lost_line() -> None:
     truth = BoxedTruth(box_px=None)
     blind = {"status": "degraded", "unseen": unseen("xx", "xx")}
     assert evaluate([line(k, [], **blind) for k in range(20)], truth).flagged_misses == 0
     assert evaluate([line(k, [], status="lost") for k in range(20)], truth).flagged_misses == 14
 
 
-def test_a_miss_is_told_by_a_coasting_obstacle_where_it_is() -> None:
+def test_miss_is_flagged_by_a_coasting_obstacle_at_its_place() -> None:
     truth = BoxedTruth()
     lines = perfect(truth, 20)
     for each in lines:
@@ -132,7 +132,7 @@ def test_a_miss_is_told_by_a_coasting_obstacle_where_it_is() -> None:
 
 
 @pytest.mark.parametrize("motion", ["stopped", "in_place"])
-def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_be_right(
+def test_miss_is_flagged_by_an_unmoving_report_with_plausible_velocity(
     motion: str,
 ) -> None:
     """A body that reverses counts as stopped for a moment, but is not unseen."""
@@ -155,7 +155,7 @@ def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_
     assert flagged(0.0) == 0
 
 
-def test_no_misses_no_share() -> None:
+def test_share_is_undefined_without_misses() -> None:
     truth = BoxedTruth()
     result = evaluate(perfect(truth, 20), truth)
     assert (result.missed, result.unflagged_misses, result.unflagged_misses_share) == (0, 0, None)
@@ -172,14 +172,14 @@ def test_no_misses_no_share() -> None:
         ({"rows": [""]}, "line 1, unseen.rows.0"),
     ],
 )
-def test_regions_that_are_told_wrongly_are_refused(change: dict[str, Any], says: str) -> None:
+def test_malformed_unseen_regions_are_refused(change: dict[str, Any], says: str) -> None:
     wrong = line(0, [], unseen=unseen("..", "..") | change)
     with pytest.raises(InputError) as caught:
         checked_lines([wrong])
     assert says in str(caught.value)
 
 
-def test_a_body_moving_in_place_is_no_instance_and_one_reported_as_moving_is_false() -> None:
+def test_moving_report_of_a_body_moving_in_place_is_false() -> None:
     waving = BoxedTruth(kind="person")
     waving.paths = {1: ((0.0, 0.0, 2.0), (0.0, 0.0, 0.0))}
     in_place = tally(checked_lines(perfect(waving, 10, motion="in_place")), waving)
@@ -187,7 +187,7 @@ def test_a_body_moving_in_place_is_no_instance_and_one_reported_as_moving_is_fal
     assert len(tally(checked_lines(perfect(waving, 10)), waving).false) == 10
 
 
-def test_samples_and_episodes_know_what_moved() -> None:
+def test_samples_and_episodes_record_the_kind() -> None:
     person = BoxedTruth(kind="person")
     counted = tally(checked_lines(perfect(person, 20)), person)
     assert {s.kind for s in counted.samples} == {e.kind for e in counted.episodes} == {"person"}
@@ -205,7 +205,7 @@ def test_samples_and_episodes_know_what_moved() -> None:
         (None, (200, 100), False),
     ],
 )
-def test_a_person_filling_a_tenth_of_the_image_counts_though_hardly_visible(
+def test_person_filling_a_tenth_of_the_image_counts_even_if_hardly_visible(
     box: tuple[float, float, float, float] | None, size: tuple[int, int] | None, counts: bool
 ) -> None:
     truth = BoxedTruth(visible=0.3, box_px=box)

@@ -26,12 +26,12 @@ def seen_at(x: float, y: float, z: float) -> Instance:
 
 
 @given(x=lengths, y=st.floats(-HEIGHT_M / 2, HEIGHT_M / 2), z=lengths)
-def test_beside_a_body_the_height_does_not_count(x: float, y: float, z: float) -> None:
+def test_height_is_ignored_beside_a_body(x: float, y: float, z: float) -> None:
     assert axis_distance(body(), seen_at(x, y, z)) == pytest.approx(np.hypot(x, z), abs=1e-9)
 
 
 @given(x=lengths, above=st.floats(0, 3), sign=st.sampled_from([-1, 1]))
-def test_above_and_below_it_only_what_is_beyond_its_end_counts(
+def test_only_the_excess_beyond_the_axis_counts_above_and_below(
     x: float, above: float, sign: int
 ) -> None:
     instance = seen_at(x, sign * (HEIGHT_M / 2 + above), 0.0)
@@ -39,7 +39,7 @@ def test_above_and_below_it_only_what_is_beyond_its_end_counts(
 
 
 @given(x=lengths, y=lengths, z=lengths)
-def test_the_axis_is_never_farther_than_the_centre_and_at_most_half_a_height_nearer(
+def test_axis_distance_is_within_half_a_height_below_centre_distance(
     x: float, y: float, z: float
 ) -> None:
     instance = seen_at(x, y, z)
@@ -48,7 +48,7 @@ def test_the_axis_is_never_farther_than_the_centre_and_at_most_half_a_height_nea
     assert axis >= centre - HEIGHT_M / 2 - 1e-9
 
 
-def test_asking_changes_neither_the_body_nor_the_instance() -> None:
+def test_axis_distance_modifies_neither_body_nor_instance() -> None:
     true, instance = body(), seen_at(0.1, 0.5, 0.2)
     before = instance.position.copy()
     assert axis_distance(true, instance) == axis_distance(true, instance)

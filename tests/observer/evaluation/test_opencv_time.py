@@ -27,7 +27,7 @@ def recorder(step: float = 1.0) -> OpenCvRecorder:
     return OpenCvRecorder(lambda: next(ticks))
 
 
-def standing() -> dict[str, object]:
+def wrappable() -> dict[str, object]:
     """Return the attributes of OpenCV that the recorder may wrap."""
     found: dict[str, object] = {f"cv2.{k}": v for k, v in vars(cv2).items() if callable(v)}
     for owner in (cv2.Feature2D, cv2.FastFeatureDetector, cv2.StereoMatcher, cv2.KeyPoint):
@@ -56,7 +56,7 @@ def test_functions_and_methods_are_counted_by_name() -> None:
     assert timed.take() == {}
 
 
-def test_results_are_those_of_opencv() -> None:
+def test_recorded_calls_return_opencv_results() -> None:
     def work() -> tuple[np.ndarray, list[Sequence[float]], np.ndarray]:
         points = cv2.FastFeatureDetector.create(20).detect(IMAGE)
         disparity = cv2.StereoSGBM.create(numDisparities=16, blockSize=5).compute(IMAGE, IMAGE)
@@ -70,19 +70,19 @@ def test_results_are_those_of_opencv() -> None:
     np.testing.assert_array_equal(bare[2], timed[2])
 
 
-def test_opencv_is_as_it_was_afterwards_also_after_an_error() -> None:
-    before = standing()
+def test_opencv_is_restored_afterwards_even_after_an_error() -> None:
+    before = wrappable()
     timed = recorder()
     with pytest.raises(cv2.error), timed.on():
         cv2.blur(IMAGE, (-3, 3))
-    assert standing() == before
+    assert wrappable() == before
     assert timed.take() == {"blur": pytest.approx(1000)}
     cv2.blur(IMAGE, (3, 3))
     assert timed.take() == {}
 
 
-def test_it_can_be_on_again_and_again_but_not_twice_at_a_time() -> None:
-    before = standing()
+def test_recorder_is_reusable_but_not_nested() -> None:
+    before = wrappable()
     timed = recorder()
     for _ in range(3):
         with timed.on():
@@ -94,10 +94,10 @@ def test_it_can_be_on_again_and_again_but_not_twice_at_a_time() -> None:
         # The refused second recorder did not end the first.
         cv2.blur(IMAGE, (3, 3))
     assert timed.take() == {"blur": pytest.approx(1000)}
-    assert standing() == before
+    assert wrappable() == before
 
 
-def test_a_call_within_a_call_is_not_counted_twice() -> None:
+def test_nested_call_is_not_counted_twice() -> None:
     """OpenCV sometimes calls back into Python, and the callback may call OpenCV again."""
     timed = recorder()
     inner = cv2.blur
@@ -116,7 +116,7 @@ def test_a_call_within_a_call_is_not_counted_twice() -> None:
     assert timed.take() == {"blur": pytest.approx(1000)}
 
 
-def test_calls_of_other_threads_are_added() -> None:
+def test_calls_from_other_threads_are_counted() -> None:
     timed = OpenCvRecorder()
     with timed.on():
         thread = threading.Thread(target=cv2.blur, args=(IMAGE, (3, 3)))

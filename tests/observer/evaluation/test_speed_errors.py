@@ -44,7 +44,7 @@ def of(found: tuple[SpeedErrors, ...], group: str, label: str) -> SpeedErrors:
     return next(each for each in found if (each.group, each.label) == (group, label))
 
 
-def test_planted_errors_are_found() -> None:
+def test_planted_errors_are_measured() -> None:
     errors = np.where(np.arange(50) % 2, 0.05, -0.03)
     whole = of(speed_errors([seen_motion(np.arange(50), errors)], [true_motion(0.3)]),
                "all", "whole run")  # fmt: skip
@@ -57,7 +57,7 @@ def test_planted_errors_are_found() -> None:
     assert whole.seen_share == 0.5
 
 
-def test_directions_and_ways_are_told_apart() -> None:
+def test_directions_and_ways_of_driving_are_grouped_separately() -> None:
     directions = ["towards"] * 40 + [AT_REST] * 20 + ["left"] * 40
     ways = ["forward"] * 40 + [AT_REST] * 20 + ["backward"] * 40
     speeds = np.where(np.array(directions) == AT_REST, 0.0, 0.3)
@@ -72,7 +72,7 @@ def test_directions_and_ways_are_told_apart() -> None:
     assert not [e for e in found if e.label in ("away", "right", AT_REST)]
 
 
-def test_a_gap_of_truth_gives_no_sample() -> None:
+def test_gap_in_the_truth_gives_no_sample() -> None:
     speeds = np.full(100, 0.3)
     speeds[20:40] = np.nan
     seen = seen_motion(np.arange(100), 0.01)
@@ -98,7 +98,7 @@ def test_missing_frames_of_truth_are_not_bridged() -> None:
     assert motion.speeds_at(np.array([2.9, 6.0])) == pytest.approx([0.3, 0.3])
 
 
-def test_identities_are_counted_and_kept_apart() -> None:
+def test_identities_are_counted_and_listed_separately() -> None:
     tracks = [
         seen_motion(np.arange(10), 0.0, track="0:1"),
         seen_motion(np.arange(20, 30), 0.1, track="0:2"),
@@ -109,19 +109,19 @@ def test_identities_are_counted_and_kept_apart() -> None:
     assert [e.bias_mps for e in found if e.group == "track"] == pytest.approx([0.0, 0.1, 0.0])
 
 
-def test_nothing_seen_is_said_so() -> None:
+def test_no_samples_give_no_errors() -> None:
     whole = speed_errors([], [true_motion(0.3)])[0]
     assert (whole.samples, whole.bias_mps, whole.coverage, whole.seen_share) == (0, None, None, 0.0)
     assert speed_errors([], [])[0].seen_share is None
 
 
-def test_an_unknown_deviation_takes_no_part_in_the_coverage() -> None:
+def test_unknown_deviation_does_not_affect_the_coverage() -> None:
     seen = seen_motion(np.arange(10), 0.01, std=float("nan"))
     whole = speed_errors([seen], [true_motion(0.3)])[0]
     assert (whole.samples, whole.coverage, whole.covered_of) == (10, None, 0)
 
 
 @given(st.floats(0.0, 9.9), st.floats(-2.0, 2.0), st.floats(0.0, 2.0))
-def test_a_straight_line_is_interpolated_exactly(at: float, slope: float, level: float) -> None:
+def test_linear_speed_is_interpolated_exactly(at: float, slope: float, level: float) -> None:
     found = true_motion(level + slope * TIMES).speeds_at(np.array([at]))
     assert found[0] == pytest.approx(level + slope * at, abs=1e-9)

@@ -36,7 +36,7 @@ def by_figure(*runs: tuple[Tally, str | None], cost: Cost | None = None) -> dict
     return {t.figure: t for t in targets(runs, cost)}
 
 
-def test_only_what_is_in_range_and_fast_enough_counts_for_recall() -> None:
+def test_only_samples_in_range_and_fast_enough_count_for_recall() -> None:
     samples = [
         pair(0.8, 0.2),  # lateral, at both limits
         pair(4.0, 0.3, radial=0.9),
@@ -56,7 +56,7 @@ def test_only_what_is_in_range_and_fast_enough_counts_for_recall() -> None:
     assert found["recall, radial and diagonal from 0.3 m/s"].reached
 
 
-def test_errors_by_what_the_scenario_declares_and_without_what_is_out_of_range() -> None:
+def test_errors_are_grouped_by_scenario_and_exclude_out_of_range_samples() -> None:
     ideal = Tally(frames=1, samples=[pair(error=0.01), pair(5.0, error=9.0)], moved=True)
     faulty = Tally(frames=1, samples=[pair(error=0.06), miss()], moved=True)
     blind = Tally(frames=1, samples=[pair(error=7.0)], moved=True, scored_for="detection")
@@ -76,7 +76,7 @@ def test_errors_by_what_the_scenario_declares_and_without_what_is_out_of_range()
         assert (target.count, target.reached) == (count, reached), figure
 
 
-def test_false_ones_over_all_and_where_nothing_ever_moves() -> None:
+def test_false_rates_overall_and_for_static_scenarios() -> None:
     moving = Tally(frames=300, moved=True, false=[false_one()])
     static = Tally(frames=100, false=[false_one()])
     found = by_figure((moving, "ideal"), (static, "ideal"))
@@ -88,7 +88,7 @@ def test_false_ones_over_all_and_where_nothing_ever_moves() -> None:
     assert quiet["false per 100 frames, static scenarios"].reached
 
 
-def test_delays_of_what_began_in_range() -> None:
+def test_delays_count_episodes_started_in_range() -> None:
     episodes = [
         Episode(1, 0.0, 3.0, first_seen=0.4, range_m=3.9, radial=0.1),
         Episode(2, 0.0, 3.0, first_seen=None, range_m=4.1, radial=0.1),
@@ -103,7 +103,7 @@ def test_delays_of_what_began_in_range() -> None:
     assert found["delay s, radial started within 3 m, median"].reached
 
 
-def test_never_reported_is_not_reached_and_nothing_there_is_neither() -> None:
+def test_never_reported_misses_the_target_and_no_episode_is_neutral() -> None:
     never = Episode(1, 0.0, 3.0, first_seen=None, range_m=3.0, radial=0.0)
     found = by_figure((Tally(frames=10, episodes=[never]), "ideal"))
     lateral = found["delay s, lateral, median"]
@@ -115,7 +115,7 @@ def test_never_reported_is_not_reached_and_nothing_there_is_neither() -> None:
     assert "| delay s, radial started within 3 m, median | <= 0.7 | - | - |" in text
 
 
-def test_identity_switches_in_range() -> None:
+def test_identity_switches_count_only_in_range() -> None:
     switched = Sample(2.0, 0.35, 0.0, matched=True, switched=True)
     outside = Sample(4.5, 0.35, 0.0, matched=True, switched=True)
     found = by_figure((Tally(frames=2, samples=[pair(), switched, outside]), "ideal"))
@@ -162,7 +162,7 @@ def person(
     )  # fmt: skip
 
 
-def test_people_have_figures_of_their_own() -> None:
+def test_people_have_their_own_figures() -> None:
     samples = [
         *(person() for _ in range(18)),
         person(0.5, 0.4),  # at both limits
@@ -194,7 +194,7 @@ def test_people_have_figures_of_their_own() -> None:
     assert only[PEOPLE + "box IoU, median"].count == 1
 
 
-def test_people_change_no_figure_of_robots_nor_robots_one_of_people() -> None:
+def test_people_and_robots_do_not_affect_each_others_figures() -> None:
     robots = Tally(frames=100, samples=[pair(), miss()], moved=True, false=[false_one()])
     robots.episodes = [Episode(1, 0.0, 3.0, first_seen=0.4, range_m=2.0)]
     static = Tally(frames=100)
@@ -216,7 +216,7 @@ def test_people_change_no_figure_of_robots_nor_robots_one_of_people() -> None:
         assert other[figure].reached is None, figure
 
 
-def test_limits_as_text_and_the_tables_columns() -> None:
+def test_limits_as_text_and_table_columns() -> None:
     assert Target("a", 0.97, None, 1.0, 1).wanted == ">= 0.97"
     assert Target("a", None, 0.5, 1.0, 1).wanted == "<= 0.5"
     assert Target("a", None, 0.0, 1.0, 1).wanted == "0"

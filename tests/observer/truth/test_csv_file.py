@@ -150,7 +150,7 @@ def test_boxes_between_frames_are_interpolated_where_both_are_known(tmp_path: Pa
     assert truth.bodies(0.1)[1].box_px == (1, 2, 3, 4)
 
 
-def test_nothing_is_known_before_after_and_in_gaps(tmp_path: Path) -> None:
+def test_bodies_are_unknown_before_after_and_in_gaps(tmp_path: Path) -> None:
     times = [0.0, 0.1, 0.2, 0.3, 0.4, 0.9, 1.0, 1.1]
     samples = [TruthSample(k, t, (body(x=t),)) for k, t in enumerate(times)]
     samples[2] = TruthSample(2, 0.2, ())  # not seen in one frame
@@ -166,7 +166,7 @@ def test_nothing_is_known_before_after_and_in_gaps(tmp_path: Path) -> None:
     assert truth.bodies(0.14)[0].position[0] == 0.1
 
 
-def test_reads_rows_in_any_order_and_further_columns(tmp_path: Path) -> None:
+def test_reads_rows_in_any_order_and_ignores_extra_columns(tmp_path: Path) -> None:
     path = tmp_path / "truth.csv"
     path.write_text(
         f"weather,{HEADER}\nfog,1,0.1,1,2,2,3,0,0,0,,1,1,1,0\nsun,{ROW}\nsun,0,0.0,2,,,,,,,,,,,\n"
@@ -242,7 +242,7 @@ def test_any_rows_are_read_or_refused(
     assert "\n" not in refusal
 
 
-def test_refuses_what_is_no_file(tmp_path: Path) -> None:
+def test_refuses_unreadable_files_and_unwritable_paths(tmp_path: Path) -> None:
     with pytest.raises(TruthError, match="cannot be read"):
         CsvTruth(tmp_path / "absent.csv")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\xff")

@@ -1,4 +1,4 @@
-"""Damaged truth.csv: finite samples in order, or one sentence; and what is written is read."""
+"""Damaged truth.csv: finite samples in order, or a one-line refusal; written values are read."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def whole(folder: Path) -> bytes:
 
 @examples(60)
 @given(data=st.data())
-def test_a_damaged_table_is_refused_or_in_order(
+def test_damaged_table_is_refused_or_in_order(
     folder: Path, whole: bytes, data: st.DataObject
 ) -> None:
     path = folder / "truth.csv"
@@ -62,7 +62,7 @@ def test_a_damaged_table_is_refused_or_in_order(
 @examples(60)
 @given(text=hostile_text(("1", "2", ",", "0.12,0.06,0.25,0,10,0"))
        | damaged_text(["0.12,0.06,0.25,0,10,0"]))  # fmt: skip
-def test_a_camera_on_its_body_is_a_pose_or_refused(text: str) -> None:
+def test_camera_placement_text_is_a_pose_or_refused(text: str) -> None:
     camera = read_or_refused(lambda: CameraOnBody.parse(text), TruthError)
     if camera is not None:
         assert CameraOnBody.parse(str(camera)) == camera
@@ -72,5 +72,5 @@ def test_a_camera_on_its_body_is_a_pose_or_refused(text: str) -> None:
 @examples(60)
 @given(text=damaged_text(["vrpn:localhost:3883/robot,cart", "vicon-udp:51001", "vrpn:[::1]"])
        | hostile_text(("vrpn:", "vicon-udp:", "/")))  # fmt: skip
-def test_the_name_of_live_truth_is_understood_or_refused(text: str) -> None:
+def test_live_truth_address_is_parsed_or_refused(text: str) -> None:
     read_or_refused(lambda: check_live(text), TruthError)

@@ -58,7 +58,7 @@ def test_each_body_gets_the_nearest_track_and_each_track_one_body() -> None:
     assert entries[0]["position"] == pytest.approx([0, 0, 3])
 
 
-def test_tracks_beyond_the_gate_tentative_or_placeless_do_not_match() -> None:
+def test_distant_tentative_or_unlocated_tracks_do_not_match() -> None:
     matcher = TruthMatcher(Bodies(body(1, [0, 0, 3]), T_world_camera=Pose.identity()))
     for wrong in (
         obstacle(1, [0, 0, 4.3]),
@@ -69,13 +69,13 @@ def test_tracks_beyond_the_gate_tentative_or_placeless_do_not_match() -> None:
     assert tracks(matcher.match(observation(obstacle(4, [0, 0, 4.1])), 0.5)) == {1: 4}
 
 
-def test_the_observer_itself_is_told_of_but_never_matched() -> None:
+def test_observer_is_listed_but_never_matched() -> None:
     matcher = TruthMatcher(Bodies(body(1, [0, 0, 3], "observer"), T_world_camera=Pose.identity()))
     entries = matcher.match(observation(obstacle(1, [0, 0, 3])), 0.5)
     assert [(e["role"], e["track_id"]) for e in entries] == [("observer", None)]
 
 
-def test_truth_is_put_into_the_world_of_the_segment() -> None:
+def test_truth_is_transformed_into_the_segments_world_frame() -> None:
     # The segment began with the camera at x = 2, looking along the world's +x.
     there = Pose.from_rotvec([0, np.pi / 2, 0], [2.0, 0, 0])
     matcher = TruthMatcher(Bodies(body(1, [5.0, 0, 0]), T_world_camera=there))
@@ -87,7 +87,7 @@ def test_truth_is_put_into_the_world_of_the_segment() -> None:
     assert entries[0]["yaw"] == pytest.approx(0.5 - np.pi / 2)
 
 
-def test_the_alignment_of_a_segment_is_kept_so_that_drift_shows() -> None:
+def test_segment_alignment_is_fixed_so_that_drift_shows() -> None:
     matcher = TruthMatcher(Bodies(body(1, [0, 0, 3]), T_world_camera=Pose.identity()))
     matcher.match(observation(), 0.5)
     drifted = Pose(np.eye(3), np.array([0.2, 0, 0]))
@@ -97,7 +97,7 @@ def test_the_alignment_of_a_segment_is_kept_so_that_drift_shows() -> None:
     assert entries[0]["position"] == pytest.approx([0.2, 0, 3])
 
 
-def test_without_a_true_camera_pose_only_the_first_segment_has_truth() -> None:
+def test_only_the_first_segment_has_truth_without_a_true_camera_pose() -> None:
     matcher = TruthMatcher(Bodies(body(1, [0, 0, 3]), T_world_camera=None))
     assert len(matcher.match(observation(), 0.5)) == 1
     assert matcher.match(observation(segment=1), 0.6) == []

@@ -22,7 +22,7 @@ def parabola(times: Float64Array, *, seed: int = 0) -> tuple[Float64Array, Float
 
 
 @given(st.integers(0, 100), st.floats(0, 1e6), st.booleans())
-def test_constant_acceleration_is_exact_at_equal_and_unequal_steps(
+def test_velocity_is_exact_for_constant_acceleration_at_any_steps(
     seed: int, start: float, equal: bool
 ) -> None:
     steps = np.random.default_rng(seed).uniform(0.008, 0.011, 60)
@@ -35,7 +35,7 @@ def test_constant_acceleration_is_exact_at_equal_and_unequal_steps(
 
 
 @pytest.mark.parametrize(("window", "order"), [(11, 2), (7, 3), (5, 1)])
-def test_equal_steps_give_savitzky_and_golay(window: int, order: int) -> None:
+def test_equal_steps_match_savitzky_golay(window: int, order: int) -> None:
     positions = np.random.default_rng(0).normal(0, 1, (100, 3))
     found = smoothed_velocity(np.arange(100) / 250, positions, window=window, order=order)
     expected = savgol_filter(positions, window, order, deriv=1, delta=1 / 250, axis=0)
@@ -43,7 +43,7 @@ def test_equal_steps_give_savitzky_and_golay(window: int, order: int) -> None:
     np.testing.assert_allclose(found[half:-half], expected[half:-half], atol=1e-8)
 
 
-def test_nothing_is_known_where_the_window_touches_a_gap_or_a_jump() -> None:
+def test_velocity_is_unknown_where_the_window_touches_a_gap_or_jump() -> None:
     times = np.arange(100) / 100
     positions, _ = parabola(times)
     positions[30] = np.nan
@@ -62,13 +62,13 @@ def test_long_trajectories_are_fitted_piece_by_piece() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 10])
-def test_few_samples_give_no_speed(count: int) -> None:
+def test_too_few_samples_give_no_speed(count: int) -> None:
     times = np.arange(float(count))
     positions = np.zeros((count, 3))
     assert np.isnan(smoothed_velocity(times, positions)).all()
 
 
 @pytest.mark.parametrize(("window", "order"), [(10, 2), (3, 3), (5, 0)])
-def test_a_fit_that_cannot_be_is_refused(window: int, order: int) -> None:
+def test_impossible_window_or_order_is_refused(window: int, order: int) -> None:
     with pytest.raises(ValueError, match="window must be odd and larger than order"):
         smoothed_velocity(np.arange(20.0), np.zeros((20, 3)), window=window, order=order)

@@ -17,7 +17,7 @@ def camera() -> StereoCamera:
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.05, -0.4, 0.1)])
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.5, 0.1, -9.0)])
-def test_a_wrong_disparity_moves_points_as_stated(
+def test_disparity_error_moves_points_as_predicted(
     camera: StereoCamera, turn: tuple[float, ...], velocity: tuple[float, ...]
 ) -> None:
     """Against finite differences: triangulation with a small constant disparity error."""
@@ -39,7 +39,7 @@ def test_a_wrong_disparity_moves_points_as_stated(
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.05, -0.4, 0.1)])
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.5, 0.1, -9.0)])
-def test_a_stretched_image_moves_points_as_stated(
+def test_stretched_image_moves_points_as_predicted(
     camera: StereoCamera, turn: tuple[float, ...], velocity: tuple[float, ...]
 ) -> None:
     """Against finite differences: image motion at a corner is too fast by a fixed share."""
@@ -61,7 +61,7 @@ def test_a_stretched_image_moves_points_as_stated(
     assert np.linalg.norm(expected) > 0.1
 
 
-def test_the_image_is_stretched_in_its_corners_and_hardly_in_its_middle(
+def test_distortion_grows_from_the_centre_to_the_edges(
     camera: StereoCamera,
 ) -> None:
     rate = CameraRate(np.zeros(3), np.array([-1.0, 0.0, 0.0]))
@@ -75,21 +75,21 @@ def test_the_image_is_stretched_in_its_corners_and_hardly_in_its_middle(
     assert 0.5 < seems[2] < 1.0
 
 
-def test_nothing_seems_to_move_for_a_camera_that_stands(camera: StereoCamera) -> None:
+def test_stationary_camera_sees_no_apparent_motion(camera: StereoCamera) -> None:
     place = np.array([[1.0, 0.0, 5.0]])
     still = CameraRate.still()
     for drift in (still.velocity_by_bias, still.velocity_by_distortion):
         assert drift(place, np.zeros((1, 3)), camera) == pytest.approx(np.zeros((1, 3)))
 
 
-def test_what_is_behind_the_camera_is_not_seen(camera: StereoCamera) -> None:
+def test_points_behind_the_camera_have_no_apparent_motion(camera: StereoCamera) -> None:
     rate = CameraRate(np.zeros(3), np.array([0.0, 0.0, -1.0]))
     behind = np.array([[1.0, 0.0, -5.0]])
     for drift in (rate.velocity_by_bias, rate.velocity_by_distortion):
         assert drift(behind, np.zeros((1, 3)), camera) == pytest.approx(np.zeros((1, 3)))
 
 
-def test_a_rate_is_the_motion_per_second() -> None:
+def test_rate_is_the_motion_per_second() -> None:
     moved = Pose.from_rotvec([0.01, -0.02, 0.005], [0.1, 0.0, -0.3])
     again = CameraRate.of(moved, 0.1).over(0.1)
     assert again.matrix == pytest.approx(moved.matrix)

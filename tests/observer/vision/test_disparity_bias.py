@@ -39,24 +39,24 @@ def _seen(place: np.ndarray, bias_px: float, rng: np.random.Generator) -> Stereo
 
 @pytest.mark.parametrize("true_px", [-0.5, 0.0, 0.6])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_drive_past_near_and_far_points_tells_the_bias(true_px: float, seed: int) -> None:
+def test_driving_past_near_and_far_points_determines_the_bias(true_px: float, seed: int) -> None:
     bias = driven(true_px, seed=seed)
     assert abs(bias.px - true_px) < 2 * bias.sigma_px
     assert bias.known
     assert bias.sure == (true_px != 0)
 
 
-def test_nothing_is_known_before_several_pairs() -> None:
+def test_bias_is_unknown_without_pairs() -> None:
     assert DisparityBias().px == 0
     assert math.isinf(DisparityBias().sigma_px)
     assert not DisparityBias().sure
 
 
-def test_points_that_are_all_equally_far_tell_less() -> None:
+def test_distant_points_alone_determine_the_bias_less_well() -> None:
     assert driven(0.5, far_only=True).sigma_px > 1.5 * driven(0.5).sigma_px
 
 
-def test_a_doubt_that_all_points_share_makes_pairs_tell_less() -> None:
+def test_shared_uncertainty_reduces_the_information_of_pairs() -> None:
     rng = np.random.default_rng(3)
     place = rng.uniform([-2.0, -1.0, 2.0], [2.0, 1.0, 8.0], (200, 3))
     after = Pose.from_rotvec(np.zeros(3), np.array([0.0, 0.0, -0.1]))

@@ -47,20 +47,20 @@ def turned(
 
 @pytest.mark.parametrize("true_s", [-0.010, 0.0, 0.016])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_turns_that_begin_and_end_tell_the_skew(true_s: float, seed: int) -> None:
+def test_uneven_turning_determines_the_skew(true_s: float, seed: int) -> None:
     skew = turned(true_s, seed=seed)
     assert abs(skew.skew_s - true_s) < 3 * skew.sigma_s
     assert skew.sigma_s < 0.002
     assert skew.sure == (true_s != 0)
 
 
-def test_a_steady_turn_tells_nothing_and_says_so() -> None:
+def test_steady_turn_leaves_the_skew_uncertain() -> None:
     skew = turned(0.016, steady=True)
     assert skew.sigma_s > 0.002
     assert not skew.sure
 
 
-def test_frames_that_do_not_follow_each_other_are_not_compared() -> None:
+def test_non_consecutive_frames_are_not_compared() -> None:
     step = DisparityStep(DT, 1.0, 0.05, 10.0)
     other = DisparityStep(DT, 1.0, 0.05, 90.0)
     known = ExposureSkew().after(step).after(step)
@@ -69,7 +69,7 @@ def test_frames_that_do_not_follow_each_other_are_not_compared() -> None:
     assert known.after(None).after(other).information == 0
 
 
-def test_too_few_points_tell_nothing() -> None:
+def test_too_few_points_give_no_step() -> None:
     few = np.zeros((5, 2))
     assert DisparityStep.of(few, few, np.ones(5), np.ones(5), DT, CAMERA) is None
     assert math.isinf(ExposureSkew().sigma_s)

@@ -32,7 +32,7 @@ def test_every_detector_finds_points_inside_the_image(detector: str) -> None:
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_the_same_image_gives_the_same_points(detector: str) -> None:
+def test_same_image_gives_the_same_points(detector: str) -> None:
     parameters = FeaturesParameters(detector=detector, max_count=200)
     first, second = (detect_features(textured(1), parameters) for _ in range(2))
     np.testing.assert_array_equal(first.px, second.px)
@@ -40,13 +40,13 @@ def test_the_same_image_gives_the_same_points(detector: str) -> None:
 
 @pytest.mark.parametrize("detector", DETECTORS)
 @pytest.mark.parametrize("grey", [0, 255])
-def test_an_image_without_texture_gives_no_points(detector: str, grey: int) -> None:
+def test_image_without_texture_gives_no_points(detector: str, grey: int) -> None:
     blank = np.full((256, 512), grey, np.uint8)
     assert len(detect_features(blank, FeaturesParameters(detector=detector))) == 0
 
 
 @pytest.mark.parametrize("detector", ["fast", "shi_tomasi", "harris"])
-def test_corners_are_found_where_they_are(detector: str) -> None:
+def test_corners_are_found_at_their_positions(detector: str) -> None:
     image = np.full((128, 256), 40, np.uint8)
     corners = np.array([[60, 40], [119, 40], [60, 89], [119, 89]])
     image[40:90, 60:120] = 220
@@ -56,7 +56,7 @@ def test_corners_are_found_where_they_are(detector: str) -> None:
     assert (nearest <= 2).all()
 
 
-def test_a_textured_corner_of_the_image_does_not_take_all_points() -> None:
+def test_textured_image_corner_does_not_take_all_points() -> None:
     image = np.full((256, 512), 100, np.uint8)
     image += (textured(2) // 6).astype(np.uint8)
     image[:128, :128] = textured(3, (128, 128))
@@ -68,7 +68,7 @@ def test_a_textured_corner_of_the_image_does_not_take_all_points() -> None:
     assert inside_unspread > 0.5
 
 
-def test_the_strongest_of_each_cell_are_kept() -> None:
+def test_strongest_points_of_each_cell_are_selected() -> None:
     px = np.array([[10, 10], [20, 20], [300, 10], [310, 20]], np.float32)
     strength = np.array([1.0, 2.0, 9.0, 8.0], np.float32)
     kept = spread(px, strength, (512, 256), 2, 2)
@@ -82,7 +82,7 @@ def test_the_strongest_of_each_cell_are_kept() -> None:
     most=st.integers(1, 300),
     seed=st.integers(0, 1000),
 )
-def test_spreading_keeps_each_point_once_and_not_too_many(
+def test_spread_selects_each_point_once_up_to_the_limit(
     count: int, columns: int, most: int, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -96,7 +96,7 @@ def test_spreading_keeps_each_point_once_and_not_too_many(
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_points_come_strongest_first_and_weak_ones_beside_strong_ones(detector: str) -> None:
+def test_points_are_ordered_strongest_first_including_weak_ones(detector: str) -> None:
     image = textured()
     image[:, 256:] = 128 + (image[:, 256:].astype(np.int16) - 128) // 6
     parameters = FeaturesParameters(detector=detector, fast_threshold=4, quality=0.5)

@@ -19,11 +19,11 @@ def levels(brightness: object) -> list[float]:
 @pytest.mark.parametrize("rate_hz", [10, 15, 30, 60])
 @pytest.mark.parametrize("amplitude", [0.15, 0.4])
 @given(phase=st.floats(0, math.tau))
-def test_flicker_is_told_at_any_rate(rate_hz: int, amplitude: float, phase: float) -> None:
+def test_flicker_is_reported_at_any_rate(rate_hz: int, amplitude: float, phase: float) -> None:
     time = np.arange(rate_hz + 1) / rate_hz
-    told = flicker_reason(levels(100 * (1 + amplitude * np.sin(math.tau * 2.5 * time + phase))))
-    assert told is not None
-    assert "flickers" in told
+    reason = flicker_reason(levels(100 * (1 + amplitude * np.sin(math.tau * 2.5 * time + phase))))
+    assert reason is not None
+    assert "flickers" in reason
 
 
 @given(
@@ -32,7 +32,7 @@ def test_flicker_is_told_at_any_rate(rate_hz: int, amplitude: float, phase: floa
     time_s=st.floats(0.05, 2.0),
     seed=st.integers(0, 99),
 )
-def test_what_settles_or_grains_is_no_flicker(
+def test_settling_and_grain_are_not_flicker(
     begin: float, end: float, time_s: float, seed: int
 ) -> None:
     time = np.arange(16) / 15
@@ -41,6 +41,6 @@ def test_what_settles_or_grains_is_no_flicker(
     assert flicker_reason(levels(settling * (1 + grain))) is None
 
 
-def test_one_that_overshoots_once_is_no_flicker() -> None:
+def test_single_overshoot_is_not_flicker() -> None:
     assert flicker_reason(levels([100, 140, 180, 150, 120, 110, 120, 125])) is None
     assert flicker_reason(levels([100])) is None

@@ -99,7 +99,7 @@ def measured_rows(pair: Pair, camera: StereoCamera) -> VerticalError | None:
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_no_built_in_scene_raises_an_alarm(name: str) -> None:
+def test_built_in_scenes_raise_no_false_alarm(name: str) -> None:
     camera, pairs = scene(name)
     for left, right in pairs:
         # A settling exposure starts saturated, which is reported.
@@ -107,20 +107,20 @@ def test_no_built_in_scene_raises_an_alarm(name: str) -> None:
         assert mismatch_reason(left, right, MAX_DISPARITY_PX) is None or name in WRONG_ROWS
         rows = measured_rows((left, right), camera)
         assert rows is not None
-        told = rectification_reason(rows)
-        assert (told is not None) == (name in WRONG_ROWS), told
+        reported = rectification_reason(rows)
+        assert (reported is not None) == (name in WRONG_ROWS), reported
     for before, now in itertools.pairwise(pairs):
         assert frozen_reason(*before, *now) is None
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_every_built_in_scene_is_seen_swapped(name: str) -> None:
+def test_swapped_cameras_are_detected_in_every_built_in_scene(name: str) -> None:
     for left, right in scene(name)[1]:
         assert "swapped" in (mismatch_reason(right, left, MAX_DISPARITY_PX) or "")
 
 
 @pytest.mark.parametrize("name", KITTI)
-def test_the_road_raises_no_alarm_and_is_seen_swapped(shared_data: Path, name: str) -> None:
+def test_road_raises_no_alarm_unless_swapped(shared_data: Path, name: str) -> None:
     source = open_source(str(shared_data / name)).source
     assert source.calibration is not None
     rectification = Rectification(source.calibration)
@@ -142,7 +142,7 @@ def scaled(image: np.ndarray, gain: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("fault", "told"),
+    ("fault", "reported"),
     [
         (lambda image: scaled(image, 1.5), "right image is 1.6 times"),
         (lambda image: scaled(image, 0.6), "left image is 1.6 times"),
@@ -155,19 +155,19 @@ def scaled(image: np.ndarray, gain: float) -> np.ndarray:
     ],
     ids=["brighter", "darker", "gamma up", "gamma down", "black", "white", "covered", "blurred"],
 )
-def test_what_is_wrong_with_one_image_is_told(
-    pair: Pair, fault: Callable[[np.ndarray], np.ndarray], told: str
+def test_fault_of_one_image_is_reported(
+    pair: Pair, fault: Callable[[np.ndarray], np.ndarray], reported: str
 ) -> None:
     # Dark enough that brightening it saturates nothing.
     left, right = (scaled(image, 0.6) for image in pair)
-    assert told in (exposure_reason(left, fault(right)) or "")
-    other_way = told.replace("right", "?").replace("left", "right").replace("?", "left")
-    if "times" not in told:
-        assert other_way in (exposure_reason(fault(left), right) or "")
+    assert reported in (exposure_reason(left, fault(right)) or "")
+    mirrored = reported.replace("right", "?").replace("left", "right").replace("?", "left")
+    if "times" not in reported:
+        assert mirrored in (exposure_reason(fault(left), right) or "")
 
 
 @pytest.mark.parametrize("share", [0.6, 0.8, 1.0])
-def test_light_falling_through_fingers_is_a_covered_lens(pair: Pair, share: float) -> None:
+def test_light_through_fingers_counts_as_a_covered_lens(pair: Pair, share: float) -> None:
     left, right = pair
     glow = np.linspace(20, 120, right.size).reshape(right.shape)
     covered = right.copy()
@@ -177,12 +177,12 @@ def test_light_falling_through_fingers_is_a_covered_lens(pair: Pair, share: floa
 
 
 @pytest.mark.parametrize(
-    ("gain", "share", "told"),
+    ("gain", "share", "reported"),
     [(1.0, 0.8, False), (1.5, 0.8, True), (1.0, 0.4, True)],
     ids=["equal cameras", "unequal cameras", "little matched"],
 )
-def test_somebody_close_by_is_no_unequal_exposure(
-    pair: Pair, gain: float, share: float, told: bool
+def test_exposure_warning_ignores_a_close_person_if_matches_agree(
+    pair: Pair, gain: float, share: float, reported: bool
 ) -> None:
     left, right = (scaled(image, 0.6) for image in pair)
     found = detect_features(left, FeaturesParameters(max_count=300)).px
@@ -199,20 +199,20 @@ def test_somebody_close_by_is_no_unequal_exposure(
     view = View(0, 0.0, None, left, close)
     assert "times as bright" in (exposure_reason(left, close) or "")
     reasons = ImageHealth(scene("lab")[0]).look(view, StereoParameters(), share, rows)
-    assert any("times as bright" in reason for reason in reasons) == told
+    assert any("times as bright" in reason for reason in reasons) == reported
 
 
-def test_both_images_black_are_one_sentence(pair: Pair) -> None:
+def test_two_black_images_give_one_reason(pair: Pair) -> None:
     dark = noisy(np.zeros_like(pair[0]), 2.0)
     assert (exposure_reason(dark, dark) or "").startswith("both images are black")
 
 
 @pytest.mark.parametrize("gain", [0.6, 1.4])
-def test_light_that_changes_for_both_is_no_fault_of_a_camera(pair: Pair, gain: float) -> None:
+def test_brightness_change_in_both_images_is_not_a_fault(pair: Pair, gain: float) -> None:
     assert exposure_reason(scaled(pair[0], gain), scaled(pair[1], gain)) is None
 
 
-def test_pictures_of_any_size_can_be_judged() -> None:
+def test_images_of_any_size_can_be_judged() -> None:
     rng = np.random.default_rng(0)
     for shape in ((8, 8), (17, 33), (375, 1242), (1024, 1280)):
         image = rng.integers(30, 220, shape).astype(np.uint8)
@@ -223,7 +223,7 @@ def test_pictures_of_any_size_can_be_judged() -> None:
 # --- frozen --------------------------------------------------------------------------------
 
 
-def test_a_frozen_camera_is_told_and_one_pixel_frees_it(pair: Pair) -> None:
+def test_frozen_camera_is_reported_until_one_pixel_changes(pair: Pair) -> None:
     left, right = pair
     next_left, next_right = scene("lateral")[1][1]
     assert frozen_reason(left, right, next_left, next_right) is None
@@ -235,7 +235,7 @@ def test_a_frozen_camera_is_told_and_one_pixel_frees_it(pair: Pair) -> None:
     assert frozen_reason(left, right, next_left, touched) is None
 
 
-def test_a_camera_that_stands_before_a_still_scene_is_not_frozen(pair: Pair) -> None:
+def test_stationary_camera_at_a_static_scene_is_not_frozen(pair: Pair) -> None:
     rng = np.random.default_rng(0)
     for _ in range(50):
         before, now = (
@@ -263,7 +263,7 @@ def places() -> np.ndarray:
     return np.random.default_rng(3).uniform((0, 0), (511, 255), (200, 2))
 
 
-def test_shift_roll_and_stretch_are_measured_apart_despite_outliers(places: np.ndarray) -> None:
+def test_shift_roll_and_stretch_are_separated_despite_outliers(places: np.ndarray) -> None:
     wrong = rows_of(places, 0.8, 0.4, 0.006, 0.2)
     wrong[:50] = np.random.default_rng(1).uniform(-20, 20, 50)
     error = vertical_error(places, wrong, CAMERA)
@@ -277,7 +277,7 @@ def test_shift_roll_and_stretch_are_measured_apart_despite_outliers(places: np.n
     assert 1.4 < error.p95_px < 3.5
 
 
-def test_the_stated_deviation_is_true() -> None:
+def test_stated_deviation_matches_the_scatter() -> None:
     rng = np.random.default_rng(5)
     found, stated = [], []
     for _ in range(200):
@@ -289,7 +289,7 @@ def test_the_stated_deviation_is_true() -> None:
     assert np.std(found) == pytest.approx(np.median(stated), rel=0.35)
 
 
-def test_too_few_rows_say_nothing(places: np.ndarray) -> None:
+def test_too_few_rows_give_no_error(places: np.ndarray) -> None:
     assert vertical_error(places[:19], np.full(19, 5.0), CAMERA) is None
     unknown = np.full(len(places), np.nan)
     unknown[:19] = 5.0
@@ -298,7 +298,7 @@ def test_too_few_rows_say_nothing(places: np.ndarray) -> None:
     assert vertical_error(places[:20], np.full(20, 5.0), CAMERA) is not None
 
 
-def test_a_few_noisy_rows_raise_no_alarm() -> None:
+def test_few_noisy_rows_raise_no_alarm() -> None:
     rng = np.random.default_rng(2)
     alarms = 0
     for _ in range(200):
@@ -309,7 +309,7 @@ def test_a_few_noisy_rows_raise_no_alarm() -> None:
     assert alarms <= 4
 
 
-def test_points_on_one_line_make_no_slope_of_nothing() -> None:
+def test_collinear_points_give_a_finite_error_and_no_alarm() -> None:
     px = np.stack([np.linspace(10, 500, 60), np.full(60, 40.0)], axis=1)
     noise = np.random.default_rng(0).normal(0, 0.2, 60)
     error = vertical_error(px, noise, CAMERA)
@@ -328,7 +328,7 @@ def test_points_on_one_line_make_no_slope_of_nothing() -> None:
     ids=["2 rows", "0.5 deg", "both"],
 )
 @pytest.mark.parametrize("name", ["lateral", "low_texture_flicker", "turning"])
-def test_wrong_rows_of_pictures_are_told_with_numbers(
+def test_row_errors_of_images_are_reported_with_numbers(
     name: str, fault: Callable[[np.ndarray], np.ndarray], median_px: float, roll_deg: float
 ) -> None:
     left, right = scene(name)[1][0]
@@ -337,11 +337,11 @@ def test_wrong_rows_of_pictures_are_told_with_numbers(
     # Rotation shifts features off the centre, so the median depends on how they are distributed.
     assert error.median_px == pytest.approx(median_px, abs=0.25 if roll_deg == 0 else 0.8)
     assert np.degrees(error.roll_rad) == pytest.approx(roll_deg, abs=0.06)
-    told = rectification_reason(error)
-    assert told is not None
-    assert f"median {error.median_px:+.1f} px" in told
-    assert f"rotation {np.degrees(error.roll_rad):+.2f} deg" in told
-    assert "the limit is 1 px" in told
+    reported = rectification_reason(error)
+    assert reported is not None
+    assert f"median {error.median_px:+.1f} px" in reported
+    assert f"rotation {np.degrees(error.roll_rad):+.2f} deg" in reported
+    assert "the limit is 1 px" in reported
     assert rectification_reason(error, warn_px=4.0) is None
 
 
@@ -358,7 +358,7 @@ def test_wrong_rows_of_pictures_are_told_with_numbers(
     ],
     ids=["2 rows", "0.5 deg", "gamma", "blur"],
 )
-def test_other_faults_are_not_taken_for_a_swap_nor_hide_it(
+def test_other_faults_are_not_mistaken_for_a_swap_nor_hide_it(
     pair: Pair, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     left, right = pair
@@ -367,11 +367,11 @@ def test_other_faults_are_not_taken_for_a_swap_nor_hide_it(
 
 
 @pytest.mark.parametrize("rows", [-12, -8, -4, 4, 8, 12])
-def test_rows_that_no_point_can_bridge_are_told(pair: Pair, rows: int) -> None:
+def test_large_row_offsets_are_reported(pair: Pair, rows: int) -> None:
     left, right = pair
-    told = mismatch_reason(left, lowered(right, rows), MAX_DISPARITY_PX) or ""
-    found = re.search(r"about (\d+) px:", told)
-    assert found is not None, told
+    reported = mismatch_reason(left, lowered(right, rows), MAX_DISPARITY_PX) or ""
+    found = re.search(r"about (\d+) px:", reported)
+    assert found is not None, reported
     assert int(found[1]) == abs(rows)
 
 
@@ -384,7 +384,7 @@ def test_rows_that_no_point_can_bridge_are_told(pair: Pair, rows: int) -> None:
     ],
     ids=["swapped", "4 rows", "none"],
 )
-def test_where_little_matches_the_cause_is_told(
+def test_cause_of_few_matches_is_reported(
     pair: Pair, fault: Callable[[np.ndarray, np.ndarray], Pair], cause: str
 ) -> None:
     """Nearly all of the few points that match by chance have a depth."""
@@ -395,17 +395,17 @@ def test_where_little_matches_the_cause_is_told(
         # Without the grain both cameras would count as frozen.
         grain = np.random.default_rng(index).integers(0, 2, left.shape, dtype=np.uint8)
         view = View(index, index / 15, None, left // 2 + grain, right // 2 + grain)
-        told = health.look(view, StereoParameters(), 0.9, few)
-    assert cause in " ".join(told)
-    assert bool(told) == bool(cause)
+        reported = health.look(view, StereoParameters(), 0.9, few)
+    assert cause in " ".join(reported)
+    assert bool(reported) == bool(cause)
 
 
-def test_swapped_cameras_stay_told_until_a_look_clears_them(pair: Pair) -> None:
+def test_swapped_cameras_stay_reported_until_cleared(pair: Pair) -> None:
     def rows(count: int) -> StereoRows:
         zeros = np.zeros(count)
         return StereoRows(np.full((count, 2), 50.0), zeros, zeros + 9.0, np.arange(count))
 
-    def told(index: int, pair: Pair, count: int) -> bool:
+    def reported(index: int, pair: Pair, count: int) -> bool:
         grain = np.random.default_rng(index).integers(0, 2, pair[0].shape, dtype=np.uint8)
         view = View(index, index / 15, None, pair[0] // 2 + grain, pair[1] // 2 + grain)
         reasons = health.look(view, StereoParameters(), 0.9, rows(count))
@@ -413,23 +413,25 @@ def test_swapped_cameras_stay_told_until_a_look_clears_them(pair: Pair) -> None:
 
     health = ImageHealth(scene("lab")[0])
     swapped = pair[::-1]
-    assert told(0, swapped, 15)
+    assert reported(0, swapped, 15)
     # In every other frame enough points match by chance.
-    assert all(told(k, swapped, 60 - 30 * (k % 2)) for k in range(1, 25))
-    cleared = [told(k, pair, 60) for k in range(25, 40)]
+    assert all(reported(k, swapped, 60 - 30 * (k % 2)) for k in range(1, 25))
+    cleared = [reported(k, pair, 60) for k in range(25, 40)]
     assert not any(cleared[10:])
-    assert not told(40, pair, 15)
+    assert not reported(40, pair, 15)
 
 
 @pytest.mark.parametrize("max_disparity_px", [16, 64, 128, 256])
-def test_the_order_is_seen_with_any_largest_disparity(pair: Pair, max_disparity_px: int) -> None:
+def test_camera_order_is_checked_with_any_maximum_disparity(
+    pair: Pair, max_disparity_px: int
+) -> None:
     left, right = pair
     assert mismatch_reason(left, right, max_disparity_px) is None
     if max_disparity_px >= 64:
         assert mismatch_reason(right, left, max_disparity_px) is not None
 
 
-def test_without_depth_or_texture_the_order_is_not_judged(pair: Pair) -> None:
+def test_camera_order_is_not_judged_without_depth_or_texture(pair: Pair) -> None:
     left = pair[0]
     far = left[:, :480]
     assert mismatch_reason(far, far, 96) is None
@@ -438,7 +440,7 @@ def test_without_depth_or_texture_the_order_is_not_judged(pair: Pair) -> None:
     assert mismatch_reason(noisy(blank), noisy(blank.T).T, 96) is None
 
 
-def test_brightness_of_before_time_went_back_is_forgotten(pair: Pair) -> None:
+def test_brightness_history_is_reset_when_time_goes_back(pair: Pair) -> None:
     health = ImageHealth(scene("lab")[0])
     for index, time in enumerate([0.0, 5.0, 9.9, 10.0, 0.0, 0.5, 0.9]):
         grain = np.random.default_rng(index).integers(0, 2, pair[0].shape, dtype=np.uint8)

@@ -50,7 +50,7 @@ def scattered(seed: int, count: int = 200) -> np.ndarray:
 # --- attention -----------------------------------------------------------------------------
 
 
-def test_every_square_that_an_obstacle_s_box_touches_is_marked() -> None:
+def test_every_square_touched_by_an_obstacle_box_is_marked() -> None:
     marked = attention((WIDTH, HEIGHT), np.array([[40.0, 50.0, 70.0, 63.0]]), NO_POINTS, P)
     expected = NOWHERE.copy()
     expected[3:4, 2:5] = True
@@ -62,18 +62,18 @@ def test_every_square_that_an_obstacle_s_box_touches_is_marked() -> None:
     [[-90, 10, -20, 60], [300, 10, 400, 60], [10, -80, 60, -40], [10, 170, 60, 300]],
     ids=["left", "right", "above", "below"],
 )
-def test_a_box_outside_the_image_marks_nothing(box: list[float]) -> None:
+def test_box_outside_the_image_marks_nothing(box: list[float]) -> None:
     assert not attention((WIDTH, HEIGHT), np.array([box], np.float64), NO_POINTS, P).any()
 
 
-def test_a_box_that_is_partly_outside_marks_what_is_inside() -> None:
+def test_box_partly_outside_marks_only_the_inside() -> None:
     marked = attention((WIDTH, HEIGHT), np.array([[-50.0, -20.0, 20.0, 500.0]]), NO_POINTS, P)
     expected = NOWHERE.copy()
     expected[:, :2] = True
     np.testing.assert_array_equal(marked, expected)
 
 
-def test_around_a_moving_point_its_square_and_the_next_ones_are_marked() -> None:
+def test_moving_point_marks_its_square_and_its_neighbours() -> None:
     px = np.array([[100, 70], [0, 0], [WIDTH - 1, HEIGHT - 1]], np.float32)
     marked = attention((WIDTH, HEIGHT), NO_BOXES, px, P)
     expected = NOWHERE.copy()
@@ -117,7 +117,7 @@ def test_points_share_a_number_if_and_only_if_they_share_a_square(seed: int, sid
 
 @quick
 @given(seeds, st.integers(1, 300))
-def test_a_square_s_points_stand_for_it_together(seed: int, count: int) -> None:
+def test_weights_of_points_in_one_square_sum_to_one(seed: int, count: int) -> None:
     px = scattered(seed, count)
     weight = density_weights(px, P)
     assert ((weight > 0) & (weight <= 1)).all()
@@ -127,7 +127,7 @@ def test_a_square_s_points_stand_for_it_together(seed: int, count: int) -> None:
         np.testing.assert_allclose(weight[inside], 1 / inside.sum())
 
 
-def test_no_points_crowd_nothing() -> None:
+def test_no_points_give_no_weights_or_cells() -> None:
     assert density_weights(NO_POINTS, P).shape == (0,)
     assert grid_cells(NO_POINTS, NOWHERE, P).shape == (0,)
     assert one_per_cell(NONE_TAKEN, np.zeros(0, np.int64)).shape == (0,)
@@ -138,7 +138,7 @@ def test_no_points_crowd_nothing() -> None:
 
 @quick
 @given(seeds, st.integers(1, 100))
-def test_the_longest_followed_point_of_each_square_stays(seed: int, count: int) -> None:
+def test_longest_followed_point_of_each_square_is_retained(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     square = rng.integers(0, 20, count).astype(np.intp)
     sightings = rng.integers(1, 6, count)
@@ -174,7 +174,7 @@ def test_textured_images_get_one_point_in_each_square() -> None:
     assert (px <= (WIDTH - 1 - MARGIN, HEIGHT - 1 - MARGIN)).all()
 
 
-def test_points_are_spread_although_one_corner_of_the_image_outshines_all() -> None:
+def test_points_are_spread_despite_one_bright_image_corner() -> None:
     u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     bright = np.where((u < 64) & (v < 48), 1.5, 0.3)
     image = as_image(bright * Texture(4).moved())
@@ -195,7 +195,7 @@ def test_attention_makes_points_four_times_as_dense() -> None:
 
 
 @pytest.mark.parametrize("marked", [NOWHERE, EVERYWHERE], ids=["whole", "divided"])
-def test_where_a_point_is_followed_there_is_no_other(marked: np.ndarray) -> None:
+def test_squares_with_a_followed_point_get_no_other(marked: np.ndarray) -> None:
     px = strongest_corners(IMAGE, NONE_TAKEN, marked, P)
     number = grid_cells(px, marked, P)
     assert len(strongest_corners(IMAGE, number, marked, P)) == 0
@@ -205,7 +205,7 @@ def test_where_a_point_is_followed_there_is_no_other(marked: np.ndarray) -> None
     np.testing.assert_array_equal(refilled, px[::3])
 
 
-def test_in_turns_every_square_is_looked_at_and_marked_ones_always() -> None:
+def test_turns_cover_every_square_and_marked_ones_always() -> None:
     marked = NOWHERE.copy()
     marked[2:4, 4:8] = True
     whole = strongest_corners(IMAGE, NONE_TAKEN, marked, P)
@@ -218,18 +218,18 @@ def test_in_turns_every_square_is_looked_at_and_marked_ones_always() -> None:
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])
-def test_without_texture_there_is_nothing_to_follow(grey: int) -> None:
+def test_image_without_texture_gives_no_points(grey: int) -> None:
     image = np.full((HEIGHT, WIDTH), grey, np.uint8)
     assert len(strongest_corners(image, NONE_TAKEN, EVERYWHERE, P)) == 0
 
 
-def test_straight_edges_are_nothing_to_follow() -> None:
+def test_straight_edges_give_no_points() -> None:
     image = np.full((HEIGHT, WIDTH), 60, np.uint8)
     image[:, 120:] = 200
     assert len(strongest_corners(image, NONE_TAKEN, NOWHERE, P)) == 0
 
 
-def test_a_corner_is_found_where_it_is_and_the_stronger_one_wins() -> None:
+def test_stronger_corner_of_a_square_is_found_at_its_position() -> None:
     image = np.full((HEIGHT, WIDTH), 90, np.uint8)
     # Both lie in the square that starts at (96, 64); the second is fainter.
     image[66:72, 98:104] = 220
@@ -256,7 +256,7 @@ def test_equal_images_give_equal_points(seed: int, side: int) -> None:
 # --- points from a detector ----------------------------------------------------------------
 
 
-def test_the_first_in_every_empty_square_is_taken() -> None:
+def test_first_point_in_every_empty_square_is_taken() -> None:
     px = scattered(5, 4000)
     inside = ((px >= MARGIN + 1) & (px < np.array([WIDTH, HEIGHT]) - MARGIN - 1)).all(axis=1)
     marked = attention((WIDTH, HEIGHT), np.array([[40.0, 50.0, 70.0, 63.0]]), NO_POINTS, P)
@@ -271,7 +271,7 @@ def test_the_first_in_every_empty_square_is_taken() -> None:
     assert sorted(chosen) == sorted(expected.values())
 
 
-def test_of_the_squares_that_are_not_marked_half_have_their_turn() -> None:
+def test_half_of_the_unmarked_squares_have_their_turn() -> None:
     px = scattered(6, 4000)
     marked = NOWHERE.copy()
     marked[2, 3] = True
@@ -289,7 +289,7 @@ def test_of_the_squares_that_are_not_marked_half_have_their_turn() -> None:
     assert at[0] & at[1] == of_the_marked
 
 
-def test_no_points_give_none() -> None:
+def test_first_in_empty_accepts_no_points() -> None:
     assert len(first_in_empty(NO_POINTS, (WIDTH, HEIGHT), NONE_TAKEN, NOWHERE, P, 3)) == 0
 
 
@@ -312,19 +312,17 @@ MIDDLE = np.array([[47.5, 47.5]], np.float32)
 
 @quick
 @given(angle=st.floats(0, 2 * np.pi), noise=st.floats(0, 2), seed=st.integers(0, 99))
-def test_a_straight_edge_is_no_corner_however_it_runs(
-    angle: float, noise: float, seed: int
-) -> None:
+def test_straight_edge_at_any_angle_is_not_a_corner(angle: float, noise: float, seed: int) -> None:
     assert not has_corner(drawn(angle, noise, seed=seed), MIDDLE).any()
 
 
 @quick
 @given(angle=st.floats(0, 2 * np.pi), noise=st.floats(0, 2), seed=st.integers(0, 99))
-def test_where_two_edges_meet_is_a_corner(angle: float, noise: float, seed: int) -> None:
+def test_meeting_of_two_edges_is_a_corner(angle: float, noise: float, seed: int) -> None:
     assert has_corner(drawn(angle, noise, corner=True, seed=seed), MIDDLE).all()
 
 
-def test_texture_has_corners_almost_everywhere_and_at_every_border() -> None:
+def test_texture_has_corners_almost_everywhere() -> None:
     v, u = np.meshgrid(np.arange(HEIGHT), np.arange(WIDTH))
     px = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float32)
     assert has_corner(IMAGE, px).mean() > 0.8
@@ -332,11 +330,11 @@ def test_texture_has_corners_almost_everywhere_and_at_every_border() -> None:
     assert has_corner(IMAGE, outside).shape == (2,)
 
 
-def test_no_points_have_no_corners() -> None:
+def test_has_corner_accepts_no_points() -> None:
     assert has_corner(IMAGE, NO_POINTS).shape == (0,)
 
 
-def test_the_same_edge_is_judged_alike_at_any_contrast() -> None:
+def test_corner_test_does_not_depend_on_contrast() -> None:
     for contrast in (0.3, 1.0):
         for corner in (False, True):
             image = (contrast * drawn(0.4, corner=corner).astype(float)).astype(np.uint8)

@@ -12,7 +12,7 @@ from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
 
 @pytest.mark.parametrize("speed", [0.0, 0.05, 0.2, 1.0, 5.0])
 @pytest.mark.parametrize("sigmas", [(0.02, 0.02, 0.02), (0.03, 0.02, 0.4)])
-def test_the_speeds_deviation_is_that_of_noisy_velocities(
+def test_speed_deviation_matches_noisy_velocities(
     speed: float, sigmas: tuple[float, float, float]
 ) -> None:
     """The stated deviation also holds when noise across the motion only lengthens the vector."""
@@ -30,7 +30,7 @@ def test_the_speeds_deviation_is_that_of_noisy_velocities(
     st.lists(st.floats(-20, 20), min_size=3, max_size=3),
     st.lists(st.floats(-20, 20), min_size=3, max_size=3),
 )
-def test_the_closing_speed_is_by_how_much_the_distance_shrinks(
+def test_closing_speed_is_the_rate_of_decreasing_distance(
     place: list[float], own: list[float], camera: list[float]
 ) -> None:
     p, v, c = np.array(place), np.array(own), np.array(camera)
@@ -41,10 +41,10 @@ def test_the_closing_speed_is_by_how_much_the_distance_shrinks(
     assert closing_speed(p, v, c) == pytest.approx(shrinks / dt, abs=0.02)
 
 
-def test_at_the_camera_itself_it_is_finite() -> None:
+def test_closing_speed_is_finite_at_the_camera() -> None:
     assert closing_speed(np.zeros(3), np.ones(3), np.zeros(3)) == 0
 
 
-def test_what_is_out_of_sight_says_for_how_long() -> None:
-    told = out_of_sight(1.26, "it drove off")
-    assert told == "not seen for 1.3 s, position predicted; it drove off"
+def test_out_of_sight_reason_states_the_duration() -> None:
+    reason = out_of_sight(1.26, "it drove off")
+    assert reason == "not seen for 1.3 s, position predicted; it drove off"

@@ -72,7 +72,7 @@ def followed(
 
 @quick
 @given(st.floats(-6, 6), st.floats(-6, 6), st.floats(-1.5, 1.5))
-def test_parts_of_pixels_are_followed_in_both_cameras(du: float, dv: float, nearer: float) -> None:
+def test_subpixel_motion_is_tracked_in_both_cameras(du: float, dv: float, nearer: float) -> None:
     seen = followed(pair(), pair(du, dv, DISPARITY + nearer))
     assert seen.found.mean() > 0.9
     off = np.abs(seen.px - POINTS - [du, dv])[seen.found].max(axis=1)
@@ -85,18 +85,18 @@ def test_parts_of_pixels_are_followed_in_both_cameras(du: float, dv: float, near
     assert np.mean(off < 0.1) > 0.98
 
 
-def test_what_is_expected_far_away_is_found_there_and_nowhere_else() -> None:
+def test_large_motion_is_tracked_only_with_the_right_expectation() -> None:
     du, dv = -41.3, 17.6
     before, after = pair(), pair(du, dv)
     px = POINTS[(POINTS[:, 0] > 80) & (POINTS[:, 1] < 110)]
-    told = followed(before, after, px, expected_px=px + np.array([du + 2, dv - 2]))
-    assert told.found.mean() > 0.95
-    assert np.abs(told.px - px - [du, dv])[told.found].max() < 0.1
-    untold = followed(before, after, px)
-    assert untold.found.mean() < 0.1
+    guided = followed(before, after, px, expected_px=px + np.array([du + 2, dv - 2]))
+    assert guided.found.mean() > 0.95
+    assert np.abs(guided.px - px - [du, dv])[guided.found].max() < 0.1
+    unguided = followed(before, after, px)
+    assert unguided.found.mean() < 0.1
 
 
-def test_more_levels_follow_larger_surprises() -> None:
+def test_more_levels_track_larger_unexpected_motion() -> None:
     before, after = pair(), pair(15.0, 6.0)
     few, many = (followed(before, after, levels=n).found.mean() for n in (0, 3))
     assert few < 0.3
@@ -118,9 +118,7 @@ def stripes(du: float = 0.0) -> Image:
     ],
     ids=["blank", "gone", "along an edge", "hardly anything"],
 )
-def test_without_texture_in_every_direction_nothing_is_followed(
-    before: Image, after: Image
-) -> None:
+def test_nothing_is_tracked_without_texture_in_every_direction(before: Image, after: Image) -> None:
     seen = followed((before, before), (after, after))
     assert seen.found.mean() < 0.02
     assert not np.isfinite(seen.right_px[~seen.found]).any()
@@ -133,7 +131,7 @@ def covered(u0: float, u1: float, board_u: float, board: Texture = BOARD) -> np.
 
 
 @pytest.mark.parametrize("check", ["back_check_px", "max_error"])
-def test_what_gets_covered_is_not_found_rather_than_carried_along(check: str) -> None:
+def test_covered_points_are_lost_rather_than_carried_along(check: str) -> None:
     """A board moves on by 12 px and covers the wall ahead of its edge.
 
     At low contrast the grey levels differ too little; only the backward check detects it.
@@ -151,7 +149,7 @@ def test_what_gets_covered_is_not_found_rather_than_carried_along(check: str) ->
     assert trusting.found.mean() > 2 * hidden.found.mean()
 
 
-def test_a_wrong_match_does_not_close_the_circle() -> None:
+def test_wrong_match_does_not_close_the_loop() -> None:
     px = POINTS
     before, after = pair(), pair(2.3, -1.2)
     wrong = right_of(px)
@@ -166,7 +164,7 @@ def test_a_wrong_match_does_not_close_the_circle() -> None:
     assert np.isfinite(seen.right_px[::2, 0]).mean() > 0.9
 
 
-def test_what_only_the_right_camera_sees_moving_does_not_change_the_depth() -> None:
+def test_motion_in_the_right_image_only_does_not_change_the_depth() -> None:
     """Something passes in front of the wall in the right image only: a finger at the lens."""
     before, after = covered(60, 100, 0), covered(78, 118, 18.0)
     left = as_image(WALL.moved(DISPARITY))
@@ -184,7 +182,7 @@ def test_what_only_the_right_camera_sees_moving_does_not_change_the_depth() -> N
 
 
 @pytest.mark.parametrize(("rows", "kept"), [(0.0, True), (2.0, True), (5.0, False)])
-def test_a_match_lies_on_its_row(rows: float, kept: bool) -> None:
+def test_match_must_lie_on_its_row(rows: float, kept: bool) -> None:
     left, right = as_image(WALL.moved()), as_image(WALL.moved(-DISPARITY, rows))
     expected = np.full(len(POINTS), DISPARITY + 0.7, np.float32)
     end, _ = match_right((left, right), POINTS, expected, P)
@@ -195,7 +193,7 @@ def test_a_match_lies_on_its_row(rows: float, kept: bool) -> None:
 
 @quick
 @given(st.floats(1.0, 60.0), st.floats(-2.5, 2.5))
-def test_a_disparity_known_to_a_few_pixels_becomes_exact(disparity: float, off: float) -> None:
+def test_approximate_disparity_is_refined(disparity: float, off: float) -> None:
     images = as_image(WALL.moved()), as_image(WALL.moved(-disparity))
     px = POINTS[POINTS[:, 0] > 80]
     end, _ = match_right(images, px, np.full(len(px), disparity + off, np.float32), P)
@@ -204,7 +202,7 @@ def test_a_disparity_known_to_a_few_pixels_becomes_exact(disparity: float, off: 
     assert np.mean(np.abs(px[:, 0] - end[:, 0] - disparity)[known] < 0.1) > 0.98
 
 
-def test_an_unknown_disparity_leaves_the_right_image_out() -> None:
+def test_unknown_disparity_skips_the_right_image() -> None:
     disparity = np.full(len(POINTS), DISPARITY, np.float32)
     disparity[::3] = np.nan
     seen = followed(pair(), pair(1.5, 0.5), disparity=disparity)
@@ -214,7 +212,7 @@ def test_an_unknown_disparity_leaves_the_right_image_out() -> None:
 
 
 @pytest.mark.parametrize("gain", [0.7, 1.3])
-def test_flickering_light_is_no_motion_once_both_are_alike_bright(gain: float) -> None:
+def test_flicker_is_not_motion_after_brightness_matching(gain: float) -> None:
     before, after = pair(contrast=0.5), pair(2.4, -1.7, gain=gain, contrast=0.5)
     alike = as_bright_as(after[0], before[0]), as_bright_as(after[1], before[1])
     seen = followed(alike, after)
@@ -225,7 +223,7 @@ def test_flickering_light_is_no_motion_once_both_are_alike_bright(gain: float) -
     assert raw.found.mean() < 0.8 * seen.found.mean()
 
 
-def test_an_image_becomes_as_bright_as_another_unless_there_is_nothing_to_scale() -> None:
+def test_brightness_is_matched_unless_an_image_is_black() -> None:
     dim, bright = pair(contrast=0.3, gain=0.5)[0], pair(contrast=0.3)[0]
     assert as_bright_as(bright, dim).mean() == pytest.approx(bright.mean(), abs=1)
     assert as_bright_as(dim, bright).mean() == pytest.approx(dim.mean(), abs=1)
@@ -234,7 +232,7 @@ def test_an_image_becomes_as_bright_as_another_unless_there_is_nothing_to_scale(
     assert as_bright_as(dark, bright) is bright
 
 
-def test_what_leaves_the_image_is_not_found() -> None:
+def test_points_leaving_the_image_are_not_found() -> None:
     px = np.array([[3, 80], [200, 80], [252, 80], [128, 3], [128, 155]], np.float32)
     still = followed(pair(), pair(), px, disparity=np.nan)
     gone = followed(pair(), pair(-8.0, 0.0), px, disparity=np.nan, expected_px=px - [8, 0])
@@ -247,7 +245,7 @@ def test_what_leaves_the_image_is_not_found() -> None:
     ]  # fmt: skip
 
 
-def test_no_points() -> None:
+def test_tracking_and_matching_accept_no_points() -> None:
     none = np.zeros((0, 2), np.float32)
     seen = followed(pair(), pair(), none)
     assert seen.px.shape == seen.right_px.shape == seen.sigma.shape == (0, 2)
@@ -281,7 +279,7 @@ NOISES = [(2.0, 1.0), (4.0, 1.0), (3.0, 0.4), (6.0, 0.5)]
 
 
 @pytest.mark.parametrize(("noise", "contrast"), [(3.0, 0.4), (6.0, 0.5)])
-def test_what_texture_and_noise_promise_is_kept(noise: float, contrast: float) -> None:
+def test_bare_sigma_matches_the_errors(noise: float, contrast: float) -> None:
     """Without factor and floor, the stated deviation roughly matches the errors.
 
     Some noise is needed: below 0.03 px, Lucas-Kanade's interpolation error dominates.
@@ -292,13 +290,13 @@ def test_what_texture_and_noise_promise_is_kept(noise: float, contrast: float) -
 
 
 @pytest.mark.parametrize(("noise", "contrast"), NOISES)
-def test_by_default_no_more_is_promised_than_is_kept(noise: float, contrast: float) -> None:
+def test_default_sigma_is_not_overconfident(noise: float, contrast: float) -> None:
     for errors in normalised_errors(noise, contrast, P):
         assert np.sqrt(np.mean(errors**2)) < 1
         assert np.mean(np.abs(errors) < 3) > 0.995
 
 
-def test_more_noise_and_less_texture_are_told() -> None:
+def test_more_noise_or_less_texture_increases_sigma() -> None:
     def sigma(noise: float, contrast: float) -> np.ndarray:
         seen = followed(
             pair(noise=noise, contrast=contrast, seed=1),

@@ -24,7 +24,7 @@ def described(make_track: MakeTrack, state: TrackState) -> Obstacle:
     return describe_body(track, Pose.identity(), np.zeros(3), 2.0)
 
 
-def test_without_a_pose_all_of_the_world_is_unknown_and_the_rest_stays(
+def test_world_quantities_are_unknown_without_a_pose(
     make_track: MakeTrack,
 ) -> None:
     known = described(make_track, TrackState.CONFIRMED)
@@ -43,7 +43,7 @@ def test_without_a_pose_all_of_the_world_is_unknown_and_the_rest_stays(
         (TrackState.TENTATIVE, TrackState.TENTATIVE),
     ],
 )
-def test_a_confirmed_track_coasts(
+def test_confirmed_track_coasts_and_tentative_stays_tentative(
     make_track: MakeTrack, state: TrackState, reported: TrackState
 ) -> None:
     known = described(make_track, state)
@@ -55,14 +55,14 @@ def test_a_confirmed_track_coasts(
     assert lost.reason.count("not seen for") == 1
 
 
-def test_a_body_that_is_not_seen_has_no_silhouette(make_track: MakeTrack) -> None:
+def test_unseen_body_has_no_silhouette(make_track: MakeTrack) -> None:
     known = described(make_track, TrackState.CONFIRMED)
     seen = replace(known, silhouette=(np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]]),))
     (lost,) = while_lost([(seen, 0.0)], 0.1, 1.0)
     assert lost.silhouette is None
 
 
-def test_a_track_not_seen_for_too_long_is_left_out(make_track: MakeTrack) -> None:
+def test_track_unseen_for_too_long_is_dropped(make_track: MakeTrack) -> None:
     known = described(make_track, TrackState.COASTING)
     assert len(while_lost([(known, 1.0), (known, 1.2)], 0.4, 1.5)) == 1
     assert while_lost([], 0.4, 1.5) == ()

@@ -30,7 +30,7 @@ def jumps(
     rng = np.random.default_rng(0)
     covariance = np.diag([noise[0] ** 2] * 3 + [noise[1] ** 2] * 3)
     recent: list[CameraMotion] = []
-    told = []
+    reasons = []
     for k in range(1, len(times)):
         error = Pose.from_rotvec(rng.normal(0, noise[0], 3), rng.normal(0, noise[1], 3))
         measured = error @ poses[k].inverse() @ poses[k - 1]
@@ -39,8 +39,8 @@ def jumps(
         if reason is None:
             recent.append(motion)
         else:
-            told.append(reason)
-    return told
+            reasons.append(reason)
+    return reasons
 
 
 def along(
@@ -65,7 +65,7 @@ def dropped(
 
 @pytest.mark.parametrize("noise", [FINE, COARSE])
 @pytest.mark.parametrize("speed", [0.9, 3.0, 15.0])
-def test_braking_as_hard_as_a_car_can_is_no_jump(speed: float, noise: tuple[float, float]) -> None:
+def test_hardest_braking_is_not_a_jump(speed: float, noise: tuple[float, float]) -> None:
     stop = speed / 10.0
 
     def place(t: float) -> tuple[float, float, float]:
@@ -81,7 +81,7 @@ def test_braking_as_hard_as_a_car_can_is_no_jump(speed: float, noise: tuple[floa
 
 @pytest.mark.parametrize("noise", [FINE, COARSE])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6])
-def test_turning_back_and_forth_is_no_jump(share: float, noise: tuple[float, float]) -> None:
+def test_turning_back_and_forth_is_not_a_jump(share: float, noise: tuple[float, float]) -> None:
     def turn(t: float) -> tuple[float, float, float]:
         # 20 deg/s, with an abrupt reversal every second.
         return 0.0, np.radians(20) * abs((t + 1) % 2 - 1), 0.0
@@ -92,7 +92,7 @@ def test_turning_back_and_forth_is_no_jump(share: float, noise: tuple[float, flo
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6])
 @pytest.mark.parametrize("hz", [7.0, 7.5, 9.0, 11.0])
-def test_vibration_is_no_jump(hz: float, share: float) -> None:
+def test_vibration_is_not_a_jump(hz: float, share: float) -> None:
     def turn(t: float) -> tuple[float, float, float]:
         angle = np.radians(0.25) * np.sin(2 * np.pi * hz * t)
         return angle, 0.5 * angle, -angle
@@ -102,7 +102,7 @@ def test_vibration_is_no_jump(hz: float, share: float) -> None:
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_no_built_in_scene_jumps(name: str) -> None:
+def test_built_in_scenes_have_no_jumps(name: str) -> None:
     for seed in (0, 5):
         truth = open_source(f"simulated:{name}?seed={seed}").truth
         assert truth is not None
@@ -116,7 +116,7 @@ def test_no_built_in_scene_jumps(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["kitti_static", "kitti_oncoming"])
 @pytest.mark.parametrize("share", [0.0, 0.4])
-def test_the_road_does_not_jump(shared_data: Path, name: str, share: float) -> None:
+def test_kitti_drives_have_no_jumps(shared_data: Path, name: str, share: float) -> None:
     rows = np.loadtxt(shared_data / name / "poses.txt").reshape(-1, 3, 4)
     times = np.loadtxt(shared_data / name / "times.txt")
     poses = [Pose.from_matrix(row) for row in rows]
@@ -146,44 +146,48 @@ def after(recent: list[CameraMotion], step: Pose, std_m: float = 0.003) -> Camer
 @pytest.mark.parametrize("std_m", [0.003, 0.05, 1.0])
 @pytest.mark.parametrize("metres", [0.3, 1.0, 5.0])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_metre_in_one_frame_is_told_with_numbers(axis: int, metres: float, std_m: float) -> None:
+def test_large_step_in_one_frame_is_reported_with_numbers(
+    axis: int, metres: float, std_m: float
+) -> None:
     recent = steady(5)
     step = np.zeros(3)
     step[axis] = metres
     for reach in (LAB, None):
-        told = jump_reason(after(recent, Pose.from_rotvec(np.zeros(3), step), std_m), recent, reach)
-        assert told is not None
-        assert "m/s of change within 0.067 s" in told
-        assert "is possible" in told
+        reason = jump_reason(
+            after(recent, Pose.from_rotvec(np.zeros(3), step), std_m), recent, reach
+        )
+        assert reason is not None
+        assert "m/s of change within 0.067 s" in reason
+        assert "is possible" in reason
 
 
-def test_a_turn_that_no_feature_could_be_followed_through_is_told() -> None:
+def test_turn_too_fast_for_tracking_features_is_reported() -> None:
     recent = steady(5)
     step = Pose.from_rotvec([0, np.radians(10), 0], [0, 0, 0])
-    told = jump_reason(after(recent, step), recent, LAB)
-    assert told is not None
-    assert "would shift the image" in told
-    assert "at most 60 px" in told
+    reason = jump_reason(after(recent, step), recent, LAB)
+    assert reason is not None
+    assert "would shift the image" in reason
+    assert "at most 60 px" in reason
     # Descriptor matching could find it; 30 deg in one frame is too much for any body.
     assert jump_reason(after(recent, step), recent, None) is None
     half_turn = Pose.from_rotvec([0, np.radians(30), 0], [0, 0, 0])
     assert "deg/s of change" in (jump_reason(after(recent, half_turn), recent, None) or "")
 
 
-def test_a_tenth_of_a_metre_more_is_what_a_bump_may_do() -> None:
+def test_bump_of_a_tenth_of_a_metre_is_not_a_jump() -> None:
     recent = steady(5)
     step = Pose.from_rotvec(np.zeros(3), [0, 0, -0.3 / RATE - 0.1])
     assert jump_reason(after(recent, step), recent, LAB) is None
 
 
-def test_uncertainty_excuses_noise_but_not_everything() -> None:
+def test_uncertain_step_is_excused_and_a_certain_one_is_not() -> None:
     recent = steady(5)
     step = Pose.from_rotvec(np.zeros(3), [0.17, 0, 0])
     assert jump_reason(after(recent, step, std_m=0.002), recent, LAB) is not None
     assert jump_reason(after(recent, step, std_m=0.03), recent, LAB) is None
 
 
-def test_the_motion_that_fits_best_decides_and_old_ones_do_not() -> None:
+def test_best_fitting_recent_motion_decides() -> None:
     fast = [CameraMotion.from_pose(m.time, m.dt, Pose.from_rotvec([0, 0, 0], [0, 0, -1.0]), None)
             for m in steady(1)]  # fmt: skip
     step = Pose.from_rotvec(np.zeros(3), [0, 0, -1.0])
@@ -194,7 +198,7 @@ def test_the_motion_that_fits_best_decides_and_old_ones_do_not() -> None:
     assert jump_reason(after(mixed, step), mixed, None) is None
 
 
-def test_without_anything_to_compare_only_the_impossible_is_told() -> None:
+def test_only_impossible_motion_is_reported_without_history() -> None:
     for step, is_jump in ((1.5, False), (7.0, True)):
         motion = after([], Pose.from_rotvec(np.zeros(3), [0, 0, -step]))
         assert (jump_reason(motion, []) is not None) == is_jump
@@ -204,6 +208,6 @@ def test_without_anything_to_compare_only_the_impossible_is_told() -> None:
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.1, float("nan")])
-def test_a_motion_takes_time(dt: float) -> None:
+def test_motion_needs_a_positive_duration(dt: float) -> None:
     with pytest.raises(ValueError, match="takes time"):
         CameraMotion.from_pose(1.0, dt, Pose.identity(), None)

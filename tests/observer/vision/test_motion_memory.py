@@ -35,7 +35,7 @@ def test_steady_driving_is_never_refused() -> None:
     assert [drive.goes(0.3, REACH) for _ in range(20)] == [None] * 20
 
 
-def test_a_jump_is_refused_with_its_figures() -> None:
+def test_jump_is_refused_with_its_figures() -> None:
     drive = Drive()
     for _ in range(3):
         assert drive.goes(0.3) is None
@@ -45,7 +45,7 @@ def test_a_jump_is_refused_with_its_figures() -> None:
     assert "8.7 m/s" in reason
 
 
-def test_what_was_refused_is_not_remembered() -> None:
+def test_refused_motion_is_not_remembered() -> None:
     """Otherwise the first jump would confirm a second one of the same kind."""
     drive = Drive()
     for _ in range(3):
@@ -55,12 +55,12 @@ def test_what_was_refused_is_not_remembered() -> None:
     assert drive.goes(0.3) is None
 
 
-def test_with_nothing_to_compare_with_only_the_impossible_is_refused() -> None:
+def test_only_impossible_motion_is_refused_without_history() -> None:
     assert Drive().goes(9.0) is None
     assert Drive().goes(150.0) is not None
 
 
-def test_a_new_one_remembers_nothing() -> None:
+def test_new_gate_has_no_history() -> None:
     drive = Drive()
     for _ in range(3):
         drive.goes(0.3)
@@ -72,7 +72,7 @@ def test_a_new_one_remembers_nothing() -> None:
     assert drive.goes(0.3) is not None
 
 
-def test_what_was_accepted_long_ago_is_forgotten() -> None:
+def test_old_accepted_motions_are_forgotten() -> None:
     drive = Drive()
     drive.goes(0.0)
     speed = 0.0
@@ -84,7 +84,7 @@ def test_what_was_accepted_long_ago_is_forgotten() -> None:
     assert drive.goes(0.0) is not None
 
 
-def test_features_cannot_have_been_followed_so_far() -> None:
+def test_motion_beyond_the_image_reach_is_refused() -> None:
     """A speed change of 1.4 m/s is possible, but nearby points would move too far in the image."""
     near = ImageReach(focal_px=443.0, depth_m=0.4, reach_px=60.0)
     for reach, refused in ((None, False), (REACH, False), (near, True)):

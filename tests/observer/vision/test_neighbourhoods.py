@@ -22,7 +22,7 @@ def drawn(seed: int) -> tuple[np.random.Generator, int, np.ndarray]:
 
 
 @given(SEEDS)
-def test_sums_are_those_of_the_matrix_of_neighbours(seed: int) -> None:
+def test_sums_match_the_neighbour_matrix(seed: int) -> None:
     rng, count, pairs = drawn(seed)
     near = np.eye(count)
     near[pairs[:, 0], pairs[:, 1]] = near[pairs[:, 1], pairs[:, 0]] = 1
@@ -34,7 +34,7 @@ def test_sums_are_those_of_the_matrix_of_neighbours(seed: int) -> None:
 # The first call may have to compile.
 @settings(deadline=None)
 @given(SEEDS)
-def test_groups_are_what_hangs_together(seed: int) -> None:
+def test_groups_are_connected_components(seed: int) -> None:
     rng, count, pairs = drawn(seed)
     chosen = rng.random(count) < 0.7
     group = grouped(pairs, chosen, 2)
@@ -53,7 +53,7 @@ def test_groups_are_what_hangs_together(seed: int) -> None:
     assert (np.diff(sizes) <= 0).all()
 
 
-def test_points_judged_together_are_fewer_tests() -> None:
+def test_points_judged_together_count_as_fewer_tests() -> None:
     ready = np.array([True] * 12 + [False] * 5)
     assert false_alarms_per_test(0.01, ready, np.full(17, 4.0)) == pytest.approx(0.01 / 3)
     assert false_alarms_per_test(0.01, ready & False, np.zeros(17)) == pytest.approx(0.01)

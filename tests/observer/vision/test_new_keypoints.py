@@ -32,7 +32,7 @@ def using(detector: str) -> Parameters:
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_every_detector_finds_the_robot_that_crosses(detector: str, clip: OpenClip) -> None:
+def test_every_detector_finds_the_crossing_robot(detector: str, clip: OpenClip) -> None:
     here = clip(SPEC, FRAMES)
     assert here.truth is not None
     observer = Observer(here.calibration, using(detector))
@@ -48,7 +48,7 @@ def test_every_detector_finds_the_robot_that_crosses(detector: str, clip: OpenCl
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_every_empty_square_gets_the_detector_s_strongest_point(detector: str) -> None:
+def test_every_empty_square_gets_one_of_the_detectors_points(detector: str) -> None:
     p = using(detector)
     px = new_keypoints(IMAGE, NONE_TAKEN, NOWHERE, p)
     square = grid_cells(px, NOWHERE, p.klt_tracking)
@@ -66,7 +66,7 @@ def test_every_empty_square_gets_the_detector_s_strongest_point(detector: str) -
     assert sorted(left) == sorted(set(square) - set(some))
 
 
-def test_another_detector_acts_from_the_next_frame_in_the_same_world(clip: OpenClip) -> None:
+def test_detector_change_takes_effect_at_the_next_frame_in_the_same_world(clip: OpenClip) -> None:
     frames = clip(SPEC, FRAMES).frames
     observer = Observer(clip(SPEC, 1).calibration)
     other = Observer(clip(SPEC, 1).calibration)
@@ -85,7 +85,7 @@ def test_another_detector_acts_from_the_next_frame_in_the_same_world(clip: OpenC
             assert not np.array_equal(trace["features_px"], plain["features_px"])
 
 
-def test_one_camera_follows_what_the_detector_found(clip: OpenClip) -> None:
+def test_monocular_tracking_uses_the_detectors_points(clip: OpenClip) -> None:
     frames = clip("simulated:lateral", 3).frames
     seen = []
     for detector in ("shi_tomasi", "kaze"):
@@ -98,7 +98,7 @@ def test_one_camera_follows_what_the_detector_found(clip: OpenClip) -> None:
     assert not np.array_equal(*seen)
 
 
-def test_without_its_extra_surf_is_refused_and_what_was_in_force_goes_on(
+def test_surf_without_its_extra_is_refused_and_the_current_detector_stays(
     clip: OpenClip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mahotas", None)

@@ -72,7 +72,7 @@ def centre_near(image: Image, px: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_point_lands_where_the_rectified_camera_projects_it(seed: int) -> None:
+def test_point_appears_where_the_rectified_camera_projects_it(seed: int) -> None:
     calibration = crooked()
     rectification = Rectification(calibration)
     camera = rectification.camera
@@ -119,7 +119,7 @@ def test_every_pixel_comes_from_the_input() -> None:
     assert right.min() == 255
 
 
-def test_colour_stays_colour_and_the_input_stays_untouched() -> None:
+def test_colour_is_preserved_and_the_input_is_unchanged() -> None:
     colour = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
     before = colour.copy()
     left, right = Rectification(crooked()).apply(colour, colour)
@@ -129,7 +129,7 @@ def test_colour_stays_colour_and_the_input_stays_untouched() -> None:
     assert not np.array_equal(left, colour)
 
 
-def test_a_rectified_pair_is_handed_through() -> None:
+def test_rectified_pair_is_passed_through() -> None:
     calibration = StereoCalibration.rectified(WIDTH, HEIGHT, 300.125, 301.5, 160.2, 119.9, 0.12)
     rectification = Rectification(calibration)
     image = np.zeros((HEIGHT, WIDTH), np.uint8)
@@ -173,7 +173,7 @@ def test_refuses_images_of_another_size(calibration: StereoCalibration, side: in
         ({"D2": np.array([3e5, -9e6, 0, 0, 1e9])}, "cannot be rectified"),
     ],
 )
-def test_refuses_what_cannot_be_rectified(changes: dict[str, Any], expected: str) -> None:
+def test_refuses_unrectifiable_pairs(changes: dict[str, Any], expected: str) -> None:
     with pytest.raises(CalibrationError, match=expected):
         Rectification(replace(crooked(), **changes))
 
@@ -271,7 +271,7 @@ def wide_points(count: int = 60) -> NDArray[np.float64]:
     t=st.tuples(st.floats(-0.5, -0.05), st.floats(-0.01, 0.01), st.floats(-0.01, 0.01)),
 )
 @settings(deadline=None, max_examples=30)
-def test_fisheye_rows_agree_and_triangulate_to_the_truth(
+def test_fisheye_rows_agree_and_triangulate_correctly(
     rotvec: tuple[float, float, float], t: tuple[float, float, float]
 ) -> None:
     calibration = replace(fisheye(rotvec), T=np.array(t))
@@ -289,7 +289,7 @@ def test_fisheye_rows_agree_and_triangulate_to_the_truth(
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_fisheye_image_is_remapped_as_its_points_are(seed: int) -> None:
+def test_fisheye_image_and_points_are_rectified_alike(seed: int) -> None:
     calibration = fisheye()
     rectification = Rectification(calibration)
     point = points_in_view(seed, 1)
@@ -305,7 +305,7 @@ def test_a_fisheye_image_is_remapped_as_its_points_are(seed: int) -> None:
 
 @pytest.mark.parametrize("focal", [115.0, 150.0, 260.0, 600.0])
 @pytest.mark.parametrize("yaw", [-0.1, 0.0, 0.06])
-def test_a_rectified_fisheye_image_is_filled_and_no_smaller_than_need_be(
+def test_rectified_fisheye_image_is_filled_and_as_wide_as_possible(
     focal: float, yaw: float
 ) -> None:
     rectification = Rectification(fisheye((0.02, yaw, -0.01), focal))
@@ -330,7 +330,7 @@ def test_a_rectified_fisheye_image_is_filled_and_no_smaller_than_need_be(
         assert ((px < 0) | (px > [WIDTH - 1, HEIGHT - 1])).any()
 
 
-def test_a_lens_of_a_half_sphere_gives_a_plane_image_of_120_degrees() -> None:
+def test_hemispherical_lens_gives_a_plane_image_of_120_degrees() -> None:
     wide = replace(fisheye(focal=100.0), D1=np.zeros(4), D2=np.zeros(4))  # 320 px are 183 degrees
     camera = Rectification(wide).camera
     assert np.rad2deg(2 * np.arctan((WIDTH - 1) / 2 / camera.fx)) == pytest.approx(120)
@@ -356,7 +356,7 @@ def test_refuses_fisheye_pairs_that_cannot_be_rectified(
         Rectification(replace(fisheye(focal=400.0), **changes))
 
 
-def test_points_are_rectified_as_the_images_are() -> None:
+def test_points_and_images_are_rectified_alike() -> None:
     calibration = crooked()
     rectification = Rectification(calibration)
     points = points_in_view()
@@ -367,7 +367,7 @@ def test_points_are_rectified_as_the_images_are() -> None:
     assert right == pytest.approx(expected, abs=1e-4)
 
 
-def test_points_of_a_rectified_pair_stay() -> None:
+def test_points_of_a_rectified_pair_are_unchanged() -> None:
     calibration = StereoCalibration.rectified(WIDTH, HEIGHT, 300, 300, 160, 120, 0.12)
     left, right = Rectification(calibration).rectify_points([[1.5, 2.5]], np.empty((0, 2)))
     assert left.tolist() == [[1.5, 2.5]]
@@ -375,7 +375,7 @@ def test_points_of_a_rectified_pair_stay() -> None:
 
 
 @pytest.mark.parametrize("calibration", [crooked(), fisheye()])
-def test_what_is_no_pixel_is_nan(calibration: StereoCalibration) -> None:
+def test_non_finite_pixels_become_nan(calibration: StereoCalibration) -> None:
     nowhere = [[np.nan, 3.0], [160.0, np.inf], [160.0, 120.0]]
     left, right = Rectification(calibration).rectify_points(nowhere, np.empty((0, 2)))
     assert np.isnan(left[:2]).all()
@@ -383,7 +383,7 @@ def test_what_is_no_pixel_is_nan(calibration: StereoCalibration) -> None:
     assert right.shape == (0, 2)
 
 
-def test_pinhole_pairs_are_rectified_by_opencv_to_the_last_digit() -> None:
+def test_pinhole_rectification_matches_opencv_exactly() -> None:
     calibration = crooked()
     size = (WIDTH, HEIGHT)
     R1, R2, P1, P2 = cv2.stereoRectify(

@@ -34,7 +34,7 @@ def pair(
 
 @quick
 @given(st.floats(0.0, 80.0))
-def test_planted_disparities_are_found_to_within_a_pixel(planted: float) -> None:
+def test_planted_disparities_are_found_to_about_a_pixel(planted: float) -> None:
     found = coarse_disparity(*pair(planted), FREE, P)
     known = np.isfinite(found)
     assert known.mean() > 0.9
@@ -43,7 +43,7 @@ def test_planted_disparities_are_found_to_within_a_pixel(planted: float) -> None
     assert np.median(error) < 1.1
 
 
-def test_each_point_has_its_own() -> None:
+def test_each_point_gets_its_own_disparity() -> None:
     """A board at 40 px disparity, left columns 160 to 240, in front of a wall at 12 px."""
     u = np.arange(WIDTH)
     left = np.where((u >= 160) & (u < 240), BOARD.moved(), WALL.moved())
@@ -62,7 +62,7 @@ def test_each_point_has_its_own() -> None:
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(0.75, 0.0), (1.25, 0.0), (1.0, 25.0), (1.0, -40.0)])
-def test_one_camera_may_be_brighter_than_the_other(gain: float, offset: float) -> None:
+def test_unequal_camera_brightness_is_tolerated(gain: float, offset: float) -> None:
     found = coarse_disparity(*pair(23.0, gain=gain, offset=offset), FREE, P)
     known = np.isfinite(found)
     assert known.mean() > 0.9
@@ -71,7 +71,7 @@ def test_one_camera_may_be_brighter_than_the_other(gain: float, offset: float) -
 
 @pytest.mark.parametrize("noise", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("period_px", [10, 16, 24])
-def test_texture_that_repeats_along_the_row_has_no_disparity(period_px: int, noise: float) -> None:
+def test_texture_repeating_along_the_row_has_no_disparity(period_px: int, noise: float) -> None:
     """The repetitions are indistinguishable."""
     u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
 
@@ -95,13 +95,13 @@ def horizontal_stripes() -> np.ndarray:
 @pytest.mark.parametrize(
     "grey", [np.zeros((HEIGHT, WIDTH)), horizontal_stripes()], ids=["blank", "stripes"]
 )
-def test_without_texture_along_the_row_there_is_no_disparity(grey: np.ndarray) -> None:
+def test_no_texture_along_the_row_gives_no_disparity(grey: np.ndarray) -> None:
     """Every disparity fits equally well."""
     image = as_image(grey)
     assert np.isnan(coarse_disparity(image, image, FREE, P)).all()
 
 
-def test_what_the_right_camera_does_not_see_has_none() -> None:
+def test_points_outside_the_right_image_are_mostly_unmatched() -> None:
     """At 60 px of disparity, points left of column 60 lie outside the right image."""
     u = np.arange(WIDTH)
     right = np.where(u < WIDTH - 60, WALL.moved(-60.0), BOARD.moved())
@@ -113,7 +113,7 @@ def test_what_the_right_camera_does_not_see_has_none() -> None:
     assert known[POINTS[:, 0] > 72].mean() > 0.9
 
 
-def test_nearer_than_the_largest_disparity_nothing_is_known() -> None:
+def test_disparities_beyond_the_maximum_are_mostly_unmatched() -> None:
     found = coarse_disparity(*pair(60.0), FREE, StereoParameters(max_disparity_px=48))
     # Some of them match something else within the search range by chance.
     assert np.isfinite(found).mean() < 0.5
@@ -122,7 +122,7 @@ def test_nearer_than_the_largest_disparity_nothing_is_known() -> None:
     assert np.isfinite(wider).mean() > 0.9
 
 
-def test_points_at_the_very_edge_and_none_at_all() -> None:
+def test_points_at_the_very_edge_and_no_points_are_accepted() -> None:
     corners = np.array(
         [[0, 0], [WIDTH - 1, 0], [0, HEIGHT - 1], [WIDTH - 1, HEIGHT - 1]], np.float32
     )

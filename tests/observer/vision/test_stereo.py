@@ -42,7 +42,7 @@ def pair(far: float = 12.0, near: float = 30.0) -> tuple[np.ndarray, np.ndarray]
 
 @pytest.mark.parametrize("matcher", ["bm", "sgbm"])
 @pytest.mark.parametrize(("far", "near"), [(12.0, 30.0), (7.5, 45.25)])
-def test_disparity_is_right_and_unknown_is_nan(matcher: str, far: float, near: float) -> None:
+def test_disparity_is_correct_where_known(matcher: str, far: float, near: float) -> None:
     disparity = disparity_map(*pair(far, near), StereoParameters(matcher=matcher))
     assert disparity.shape == (256, 512)
     assert disparity.dtype == np.float32
@@ -53,7 +53,7 @@ def test_disparity_is_right_and_unknown_is_nan(matcher: str, far: float, near: f
         assert np.mean(np.abs(area[known] - true) < 0.5) > 0.95
 
 
-def test_the_left_edge_is_known_as_far_as_the_right_camera_sees_it() -> None:
+def test_left_edge_is_matched_as_far_as_the_right_camera_sees_it() -> None:
     disparity = disparity_map(*pair(), StereoParameters(max_disparity_px=96))
     assert np.isfinite(disparity[20:60, 20:90]).mean() > 0.8
     columns = np.arange(512)
@@ -61,7 +61,7 @@ def test_the_left_edge_is_known_as_far_as_the_right_camera_sees_it() -> None:
 
 
 @pytest.mark.parametrize("matcher", ["bm", "sgbm"])
-def test_nothing_to_match_is_unknown(matcher: str) -> None:
+def test_images_without_texture_have_no_disparity(matcher: str) -> None:
     grey = np.full((128, 256), 90, np.uint8)
     disparity = disparity_map(grey, grey, StereoParameters(matcher=matcher))
     assert not np.isfinite(disparity).any()
@@ -81,7 +81,7 @@ def test_threads_do_not_change_the_result() -> None:
         np.testing.assert_array_equal(results[0], other)
 
 
-def test_around_some_points_it_is_as_in_the_whole_image() -> None:
+def test_disparity_around_points_matches_the_whole_image() -> None:
     images = pair()
     px = np.array([[180, 100], [260, 150]], np.float32)
     part = disparity_around(*images, px, StereoParameters())
@@ -94,14 +94,14 @@ def test_around_some_points_it_is_as_in_the_whole_image() -> None:
     assert not np.isfinite(part[220:]).any()
 
 
-def test_around_no_points_nothing_is_computed() -> None:
+def test_disparity_around_no_points_is_unknown() -> None:
     nothing = disparity_around(*pair(), np.empty((0, 2), np.float32), StereoParameters())
     assert nothing.shape == (256, 512)
     assert not np.isfinite(nothing).any()
 
 
 @pytest.mark.parametrize("px", [(0.0, 0.0), (511.0, 255.0), (3.0, 250.0), (505.0, 2.0)])
-def test_around_a_point_at_the_border_it_keeps_its_size(px: tuple[float, float]) -> None:
+def test_disparity_around_a_border_point_has_full_image_size(px: tuple[float, float]) -> None:
     around = disparity_around(*pair(), np.array([px], np.float32), StereoParameters())
     assert around.shape == (256, 512)
 
@@ -119,7 +119,7 @@ def test_sampling_a_plane_is_exact(u: float, v: float, b: float, c: float) -> No
     assert sample_disparity(plane(30, b, c), px)[0] == pytest.approx(expected, abs=1e-3)
 
 
-def test_sampling_knows_what_it_does_not_know() -> None:
+def test_sampling_returns_nan_where_disparity_is_unknown() -> None:
     disparity = plane(20, 0, 0)
     disparity[:, 30:] = 35
     disparity[10:20, :10] = np.nan
@@ -140,7 +140,7 @@ def test_sampling_knows_what_it_does_not_know() -> None:
     assert sample_disparity(disparity, np.empty((0, 2), np.float32)).shape == (0,)
 
 
-def test_the_cloud_has_the_colours_and_places_of_its_pixels() -> None:
+def test_cloud_has_the_colours_and_positions_of_its_pixels() -> None:
     disparity = np.full((256, 512), np.nan, np.float32)
     disparity[100:120, 200:240] = 20.0
     image = np.zeros((256, 512, 3), np.uint8)
@@ -159,7 +159,7 @@ def test_the_cloud_has_the_colours_and_places_of_its_pixels() -> None:
 
 
 @pytest.mark.parametrize("most", [1, 10, 500, 799])
-def test_the_cloud_keeps_to_its_size_and_covers_all(most: int) -> None:
+def test_cloud_respects_its_size_limit_and_covers_the_area(most: int) -> None:
     disparity = np.full((256, 512), np.nan, np.float32)
     disparity[100:120, 200:240] = 20.0
     image = np.zeros((256, 512), np.uint8)
@@ -170,7 +170,7 @@ def test_the_cloud_keeps_to_its_size_and_covers_all(most: int) -> None:
         assert np.ptp(CAMERA.project(points)[0][:, 1]) >= 8
 
 
-def test_the_cloud_leaves_out_what_is_too_near_or_too_far() -> None:
+def test_cloud_excludes_points_too_near_or_too_far() -> None:
     disparity = np.full((256, 512), 20.0, np.float32)  # 2.66 m
     image = np.zeros((256, 512), np.uint8)
     for limits in ({"max_depth_m": 2.5}, {"min_depth_m": 2.8}):

@@ -1,4 +1,4 @@
-"""SURF from the optional extra: positions, descriptors, and one sentence if it is missing."""
+"""SURF from the optional extra: positions, descriptors, and the refusal if it is missing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def without_mahotas(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mahotas", None)
 
 
-def test_a_blob_is_found_where_it_is(blobs: np.ndarray) -> None:
+def test_blob_is_found_at_its_position(blobs: np.ndarray) -> None:
     strongest = surf_points(blobs, 1000)[:2]
     found = {point.class_id: np.array(point.pt) for point in strongest}
     np.testing.assert_allclose(found[-1], BRIGHT, atol=0.2)
@@ -45,7 +45,7 @@ def test_a_blob_is_found_where_it_is(blobs: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("radius", [5, 9, 14])
-def test_the_size_grows_with_the_blob(radius: int) -> None:
+def test_keypoint_size_grows_with_the_blob(radius: int) -> None:
     image = np.full((256, 256), 128, np.uint8)
     cv2.circle(image, (100, 140), radius, 230, -1)
     strongest = surf_points(np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.uint8), 1000)[0]
@@ -54,7 +54,7 @@ def test_the_size_grows_with_the_blob(radius: int) -> None:
     assert strongest.size == pytest.approx(1.9 * 2 * radius, rel=0.2)
 
 
-def test_only_the_strongest_are_kept() -> None:
+def test_only_the_strongest_are_returned() -> None:
     noise = np.random.default_rng(0).integers(0, 256, (256, 512)).astype(np.uint8)
     image = np.asarray(cv2.GaussianBlur(noise, (0, 0), 2), np.uint8)
     every, some = surf_points(image, 100_000), surf_points(image, 50)
@@ -62,7 +62,7 @@ def test_only_the_strongest_are_kept() -> None:
     assert [p.response for p in some] == sorted((p.response for p in every), reverse=True)[:50]
 
 
-def test_descriptors_have_64_values_of_length_one_and_stay_with_their_points(
+def test_descriptors_are_unit_vectors_of_64_values_at_their_points(
     blobs: np.ndarray,
 ) -> None:
     points = surf_points(blobs, 1000)
@@ -81,7 +81,7 @@ def test_no_points_have_no_descriptors(blobs: np.ndarray) -> None:
 
 
 @pytest.mark.usefixtures("without_mahotas")
-def test_without_the_extra_choosing_it_is_refused_in_one_sentence(blobs: np.ndarray) -> None:
+def test_surf_is_refused_without_the_extra(blobs: np.ndarray) -> None:
     assert surf_missing() is not None
     with pytest.raises(ParameterError, match=HOW_TO_GET_IT) as refused:
         Parameters().changed({"features.detector": "surf", "features.max_count": 100})
@@ -91,6 +91,6 @@ def test_without_the_extra_choosing_it_is_refused_in_one_sentence(blobs: np.ndar
         detect_features(blobs, FeaturesParameters(detector="surf"))
 
 
-def test_with_the_extra_it_can_be_chosen() -> None:
+def test_surf_can_be_chosen_with_the_extra() -> None:
     assert surf_missing() is None
     assert Parameters().changed({"features.detector": "surf"}).features.detector == "surf"

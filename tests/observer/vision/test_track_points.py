@@ -24,7 +24,7 @@ def pair(gain: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     return first, cv2.convertScaleAbs(second, alpha=gain)
 
 
-def test_points_are_found_where_they_went() -> None:
+def test_points_are_tracked_to_their_new_positions() -> None:
     end, good = track_points(*pair(), POINTS, FlowParameters(), back_check=True)
     assert good.mean() > 0.95
     assert np.abs(end - POINTS - SHIFT)[good].max() < 0.2
@@ -41,7 +41,7 @@ def test_flickering_light_is_not_motion(gain: float) -> None:
 
 
 @pytest.mark.parametrize("grey", [0, 90, 255])
-def test_without_texture_nothing_is_followed(grey: int) -> None:
+def test_nothing_is_tracked_without_texture(grey: int) -> None:
     blank = np.full((200, 320), grey, np.uint8)
     _, good = track_points(blank, blank, POINTS, FlowParameters(), back_check=True)
     assert not good.any()
@@ -49,13 +49,13 @@ def test_without_texture_nothing_is_followed(grey: int) -> None:
     assert not good.any()
 
 
-def test_points_that_leave_the_image_are_refused() -> None:
+def test_points_leaving_the_image_are_refused() -> None:
     near_edge = np.array([[318.0, 50.0], [100.0, 1.0], [150.0, 100.0]], np.float32)
     _, good = track_points(*pair(), near_edge, FlowParameters(), back_check=False)
     assert good.tolist() == [False, False, True]
 
 
-def test_no_points() -> None:
+def test_track_points_accepts_no_points() -> None:
     end, good = track_points(
         *pair(), np.empty((0, 2), np.float32), FlowParameters(), back_check=True
     )

@@ -37,7 +37,7 @@ def by_wheels(
 
 
 @pytest.mark.parametrize("px", [0.6, -0.6])
-def test_a_bias_is_a_vergence_of_its_sign(px: float) -> None:
+def test_bias_is_reported_as_vergence_of_the_same_sign(px: float) -> None:
     check = vergence_by_points(known(px), CAMERA)
     assert check.status == "drifted"
     assert check.vergence_rad == pytest.approx(px / 500.0)
@@ -49,13 +49,13 @@ def test_a_bias_is_a_vergence_of_its_sign(px: float) -> None:
     assert "compensated for the rest of the run" in check.sentence
 
 
-def test_no_bias_that_is_known_well_agrees() -> None:
+def test_well_known_negligible_bias_is_consistent() -> None:
     check = vergence_by_points(known(0.02), CAMERA)
     assert check.status == "consistent"
     assert "near and far points confirm the calibrated vergence" in check.sentence
 
 
-def test_what_is_known_stays_until_the_estimate_begins_anew() -> None:
+def test_finding_persists_until_the_estimate_restarts() -> None:
     watch = PointsVergence(CAMERA)
     assert watch.look(None) is None
     assert watch.look(DisparityBias(1.0, 0.5, 0.25, 1.0)) is None
@@ -66,7 +66,7 @@ def test_what_is_known_stays_until_the_estimate_begins_anew() -> None:
     assert watch.look(DisparityBias()) is None
 
 
-def test_near_against_far_speaks_where_the_wheels_know_nothing_or_less() -> None:
+def test_near_far_estimate_wins_unless_the_wheels_are_more_certain() -> None:
     points = vergence_by_points(known(0.6), CAMERA)
     assert joined_vergence(by_wheels("unobserved", None, None), points) is points
     assert joined_vergence(by_wheels("unobserved", 0.05, 0.03), points) is points
@@ -76,19 +76,19 @@ def test_near_against_far_speaks_where_the_wheels_know_nothing_or_less() -> None
     assert joined_vergence(better, None) is better
 
 
-def test_a_contradiction_is_told() -> None:
+def test_contradiction_is_reported() -> None:
     points = vergence_by_points(known(0.6), CAMERA)
     # 0.069 deg against -0.05 deg, known to 0.007 and 0.02.
-    told = joined_vergence(by_wheels("consistent", -0.05, 0.02), points)
-    assert (told.status, told.vergence_rad) == ("drifted", points.vergence_rad)
-    assert told.sentence.startswith(points.sentence)
-    assert "the wheels contradict this: -0.05° ± 0.04°" in told.sentence
-    told = joined_vergence(by_wheels("drifted", -0.05, 0.001), points)
-    assert "near and far points contradict this: +0.07°" in told.sentence
+    joined = joined_vergence(by_wheels("consistent", -0.05, 0.02), points)
+    assert (joined.status, joined.vergence_rad) == ("drifted", points.vergence_rad)
+    assert joined.sentence.startswith(points.sentence)
+    assert "the wheels contradict this: -0.05° ± 0.04°" in joined.sentence
+    joined = joined_vergence(by_wheels("drifted", -0.05, 0.001), points)
+    assert "near and far points contradict this: +0.07°" in joined.sentence
 
 
 @pytest.mark.parametrize(("skew_s", "course"), [(0.0162, "after"), (-0.0162, "before")])
-def test_a_sure_skew_is_told_and_news_only_where_it_reads_otherwise(
+def test_confident_skew_is_reported_and_updated_only_when_its_text_changes(
     skew_s: float, course: str
 ) -> None:
     watch = SkewWatch()

@@ -51,7 +51,7 @@ class Rows:
         return self.seen[-1]
 
 
-def test_knows_nothing_before_it_has_looked_for_a_while() -> None:
+def test_nothing_is_reported_until_enough_time_has_passed() -> None:
     rows = Rows()
     found = rows.seconds(3, lambda _: 2.0)
     assert found.now_px is None
@@ -62,7 +62,7 @@ def test_knows_nothing_before_it_has_looked_for_a_while() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_rows_that_agree_are_never_warned_of(seed: int) -> None:
+def test_aligned_rows_never_raise_a_warning(seed: int) -> None:
     rows = Rows(seed)
     found = rows.seconds(600)
     assert found.now_px == pytest.approx(0, abs=0.06)
@@ -71,7 +71,7 @@ def test_rows_that_agree_are_never_warned_of(seed: int) -> None:
     assert len(found.history) == pytest.approx(19, abs=2)
 
 
-def test_pitch_and_roll_are_told_apart() -> None:
+def test_pitch_and_roll_are_distinguished() -> None:
     pitched = Rows().seconds(20, pitch_px=lambda _: 0.9)
     assert pitched.median_px == pytest.approx(0.9, abs=0.05)
     assert pitched.roll_rad == pytest.approx(0, abs=5e-4)
@@ -93,18 +93,18 @@ def test_pitch_and_roll_are_told_apart() -> None:
     assert "and roll (" in both.warning
 
 
-def test_a_drift_is_told_with_its_trend() -> None:
+def test_drift_is_reported_with_its_trend() -> None:
     rows = Rows()
     found = rows.seconds(600, pitch_px=lambda t: 0.2 + 0.06 * t / 60)
     assert found.now_px == pytest.approx(0.8, abs=0.05)
     assert found.trend_px_per_min == pytest.approx(0.06, abs=0.01)
     assert found.warning is not None
-    told = re.search(
+    match = re.search(
         r"is (0\.8) px, (0\.\d) px (\d+) minutes ago and growing by (0\.\d+) px per minute",
         found.warning,
     )
-    assert told is not None, found.warning
-    then, ago, rate = (float(told[k]) for k in (2, 3, 4))
+    assert match is not None, found.warning
+    then, ago, rate = (float(match[k]) for k in (2, 3, 4))
     assert then == pytest.approx(0.8 - 0.06 * ago, abs=0.1)
     assert rate == pytest.approx(0.06, abs=0.01)
     # It was reported when it passed half a pixel, and not before.
@@ -115,7 +115,7 @@ def test_a_drift_is_told_with_its_trend() -> None:
     assert all(a.warning is None for a in rows.seen[: round(270 / DT)])
 
 
-def test_a_drift_that_goes_back_shrinks_and_the_warning_ends() -> None:
+def test_receding_drift_clears_the_warning() -> None:
     rows = Rows()
     rows.seconds(120, pitch_px=lambda _: -0.9)
     found = rows.seconds(240, pitch_px=lambda t: -0.9 + 0.8 * (t - 120) / 240)
@@ -126,7 +126,7 @@ def test_a_drift_that_goes_back_shrinks_and_the_warning_ends() -> None:
     assert shrinking
 
 
-def test_one_blurred_second_changes_nothing() -> None:
+def test_one_blurred_second_is_ignored() -> None:
     rows = Rows()
     rows.seconds(30)
     rows.seconds(1.5, pitch_px=lambda _: 3.0, noise_px=2.0)
@@ -134,7 +134,7 @@ def test_one_blurred_second_changes_nothing() -> None:
     assert all(each.warning is None for each in rows.seen)
 
 
-def test_the_warning_does_not_flicker_about_its_limit() -> None:
+def test_warning_does_not_flicker_around_its_threshold() -> None:
     rows = Rows(noise_px=0.4)
     rows.seconds(900, pitch_px=lambda t: 0.5 + 0.05 * np.sin(t / 20))
     states = [each.warning is not None for each in rows.seen]
@@ -142,7 +142,7 @@ def test_the_warning_does_not_flicker_about_its_limit() -> None:
     assert changes <= 1
 
 
-def test_a_source_that_starts_anew_keeps_the_history() -> None:
+def test_restarted_source_retains_the_history() -> None:
     rows = Rows()
     rows.seconds(120, pitch_px=lambda _: 0.8)
     rows.time = 0.0
@@ -153,7 +153,7 @@ def test_a_source_that_starts_anew_keeps_the_history() -> None:
     assert found.warning is not None
 
 
-def test_the_history_is_bounded() -> None:
+def test_history_is_bounded() -> None:
     watch = RowDriftWatch(CAMERA)
     rng = np.random.default_rng(0)
     px = rng.uniform((0, 0), (640, 480), (30, 2))
@@ -164,7 +164,7 @@ def test_the_history_is_bounded() -> None:
     assert found.history[-1][0] > 1.9 * 3600
 
 
-def test_what_was_seen_long_ago_is_not_now() -> None:
+def test_old_observations_expire() -> None:
     rows = Rows()
     rows.seconds(30, pitch_px=lambda _: 0.8)
     for second in range(31, 120):
@@ -179,11 +179,11 @@ def lab(pitch_deg: float) -> World:
     return World(scenario_from_text(text, "wrong"), 1)
 
 
-def test_rendered_pairs_of_a_head_that_warms_up() -> None:
+def test_rendered_pairs_of_a_warming_camera_head_show_drift() -> None:
     pair = StereoImager(lab(0.0)).pair(0, 0.0)
     camera = Rectification(lab(0.0).calibration).camera
     watch = RowDriftWatch(camera)
-    time, told = 0.0, []
+    time, states = 0.0, []
     for pitch_deg in (0.0, 0.03, 0.06, 0.09, 0.12):
         left, right = matched_points(*Rectification(lab(pitch_deg).calibration).apply(*pair))
         px, offset = left[:200], (left - right)[:200, 1]
@@ -193,9 +193,9 @@ def test_rendered_pairs_of_a_head_that_warms_up() -> None:
         true_px = np.deg2rad(pitch_deg) * camera.fy
         assert found.now_px == pytest.approx(true_px, abs=0.08)
         assert (found.warning is not None) == (true_px > 0.5)
-        told.append(found)
-    assert told[-1].trend_px_per_min == pytest.approx(np.deg2rad(0.03) * camera.fy * 60 / 70, 0.2)
-    assert told[-1].warning is not None
-    assert "growing" in told[-1].warning
+        states.append(found)
+    assert states[-1].trend_px_per_min == pytest.approx(np.deg2rad(0.03) * camera.fy * 60 / 70, 0.2)
+    assert states[-1].warning is not None
+    assert "growing" in states[-1].warning
     # The watch and the refinement define pitch alike.
-    assert abs(told[-1].median_px or 0) == pytest.approx(np.deg2rad(0.12) * camera.fy, abs=0.08)
+    assert abs(states[-1].median_px or 0) == pytest.approx(np.deg2rad(0.12) * camera.fy, abs=0.08)

@@ -60,7 +60,7 @@ def turned(pitch_deg: float, yaw_deg: float, roll_deg: float) -> StereoCalibrati
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(0.1, 0.0), (0.0, -0.15), (-0.12, 0.08)])
-def test_finds_the_turn_that_happened(pitch: float, roll: float) -> None:
+def test_finds_the_actual_rotation(pitch: float, roll: float) -> None:
     real = turned(pitch, 0, roll)
     refinement = refined(TRUE, [pair_seen_by(real, seed) for seed in (0, 1)])
     # Bilinear interpolation in rendering and tracking shifts corners by up to 0.05 px.
@@ -75,7 +75,7 @@ def test_finds_the_turn_that_happened(pitch: float, roll: float) -> None:
     assert turn == pytest.approx([-pitch, -roll], abs=0.02)
 
 
-def test_holds_vergence_and_lenses() -> None:
+def test_leaves_vergence_and_lenses_unchanged() -> None:
     calibration = refined(TRUE, [pair_seen_by(turned(0.1, 0.1, 0))]).calibration
     vergence = Rotation.from_matrix(calibration.R).as_euler("xyz", degrees=True)[1]
     assert vergence == pytest.approx(0, abs=1e-3)
@@ -84,7 +84,7 @@ def test_holds_vergence_and_lenses() -> None:
     assert np.array_equal(calibration.K2, TRUE.K2)
 
 
-def test_says_how_sure_it_is_and_what_it_gained() -> None:
+def test_reports_uncertainty_and_improvement() -> None:
     pairs = [pair_seen_by(turned(0.1, 0, 0.1), seed) for seed in (0, 1)]
     refinement = refined(TRUE, pairs)
     for value, std in (
@@ -99,7 +99,7 @@ def test_says_how_sure_it_is_and_what_it_gained() -> None:
     assert refinement.coverage > 0.7
 
 
-def test_a_refusal_asks_for_texture() -> None:
+def test_refusal_asks_for_texture() -> None:
     blank = np.full((HEIGHT, WIDTH), 128, np.uint8)
     assert "1 pair of images gave 0 matches" in reason([(blank, blank)])
     assert "0 pairs of images" in reason([])
@@ -107,24 +107,24 @@ def test_a_refusal_asks_for_texture() -> None:
     assert "200 are needed" in reason([unrelated])
 
 
-def test_a_refusal_asks_for_texture_everywhere() -> None:
+def test_refusal_asks_for_texture_on_both_sides() -> None:
     left, right = pair_seen_by(turned(0.1, 0, 0))
     for image in (left, right):
         image[:, : int(0.7 * WIDTH)] = 128
-    sentence = reason([(left, right)] * 3)
-    assert "to tell roll from pitch" in sentence
-    assert "texture on the left and on the right" in sentence
+    refusal = reason([(left, right)] * 3)
+    assert "to tell roll from pitch" in refusal
+    assert "texture on the left and on the right" in refusal
 
 
-def test_refuses_more_than_a_drift() -> None:
+def test_refuses_more_than_a_drift_and_asks_to_recalibrate() -> None:
     assert "recalibrate" in reason([pair_seen_by(turned(0.5, 0, 0))])
 
 
-def test_leaves_alone_what_is_right() -> None:
+def test_refuses_when_no_refinement_is_needed() -> None:
     assert "needs no refinement" in reason([pair_seen_by(TRUE, seed) for seed in (0, 1)])
 
 
-def test_the_given_calibration_stays_and_the_new_one_needs_no_other() -> None:
+def test_input_calibration_is_unchanged_and_result_needs_no_further_change() -> None:
     pairs = [pair_seen_by(turned(0.15, 0, 0.1), seed) for seed in (0, 1)]
     found = refined(TRUE, pairs)
     assert np.array_equal(TRUE.R, np.eye(3))
@@ -134,7 +134,7 @@ def test_the_given_calibration_stays_and_the_new_one_needs_no_other() -> None:
         assert max(abs(again.pitch_rad), abs(again.roll_rad)) < np.deg2rad(0.01)
 
 
-def test_matched_points_agree_with_the_wall() -> None:
+def test_matched_points_agree_with_the_wall_distance() -> None:
     left, right = matched_points(*pair_seen_by(TRUE))
     assert len(left) > 300
     assert np.median(left[:, 0] - right[:, 0]) == pytest.approx(FOCAL * 0.12 / 4, abs=0.05)
@@ -150,7 +150,7 @@ def through_fisheye(image: Image, K: np.ndarray, D: np.ndarray) -> Image:
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_CUBIC), np.uint8)
 
 
-def test_fisheye_lenses_are_refined_too() -> None:
+def test_fisheye_lenses_are_refined() -> None:
     K = np.array([[580.0, 0, 319.5], [0, 580.0, 179.5], [0, 0, 1]])
     D = np.array([0.02, -0.005, 0.001, 0.0])
     lens = replace(TRUE, K1=K, K2=K, D1=D, D2=D, distortion_model="equidistant")
@@ -169,7 +169,7 @@ def test_fisheye_lenses_are_refined_too() -> None:
 
 @pytest.mark.parametrize("vergence_deg", [-0.1, 0.15])
 @pytest.mark.parametrize("pitch_deg", [0.0, 0.1])
-def test_a_drifted_vergence_is_taken_out_of_the_disparities(
+def test_drifted_vergence_is_removed_from_the_disparities(
     vergence_deg: float, pitch_deg: float
 ) -> None:
     # A right camera turned towards the left one sees the scene further right.
@@ -191,7 +191,7 @@ def test_a_drifted_vergence_is_taken_out_of_the_disparities(
 
 
 @pytest.mark.parametrize("status", ["consistent", "unobserved"])
-def test_a_vergence_that_has_not_drifted_is_not_touched(
+def test_undrifted_vergence_is_unchanged(
     status: Literal["consistent", "unobserved"],
 ) -> None:
     check = replace(drifted(0.05), status=status)

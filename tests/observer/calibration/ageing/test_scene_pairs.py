@@ -11,7 +11,7 @@ def grey(value: int, width: int = 40) -> np.ndarray:
     return np.full((30, width), value, np.uint8)
 
 
-def test_keeps_the_newest_pairs_at_a_distance() -> None:
+def test_keeps_the_newest_pairs_at_the_given_spacing() -> None:
     kept = ScenePairs(count=3, spacing_s=2.0)
     for k in range(100):
         kept.offer(0.1 * k, grey(k), grey(k + 100))
@@ -19,7 +19,7 @@ def test_keeps_the_newest_pairs_at_a_distance() -> None:
     assert [int(right[0, 0]) for _, right in kept.pairs] == [140, 160, 180]
 
 
-def test_what_is_kept_is_a_copy_in_grey() -> None:
+def test_pairs_are_stored_as_grey_copies() -> None:
     kept = ScenePairs()
     image = grey(10)
     colour = np.dstack([grey(0), grey(0), grey(200)])
@@ -30,7 +30,7 @@ def test_what_is_kept_is_a_copy_in_grey() -> None:
     assert right.shape == (30, 40)
 
 
-def test_another_size_and_a_time_that_goes_back_begin_anew() -> None:
+def test_size_change_or_time_going_back_starts_over() -> None:
     kept = ScenePairs(spacing_s=2.0)
     kept.offer(10.0, grey(1), grey(1))
     kept.offer(0.0, grey(2), grey(2))

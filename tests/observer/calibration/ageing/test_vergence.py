@@ -73,7 +73,7 @@ def drive(
 
 
 @pytest.mark.parametrize("vergence_deg", [-0.3, -0.1, 0.1, 0.3])
-def test_one_pair_without_noise_gives_the_truth(vergence_deg: float) -> None:
+def test_one_noise_free_pair_gives_the_true_vergence(vergence_deg: float) -> None:
     v = np.deg2rad(vergence_deg)
     start, end = Pose.identity(), Pose.from_rotvec([0.01, 0.02, -0.01], [0.05, 0.01, 0.3])
     a, b = (seen(room(), pose, v, 0.0) for pose in (start, end))
@@ -93,7 +93,7 @@ def test_one_pair_without_noise_gives_the_truth(vergence_deg: float) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("vergence_deg", [-0.3, -0.1, 0.0, 0.1, 0.3])
-def test_a_drive_of_two_metres_tells(vergence_deg: float, seed: int) -> None:
+def test_two_metre_drive_determines_vergence(vergence_deg: float, seed: int) -> None:
     scale = 1 + [0.0, 0.01, -0.01][seed]
     found = drive(VergenceWatch(CAMERA), vergence_deg, wheel_scale=scale, seed=seed)
     assert found.vergence_rad is not None
@@ -109,7 +109,7 @@ def test_a_drive_of_two_metres_tells(vergence_deg: float, seed: int) -> None:
         assert "the wheels confirm the calibrated vergence" in found.sentence
 
 
-def test_where_all_is_equally_far_the_wheels_scale_is_the_floor() -> None:
+def test_wheel_scale_limits_certainty_when_all_points_are_equally_far() -> None:
     wall = room(near=7.9, far=8.1)
     found = drive(VergenceWatch(CAMERA), 0.0, 1.8, points=wall, noise_px=0.02)
     assert found.std_rad is not None
@@ -119,7 +119,7 @@ def test_where_all_is_equally_far_the_wheels_scale_is_the_floor() -> None:
     assert found.std_rad**2 - (0.1 / CAMERA.fx) ** 2 > (0.9 * floor) ** 2
 
 
-def test_without_odometry_it_says_what_is_missing() -> None:
+def test_missing_odometry_is_reported() -> None:
     found = drive(VergenceWatch(CAMERA), 0.3, odometry=False)
     assert found.status == "unobserved"
     assert found.vergence_rad is None
@@ -128,13 +128,13 @@ def test_without_odometry_it_says_what_is_missing() -> None:
     assert "drive 2 m straight ahead with wheel odometry" in found.sentence
 
 
-def test_without_a_way_it_says_what_is_missing() -> None:
+def test_too_short_a_drive_is_reported() -> None:
     found = drive(VergenceWatch(CAMERA), 0.3, 0.3)
     assert found.status == "unobserved"
     assert "drive 2 m straight ahead" in found.sentence
 
 
-def test_without_stereo_matches_it_says_what_is_missing() -> None:
+def test_missing_stereo_matches_are_reported() -> None:
     watch = VergenceWatch(CAMERA)
     for k in range(30):
         found = watch.look(k * DT, 0, None, Pose.identity(), Odometry(0.02 * k, 0, 0))
@@ -143,18 +143,18 @@ def test_without_stereo_matches_it_says_what_is_missing() -> None:
 
 
 @pytest.mark.parametrize("wheel_scale", [0.85, 1.2])
-def test_wheels_that_slip_are_not_taken_for_vergence(wheel_scale: float) -> None:
+def test_wheel_slip_is_not_mistaken_for_vergence(wheel_scale: float) -> None:
     found = drive(VergenceWatch(CAMERA), 0.0, wheel_scale=wheel_scale)
     assert found.status == "unobserved"
     assert "slip" in found.sentence
     assert ("too little" if wheel_scale < 1 else "too much") in found.sentence
 
 
-def test_a_new_segment_begins_a_new_pair_and_keeps_what_is_known() -> None:
+def test_new_segment_starts_a_new_pair_and_retains_the_estimate() -> None:
     watch = VergenceWatch(CAMERA)
     before = drive(watch, 0.3)
     rows = seen(room(7), Pose.identity(), 0.0, 0.1)
-    # Point numbers and the world frame start anew.
+    # Point numbers and the world frame restart.
     for k, x in enumerate((3.0, 3.3)):
         found = watch.look(20 + 2 * k, 1, rows, Pose.identity(), Odometry(x, 0, 0))
         rows = StereoRows(rows.px, rows.offset_px, rows.disparity, rows.number + 10_000)
@@ -162,7 +162,9 @@ def test_a_new_segment_begins_a_new_pair_and_keeps_what_is_known() -> None:
 
 
 @pytest.mark.parametrize("calibrated_deg", [0.0, 0.15])
-def test_a_simulated_drive(calibrated_deg: float, clip: Callable[[str, int], Any]) -> None:
+def test_simulated_drive_recovers_vergence(
+    calibrated_deg: float, clip: Callable[[str, int], Any]
+) -> None:
     frames = clip("simulated:turning?seed=1", 90).frames
     text = f"based_on: turning\nfaults: {{miscalibration: {{vergence_deg: {calibrated_deg}}}}}"
     source = SimulatedSource(World(scenario_from_text(text, "wrong"), 1))

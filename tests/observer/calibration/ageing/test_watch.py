@@ -18,7 +18,7 @@ from observer.simulation.world import World
 from observer.types import FullTrace, StereoFrame
 
 
-def test_a_run_warns_of_its_rows_and_can_be_refined(clip: Callable[[str, int], Any]) -> None:
+def test_run_with_row_drift_warns_and_can_be_refined(clip: Callable[[str, int], Any]) -> None:
     frames = clip("simulated:turning?seed=1", 90).frames
     text = "based_on: turning\nfaults: {miscalibration: {pitch_deg: 0.1, roll_deg: -0.05}}"
     world = World(scenario_from_text(text, "wrong"), 1)
@@ -40,7 +40,7 @@ def test_a_run_warns_of_its_rows_and_can_be_refined(clip: Callable[[str, int], A
     assert abs(yaw) < 0.002
 
 
-def test_a_vergence_found_by_points_alone_is_refined() -> None:
+def test_vergence_found_from_points_alone_is_refined() -> None:
     """Without wheels, near and far points seen while driving correct the calibration."""
     world = World(load_scenario("static_vergence"), 0)
     source = SimulatedSource(world)
@@ -67,7 +67,7 @@ def test_a_vergence_found_by_points_alone_is_refined() -> None:
     assert abs(np.degrees(turn[0, 2])) < np.degrees(3 * check.std_rad)
 
 
-def test_without_stereo_matches_nothing_is_claimed(clip: Callable[[str, int], Any]) -> None:
+def test_nothing_is_claimed_without_stereo_matches(clip: Callable[[str, int], Any]) -> None:
     here = clip("simulated:turning?seed=1", 90)
     parameters = Parameters().changed({"ego_motion.model": "affine"})
     observer = Observer(here.calibration, parameters)

@@ -1,4 +1,4 @@
-"""Damaged calibrations of every format give a valid calibration or one sentence."""
+"""Damaged calibrations of every format give a valid calibration or a one-line refusal."""
 
 from __future__ import annotations
 
@@ -59,7 +59,9 @@ def assert_usable(made: StereoCalibration) -> None:
 @pytest.mark.parametrize("format", SAMPLES)
 @examples(16)
 @given(data=st.data())
-def test_damage_is_refused_or_leaves_a_calibration(format: str, data: st.DataObject) -> None:
+def test_damaged_files_are_refused_or_give_a_valid_calibration(
+    format: str, data: st.DataObject
+) -> None:
     contents = list(SAMPLES[format])
     which = data.draw(st.integers(0, len(contents) - 1))
     contents[which] = data.draw(damaged([contents[which]], PIECES))
@@ -105,7 +107,7 @@ def changed_parameters(draw: st.DrawFn) -> bytes:
 @pytest.mark.timeout(7200)
 @examples(8)
 @given(data=st.data())
-def test_a_damaged_mat_file_is_refused_or_leaves_a_calibration(
+def test_damaged_mat_file_is_refused_or_gives_a_valid_calibration(
     mat_files: tuple[bytes, ...], data: st.DataObject
 ) -> None:
     content = data.draw(damaged(mat_files) | changed_parameters())
@@ -114,7 +116,7 @@ def test_a_damaged_mat_file_is_refused_or_leaves_a_calibration(
 
 @examples(40)
 @given(contents=st.lists(hostile_bytes(PIECES), min_size=1, max_size=2))
-def test_anything_else_is_refused(contents: list[bytes]) -> None:
+def test_hostile_bytes_are_refused_or_give_a_valid_calibration(contents: list[bytes]) -> None:
     hold(contents)
 
 
@@ -123,12 +125,12 @@ def test_anything_else_is_refused(contents: list[bytes]) -> None:
 ])  # fmt: skip
 @examples(12)
 @given(data=st.data())
-def test_damaged_files_of_other_people_are_refused_or_calibrations(
+def test_damaged_third_party_files_are_refused_or_valid(
     shared_data: Path, names: tuple[str, ...], data: st.DataObject
 ) -> None:
     folder = shared_data / "wild" / "calibrations"
     if not folder.is_dir():
-        pytest.skip(f"the calibrations of other people are not here: {folder} is no folder")
+        pytest.skip(f"the third-party calibrations are missing: {folder} is not a folder")
     contents = [named_file(folder / name).content for name in names]
     which = data.draw(st.integers(0, len(contents) - 1))
     contents[which] = data.draw(damaged([contents[which]], PIECES))
@@ -155,7 +157,7 @@ def rigs(draw: st.DrawFn) -> StereoCalibration:
 @pytest.mark.parametrize(("kind", "atol"), [("opencv", 0.0), ("kalibr", 0.0), ("ros", 1e-6)])
 @examples(10)
 @given(made=rigs())
-def test_what_is_exported_is_read_back(
+def test_exported_calibration_is_read_back_unchanged(
     kind: ExportKind, atol: float, made: StereoCalibration
 ) -> None:
     read = read_any(export_calibration(made, kind, "a")).calibration
@@ -169,6 +171,6 @@ def test_what_is_exported_is_read_back(
 
 @examples(40)
 @given(text=hostile_text(("25", "mm", "25mm", "in", "1e3", " m ")))
-def test_a_unit_is_a_length_or_refused(text: str) -> None:
+def test_any_unit_text_is_parsed_or_refused(text: str) -> None:
     unit = read_or_refused(lambda: parse_unit(text), CalibrationError)
     assert unit is None or isinstance(unit, str) or 0 < unit < 1e10

@@ -1,4 +1,4 @@
-"""EuRoC's sensor.yaml pairs: composing T_BS of both cameras, and telling left from right."""
+"""EuRoC's sensor.yaml pairs: composing T_BS of both cameras, and identifying left and right."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEFT, RIGHT = sensor(T_BODY_LEFT, 458.0), sensor(T_BODY_RIGHT, 459.0)
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_the_pose_is_composed_and_tells_left_from_right(order: int) -> None:
+def test_pose_is_composed_and_identifies_left_and_right(order: int) -> None:
     # EuRoC gives both files the same name.
     files = [NamedFile("sensor.yaml", text.encode()) for text in (LEFT, RIGHT)][::order]
     read = read_any(files)
@@ -48,7 +48,7 @@ def test_the_pose_is_composed_and_tells_left_from_right(order: int) -> None:
     assert f"according to T_BS, sensor.yaml ({number}) is the left camera" in read.notes
 
 
-def test_fisheye_lenses_are_understood() -> None:
+def test_fisheye_lenses_are_read() -> None:
     texts = [sensor(T, 458.0, "equidistant") for T in (T_BODY_LEFT, T_BODY_RIGHT)]
     files = [NamedFile(f"cam{i}.yaml", text.encode()) for i, text in enumerate(texts)]
     assert read_any(files).calibration.distortion_model == "equidistant"

@@ -91,7 +91,7 @@ def test_round_trip_of_any_rig(
     assert_same(read_any(export_calibration(made, kind, "a")).calibration, made)
 
 
-def test_opencv_reads_its_own() -> None:
+def test_opencv_reads_the_opencv_export() -> None:
     (file,) = export_calibration(fisheye(), "opencv", "a")
     storage = cv2.FileStorage(
         file.content.decode(), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY
@@ -108,7 +108,7 @@ def parsed(text: str) -> dict[str, Any]:
     return dict(yaml.safe_load(text))
 
 
-def test_ros_files_hold_our_rectification() -> None:
+def test_ros_export_contains_our_rectification() -> None:
     left, right = export_calibration(rig(D1=[0.1] * 5, D2=[0.1] * 5), "ros", "a")
     assert (left.name, right.name) == ("a-left.yaml", "a-right.yaml")
     a, b = parsed(left.content.decode()), parsed(right.content.decode())
@@ -125,7 +125,7 @@ def test_ros_files_hold_our_rectification() -> None:
     ] == "rational_polynomial"  # fmt: skip
 
 
-def test_kalibr_finds_what_it_asks_for() -> None:
+def test_kalibr_export_has_all_required_keys() -> None:
     (file,) = export_calibration(fisheye(), "kalibr", "a")
     chain = parsed(file.content.decode())
     assert set(chain) == {"cam0", "cam1"}
@@ -151,7 +151,7 @@ def test_kalibr_finds_what_it_asks_for() -> None:
         (rig(T=[0.12, 0, 0]), "ros", "swap left and right"),
     ],
 )
-def test_refuses_what_the_format_cannot_say(
+def test_refuses_what_the_format_cannot_represent(
     made: StereoCalibration, kind: ExportKind, expected: str
 ) -> None:
     with pytest.raises(CalibrationError, match=expected):

@@ -48,7 +48,7 @@ def test_reads_a_camchain(model: str) -> None:
     assert understood.notes == ("cam1.T_cn_cnm1 read in metres: baseline 0.12005 m",)
 
 
-def test_cam1_left_of_cam0_is_taken_as_left() -> None:
+def test_cam1_becomes_the_left_camera_when_left_of_cam0() -> None:
     understood = read(chain(R=R.T, T=-R.T @ T))
     made = understood.calibration
     assert np.allclose(made.R, R, rtol=0, atol=1e-12)
@@ -61,7 +61,7 @@ def test_cam1_left_of_cam0_is_taken_as_left() -> None:
     )
 
 
-def test_further_cameras_are_left_out_with_a_note() -> None:
+def test_additional_cameras_are_ignored_with_a_note() -> None:
     understood = read(chain() + "cam2: {camera_model: omni}\n")
     assert "cam0 and cam1 are used; cam2 is ignored" in understood.notes
 
@@ -112,7 +112,7 @@ def test_refuses(old: str, new: str, expected: str) -> None:
         (chain().replace("radtan", "equidistant", 1), "cam1.distortion_model is radtan, but cam0"),
     ],
 )
-def test_refuses_poses_and_pairs_that_are_none(chained: str, expected: str) -> None:
+def test_refuses_invalid_poses_and_pairs(chained: str, expected: str) -> None:
     with pytest.raises(CalibrationError) as caught:
         read(chained)
     assert expected in str(caught.value)

@@ -37,7 +37,7 @@ def cameras(tmp_path: Path) -> tuple[Path, dict[str, np.ndarray]]:
 
 
 @pytest.mark.parametrize("left", [0, 2])
-def test_a_point_seen_by_both_cameras_agrees(
+def test_point_is_transformed_consistently_between_cameras(
     left: int, cameras: tuple[Path, dict[str, np.ndarray]]
 ) -> None:
     path, values = cameras
@@ -83,6 +83,6 @@ def test_refuses(old: str, new: str, expected: str, tmp_path: Path) -> None:
         read_kitti_odometry(path, 0, 1241, 376)
 
 
-def test_refuses_what_cannot_be_read(tmp_path: Path) -> None:
+def test_refuses_an_unreadable_file(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="cannot be read"):
         read_kitti_odometry(tmp_path / "absent.txt", 0, 1241, 376)

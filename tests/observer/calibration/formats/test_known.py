@@ -19,7 +19,7 @@ from observer.calibration.formats.known import (
 REPOSITORY = Path(__file__).parents[4]
 
 
-def test_every_kind_of_file_is_declared_once() -> None:
+def test_every_file_kind_is_declared_once() -> None:
     assert set(FORMATS) == set(get_args(FileKind))
     assert len(tools()) == len(set(tools()))
 
@@ -34,13 +34,13 @@ def test_every_kind_of_file_is_declared_once() -> None:
         ),
     ],
 )
-def test_every_list_for_people_names_every_tool(place: str, paragraph: str) -> None:
+def test_every_user_facing_list_names_every_tool(place: str, paragraph: str) -> None:
     found = re.search(paragraph, (REPOSITORY / place).read_text(), re.DOTALL)
     assert found is not None
     assert [tool for tool in tools() if tool not in found[0]] == []
 
 
-def test_the_files_of_a_tool_are_told_together() -> None:
+def test_files_of_one_tool_are_listed_together() -> None:
     assert "ROS (camera_info of both cameras; ost.txt)" in formats_in_words()
     assert formats_in_words().count("KITTI") == 1
     assert tools_in_words().startswith("OpenCV, ROS, ")

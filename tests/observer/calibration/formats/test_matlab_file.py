@@ -105,7 +105,7 @@ def assert_is_the_rig(understood: UnderstoodCalibration) -> None:
 
 
 @pytest.mark.parametrize("compressed", [True, False])
-def test_a_struct_is_turned_to_opencvs_ways(compressed: bool) -> None:
+def test_struct_is_converted_to_opencv_conventions(compressed: bool) -> None:
     understood = read(saved(parameters(), compressed=compressed, other=np.arange(3)))
     assert_is_the_rig(understood)
     assert understood.format == "MATLAB stereoParameters"
@@ -118,11 +118,11 @@ def test_a_struct_is_turned_to_opencvs_ways(compressed: bool) -> None:
     )
 
 
-def test_an_object_is_read_by_mat_io(tmp_path: Path) -> None:
+def test_object_is_read_by_mat_io(tmp_path: Path) -> None:
     assert_is_the_rig(read(saved_object(tmp_path, parameters(), "stereoParameters", "v7")))
 
 
-def test_objects_that_keep_their_fields_beside_a_version(tmp_path: Path) -> None:
+def test_objects_storing_fields_beside_a_version_are_read(tmp_path: Path) -> None:
     version = {"Name": "Computer Vision System Toolbox", "Release": "(R2017a)"}
     cameras = {
         f"CameraParameters{i}": {"Version": version, "any": camera(K)}
@@ -132,7 +132,7 @@ def test_objects_that_keep_their_fields_beside_a_version(tmp_path: Path) -> None
     assert_is_the_rig(read(saved_object(tmp_path, kept, "stereoParameters", "v7")))
 
 
-def test_objects_that_matlab_wrote(shared_data: Path) -> None:
+def test_objects_written_by_matlab_are_read(shared_data: Path) -> None:
     folder = shared_data / "wild" / "calibrations"
     for letter, baseline, focal in (("a", 0.0728, 825), ("b", 0.0714, 828)):
         content = (folder / f"matlab_object_{letter}.mat").read_bytes()
@@ -156,7 +156,7 @@ def test_newer_matrices_are_not_transposed() -> None:
     assert_is_the_rig(read(saved(newer | {"PoseCamera2": {"A": A}})))
 
 
-def test_three_radial_coefficients() -> None:
+def test_three_radial_coefficients_are_reordered_for_opencv() -> None:
     three = camera(K1, RadialDistortion=np.array([[-0.25, 0.08, 0.02]]))
     made = read(saved(parameters(CameraParameters1=three))).calibration
     # OpenCV puts the tangential ones in between.
@@ -167,17 +167,17 @@ def test_three_radial_coefficients() -> None:
     ("units", "unit", "factor"),
     [("meters", None, 1.0), ("cm", None, 0.01), ("millimeters", "cm", 0.01), (None, None, 0.001)],
 )
-def test_units(units: str | None, unit: str | None, factor: float) -> None:
+def test_world_units_scale_the_baseline(units: str | None, unit: str | None, factor: float) -> None:
     translation = np.array([[-0.12 / factor, 0, 0]])
     value = parameters(CameraParameters1=camera(K1, WorldUnits=units),
                        TranslationOfCamera2=translation)  # fmt: skip
     understood = read(saved(value), unit=unit)
     assert understood.calibration.baseline == pytest.approx(0.12)
-    told = "WorldUnits is not set; millimetres, MATLAB's default, are assumed"
-    assert (told in understood.notes) == (units is None)
+    note = "WorldUnits is not set; millimetres, MATLAB's default, are assumed"
+    assert (note in understood.notes) == (units is None)
 
 
-def test_an_empty_image_size_must_be_told() -> None:
+def test_empty_image_size_must_be_supplied() -> None:
     empty = np.zeros((0, 0))
     value = parameters(CameraParameters1=camera(K1, ImageSize=empty),
                        CameraParameters2=camera(K2, ImageSize=empty))  # fmt: skip
@@ -219,7 +219,7 @@ def test_refuses(changes: dict[str, object], expected: str) -> None:
     assert expected in str(caught.value)
 
 
-def test_refuses_an_object_without_mat_io_and_says_how_to_go_on(
+def test_refuses_an_object_without_mat_io_and_explains_the_alternatives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     content = saved_object(tmp_path, parameters(), "stereoParameters", "v7")
@@ -232,7 +232,7 @@ def test_refuses_an_object_without_mat_io_and_says_how_to_go_on(
     assert "stereoParams = toStruct(stereoParams)" in str(caught.value)
 
 
-def test_refuses_files_of_other_content(tmp_path: Path) -> None:
+def test_refuses_files_with_other_content(tmp_path: Path) -> None:
     hdf = saved_object(tmp_path, parameters(), "stereoParameters", "v7.3")
     other = saved_object(tmp_path, parameters(), "cameraParameters", "v7")
     two = saved(parameters(), again=parameters())
@@ -252,7 +252,7 @@ def test_refuses_files_of_other_content(tmp_path: Path) -> None:
             read(content)
 
 
-def test_refuses_what_expands_without_bound() -> None:
+def test_refuses_decompression_bombs() -> None:
     head = saved(1.0)[:128]
     packed = zlib.compress(bytes(40_000_000), 9)
     bomb = head + np.array([15, len(packed)], "<u4").tobytes() + packed
@@ -277,7 +277,7 @@ WHOLE = saved(parameters(), compressed=False)
 @pytest.mark.parametrize(
     "examples", [25, pytest.param(400, marks=[pytest.mark.patient, pytest.mark.timeout(900)])]
 )
-def test_damage_anywhere_is_read_or_refused(examples: int) -> None:
+def test_damaged_file_is_read_or_refused(examples: int) -> None:
     @given(at=st.integers(0, len(WHOLE) - 1), length=st.integers(0, 12), put=st.binary(max_size=12))
     @settings(deadline=None, max_examples=examples)
     def held(at: int, length: int, put: bytes) -> None:
@@ -290,12 +290,12 @@ def test_damage_anywhere_is_read_or_refused(examples: int) -> None:
 
 @given(st.binary(max_size=200))
 @settings(deadline=None, max_examples=200)
-def test_any_bytes_behind_a_header_are_refused(content: bytes) -> None:
+def test_arbitrary_bytes_after_a_header_are_refused(content: bytes) -> None:
     with pytest.raises(CalibrationError):
         read(WHOLE[:128] + content)
 
 
-def test_damaged_objects_are_refused_and_end_no_process_but_their_own(tmp_path: Path) -> None:
+def test_crash_while_reading_damaged_objects_is_contained(tmp_path: Path) -> None:
     whole = saved_object(tmp_path, parameters(), "stereoParameters", "v7", compressed=False)
     at = whole.index(b"FileWrapper__")
     refusals: list[int] = []
@@ -311,7 +311,7 @@ def test_damaged_objects_are_refused_and_end_no_process_but_their_own(tmp_path: 
 
 
 @pytest.mark.parametrize("at", [128, 300])
-def test_objects_that_are_cut_off_are_refused(at: int, tmp_path: Path) -> None:
+def test_truncated_objects_are_refused(at: int, tmp_path: Path) -> None:
     whole = saved_object(tmp_path, parameters(), "stereoParameters", "v7")
     with pytest.raises(CalibrationError, match=r"no stereoParameters|truncated or damaged"):
         read(whole[:at])

@@ -23,7 +23,7 @@ def read(text: str) -> UnderstoodCalibration:
     return read_any([NamedFile("calib.txt", text.encode())])
 
 
-def test_depth_is_what_the_page_says() -> None:
+def test_depth_follows_the_documented_formula() -> None:
     understood = read(TEXT)
     made = understood.calibration
     assert (made.width, made.height) == (2964, 1988)

@@ -81,7 +81,7 @@ def read(data: object) -> UnderstoodCalibration:
     ],
     ids=["left to right", "right to left", "both to colour", "in a circle"],
 )
-def test_the_pose_follows_the_links(links: dict[str, dict[str, Any]]) -> None:
+def test_pose_follows_the_links(links: dict[str, dict[str, Any]]) -> None:
     understood = read(board(**links))
     made = understood.calibration
     assert understood.format == "OAK calib.json (DepthAI)"
@@ -94,7 +94,7 @@ def test_the_pose_follows_the_links(links: dict[str, dict[str, Any]]) -> None:
     assert any("converted from centimetres: baseline 0.0750" in n for n in understood.notes)
 
 
-def test_a_point_of_the_left_camera_is_expressed_in_the_rights() -> None:
+def test_pose_maps_left_camera_points_into_the_right_camera() -> None:
     made = read(board()).calibration
     # A point straight ahead of the left camera lies further left for the right one.
     assert (made.R @ [0, 0, 3] + made.T)[0] == pytest.approx(
@@ -102,7 +102,7 @@ def test_a_point_of_the_left_camera_is_expressed_in_the_rights() -> None:
     )
 
 
-def test_fisheye_lenses() -> None:
+def test_fisheye_lenses_are_read() -> None:
     data = board()
     for _, each in data["cameraData"]:
         each |= {"cameraType": 1, "distortionCoeff": [0.01, -0.02, 0.003, 0.001] + 10 * [0.0]}
@@ -114,7 +114,7 @@ def test_fisheye_lenses() -> None:
         read(data)
 
 
-def test_a_file_that_a_device_gave(shared_data: Path) -> None:
+def test_file_from_a_real_device_is_read(shared_data: Path) -> None:
     folder = shared_data / "oak_people"
     understood = read_any([named_file(folder / "calib.json")])
     made = understood.calibration
@@ -201,7 +201,7 @@ WHOLE = json.dumps(board()).encode()
     | st.sampled_from([b"1e308", b"-1e200", b"0", b"null", b"[", b"}", b"NaN", b'"a": 1,']),
 )
 @settings(deadline=None, max_examples=250)
-def test_damage_anywhere_is_read_or_refused(part: float, length: int, put: bytes) -> None:
+def test_damaged_file_is_read_or_refused(part: float, length: int, put: bytes) -> None:
     at = int(part * len(WHOLE))
     with contextlib.suppress(CalibrationError):
         read_any([NamedFile("calib.json", WHOLE[:at] + put + WHOLE[at + length :])])
@@ -223,6 +223,8 @@ _PLACES = [
 
 @given(place=st.sampled_from(_PLACES), put=_JSON)
 @settings(deadline=None, max_examples=250)
-def test_anything_in_any_place_is_read_or_refused(place: tuple[str | int, ...], put: Any) -> None:
+def test_arbitrary_values_in_any_field_are_read_or_refused(
+    place: tuple[str | int, ...], put: Any
+) -> None:
     with contextlib.suppress(CalibrationError):
         read(changed(*place, to=put))

@@ -103,7 +103,7 @@ def test_reads_other_spellings_plain_lists_and_a_byte_order_mark() -> None:
     assert read.D2.tolist() == [0, 0.001, 0.5, -1]
 
 
-def test_reads_opencv_samples_pair_put_into_one_file(shared_data: Path) -> None:
+def test_reads_opencv_sample_pair_merged_into_one_file(shared_data: Path) -> None:
     intrinsics = (shared_data / "chessboards" / "intrinsics.yml").read_text()
     with pytest.raises(CalibrationError, match=r"R and T are missing; .*extrinsics\.yml"):
         read_calibration(intrinsics, name="intrinsics.yml")
@@ -192,7 +192,7 @@ def test_refuses(text: str, expected: str) -> None:
     extension=st.sampled_from([".yml", ".xml", ".json"]),
 )
 @settings(deadline=None, max_examples=300)
-def test_damage_anywhere_is_read_or_refused_in_one_sentence(
+def test_damaged_file_is_read_or_refused_with_a_one_line_reason(
     position: int, length: int, inserted: str, extension: str
 ) -> None:
     whole = written_by_opencv(example(), extension)

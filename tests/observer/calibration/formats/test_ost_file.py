@@ -53,7 +53,7 @@ def files(*contents: str) -> list[NamedFile]:
     [(LEFT + RIGHT,), (RIGHT + LEFT,), (LEFT, RIGHT), (RIGHT, LEFT)],
     ids=["one file", "one file, right first", "two files", "two files, right first"],
 )
-def test_both_cameras_in_any_order(contents: tuple[str, ...]) -> None:
+def test_both_cameras_are_read_in_any_order(contents: tuple[str, ...]) -> None:
     read = read_any(files(*contents))
     made = read.calibration
     assert read.format == "ROS ost.txt of two cameras"
@@ -66,7 +66,7 @@ def test_both_cameras_in_any_order(contents: tuple[str, ...]) -> None:
     assert not any("swapped" in note for note in read.notes)
 
 
-def test_names_that_the_projection_contradicts_are_told() -> None:
+def test_names_contradicting_the_projection_are_reported() -> None:
     text = ost("left", name="stereo/right") + ost("right", name="stereo/left")
     read = read_any(files(text))
     assert np.allclose(read.calibration.T, T, rtol=0, atol=1e-12)
@@ -78,13 +78,13 @@ def test_names_that_the_projection_contradicts_are_told() -> None:
                "left ones" in note for note in read.notes)  # fmt: skip
 
 
-def test_a_rational_lens() -> None:
+def test_rational_lens_is_read() -> None:
     D = np.linspace(0.01, 0.08, 8)
     made = read_any(files(ost("left", D) + ost("right", D))).calibration
     assert np.allclose(made.D1, D, rtol=0, atol=1e-15)
 
 
-def test_a_file_that_camera_calibration_wrote(shared_data: Path) -> None:
+def test_file_written_by_camera_calibration_is_read(shared_data: Path) -> None:
     read = read_any([named_file(shared_data / "wild" / "calibrations" / "ros_ost.txt")])
     made = read.calibration
     # P[3] of "right" is positive: that camera is to the left of the other.
@@ -130,7 +130,7 @@ def test_refuses(contents: tuple[str, ...], expected: str) -> None:
     | st.sampled_from(["1e308", "-1e200 ", "nan", "\n", "[image]\n", "camera matrix\n", "[", "0"]),
 )
 @settings(deadline=None, max_examples=300)
-def test_damage_anywhere_is_read_or_refused(part: float, length: int, put: str) -> None:
+def test_damaged_file_is_read_or_refused(part: float, length: int, put: str) -> None:
     whole = LEFT + RIGHT
     at = int(part * len(whole))
     with contextlib.suppress(CalibrationError):

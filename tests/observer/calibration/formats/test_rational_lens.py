@@ -38,7 +38,7 @@ def read(D: Float64Array) -> UnderstoodCalibration:
 
 
 @pytest.mark.parametrize("at", [1.2, 1.6, 3.0])
-def test_a_pole_outside_the_image_is_no_matter(at: float) -> None:
+def test_pole_outside_the_image_is_harmless(at: float) -> None:
     D = with_pole(at)
     assert fold_px(K, D, SIZE) is None
     assert without_pole(K, D, SIZE) is None
@@ -51,7 +51,7 @@ def test_a_pole_outside_the_image_is_no_matter(at: float) -> None:
 
 
 @pytest.mark.parametrize("at", [0.55, 0.65, 0.8])
-def test_a_cancelling_pole_within_the_image_is_replaced_and_told(at: float) -> None:
+def test_cancelling_pole_within_the_image_is_replaced_and_reported(at: float) -> None:
     D = with_pole(at)
     fold = fold_px(K, D, SIZE)
     assert fold is not None
@@ -60,9 +60,9 @@ def test_a_cancelling_pole_within_the_image_is_replaced_and_told(at: float) -> N
     made = understood.calibration.D1
     assert made.size == 5
     assert made[2:4].tolist() == D[2:4].tolist()
-    told = [note for note in understood.notes if "folds over" in note]
-    assert [note[:2] for note in told] == ["D1", "D2"]
-    assert f"folds over {fold:.0f} px from the centre, within the image" in told[0]
+    reported = [note for note in understood.notes if "folds over" in note]
+    assert [note[:2] for note in reported] == ["D1", "D2"]
+    assert f"folds over {fold:.0f} px from the centre, within the image" in reported[0]
     Rectification(understood.calibration)
     # It matches the lens without the pole, up to the radius in the note and beyond.
     s = np.linspace(0, 0.75 * at, 50)
@@ -70,7 +70,7 @@ def test_a_cancelling_pole_within_the_image_is_replaced_and_told(at: float) -> N
     assert np.abs(off).max() * 800 < 4.0
 
 
-def test_what_truly_folds_over_within_the_image_is_refused_still() -> None:
+def test_lens_that_really_folds_within_the_image_is_refused() -> None:
     for D in (np.array([-0.6, 0, 0, 0, 0]), np.array([-0.6, 0, 0, 0, 0, 0.1, 0, 0]),
               with_pole(0.5, apart=0.2)):  # fmt: skip
         assert fold_px(K, D, SIZE) is not None
@@ -81,7 +81,7 @@ def test_what_truly_folds_over_within_the_image_is_refused_still() -> None:
             Rectification(calibration)
 
 
-def test_thin_prisms_and_tilts_are_kept() -> None:
+def test_thin_prism_and_tilt_terms_are_retained() -> None:
     D = np.concatenate([with_pole(0.65), [0.001, 0, 0, 0, 0.002, 0]])
     smooth = without_pole(K, D, SIZE)
     assert smooth is not None
@@ -93,6 +93,6 @@ def test_thin_prisms_and_tilts_are_kept() -> None:
 @given(st.lists(st.floats(-1e3, 1e3) | st.floats(allow_nan=False, allow_infinity=False),
                 min_size=8, max_size=8))  # fmt: skip
 @settings(deadline=None, max_examples=150)
-def test_any_coefficients_give_a_lens_that_is_one_to_one_or_none(D: list[float]) -> None:
+def test_any_coefficients_give_a_one_to_one_lens_or_none(D: list[float]) -> None:
     found = without_pole(K, np.array(D), SIZE)
     assert found is None or fold_px(K, found.D, SIZE) is None

@@ -87,7 +87,7 @@ def read(format: str) -> UnderstoodCalibration:
 
 
 @pytest.mark.parametrize("format", FORMATS)
-def test_every_format_is_recognised_and_says_what_it_did(format: str) -> None:
+def test_every_format_is_recognised_and_noted(format: str) -> None:
     understood = read(format)
     assert understood.format == format
     assert understood.notes
@@ -95,7 +95,7 @@ def test_every_format_is_recognised_and_says_what_it_did(format: str) -> None:
 
 
 @pytest.mark.parametrize("format", FORMATS)
-def test_the_cameras_size_is_held_to(format: str) -> None:
+def test_size_differing_from_the_cameras_is_refused(format: str) -> None:
     with pytest.raises(CalibrationError) as caught:
         read_any(FORMATS[format], size=SIZES.get(format), expected_size=(800, 600))
     # ZED and KITTI have no section or images of that size; KITTI odometry was given another.
@@ -106,7 +106,7 @@ def test_the_cameras_size_is_held_to(format: str) -> None:
     )
 
 
-def test_kitti_pairs_and_sizes_are_choices() -> None:
+def test_kitti_offers_pairs_and_sizes_as_choices() -> None:
     grey = read("KITTI raw calib_cam_to_cam.txt")
     assert grey.choices == (
         Choice("cameras", ("grey", "colour"), "grey"),
@@ -124,15 +124,15 @@ def test_kitti_pairs_and_sizes_are_choices() -> None:
     assert "cameras 2 and 3 (colour) are used" in read_any(only_colour, size=(1241, 376)).notes
 
 
-def test_a_size_that_no_file_tells_is_asked_for() -> None:
+def test_missing_image_size_is_requested() -> None:
     with pytest.raises(CalibrationError, match="does not contain the image size; specify it"):
         read_any(FORMATS["KITTI odometry calib.txt"])
     whole = exported("opencv")[0].content.decode()
     without = texts(re.sub(r"image_\w+: \d+\n", "", whole))
     with pytest.raises(CalibrationError, match="image_width is missing; add image_width and image"):
         read_any(without)
-    for told in ({"size": (640, 480)}, {"expected_size": (640, 480)}):
-        understood = read_any(without, **told)  # type: ignore[arg-type]
+    for option in ({"size": (640, 480)}, {"expected_size": (640, 480)}):
+        understood = read_any(without, **option)  # type: ignore[arg-type]
         assert "the file does not contain the image size; 640x480 is assumed" in understood.notes
         assert understood.calibration.width == 640
     with pytest.raises(
@@ -187,7 +187,7 @@ def test_intrinsics_and_extrinsics_are_joined(shared: bool) -> None:
         read_any(texts(head, extrinsics + "image_width: 320\n"))
 
 
-def test_other_spellings_of_opencvs_keys() -> None:
+def test_other_spellings_of_opencv_keys_are_read() -> None:
     understood = read_any(texts(
         "Size: [640, 480]\nK_LEFT: [500,0,320,0,501,240,0,0,1]\nD_LEFT_FE: [.1,.2,.3,.4]\n"
         "K_RIGHT: [500,0,320,0,501,240,0,0,1]\nD_RIGHT_FE: [.1,.2,.3,.4]\n"
@@ -243,7 +243,7 @@ def test_refuses(files: tuple[NamedFile, ...], expected: str) -> None:
     assert len(message) < 500
 
 
-def test_a_file_of_the_disk(tmp_path: Path) -> None:
+def test_named_file_reads_a_file_from_disk(tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text(WHOLE)
     assert named_file(tmp_path / "c.yaml") == NamedFile("c.yaml", WHOLE.encode())
     with pytest.raises(CalibrationError, match="cannot be read: No such file"):
@@ -258,7 +258,7 @@ def test_a_file_of_the_disk(tmp_path: Path) -> None:
     put=st.binary(max_size=12) | st.sampled_from([b"1e308", b"-1e200 ", b"0", b"nan", b"\n", b":"]),
 )
 @settings(deadline=None, max_examples=250)
-def test_damage_anywhere_is_read_or_refused(
+def test_damaged_files_are_read_or_refused(
     number: int, format: str, part: float, length: int, put: bytes
 ) -> None:
     files = list(FORMATS[format])
@@ -273,7 +273,7 @@ def test_damage_anywhere_is_read_or_refused(
 
 @given(content=st.binary(max_size=120), second=st.none() | st.binary(max_size=40))
 @settings(deadline=None, max_examples=250)
-def test_any_bytes_are_refused(content: bytes, second: bytes | None) -> None:
+def test_arbitrary_bytes_are_refused(content: bytes, second: bytes | None) -> None:
     files = [NamedFile("a", content)] + ([] if second is None else [NamedFile("b", second)])
     with pytest.raises(CalibrationError):
         read_any(files)
@@ -287,7 +287,7 @@ def test_any_bytes_are_refused(content: bytes, second: bytes | None) -> None:
                      b"T_BS: 1\n", b"camera_matrix: 1\nprojection_matrix: 2\n"]),
 )  # fmt: skip
 @settings(deadline=None, max_examples=200)
-def test_what_only_looks_like_a_format_is_refused(content: bytes, start: bytes) -> None:
+def test_content_that_only_resembles_a_format_is_refused(content: bytes, start: bytes) -> None:
     for files in ([start + content], [start + content, start]):
         with pytest.raises(CalibrationError):
             read_any([NamedFile(f"file{i}", each) for i, each in enumerate(files)], size=(640, 480))

@@ -61,7 +61,7 @@ def files(
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_the_pose_follows_from_both_rectifications(order: int) -> None:
+def test_pose_follows_from_both_rectifications(order: int) -> None:
     read = read_any(files(camera_info("left"), camera_info("right"))[::order])
     made = read.calibration
     assert np.allclose(made.R, R, rtol=0, atol=1e-12)
@@ -76,7 +76,7 @@ def test_the_pose_follows_from_both_rectifications(order: int) -> None:
     assert "left.yaml is the left camera (projection_matrix)" in read.notes
 
 
-def test_the_projection_tells_left_from_right_whatever_the_names_say() -> None:
+def test_projection_overrides_names_in_identifying_left_and_right() -> None:
     read = read_any(files(
         camera_info("left", name="cam"), camera_info("right", name="cam"), ("right.yaml", "b.yaml")
     ))  # fmt: skip
@@ -95,7 +95,7 @@ def test_the_projection_tells_left_from_right_whatever_the_names_say() -> None:
         ("plumb_bob", [0.1, 0.2, 0, 0], "radtan"),
     ],
 )
-def test_lens_models(model: str, coefficients: npt.ArrayLike, understood: str) -> None:
+def test_lens_models_are_read(model: str, coefficients: npt.ArrayLike, understood: str) -> None:
     left, right = (camera_info(side, model, coefficients) for side in ("left", "right"))
     pair = files(left, right)
     made = read_any(pair).calibration

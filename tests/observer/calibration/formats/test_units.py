@@ -1,4 +1,4 @@
-"""Units of length: what people type, and which units a refusal asks about."""
+"""Units of length: what users type, and which units a refusal suggests."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from observer.errors import CalibrationError
         ("1in", 0.0254, "units of 25.4 mm"),
     ],
 )
-def test_what_people_say(said: str, length: float, words: str) -> None:
+def test_common_unit_spellings_are_parsed(said: str, length: float, words: str) -> None:
     unit = parse_unit(said)
     assert metres(unit) == pytest.approx(length)
     assert unit_words(unit) == words
@@ -41,13 +41,13 @@ def test_what_people_say(said: str, length: float, words: str) -> None:
 @pytest.mark.parametrize(
     "said", ["", "25", "mm25", "km", "0mm", "-25mm", "1e3mm", "nan mm", "0.mm"]
 )
-def test_what_is_no_unit_is_refused(said: str) -> None:
+def test_invalid_unit_is_refused(said: str) -> None:
     with pytest.raises(CalibrationError, match="is not known; use m, cm, mm or in, or the"):
         parse_unit(said)
 
 
 @given(st.text(max_size=20) | st.from_regex(r"\d{0,30}\.?\d{0,30} ?(m|mm|cm|in)", fullmatch=True))
-def test_any_text_is_a_length_or_refused(said: str) -> None:
+def test_any_text_is_parsed_as_a_length_or_refused(said: str) -> None:
     try:
         unit = parse_unit(said)
     except CalibrationError:
@@ -66,24 +66,24 @@ def test_any_text_is_a_length_or_refused(said: str) -> None:
                  "board of 25 mm, say --unit 25mm"),
     ],
 )  # fmt: skip
-def test_fitting_units_are_asked_about(baseline: float, expected: str) -> None:
-    told = implausible(baseline, "m")
-    assert told.startswith(
+def test_refusal_suggests_plausible_units(baseline: float, expected: str) -> None:
+    problem = implausible(baseline, "m")
+    assert problem.startswith(
         f"T gives a baseline of {baseline:g} m when read in metres, which is out"
     )
-    asked = UnitUnclear(told, baseline, "m").asking("say --unit {}")
-    assert str(asked).startswith(f"{told}; ")
+    asked = UnitUnclear(problem, baseline, "m").asking("say --unit {}")
+    assert str(asked).startswith(f"{problem}; ")
     assert str(asked).endswith(expected)
 
 
-def test_each_caller_asks_for_its_own_control() -> None:
+def test_each_caller_names_its_own_control() -> None:
     unclear = UnitUnclear("too wide", 120.0, "m")
     assert "(120 mm), set unit='mm'; if in c" in str(unclear)
     assert "(120 mm), set unit to mm; if in c" in str(unclear.asking("set unit to {}"))
     assert "unit=" not in str(unclear.asking("set unit to {}"))
 
 
-def test_a_pair_in_millimetres_that_another_tool_wrote(shared_data: Path) -> None:
+def test_third_party_pair_in_millimetres_needs_an_explicit_unit(shared_data: Path) -> None:
     folder = shared_data / "wild" / "calibrations" / "opencv_millimetres"
     files = [named_file(folder / f"{name}.yml") for name in ("intrinsics", "extrinsics")]
     refused = "T gives a baseline of 60.7472 m when read in metres, which is outside"

@@ -43,7 +43,7 @@ def read(text: str, **choices: object) -> UnderstoodCalibration:
     return read_any([NamedFile("SN1.conf", text.encode())], **choices)  # type: ignore[arg-type]
 
 
-def test_directions_and_units_are_opencvs() -> None:
+def test_directions_and_units_follow_opencv() -> None:
     understood = read(conf({"HD": 1.0}))
     made = understood.calibration
     # ZED's Baseline is positive and in millimetres; OpenCV's T[0] is negative.
@@ -63,21 +63,21 @@ def test_directions_and_units_are_opencvs() -> None:
 @pytest.mark.parametrize(
     ("size", "focal"), [((2208, 1242), 1400), ((1920, 1080), 1400), ((672, 376), 350)]
 )
-def test_the_size_chooses_the_section(size: tuple[int, int], focal: float) -> None:
+def test_size_selects_the_section(size: tuple[int, int], focal: float) -> None:
     made = read(ALL, size=size).calibration
     assert (made.width, made.height) == size
     assert made.K1[0, 0] == focal
     assert read(ALL, expected_size=size).calibration.K1[0, 0] == focal
 
 
-def test_without_a_size_the_choice_is_shown() -> None:
+def test_size_choices_are_listed_when_none_is_given() -> None:
     understood = read(ALL)
     assert understood.choices == (
         Choice("size", ("1280x720", "1920x1080", "2208x1242", "672x376"), "1280x720"),
     )
 
 
-def test_letter_case_blanks_and_older_keys_are_understood() -> None:
+def test_letter_case_blanks_and_older_keys_are_accepted() -> None:
     older = conf({"HD": 1.0}, ty_tz="TY=0.35\nTZ=-0.21\n")
     assert np.allclose(
         read(older).calibration.T, [-0.119978, 0.00035, -0.00021], rtol=0, atol=1e-12
@@ -88,7 +88,7 @@ def test_letter_case_blanks_and_older_keys_are_understood() -> None:
     assert read(without_tangential).calibration.D1.tolist() == [-0.175286, 0.0283094, 0, 0, 0]
 
 
-def test_coefficients_in_a_section_of_their_own() -> None:
+def test_coefficients_in_a_separate_section_are_read() -> None:
     bare = conf({"FHD1200": 1.0}).replace(
         "k1=-0.175286\nk2=0.0283094\np1=6.7e-05\np2=-0.00015\nk3=4.1e-11\n", ""
     )
@@ -133,7 +133,7 @@ def test_refuses(old: str, new: str, expected: str) -> None:
         read(text.replace(old, new, 1))
 
 
-def test_refuses_a_size_that_no_section_is_for() -> None:
+def test_refuses_a_size_without_a_section() -> None:
     with pytest.raises(CalibrationError, match=r"no section is for 640x480 images; the "
                                                r"file has 1280x720 \(HD\), 1920x1080"):  # fmt: skip
         read(ALL, size=(640, 480))

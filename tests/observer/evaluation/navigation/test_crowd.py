@@ -1,4 +1,4 @@
-"""People of the navigation benchmark: equal for equal seeds, kept apart, and never stuck."""
+"""People of the navigation benchmark: equal for equal seeds, separated, and never stuck."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def crowd(seed: int = 1, *, kind: bool = False, density: float = DENSITY) -> Cro
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A minute of N people around a robot that stands in the middle.
+    """A minute of N people around a robot at rest in the middle.
 
     Attributes:
         position: (T, N, 2). velocity: (T, N, 2). radius_m: (N,).
@@ -87,7 +87,7 @@ def overlap(position: Float64Array, radius_m: Float64Array) -> Float64Array:
 
 
 @pytest.mark.parametrize("kind", [False, True])
-def test_equal_seeds_give_equal_people_to_the_last_digit(kind: bool) -> None:
+def test_equal_seeds_give_exactly_equal_people(kind: bool) -> None:
     one, other = crowd(7, kind=kind), crowd(7, kind=kind)
     for k in range(50):
         robot = (6.0 + 0.05 * k, 5.0, 0.5, 0.0, ROBOT_RADIUS)
@@ -104,13 +104,13 @@ def test_different_seeds_give_different_people() -> None:
     assert not np.allclose(one.radius_m, other.radius_m)
 
 
-def test_hard_and_kind_people_begin_alike() -> None:
+def test_hard_and_kind_people_start_alike() -> None:
     one, other = crowd(kind=False).people, crowd(kind=True).people
     assert np.array_equal(one.position, other.position)
     assert np.array_equal(one.velocity, other.velocity)
 
 
-def test_there_are_as_many_as_the_density_says() -> None:
+def test_density_determines_the_number_of_people() -> None:
     people = crowd(density=0.3).people
     assert len(people.number) == 36
     assert list(people.number) == list(range(36))
@@ -121,28 +121,28 @@ def test_there_are_as_many_as_the_density_says() -> None:
     assert people.radius_m.max() <= 0.25
 
 
-def test_an_empty_room_stays_empty() -> None:
-    nobody = crowd(density=0.0, kind=True)
-    nobody.step(DT, MIDDLE)
-    assert nobody.people.position.shape == (0, 2)
-    assert nobody.people.velocity.shape == (0, 2)
+def test_empty_room_stays_empty() -> None:
+    empty = crowd(density=0.0, kind=True)
+    empty.step(DT, MIDDLE)
+    assert empty.people.position.shape == (0, 2)
+    assert empty.people.velocity.shape == (0, 2)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_nobody_begins_where_the_robot_does_nor_within_another(seed: int) -> None:
+def test_people_start_clear_of_the_robot_and_each_other(seed: int) -> None:
     people = crowd(seed).people
     away = people.position - MIDDLE[:2]
     assert (np.hypot(away[:, 0], away[:, 1]) - people.radius_m).min() >= 1.0
     assert overlap(people.position, people.radius_m).max() < 0
 
 
-def test_nobody_leaves_the_room(walk: Walk) -> None:
+def test_people_stay_in_the_room(walk: Walk) -> None:
     body = walk.radius_m[:, None]
     assert (walk.position - body).min() > 0
     assert (ROOM.size - walk.position - body).min() > 0
 
 
-def test_bodies_hardly_overlap(walk: Walk) -> None:
+def test_bodies_barely_overlap(walk: Walk) -> None:
     deepest = [overlap(each, walk.radius_m).max() for each in walk.position]
     assert max(deepest) < 0.05
 
@@ -150,12 +150,12 @@ def test_bodies_hardly_overlap(walk: Walk) -> None:
 def test_people_keep_moving_for_a_minute(walk: Walk) -> None:
     assert np.median(walk.speed) > 0.5
     assert np.median(walk.speed[-100:]) > 0.5
-    # Nobody is stuck: within 20 s everybody has moved elsewhere.
+    # No one is stuck: within 20 s everyone has moved elsewhere.
     went = walk.position[200:] - walk.position[:-200]
     assert np.hypot(went[..., 0], went[..., 1]).max(axis=0).min() > 2.0
 
 
-def test_velocity_is_that_of_the_positions(hard: Walk) -> None:
+def test_velocity_matches_the_positions(hard: Walk) -> None:
     mean = (hard.position[1:] - hard.position[:-1]) / DT
     # The velocity is that of the second half of a step.
     assert np.median(np.abs(mean - hard.velocity[1:])) < 0.05
@@ -168,19 +168,19 @@ def test_people_stop_and_go(walk: Walk) -> None:
     long = np.lib.stride_tricks.sliding_window_view(stationary, 10, axis=0).all(axis=-1)
     paused = long.any(axis=0)
     assert paused.mean() > 0.3
-    # Everybody who stood still walks again, except those who have just stopped.
+    # Everyone who stood still walks again, except those who have just stopped.
     assert (walk.speed[-50:].max(axis=0) > 0.3).mean() > 0.9
 
 
-def test_hard_people_run_into_the_robot_and_kind_ones_avoid_it(hard: Walk, kind: Walk) -> None:
+def test_hard_people_hit_the_robot_and_kind_ones_avoid_it(hard: Walk, kind: Walk) -> None:
     assert (hard.from_robot.min(axis=1) < 0).mean() > 0.2
     assert (kind.from_robot.min(axis=1) < 0).mean() < 0.02
     assert kind.from_robot.min() > -0.05
     assert np.percentile(kind.from_robot, 2) > np.percentile(hard.from_robot, 2) + 0.2
 
 
-def test_kind_people_avoid_the_robot_where_it_is_now() -> None:
-    """It appears where nobody has seen it before."""
+def test_kind_people_avoid_the_robots_current_place() -> None:
+    """It appears where no one has seen it before."""
     people = crowd(3, kind=True)
     robot = (3.0, 2.5, 0.0, 0.0, ROBOT_RADIUS)
     for _ in range(50):
@@ -196,7 +196,7 @@ def test_kind_people_avoid_the_robot_where_it_is_now() -> None:
     assert min(nearest) > -0.05
 
 
-def test_a_robot_against_and_beyond_a_wall_or_within_a_person_is_no_trouble() -> None:
+def test_robot_at_a_wall_outside_or_inside_a_person_is_tolerated() -> None:
     people = crowd(4, kind=True)
     x, y = people.people.position[0]
     for robot in [
@@ -209,7 +209,7 @@ def test_a_robot_against_and_beyond_a_wall_or_within_a_person_is_no_trouble() ->
     assert np.isfinite(people.people.position).all()
 
 
-def test_steps_are_multiples_of_the_simulations_own() -> None:
+def test_steps_must_be_multiples_of_the_simulation_step() -> None:
     fine, coarse = crowd(), crowd()
     for _ in range(4):
         fine.step(0.05, MIDDLE)
@@ -229,12 +229,12 @@ def test_steps_are_multiples_of_the_simulations_own() -> None:
         (ROOM, float("inf"), "not below 0"),
     ],
 )
-def test_what_is_no_crowd_is_refused(room: Room, density: float, words: str) -> None:
+def test_impossible_crowd_is_refused(room: Room, density: float, words: str) -> None:
     with pytest.raises(InputError, match=words):
         Crowd(room, density, 1, kind=False, keep_clear=(2.0, 2.0, 0.5))
 
 
-def test_without_jupedsim_one_sentence_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_jupedsim_is_refused_naming_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(InputError, match=r'pip install "dynamic-observer\[crowd\]"'):
         crowd()

@@ -1,4 +1,4 @@
-"""An eye's reports are judged against where everybody is."""
+"""An eye's reports are judged against the true positions of people."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def sight(*obstacles: SeenObstacle, status: Status = Status.OK) -> Sight:
     return Sight(1, 0.0, 0.0, "crowd", status, (), True, obstacles)
 
 
-def test_a_person_who_walks_in_view_for_long_is_to_be_found() -> None:
+def test_person_walking_in_view_becomes_due() -> None:
     check = EyeChecker()
     for _ in range(10):
         check.look(sight(WALKER), PEOPLE, POSE, in_view(PEOPLE, POSE))
@@ -54,7 +54,7 @@ def test_errors_false_and_surplus_tracks_are_counted() -> None:
     assert found.velocity_errors == pytest.approx((0.5, 0.0), abs=1e-12)
 
 
-def test_tracks_that_are_tentative_or_not_seen_do_not_count() -> None:
+def test_tentative_and_coasting_tracks_do_not_count() -> None:
     check = EyeChecker()
     check.look(
         sight(replace(WALKER, id=-3), replace(WALKER, coasting=True)),
@@ -65,7 +65,7 @@ def test_tracks_that_are_tentative_or_not_seen_do_not_count() -> None:
     assert check.result().velocity_errors == ()
 
 
-def test_nothing_is_due_where_the_robot_may_not_go_by_what_it_sees() -> None:
+def test_nothing_is_due_while_vision_is_degraded() -> None:
     check = EyeChecker()
     for _ in range(10):
         check.look(sight(WALKER, status=Status.DEGRADED), PEOPLE, POSE, in_view(PEOPLE, POSE))
@@ -76,9 +76,9 @@ def test_nothing_is_due_where_the_robot_may_not_go_by_what_it_sees() -> None:
     assert (figures.usable, figures.recall) == (0.0, None)
 
 
-def test_of_an_empty_room_there_are_no_errors() -> None:
+def test_empty_room_gives_only_false_tracks() -> None:
     check = EyeChecker()
-    nobody = People(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    check.look(sight(WALKER), nobody, POSE, in_view(nobody, POSE))
+    empty = People(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    check.look(sight(WALKER), empty, POSE, in_view(empty, POSE))
     assert check.result().false == 1
     assert eye_figures([]) is None

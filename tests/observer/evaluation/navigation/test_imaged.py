@@ -25,7 +25,7 @@ def steps(*rows: tuple[float, float, float, float], count: int = 60) -> list[Peo
     return [People(number, place + velocity * 0.1 * k, velocity, radius) for k in range(count)]
 
 
-def test_a_walk_goes_where_the_crowd_has_it() -> None:
+def test_walk_follows_the_crowd_positions() -> None:
     people = steps((5.0, 6.0, 0.6, -0.8))
     (walk,) = walks_of(people, START)
     for k in (0, 7, 59):
@@ -40,7 +40,7 @@ def test_a_walk_goes_where_the_crowd_has_it() -> None:
     assert (after.vx, after.vy) == (0.0, 0.0)
 
 
-def test_a_person_who_stops_keeps_facing_where_they_walked() -> None:
+def test_stopped_person_keeps_facing_the_walking_direction() -> None:
     forth = steps((5.0, 5.0, 0.0, 1.0), count=20)
     stand = [People(p.number, forth[-1].position, 0 * p.velocity, p.radius_m) for p in forth]
     back = [
@@ -56,7 +56,7 @@ def test_a_person_who_stops_keeps_facing_where_they_walked() -> None:
 
 
 @pytest.mark.timeout(120)
-def test_it_sees_a_person_who_crosses() -> None:
+def test_imaged_eye_sees_a_crossing_person() -> None:
     people = steps((5.2, 6.4, 0.0, -0.9), count=40)
     eye = ImagedEye(people, START, 3, GuardParameters())
     seen, free = [], []

@@ -42,16 +42,16 @@ def answer(monkeypatch: pytest.MonkeyPatch, *rows: tuple[float, float, float, fl
     return time
 
 
-def test_alone_it_takes_the_free_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_empty_room_takes_the_free_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert answer(monkeypatch) == pytest.approx(free_time_s(LIMITS), abs=0.15)
 
 
-def test_a_person_who_has_left_in_time_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_person_who_leaves_in_time_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     # On the robot's path two metres ahead, but gone by the time it arrives.
     assert answer(monkeypatch, (4.0, 5.0, 0.0, 1.0)) == pytest.approx(answer(monkeypatch))
 
 
-def test_it_goes_round_a_person_who_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oracle_goes_around_a_blocking_wall_of_people(monkeypatch: pytest.MonkeyPatch) -> None:
     wall = [(7.0, y, 0.0, 0.0) for y in np.arange(0.0, 7.0, 0.4).tolist()]
     # Past the end of a wall at (7, 6.4) with 0.46 m clearance: two legs of at least 5.34 m.
     distance = 2 * np.hypot(5.0, 6.4 + 0.46 - 5.0) - 0.25
@@ -60,14 +60,14 @@ def test_it_goes_round_a_person_who_stays(monkeypatch: pytest.MonkeyPatch) -> No
     assert 0.92 * least <= answer(monkeypatch, *wall) <= least + 0.3
 
 
-def test_it_does_not_pass_people_whom_nobody_can_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closed_wall_of_people_is_not_passed(monkeypatch: pytest.MonkeyPatch) -> None:
     wall = [(7.0, y, 0.0, 0.0) for y in np.arange(0.0, 10.1, 0.4).tolist()]
     monkeypatch.setattr(oracle, "Crowd", lambda *_, **__: Scripted(*wall))
     assert ask(Question(0.1, 1), LIMITS).time_s is None
 
 
 @pytest.mark.skipif(crowd_missing() is not None, reason="JuPedSim is not installed")
-def test_no_run_is_faster() -> None:
+def test_no_run_is_faster_than_the_oracle() -> None:
     best = ask(Question(0.03, 5), LIMITS).time_s
     driven = run(Case("planner", 0.03, False, 1e-3, 5), AllParameters())
     assert best is not None

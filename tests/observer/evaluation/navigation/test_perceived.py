@@ -21,7 +21,7 @@ def people(*rows: tuple[float, float, float, float]) -> People:
     return People(np.arange(len(values)), values[:, :2], values[:, 2:], np.full(len(values), 0.25))
 
 
-def test_only_what_is_ahead_near_and_not_hidden_is_in_view() -> None:
+def test_only_near_unhidden_people_ahead_are_in_view() -> None:
     crowd = people(
         (5.0, 5.0, 0, 0),
         (6.0, 5.05, 0, 0),  # behind the first
@@ -34,7 +34,7 @@ def test_only_what_is_ahead_near_and_not_hidden_is_in_view() -> None:
     assert not in_view(people((2.6, 5.0, 0, 0)), POSE).any()  # too near
 
 
-def test_a_person_becomes_a_track_after_a_while_and_coasts_when_lost() -> None:
+def test_person_becomes_a_track_after_a_delay_and_coasts_when_lost() -> None:
     eye = Eye(1)
     seen = [eye.look(people((5.0, 5.0, 0, 0)), POSE, ROOM, 0.1 * k) for k in range(8)]
     assert [len(each.obstacles) for each in seen] == [0, 0, 0, 0, 1, 1, 1, 1]
@@ -44,7 +44,7 @@ def test_a_person_becomes_a_track_after_a_while_and_coasts_when_lost() -> None:
     assert len(lost[-1].obstacles) == 0
 
 
-def test_errors_are_as_large_as_they_are_told() -> None:
+def test_errors_match_the_stated_sigmas() -> None:
     eye, walker = Eye(2), people((5.0, 5.0, 0.5, -0.5))
     errors, coasting = [], 0
     for k in range(3000):
@@ -71,7 +71,7 @@ def test_equal_seeds_see_the_same() -> None:
         assert seen[0] == seen[1]
 
 
-def test_sonar_hears_a_person_beside_the_camera() -> None:
+def test_sonar_detects_a_person_beside_the_camera() -> None:
     ring = robot_spec("p3dx-sh").sonars
     quiet = SonarRing(ring).listen(people(), ROOM, POSE, 1.0)
     near = SonarRing(ring).listen(people((2.0, 6.0, 0, 0)), ROOM, POSE, 1.0)
@@ -85,7 +85,7 @@ def test_sonar_hears_a_person_beside_the_camera() -> None:
     assert all(each.received == 1.0 for each in near)
 
 
-def test_sonars_of_an_array_fire_one_after_the_other() -> None:
+def test_sonars_of_an_array_fire_in_turn() -> None:
     ring = SonarRing(robot_spec("p3dx-sh").sonars)
     new = []
     for k in range(40):

@@ -42,7 +42,7 @@ def result(*runs: RunResult) -> NavigationBenchmark:
     return NavigationBenchmark(1000, summarize(runs, [ANSWER]), coverages([WALK]))
 
 
-def test_runs_of_a_setting_are_summed_up() -> None:
+def test_runs_of_a_setting_are_summarized() -> None:
     planner, guard = summarize([FAST, SLOW, BESIDE, FAST], [ANSWER])
     assert (planner.runs, planner.reached, planner.contacts, planner.ahead) == (3, 2, 2, 2)
     assert planner.time_ratio == pytest.approx(1.5)
@@ -53,20 +53,20 @@ def test_runs_of_a_setting_are_summed_up() -> None:
     assert planner.ahead_per_m == pytest.approx(rate(2, 30.0))
 
 
-def test_a_goal_that_most_runs_do_not_reach_has_no_time() -> None:
+def test_goal_reached_by_few_runs_has_no_time_ratio() -> None:
     (one,) = summarize([FAST, SLOW], [ANSWER])
     assert one.time_ratio is None
     assert "> 3" in navigation_markdown(result(FAST, SLOW))
 
 
-def test_the_future_of_people_who_avoid_the_robot_is_not_compared() -> None:
+def test_kind_people_have_no_oracle_ratio() -> None:
     kind = dataclasses.replace(FAST, case=dataclasses.replace(FAST.case, kind=True))
     (one,) = summarize([kind], [ANSWER])
     assert one.oracle_ratio is None
     assert "| 1.50 | – |" in navigation_markdown(result(kind))
 
 
-def test_a_goal_that_even_the_oracle_does_not_reach_does_not_count_against_the_driver() -> None:
+def test_goal_unreachable_for_the_oracle_does_not_count_against_the_driver() -> None:
     blocked = dataclasses.replace(SLOW, case=dataclasses.replace(SLOW.case, seed=1001))
     (one,) = summarize([FAST, blocked], [ANSWER, Answer(Question(0.1, 1001), None)])
     assert one.oracle_ratio == pytest.approx(1.25)
@@ -79,13 +79,13 @@ def test_rates_have_exact_poisson_intervals() -> None:
     assert rate(3, 1.0) == pytest.approx((3.0, 0.6187, 8.7673), abs=1e-4)
 
 
-def test_coverage_is_told_by_time_and_unknown_for_nobody() -> None:
+def test_coverage_is_given_by_time_and_unknown_without_predictions() -> None:
     one, two = coverages([WALK])
     assert (one.ahead_s, one.predictions, one.share) == (1.0, 4, 0.75)
     assert (two.ahead_s, two.predictions, two.share) == (2.0, 0, None)
 
 
-def test_the_table_shows_both_drivers_and_every_reason() -> None:
+def test_table_shows_both_drivers_and_every_reason() -> None:
     text = navigation_markdown(result(FAST, SLOW, BESIDE))
     assert "| planner | model | hard | 0.1 | 0.001 | 2 | 50 % |" in text
     assert "| guard | model | hard | 0.1 | – | 1 | 100 % | 1.50 | 1.25 |" in text
@@ -102,13 +102,13 @@ def test_the_table_shows_both_drivers_and_every_reason() -> None:
 
 
 @pytest.mark.parametrize("runs", [[FAST, BESIDE], [SLOW], [BESIDE]])
-def test_a_figure_is_drawn_of_any_number_of_contacts(runs: list[RunResult], tmp_path: Path) -> None:
+def test_figure_is_drawn_for_any_number_of_contacts(runs: list[RunResult], tmp_path: Path) -> None:
     path = tmp_path / "figure.svg"
     save_figure(navigation_figure(result(*runs)), path)
     assert path.stat().st_size > 5000
 
 
-def test_the_guard_alone_runs_once_for_all_risks() -> None:
+def test_guard_runs_once_for_all_risks() -> None:
     choice = Choice(3, (0.1, 0.2), (False, True), (1e-3, 1e-2), 1000)
     cases = choice.cases()
     assert len(cases) == len(set(cases)) == 3 * 2 * 2 * (2 + 1)
@@ -116,7 +116,7 @@ def test_the_guard_alone_runs_once_for_all_risks() -> None:
     assert len(choice.walks()) == 6
 
 
-def test_without_jupedsim_one_sentence_says_what_to_install(
+def test_missing_jupedsim_is_refused_naming_the_package(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(benchmark, "crowd_missing", lambda: "a crowd needs the package jupedsim")
@@ -124,7 +124,7 @@ def test_without_jupedsim_one_sentence_says_what_to_install(
         measure(Choice(1, (0.1,), (True,), (1e-3,), 1000), 1, lambda *_: None)
 
 
-def test_processes_give_what_one_gives() -> None:
+def test_several_processes_give_the_same_result_as_one() -> None:
     pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
     choice = Choice(1, (0.02,), (False,), (1e-3,), 7)
     seen: list[tuple[int, int | None]] = []

@@ -29,7 +29,7 @@ LIMITS = PARAMETERS.guard
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
-def test_an_empty_room_takes_the_free_time(driver: Driver) -> None:
+def test_empty_room_takes_about_the_free_time(driver: Driver) -> None:
     moments: list[Moment] = []
     result = run(Case(driver, 0.0, False, 1e-3, 1), PARAMETERS, moments.append)
     assert result.reached
@@ -45,7 +45,7 @@ def test_equal_seeds_give_equal_runs() -> None:
     assert run(case, PARAMETERS) == run(case, PARAMETERS)
 
 
-def test_what_is_counted_is_what_was_watched() -> None:
+def test_counted_stops_match_the_watched_moments() -> None:
     moments: list[Moment] = []
     result = run(Case("guard", 0.1, False, 1e-3, 2), PARAMETERS, moments.append)
     stopped = [each.verdict.level == "stop" for each in moments]
@@ -69,13 +69,13 @@ def test_reasons_are_counted_without_numbers() -> None:
     assert general(weak) == "vision is degraded: only … % of the points agree on one motion"
 
 
-def test_people_who_avoid_the_robot_are_not_driven_through_by_images() -> None:
+def test_kind_people_cannot_be_combined_with_images() -> None:
     with pytest.raises(ValueError, match="avoid the robot"):
         run(Case("planner", 0.02, True, 1e-3, 1, "images"), PARAMETERS)
 
 
 @pytest.mark.timeout(240)
-def test_an_empty_hall_is_driven_through_by_images() -> None:
+def test_empty_hall_is_crossed_with_images() -> None:
     result = run(Case("planner", 0.0, False, 1e-3, 1, "images"), PARAMETERS)
     assert result.reached
     assert result.time_s < 1.2 * free_time_s(LIMITS)
@@ -83,7 +83,7 @@ def test_an_empty_hall_is_driven_through_by_images() -> None:
     assert sum(result.stops.values()) <= 2
 
 
-def test_the_robot_keeps_to_its_limits_and_touches_whom_it_reaches() -> None:
+def test_robot_respects_its_limits_and_reports_contacts() -> None:
     robot = Robot((0.0, 0.0, 0.0), LIMITS)
     for _ in range(10):
         robot.drive(0.5, 0.0, 0.1)
@@ -103,7 +103,7 @@ def test_the_robot_keeps_to_its_limits_and_touches_whom_it_reaches() -> None:
     assert robot.drives_up_to(people) == {0, 2}
 
 
-def test_a_walk_ranks_every_prediction_that_came_due() -> None:
+def test_walk_ranks_every_prediction_that_came_due() -> None:
     result = follow(Walk(0.1, 4), PARAMETERS.navigation)
     assert len(result.ranked) == len(AHEAD_S)
     assert len(result.ranked[0]) > len(result.ranked[1]) > 50

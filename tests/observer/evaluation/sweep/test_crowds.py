@@ -43,7 +43,7 @@ def sweep() -> Sweep:
     return Sweep(GRID, (CROWD,), combinations, tuple(rows), 0.5, "1", 0)
 
 
-def test_a_grid_for_crowds_varies_guard_and_planner() -> None:
+def test_crowd_grid_varies_guard_and_planner() -> None:
     (first, *_) = GRID.chosen()
     changes = {"guard.speed_max_mps": 1.0, "navigation.berth_m": 0.1}
     assert first.parameters == AllParameters().changed(changes)
@@ -59,19 +59,19 @@ def test_a_grid_for_crowds_varies_guard_and_planner() -> None:
         ("preset: [paper]", "a preset has no effect on driving"),
     ],
 )
-def test_what_does_not_act_is_refused(text: str, part: str) -> None:
+def test_parameters_without_effect_are_refused(text: str, part: str) -> None:
     with pytest.raises(InputError) as refused:
         grid_from_text(text, "grid.yaml", driving=True)
     assert str(refused.value).startswith("grid.yaml")
     assert part in str(refused.value)
 
 
-def test_other_sweeps_have_no_parameters_of_driving() -> None:
+def test_other_sweeps_have_no_driving_parameters() -> None:
     with pytest.raises(InputError, match="no such parameter"):
         grid_from_text("navigation.berth_m: [0.1]", "grid.yaml")
 
 
-def test_a_crowd_is_read_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_crowd_spec_is_parsed_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(crowds, "crowd_missing", lambda: None)
     kind = sweep_crowd("crowd:kind:0.05", 3)
     assert (kind.density_per_m2, kind.kind, kind.runs) == (0.05, True, 3)
@@ -88,14 +88,14 @@ def test_a_crowd_is_read_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
         sweep_crowd("crowd:hard:0.1")
 
 
-def test_time_is_paid_with_contacts_and_contacts_with_time(sweep: Sweep) -> None:
+def test_ranking_trades_time_against_contacts(sweep: Sweep) -> None:
     ranked = ranking(sweep, "time_ratio")
     assert [(r.combination.number, r.best) for r in ranked] == [(2, True), (1, False), (3, True)]
     ranked = ranking(sweep, "contacts_per_m")
     assert [(r.combination.number, r.best) for r in ranked] == [(3, True), (2, True), (1, False)]
 
 
-def test_every_sweep_is_ranked_by_what_it_measures() -> None:
+def test_sweeps_are_ranked_only_by_measured_figures() -> None:
     assert rankable(None, driving=True) == "time_ratio"
     assert rankable(None, driving=False) == "mota"
     assert rankable("reached", driving=True) == "reached"
@@ -105,7 +105,7 @@ def test_every_sweep_is_ranked_by_what_it_measures() -> None:
         rankable("reached", driving=False)
 
 
-def test_tables_and_figure_tell_of_driving(sweep: Sweep, tmp_path: Path) -> None:
+def test_tables_and_figure_show_driving_results(sweep: Sweep, tmp_path: Path) -> None:
     ranked = ranking(sweep, "time_ratio")
     text = ranking_markdown(sweep, ranked, "time_ratio")
     assert "crowd:hard:0.1 (2 runs)" in text
@@ -129,7 +129,7 @@ def test_tables_and_figure_tell_of_driving(sweep: Sweep, tmp_path: Path) -> None
     )
 
 
-def test_figures_are_those_of_the_benchmark() -> None:
+def test_figures_match_the_benchmark() -> None:
     pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
     parameters = AllParameters()
     runs = [run(Case("planner", 0.02, False, 1e-3, seed), parameters) for seed in (1, 2, 3)]
@@ -144,7 +144,7 @@ def test_figures_are_those_of_the_benchmark() -> None:
     }
 
 
-def test_a_sweep_over_crowds_is_kept_and_gone_on_with(tmp_path: Path) -> None:
+def test_crowd_sweep_is_stored_and_resumed(tmp_path: Path) -> None:
     pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
     grid = grid_from_text("guard.speed_max_mps: [0.5, 1.0]", "grid.yaml", driving=True)
     plan = Plan(grid, grid.chosen(), (sweep_crowd("crowd:hard:0.01", 3),), 0.5)

@@ -22,7 +22,7 @@ ego_motion.model: [rigid, affine]
 """
 
 
-def test_every_value_meets_every_other() -> None:
+def test_grid_combines_every_value_with_every_other() -> None:
     grid = grid_from_text(TEXT, "grid.yaml")
     assert grid.count == 2 * 2 * 3 * 2
     combinations = grid.chosen()
@@ -40,7 +40,7 @@ def test_every_value_meets_every_other() -> None:
     assert last.parameters.evidence.false_alarms_per_frame == 1.0
 
 
-def test_default_alone_where_no_preset_is_named() -> None:
+def test_default_preset_is_used_when_none_is_given() -> None:
     (only,) = grid_from_text("evidence.radius_px: [30]", "grid.yaml").chosen()
     assert only.parameters == preset("default").changed({"evidence.radius_px": 30.0})
     (paper,) = grid_from_text("preset: paper", "grid.yaml").chosen()
@@ -73,7 +73,7 @@ def test_default_alone_where_no_preset_is_named() -> None:
         ("evidence.radius_px: [20", "truncated or not valid YAML"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_sentence(text: str, part: str) -> None:
+def test_invalid_grid_is_refused_with_a_one_line_reason(text: str, part: str) -> None:
     with pytest.raises(InputError) as refused:
         grid_from_text(text, "grid.yaml")
     assert str(refused.value).startswith("grid.yaml")
@@ -81,7 +81,7 @@ def test_what_is_wrong_is_said_in_one_sentence(text: str, part: str) -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+def test_missing_grid_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.yaml cannot be read.*a grid of parameters"):
         read_grid(tmp_path / "none.yaml")
 
@@ -97,7 +97,7 @@ def huge() -> Grid:
     return grid_from_text("\n".join(f"{n}: {v}" for n, v in fitting.items()), "huge.yaml")
 
 
-def test_a_lot_of_a_huge_grid_is_drawn_without_building_it() -> None:
+def test_huge_grid_is_sampled_without_building_it() -> None:
     grid = huge()
     assert grid.count == 100**5
     drawn = grid.chosen(drawn=20, seed=4)
@@ -111,13 +111,13 @@ def test_a_lot_of_a_huge_grid_is_drawn_without_building_it() -> None:
         grid.chosen(limit=1, drawn=1)
 
 
-def test_a_lot_of_more_than_there_are_is_all() -> None:
+def test_oversized_sample_returns_the_whole_grid() -> None:
     grid = grid_from_text(TEXT, "grid.yaml")
     assert grid.chosen(drawn=1000) == grid.chosen(limit=1000) == grid.chosen()
 
 
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=4), st.data())
-def test_a_number_stands_for_one_combination(sizes: list[int], data: st.DataObject) -> None:
+def test_number_identifies_exactly_one_combination(sizes: list[int], data: st.DataObject) -> None:
     names = ("evidence.radius_px", "evidence.memory_s", "tracking.gate", "klt_tracking.max_error")
     lists = {n: tuple(1.0 * k + 4 for k in range(s)) for n, s in zip(names, sizes, strict=False)}
     grid = Grid(("default",), {}, lists)

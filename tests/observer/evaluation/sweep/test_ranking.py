@@ -59,7 +59,7 @@ def sweep() -> Sweep:
     return Sweep(GRID, sources, combinations, tuple(rows), 0.5, "1", 0)
 
 
-def test_the_best_mean_is_first_and_the_front_is_beaten_by_nobody(sweep: Sweep) -> None:
+def test_best_mean_is_first_and_the_front_is_undominated(sweep: Sweep) -> None:
     ranked = ranking(sweep)
     assert [(r.combination.number, r.rank) for r in ranked] == [(2, 1), (1, 2), (4, 3), (3, None)]
     assert ranked[1].means["mota"] == pytest.approx(0.6)
@@ -69,7 +69,7 @@ def test_the_best_mean_is_first_and_the_front_is_beaten_by_nobody(sweep: Sweep) 
     assert [r.judged for r in ranked] == [2, 2, 2, 1]
 
 
-def test_where_less_is_better_and_equals_are_ranked_by_cost(sweep: Sweep) -> None:
+def test_lower_is_better_figures_rank_ties_by_cost(sweep: Sweep) -> None:
     falses = {1: 2.0, 2: 1.0, 3: 0.0, 4: 2.0}
     rows = []
     for row in sweep.rows:
@@ -81,7 +81,7 @@ def test_where_less_is_better_and_equals_are_ranked_by_cost(sweep: Sweep) -> Non
     assert [r.best for r in ranked] == [True, False, True, False]
 
 
-def test_a_source_on_which_nobody_has_the_figure_keeps_nobody_back(sweep: Sweep) -> None:
+def test_source_without_the_figure_disqualifies_no_combination(sweep: Sweep) -> None:
     rows = []
     for row in sweep.rows:
         assert row.outcome is not None
@@ -93,7 +93,7 @@ def test_a_source_on_which_nobody_has_the_figure_keeps_nobody_back(sweep: Sweep)
     assert all(r.rank is not None for r in ranked)
 
 
-def test_an_ended_sweep_ranks_what_it_has(sweep: Sweep) -> None:
+def test_interrupted_sweep_ranks_finished_combinations(sweep: Sweep) -> None:
     rows = tuple(
         row if row.combination.number == 1 else replace(row, outcome=None) for row in sweep.rows
     )
@@ -104,7 +104,7 @@ def test_an_ended_sweep_ranks_what_it_has(sweep: Sweep) -> None:
     assert "interrupted with 6 of 8 tasks left" in ranking_markdown(ended, ranked, "mota")
 
 
-def test_markdown_tells_ranks_failures_and_what_is_the_same(sweep: Sweep) -> None:
+def test_markdown_shows_ranks_failures_and_common_parameters(sweep: Sweep) -> None:
     text = ranking_markdown(sweep, ranking(sweep), "mota")
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert rows[2].startswith("| 1 * | 2 | default | 20.0 | affine | 0.900 | 0.100 |")
@@ -114,7 +114,7 @@ def test_markdown_tells_ranks_failures_and_what_is_the_same(sweep: Sweep) -> Non
     assert "4 of 4 combinations over 2 sources" in text
 
 
-def test_csv_leaves_empty_what_is_not_known(sweep: Sweep) -> None:
+def test_csv_leaves_unknown_values_empty(sweep: Sweep) -> None:
     rows = list(csv.DictReader(io.StringIO(ranking_csv(sweep, ranking(sweep)))))
     assert [row["combination"] for row in rows] == ["2", "1", "4", "3"]
     assert rows[0]["ego_motion.model"] == "affine"
@@ -139,7 +139,7 @@ def test_parquet_has_a_row_for_every_task(sweep: Sweep, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["results.parquet"]
 
 
-def test_the_figure_shows_points_and_front(sweep: Sweep, tmp_path: Path) -> None:
+def test_figure_shows_points_and_front(sweep: Sweep, tmp_path: Path) -> None:
     figure = sweep_figure(sweep, ranking(sweep), "mota")
     (axes,) = figure.axes
     points, front, default = axes.lines
@@ -151,7 +151,7 @@ def test_the_figure_shows_points_and_front(sweep: Sweep, tmp_path: Path) -> None
     assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_figure_of_nothing(sweep: Sweep) -> None:
+def test_empty_figure_is_drawn(sweep: Sweep) -> None:
     nothing = replace(sweep, rows=tuple(replace(row, outcome=None) for row in sweep.rows))
     figure = sweep_figure(nothing, ranking(nothing), "recall")
     figure.draw_without_rendering()

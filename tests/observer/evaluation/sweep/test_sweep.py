@@ -38,7 +38,7 @@ def plan_of(specs: tuple[str, ...], text: str = GRID) -> Plan:
     return Plan(grid, grid.chosen(), sources, GATE_M)
 
 
-def test_it_finds_what_a_benchmark_finds_and_goes_on_where_it_was(
+def test_sweep_matches_the_benchmark_and_resumes_where_interrupted(
     sources: tuple[str, str], tmp_path: Path
 ) -> None:
     steps: list[tuple[int, int]] = []
@@ -82,7 +82,7 @@ def test_it_finds_what_a_benchmark_finds_and_goes_on_where_it_was(
     assert any((row.figures["matched"] or 0) > 0 for row in result.rows)
 
 
-def test_a_failed_task_is_told_and_tried_again(
+def test_failed_task_is_reported_and_retried(
     sources: tuple[str, str], copied: Callable[..., str], tmp_path: Path
 ) -> None:
     # Written again, so that no cache confuses it with the other folder.
@@ -105,7 +105,7 @@ def test_a_failed_task_is_told_and_tried_again(
     assert again.result.failed == ()
 
 
-def test_a_bug_in_a_task_ends_no_worker(sources: tuple[str, str]) -> None:
+def test_bug_in_a_task_does_not_kill_the_worker(sources: tuple[str, str]) -> None:
     source = sweep_source(sources[0], 5)
     broken = Task(source, "no parameters", GATE_M, method_version())  # type: ignore[arg-type]
     outcome = run_task(broken, 10**9, False)
@@ -115,7 +115,7 @@ def test_a_bug_in_a_task_ends_no_worker(sources: tuple[str, str]) -> None:
     assert "install the same version" in (run_task(other, 10**9, False).error or "")
 
 
-def test_a_task_is_named_by_all_that_its_result_depends_on(sources: tuple[str, str]) -> None:
+def test_task_key_covers_everything_the_result_depends_on(sources: tuple[str, str]) -> None:
     one, two = sweep_source(sources[0], None), sweep_source(sources[1], None)
     default = preset("default")
     tasks = [
@@ -130,7 +130,7 @@ def test_a_task_is_named_by_all_that_its_result_depends_on(sources: tuple[str, s
     assert Task(sweep_source(sources[0], None), default, 0.5, "1").key == tasks[0].key
 
 
-def test_a_damaged_result_is_made_anew(sources: tuple[str, str], tmp_path: Path) -> None:
+def test_damaged_stored_result_is_ignored(sources: tuple[str, str], tmp_path: Path) -> None:
     store = TaskStore(tmp_path)
     task = Task(sweep_source(sources[0], 5), preset("default"), GATE_M, method_version())
     outcome = run_task(task, 10**9, False)
@@ -141,7 +141,7 @@ def test_a_damaged_result_is_made_anew(sources: tuple[str, str], tmp_path: Path)
     assert store.find(task) is None
 
 
-def test_a_source_is_read_once_unless_it_is_too_large(
+def test_source_is_read_once_unless_too_large_for_the_cache(
     sources: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[str] = []
@@ -194,12 +194,12 @@ def test_a_source_is_read_once_unless_it_is_too_large(
         ("/no/such/run.mcap", "run.mcap"),
     ],
 )
-def test_what_cannot_be_swept_is_refused(spec: str, part: str) -> None:
+def test_unsweepable_source_is_refused(spec: str, part: str) -> None:
     with pytest.raises(InputError, match=part):
         sweep_source(spec, None)
 
 
-def test_a_source_that_cannot_be_judged_is_refused(
+def test_source_without_truth_or_calibration_is_refused(
     copied: Callable[..., str], sources: tuple[str, str], tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match="has no ground truth"):
@@ -210,7 +210,7 @@ def test_a_source_that_cannot_be_judged_is_refused(
         SweepRun(plan_of((sources[1], sources[1])), TaskStore(tmp_path))
 
 
-def test_what_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     real = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda n: None if n == "distributed" else real(n)
@@ -223,7 +223,7 @@ def test_what_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "lab-server"])
-def test_no_scheduler_is_told(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreachable_scheduler_is_reported(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "_JOINING_S", 0.3)
     with (
         pytest.raises(InputError, match="no scheduler answers at"),
@@ -232,7 +232,7 @@ def test_no_scheduler_is_told(address: str, monkeypatch: pytest.MonkeyPatch) -> 
         pass
 
 
-def test_a_labs_own_cluster(sources: tuple[str, str], tmp_path: Path) -> None:
+def test_sweep_runs_on_an_existing_cluster(sources: tuple[str, str], tmp_path: Path) -> None:
     from distributed import LocalCluster
 
     free = "127.0.0.1:0"
@@ -253,6 +253,6 @@ def test_a_labs_own_cluster(sources: tuple[str, str], tmp_path: Path) -> None:
     assert row.source.extent == f"{row.outcome.frames} frames"
 
 
-def test_the_use_of_cores_is_of_all_processes() -> None:
+def test_core_use_covers_all_processes() -> None:
     outcomes = [Outcome(cpu_s=2.0, wall_s=3.0), Outcome(cpu_s=4.0, wall_s=5.0), Outcome("broken")]
     assert CoreUse.of(outcomes, 5.0, 2) == CoreUse(3, 5.0, 0.8, 0.6)

@@ -35,7 +35,9 @@ def found(room: Any, mount: CameraMount) -> Alignment:
 
 
 @pytest.mark.patient
-def test_planted_offsets_with_the_observer_seen(rooms: Rooms, mount: CameraMount) -> None:
+def test_planted_offsets_are_found_with_the_observer_visible(
+    rooms: Rooms, mount: CameraMount
+) -> None:
     errors, within = [], []
     for seed in range(6):
         offset = (0.05, -0.12, 0.3)[seed % 3]
@@ -46,7 +48,7 @@ def test_planted_offsets_with_the_observer_seen(rooms: Rooms, mount: CameraMount
     assert sum(within) >= 5
 
 
-def test_everything_planted_is_found(room: Any, found: Alignment) -> None:
+def test_all_planted_values_are_recovered(room: Any, found: Alignment) -> None:
     assert found.roles == {"Amigo": "observer", "P3DX": "obstacle"}
     assert found.time.offset_s == pytest.approx(0.3, abs=0.005)
     assert {str(key): m.body for key, m in found.matches.items()} == {"0:1": "P3DX"}
@@ -76,7 +78,7 @@ def test_everything_planted_is_found(room: Any, found: Alignment) -> None:
     assert np.linalg.norm(camera.translation - seen) < 0.03
 
 
-def test_gaps_of_motion_capture_stay_gaps(room: Any, found: Alignment) -> None:
+def test_motion_capture_gaps_remain_gaps(room: Any, found: Alignment) -> None:
     body = room.capture.bodies["P3DX"]
     truth = AlignedTruth(room.capture, found)
     lost = body.times[~body.seen][5:-5]
@@ -87,7 +89,9 @@ def test_gaps_of_motion_capture_stay_gaps(room: Any, found: Alignment) -> None:
     assert truth.bodies(1000.0) == ()
 
 
-def test_without_the_observer_the_obstacles_tell_the_room(rooms: Rooms, mount: CameraMount) -> None:
+def test_obstacles_alone_determine_the_room_without_the_observer(
+    rooms: Rooms, mount: CameraMount
+) -> None:
     room = rooms(1, observer=False)
     found = aligned(room, mount=mount)
     assert found.observer is None
@@ -102,7 +106,7 @@ def test_without_the_observer_the_obstacles_tell_the_room(rooms: Rooms, mount: C
     assert np.linalg.norm(body.position - room.centre(11.0)) < 0.5
 
 
-def test_an_obstacle_that_drives_like_the_camera_is_not_taken_for_the_observer(
+def test_obstacle_moving_like_the_camera_is_not_mistaken_for_the_observer(
     room: Any, mount: CameraMount
 ) -> None:
     amigo = room.capture.bodies["Amigo"]
@@ -131,7 +135,7 @@ def test_each_segment_has_its_own_world(rooms: Rooms, mount: CameraMount) -> Non
         assert np.linalg.norm(obstacle.position - seen) < 0.1
 
 
-def test_speeds_are_compared_where_the_room_cannot_be_told(rooms: Rooms) -> None:
+def test_only_speeds_are_compared_when_the_room_pose_is_unknown(rooms: Rooms) -> None:
     room = rooms(3, observer=False)
     # Positions are unknown without a camera pose; speeds from two frames are not.
     lines = []
@@ -152,7 +156,7 @@ def test_speeds_are_compared_where_the_room_cannot_be_told(rooms: Rooms) -> None
     assert truth.speed("P3DX", 5.0) == pytest.approx(0.35, abs=0.02)
 
 
-def test_corrections_and_roles_of_a_person_hold(room: Any, mount: CameraMount) -> None:
+def test_user_corrections_and_roles_are_respected(room: Any, mount: CameraMount) -> None:
     found = aligned(room, mount=mount, matches={TrackKey(0, 1): None})
     assert found.matches[TrackKey(0, 1)].by == "person"
     assert found.matches[TrackKey(0, 1)].body is None
@@ -164,7 +168,7 @@ def test_corrections_and_roles_of_a_person_hold(room: Any, mount: CameraMount) -
         AlignmentChoices(roles={"a": "observer", "b": "observer"})
 
 
-def test_an_alignment_is_kept_as_plain_data(found: Alignment) -> None:
+def test_alignment_round_trips_as_plain_data(found: Alignment) -> None:
     again = Alignment.of_dict(json.loads(json.dumps(found.as_dict(), allow_nan=False)))
     assert again.as_dict() == found.as_dict()
     assert again.time == found.time
@@ -172,7 +176,7 @@ def test_an_alignment_is_kept_as_plain_data(found: Alignment) -> None:
         Alignment.of_dict({"time": {}})
 
 
-def test_nothing_in_common_is_refused(room: Any) -> None:
+def test_captures_without_common_motion_are_refused(room: Any) -> None:
     t = np.arange(0, 20, 0.01)
     still = Trajectory("box", t, np.zeros((len(t), 3)))
     with pytest.raises(NotObservable, match="constant"):
@@ -181,12 +185,14 @@ def test_nothing_in_common_is_refused(room: Any) -> None:
         align(ObservedRun.of_lines(room.lines), Capture("empty", 100.0, {}))
 
 
-def test_lines_that_observe_did_not_write_are_refused() -> None:
+def test_foreign_observation_lines_are_refused() -> None:
     with pytest.raises(TruthError, match=r"line 1 of the observations.*KeyError"):
         ObservedRun.of_lines([{"time": 0.0}])
 
 
-def test_online_it_says_when_it_is_not_yet_aligned(room: Any, mount: CameraMount) -> None:
+def test_online_alignment_reports_not_yet_aligned_until_solved(
+    room: Any, mount: CameraMount
+) -> None:
     online = OnlineAlignment(AlignmentChoices(mount=mount, search=(-1, 1)))
     assert not online.solve()
     assert str(online.state).startswith("not aligned yet")

@@ -39,7 +39,7 @@ def arc() -> tuple[Float64Array, Float64Array]:
     return h, np.cumsum(0.015 * np.column_stack([np.cos(h), np.sin(h)]), axis=0)
 
 
-def test_an_arc_over_the_floor_tells_all_but_the_height() -> None:
+def test_arc_on_the_floor_determines_all_but_the_height() -> None:
     camera, body = poses(*arc())
     found = find_body_camera(camera, body, Assumed(up_world=UP))
     apart = found.T_body_camera.translation - T_BODY_CAMERA.translation
@@ -54,7 +54,7 @@ def test_an_arc_over_the_floor_tells_all_but_the_height() -> None:
     )
 
 
-def test_the_height_comes_from_the_mount_or_the_rig() -> None:
+def test_height_comes_from_the_mount_or_the_given_pose() -> None:
     camera, body = poses(*arc())
     by_mount = find_body_camera(camera, body, Assumed(up_world=UP, camera_height_m=0.55))
     assert by_mount.T_body_camera.translation[2] == pytest.approx(0.25, abs=0.01)
@@ -64,7 +64,7 @@ def test_the_height_comes_from_the_mount_or_the_rig() -> None:
     assert "the given value is used" in by_rig.notes[0]
 
 
-def test_motion_in_all_directions_tells_everything() -> None:
+def test_motion_in_all_directions_determines_everything() -> None:
     camera, body = poses(*arc(), lean=0.5)
     found = find_body_camera(camera, body)
     assert all(found.observed)
@@ -73,9 +73,9 @@ def test_motion_in_all_directions_tells_everything() -> None:
     np.testing.assert_allclose(found.T_world_room.matrix, T_WORLD_ROOM.matrix, atol=0.03)
 
 
-def test_a_straight_drive_tells_directions_but_no_offset() -> None:
-    way = np.column_stack([np.linspace(0, 1.5, 100), np.zeros(100)])
-    camera, body = poses(np.zeros(100), way)
+def test_straight_drive_determines_directions_but_no_offset() -> None:
+    path = np.column_stack([np.linspace(0, 1.5, 100), np.zeros(100)])
+    camera, body = poses(np.zeros(100), path)
     found = find_body_camera(camera, body, Assumed(up_world=UP))
     assert found.observed[:3] == (False, False, False)
     assert found.observed[5]
@@ -84,7 +84,7 @@ def test_a_straight_drive_tells_directions_but_no_offset() -> None:
     assert "moved too little to determine x, y, height" in found.notes[0]
 
 
-def test_a_drive_that_is_too_short_needs_obstacles_for_the_yaw() -> None:
+def test_too_short_a_drive_needs_obstacles_for_the_yaw() -> None:
     still = np.zeros((60, 2))
     camera, body = poses(np.zeros(60), still)
     assert not find_body_camera(camera, body, Assumed(up_world=UP)).observed[5]
@@ -95,7 +95,7 @@ def test_a_drive_that_is_too_short_needs_obstacles_for_the_yaw() -> None:
     assert found.T_world_room.rotate([1, 0, 0]) @ forward > np.cos(np.radians(8))
 
 
-def test_gaps_are_left_out_and_too_few_poses_refused() -> None:
+def test_gaps_are_ignored_and_too_few_poses_refused() -> None:
     camera, body = poses(*arc())
     body[10:60] = np.nan
     assert find_body_camera(camera, body, Assumed(up_world=UP)).residual_m < 0.01

@@ -1,4 +1,4 @@
-"""The camera on its body, as typed in by a person."""
+"""The camera on its body, as entered by the user."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ places = st.builds(
 
 
 @given(places)
-def test_its_pose_and_its_words_tell_the_same_six_numbers(place: CameraOnBody) -> None:
+def test_pose_and_text_hold_the_same_six_numbers(place: CameraOnBody) -> None:
     assert CameraOnBody.parse(str(place)) == place
     again = CameraOnBody.of_pose(place.T_body_camera)
     np.testing.assert_allclose(again.T_body_camera.matrix, place.T_body_camera.matrix, atol=1e-9)
@@ -34,14 +34,14 @@ def test_its_pose_and_its_words_tell_the_same_six_numbers(place: CameraOnBody) -
     assert again.pan_deg == pytest.approx(place.pan_deg, abs=1e-6)
 
 
-def test_where_the_body_is_the_robots_base_it_is_the_mount() -> None:
+def test_placement_equals_the_mount_when_the_body_is_the_robot_base() -> None:
     mount = CameraMount(0.4, np.radians(8), 0.1, 0.05, np.radians(-3), np.radians(20))
     place = CameraOnBody(0.1, 0.05, 0.4, 20, 8, -3)
     np.testing.assert_allclose(place.T_body_camera.matrix, mount.T_base_camera.matrix, atol=1e-12)
     assert CameraOnBody.of_pose(mount.T_base_camera).pan_deg == pytest.approx(20)
 
 
-def test_level_it_looks_along_x() -> None:
+def test_level_camera_looks_along_x() -> None:
     level = CameraOnBody(0, 0, 0, 0, 0, 0).T_body_camera
     np.testing.assert_allclose(level.rotate([[0, 0, 1], [1, 0, 0]]), [[1, 0, 0], [0, -1, 0]])
     down = CameraOnBody(0, 0, 0, 0, 10, 0).T_body_camera
@@ -59,12 +59,12 @@ def test_level_it_looks_along_x() -> None:
         ("0,0,nan,0,0,0", "z_m of the camera on its body must be between -10 and 10, not nan"),
     ],
 )
-def test_what_is_none_is_refused(text: str, sentence: str) -> None:
+def test_invalid_placement_is_refused(text: str, sentence: str) -> None:
     with pytest.raises(TruthError, match=sentence):
         CameraOnBody.parse(text)
 
 
-def test_what_was_typed_in_is_what_the_room_is_placed_by(rooms: Any) -> None:
+def test_typed_placement_is_used_for_the_room_pose(rooms: Any) -> None:
     room = rooms(1)
     typed = CameraOnBody.of_pose(room.T_body_camera).T_body_camera
     choices = AlignmentChoices(roles={"Amigo": "observer"}, T_body_camera=typed)

@@ -16,7 +16,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-3.1, 3.1), st.integers(0, 10**6))
-def test_yaw_and_translation_in_spite_of_outliers(yaw: float, seed: int) -> None:
+def test_yaw_and_translation_are_found_despite_outliers(yaw: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     room = np.column_stack([rng.uniform(-2, 2, (120, 2)), np.full(120, 0.2)])
     down = np.array([0.05, 1.0, 0.15])
@@ -33,14 +33,14 @@ def test_yaw_and_translation_in_spite_of_outliers(yaw: float, seed: int) -> None
     assert residual_m < 0.1
 
 
-def test_a_straight_drive_tells_the_yaw() -> None:
+def test_straight_drive_determines_the_yaw() -> None:
     source = np.column_stack([np.linspace(0, 2, 50), np.zeros((50, 2))])
     yaw = Pose.from_rotvec([0, 0, 1.0], [1, 2, 0.5])
     found, _ = align_planar(source, yaw.apply(source), UP, UP)
     np.testing.assert_allclose(found.matrix, yaw.matrix, atol=1e-9)
 
 
-def test_a_body_that_stays_where_it_is_tells_no_yaw() -> None:
+def test_stationary_body_does_not_determine_the_yaw() -> None:
     source = np.random.default_rng(0).normal(0, 0.05, (50, 3))
     with pytest.raises(NotObservable, match="drive further"):
         align_planar(source, source, UP, UP)

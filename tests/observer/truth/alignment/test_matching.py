@@ -1,4 +1,4 @@
-"""Tracks are matched to bodies by position; a person's choice overrides it."""
+"""Tracks are matched to bodies by position; the user's choice overrides it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from observer.truth.alignment.observed import TrackKey
 A, B, C = TrackKey(0, 1), TrackKey(0, 2), TrackKey(0, 3)
 
 
-def test_one_body_may_be_several_tracks_one_after_the_other() -> None:
+def test_one_body_may_match_several_consecutive_tracks() -> None:
     matches = match_tracks(
         {A: (0, 5), B: (5.3, 9), C: (2, 4)},
         {A: {"P3DX": 0.1}, B: {"P3DX": 0.2}, C: {"P3DX": 0.4}},
@@ -20,7 +20,7 @@ def test_one_body_may_be_several_tracks_one_after_the_other() -> None:
     assert matches[C].body is None
 
 
-def test_each_track_goes_to_the_nearer_body_within_the_gate() -> None:
+def test_each_track_matches_the_nearest_body_within_the_gate() -> None:
     matches = match_tracks(
         {A: (0, 9), B: (0, 9), C: (0, 9)},
         {
@@ -33,7 +33,7 @@ def test_each_track_goes_to_the_nearer_body_within_the_gate() -> None:
     assert [matches[key].body for key in (A, B, C)] == ["one", "two", None]
 
 
-def test_a_person_may_say_otherwise() -> None:
+def test_user_choice_overrides_matching_by_position() -> None:
     matches = match_tracks(
         {A: (0, 9), B: (0, 9)},
         {A: {"one": 0.1, "two": 0.5}, B: {"one": 0.15, "two": 3.0}},

@@ -25,13 +25,13 @@ SAME = ClockFit(0.0, 0.0, 0.0, 1, 0.0, 1.0)
 
 def samples_of(room: Any) -> list[BodySample]:
     """Return samples in order of arrival, on the room's own clock."""
-    told = [
+    known = [
         BodySample(name, float(t), float(t), p if np.isfinite(p).all() else None,
                    R if np.isfinite(R).all() else None)
         for name, body in room.capture.bodies.items()
         for t, p, R in zip(body.times, body.positions, body.rotations, strict=True)
     ]  # fmt: skip
-    return sorted(told, key=lambda sample: sample.time)
+    return sorted(known, key=lambda sample: sample.time)
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +39,18 @@ def found(room: Any, mount: Any) -> Alignment:
     return align(ObservedRun.of_lines(room.lines), room.capture, AlignmentChoices(mount=mount))
 
 
-def told_at(
+def bodies_at(
     room: Any, found: Alignment, time: float, *, until: float | None = None, at_least: float = -9.0
 ) -> dict[str, TimedBody]:
     """Return the bodies at ``time`` given samples up to ``until``, both on the source's clock."""
     newest = NewestTruth()
     limit = (time if until is None else until) - room.offset
     newest.add(s for s in samples_of(room) if at_least - room.offset <= s.time <= limit)
-    told = newest.bodies(found, LiveClocks(SAME, SAME), found.T_world_room[0], time)
-    return {each.body.name: each for each in told}
+    known = newest.bodies(found, LiveClocks(SAME, SAME), found.T_world_room[0], time)
+    return {each.body.name: each for each in known}
 
 
-def test_clocks_are_chained_both_ways() -> None:
+def test_clocks_are_chained_in_both_directions() -> None:
     # The server started 1000 s before the host and is slow; the source started 10 s after it.
     server = ClockFit(-1000.0, 50.0, 0.0, 100, 1500.0, 60.0)
     source = ClockFit(10.0, -20.0, 0.0, 100, 480.0, 60.0)
@@ -62,7 +62,7 @@ def test_clocks_are_chained_both_ways() -> None:
     assert server.to_server(server.to_host(1534.5)) == pytest.approx(1534.5)
 
 
-def test_a_source_that_stands_still_has_another_clock() -> None:
+def test_paused_source_gets_a_new_clock() -> None:
     clock = SourceClock()
     rng = np.random.default_rng(1)
     times = np.arange(0, 8, 1 / 15)
@@ -76,18 +76,18 @@ def test_a_source_that_stands_still_has_another_clock() -> None:
     later = [clock.add(11 + k / 15, 513.0 + k / 15) for k in range(45)]
     assert sum(later) == 1
     fit = clock.fit()
-    # It restarts only once the pause can be told from a delay.
+    # It restarts only once the pause can be distinguished from a delay.
     assert fit is None or fit.to_host(12.0) == pytest.approx(514.0, abs=0.01)
     assert clock.add(3.0, 520.0)
 
 
-def test_bodies_are_told_as_they_are_measured(room: Any, found: Alignment) -> None:
+def test_bodies_are_reported_as_measured(room: Any, found: Alignment) -> None:
     places, speeds = [], []
     for time in np.arange(2.5, 24, 0.37):
-        told = told_at(room, found, time, until=time + 0.1)
-        if "P3DX" in told:
-            body = told["P3DX"].body
-            assert told["P3DX"].time == time
+        known = bodies_at(room, found, time, until=time + 0.1)
+        if "P3DX" in known:
+            body = known["P3DX"].body
+            assert known["P3DX"].time == time
             assert (body.id, body.role, body.visible, body.commanded_speed) == (
                 1, "obstacle", None, None,
             )  # fmt: skip
@@ -98,12 +98,12 @@ def test_bodies_are_told_as_they_are_measured(room: Any, found: Alignment) -> No
     assert np.median(speeds) < 0.015
 
 
-def test_samples_that_are_still_on_their_way_are_not_made_up(room: Any, found: Alignment) -> None:
-    told = told_at(room, found, 10.0, until=9.97)["P3DX"]
+def test_samples_not_yet_received_are_not_extrapolated(room: Any, found: Alignment) -> None:
+    known = bodies_at(room, found, 10.0, until=9.97)["P3DX"]
     # It lags by three samples, at 100 Hz.
-    assert 9.90 < told.time < 9.95
-    assert told.body.speed == pytest.approx(room.speed(told.time), abs=0.06)
-    assert told_at(room, found, 10.0, until=9.85) == {}
+    assert 9.90 < known.time < 9.95
+    assert known.body.speed == pytest.approx(room.speed(known.time), abs=0.06)
+    assert bodies_at(room, found, 10.0, until=9.85) == {}
     newest = NewestTruth()
     newest.add(s for s in samples_of(room) if s.time <= 9.9 - room.offset)
     clocks, T = LiveClocks(SAME, SAME), found.T_world_room[0]
@@ -112,11 +112,11 @@ def test_samples_that_are_still_on_their_way_are_not_made_up(room: Any, found: A
     assert newest.bodies(found, clocks, T, 9.92) == ()
 
 
-def test_a_gap_stays_a_gap(room: Any, found: Alignment) -> None:
+def test_gap_remains_a_gap(room: Any, found: Alignment) -> None:
     body = room.capture.bodies["P3DX"]
     lost = body.times[~body.seen]
     middle = float(to_source(found.time, lost[12:13])[0])
-    assert "P3DX" not in told_at(room, found, middle, until=middle + 0.2)
+    assert "P3DX" not in bodies_at(room, found, middle, until=middle + 0.2)
     # Likewise when the server falls silent and resumes.
     for time, there in ((10.0, True), (10.2, False), (10.5, False), (10.7, True)):
         newest = NewestTruth()
@@ -124,11 +124,11 @@ def test_a_gap_stays_a_gap(room: Any, found: Alignment) -> None:
             at = sample.time + room.offset
             if at <= time + 0.1 and not 10.05 < at < 10.55:
                 newest.add([sample])
-        told = newest.bodies(found, LiveClocks(SAME, SAME), found.T_world_room[0], time)
-        assert ("P3DX" in {each.body.name for each in told}) == there, time
+        known = newest.bodies(found, LiveClocks(SAME, SAME), found.T_world_room[0], time)
+        assert ("P3DX" in {each.body.name for each in known}) == there, time
 
 
-def test_the_camera_is_where_its_body_is(room: Any, found: Alignment) -> None:
+def test_camera_pose_follows_its_body(room: Any, found: Alignment) -> None:
     newest = NewestTruth()
     newest.add(s for s in samples_of(room) if s.time <= 10.1 - room.offset)
     clocks = LiveClocks(SAME, SAME)

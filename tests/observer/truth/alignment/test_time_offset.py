@@ -93,7 +93,9 @@ def test_short_overlaps_give_no_drift() -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(st.floats(-1e5, 1e5), st.floats(-500, 500), st.lists(st.floats(-1e3, 1e3), min_size=1))
-def test_clocks_are_told_both_ways(offset: float, drift: float, times: list[float]) -> None:
+def test_clock_conversion_is_inverted_exactly(
+    offset: float, drift: float, times: list[float]
+) -> None:
     time = TimeOffset(offset, 0.001, 10.0, drift, None, 1.0, None, 60.0, 0.0, 100)
     t = np.array(times)
     np.testing.assert_allclose(time.to_truth(to_source(time, t)), t, atol=1e-8)
@@ -108,7 +110,7 @@ def test_constant_speed_is_refused() -> None:
         find_time_offset([(seen, true)])
 
 
-def test_a_motion_that_repeats_itself_is_refused_unless_it_is_said_where_to_look() -> None:
+def test_periodic_motion_is_refused_unless_a_search_range_is_given() -> None:
     t, own = np.arange(0, 40, 0.1), np.arange(0, 40, 0.01)
     seen = SpeedCurve.of(t, 0.3 + 0.2 * np.sin(2 * np.pi * t / 8), 0.02)
     true = SpeedCurve.of(own - 0.3, 0.3 + 0.2 * np.sin(2 * np.pi * own / 8), 0.003)
@@ -118,14 +120,14 @@ def test_a_motion_that_repeats_itself_is_refused_unless_it_is_said_where_to_look
     assert found.offset_s == pytest.approx(0.3, abs=0.002)
 
 
-def test_another_body_is_refused() -> None:
+def test_motion_of_another_body_is_refused() -> None:
     seen, _ = curves(0, 0.02, 1)
     _, true = curves(0, 0.02, 7)
     with pytest.raises(NotObservable, match=r"do not agree|almost equally well|edge"):
         find_time_offset([(seen, true)], search=(-1, 1))
 
 
-def test_too_short_an_overlap_is_refused() -> None:
+def test_too_short_overlap_is_refused() -> None:
     seen, true = curves(0.05, 0.02, 3, duration=3.0)
     with pytest.raises(NotObservable, match="too short"):
         find_time_offset([(seen, true)])

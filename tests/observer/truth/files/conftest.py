@@ -81,7 +81,7 @@ def places(count: int, *, seed: int = 0) -> Float64Array:
 
 @pytest.fixture
 def read(tmp_path: Path) -> Read:
-    """Read a text or bytes as a file whose name tells nothing."""
+    """Read a text or bytes as a file whose name reveals nothing."""
 
     def read_content(content: str | bytes, **choices: object) -> Capture:
         path = tmp_path / "upload"

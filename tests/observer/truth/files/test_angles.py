@@ -38,7 +38,7 @@ def continuous(turned: Rotation) -> Float64Array:
 
 @settings(deadline=None)
 @given(ANGLE, ANGLE, ANGLE)
-def test_rotations_are_those_that_the_angles_mean(a: float, b: float, c: float) -> None:
+def test_rotations_match_the_meaning_of_the_angles(a: float, b: float, c: float) -> None:
     about = [
         Rotation.from_rotvec(angle * axis) for angle, axis in zip((a, b, c), np.eye(3), strict=True)
     ]
@@ -62,7 +62,9 @@ def test_vectors_longer_than_half_a_turn_are_helical() -> None:
 
 @pytest.mark.parametrize("reading", ["helical", "euler_xyz"])
 @pytest.mark.parametrize("seed", range(5))
-def test_a_body_with_axes_of_its_own_tells_by_its_tilt(reading: AngleReading, seed: int) -> None:
+def test_reading_is_found_from_the_tilt_of_a_body_with_its_own_axes(
+    reading: AngleReading, seed: int
+) -> None:
     body = Rotation.from_euler("XYZ", [0.5, -0.4, 0.3])
     turned = driving(2.5, body, seed=seed)
     angles = turned.as_rotvec() if reading == "helical" else turned.as_euler("XYZ")
@@ -72,7 +74,7 @@ def test_a_body_with_axes_of_its_own_tells_by_its_tilt(reading: AngleReading, se
 
 
 @pytest.mark.parametrize("reading", ["helical", "euler_xyz"])
-def test_an_upright_robot_is_read_the_same_either_way(reading: AngleReading) -> None:
+def test_upright_robot_is_read_the_same_either_way(reading: AngleReading) -> None:
     # To and fro, across the point where Euler angles jump from half a turn to minus half.
     turned = driving(2.9)
     angles = turned.as_rotvec() if reading == "helical" else turned.as_euler("XYZ")
@@ -81,7 +83,7 @@ def test_an_upright_robot_is_read_the_same_either_way(reading: AngleReading) -> 
     assert np.degrees(error.magnitude()).max() < 5
 
 
-def test_what_only_a_person_can_tell_is_asked(read: Read) -> None:
+def test_ambiguous_angles_need_a_choice_by_the_user(read: Read) -> None:
     wand = Rotation.random(200, rng=1).as_euler("XYZ")
     file = tracker_csv({"wand": (wand, places(200))})
     with pytest.raises(AnglesUnclear) as caught:
@@ -96,13 +98,13 @@ def test_what_only_a_person_can_tell_is_asked(read: Read) -> None:
         assert f"angles are read as {reading.replace('_', ' ')}, as requested" in capture.notes
 
 
-def test_a_body_that_only_drives_straight_on_is_no_question() -> None:
+def test_body_driving_straight_needs_no_choice() -> None:
     angles = np.array([1.0, -0.5, 0.8]) + np.random.default_rng(0).normal(0, 1e-3, (500, 3))
     found, why = find_reading("file", {"robot": angles})
     assert found == "helical"
     assert "no body turns enough to distinguish them from Euler angles XYZ" in why
 
 
-def test_bodies_that_are_never_seen_leave_nothing_to_find_out() -> None:
+def test_unseen_bodies_are_read_as_helical() -> None:
     assert find_reading("file", {"robot": np.full((10, 3), np.nan)})[0] == "helical"
     assert find_reading("file", {})[0] == "helical"

@@ -65,7 +65,7 @@ def test_reads_markers_and_gaps(read: Read) -> None:
 
 
 @pytest.mark.parametrize("first", [11, 70_000, 200_000])
-def test_times_count_from_frame_1_in_long_trials_too(read: Read, first: int) -> None:
+def test_times_count_from_frame_1_even_in_long_trials(read: Read, first: int) -> None:
     body = read(c3d_file({"a": places(COUNT)}, first=first)).bodies["a"]
     np.testing.assert_allclose(body.times, (first - 1 + np.arange(COUNT)) / 100)
     np.testing.assert_allclose(body.positions, places(COUNT) / 1000, atol=1e-6)
@@ -86,7 +86,9 @@ def test_reads_units_rates_and_equal_names(read: Read) -> None:
     )
 
 
-def test_says_how_to_go_on_without_the_package(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_is_named_with_alternatives(
+    read: Read, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     monkeypatch.delitem(sys.modules, "c3d")
     with pytest.raises(TruthError) as caught:
@@ -97,7 +99,7 @@ def test_says_how_to_go_on_without_the_package(read: Read, monkeypatch: pytest.M
     )
 
 
-def test_refuses_a_file_that_is_cut_off(read: Read) -> None:
+def test_refuses_a_truncated_file(read: Read) -> None:
     for length in (600, 1100, len(WHOLE) - 600):
         with pytest.raises(
             TruthError, match=r"C3D file (is truncated|is damaged|should have|ends after)"
@@ -127,7 +129,7 @@ def test_refuses_a_file_without_markers(read: Read) -> None:
     st.integers(0, len(WHOLE)),
     st.booleans(),
 )
-def test_a_damaged_file_is_a_truth_error_or_a_capture(
+def test_damaged_file_gives_a_truth_error_or_a_capture(
     tmp_path_factory: pytest.TempPathFactory,
     changes: list[tuple[int, int]],
     length: int,

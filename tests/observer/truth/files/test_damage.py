@@ -1,5 +1,5 @@
-"""Damaged truth files of every kind: what is read is finite and in order, or one sentence says
-why not."""
+"""Damaged truth files of every kind: what is read is finite and in order, or a one-line refusal
+says why not."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @examples(100)
 @given(content=damaged([each.encode() for each in FILES], MEANT))
-def test_damaged_text_is_refused_or_motion_capture(place: Path, content: bytes) -> None:
+def test_damaged_text_is_refused_or_valid(place: Path, content: bytes) -> None:
     hold(place, content)
 
 
 @examples(40)
 @given(content=damaged([C3D]), rate_hz=st.sampled_from([None, 100.0]))
-def test_a_damaged_c3d_file_is_refused_or_motion_capture(
+def test_damaged_c3d_file_is_refused_or_valid(
     place: Path, content: bytes, rate_hz: float | None
 ) -> None:
     hold(place, content, rate_hz)
@@ -72,17 +72,17 @@ def test_a_damaged_c3d_file_is_refused_or_motion_capture(
 
 @examples(40)
 @given(content=hostile_bytes(MEANT))
-def test_anything_else_is_refused(place: Path, content: bytes) -> None:
+def test_hostile_bytes_are_refused_or_valid(place: Path, content: bytes) -> None:
     hold(place, content)
 
 
 @examples(40)
 @given(data=st.data())
-def test_damaged_files_of_other_people_are_refused_or_motion_capture(
+def test_damaged_third_party_files_are_refused_or_valid(
     shared_data: Path, place: Path, data: st.DataObject
 ) -> None:
     folder = shared_data / "wild" / "motion_capture"
     if not folder.is_dir():
-        pytest.skip(f"the motion capture of other people is not here: {folder} is no folder")
+        pytest.skip(f"the third-party motion capture is missing: {folder} is not a folder")
     file = data.draw(st.sampled_from(sorted(folder.iterdir())))
     hold(place, data.draw(damaged([file.read_bytes()[:WILD_BYTES]], MEANT)))

@@ -13,7 +13,7 @@ from observer.truth.motion_capture import Capture, Trajectory
 from .conftest import Read, nexus_csv
 
 
-def test_describes_what_was_understood(read: Read) -> None:
+def test_describes_what_was_read(read: Read) -> None:
     # 0.5 m/s along x, 100 Hz, 2 s; unseen half of the time.
     run = np.zeros((201, 3))
     run[:, 0] = 5.0 * np.arange(201)
@@ -34,7 +34,7 @@ def test_describes_what_was_understood(read: Read) -> None:
     assert json.loads(json.dumps(described, allow_nan=False))["rate_hz"] == 100
 
 
-def test_a_body_that_was_never_seen_has_no_extent() -> None:
+def test_body_never_seen_has_no_extent() -> None:
     times = np.arange(20.0)
     body = Trajectory("ghost", times, np.full((20, 3), np.nan), np.full((20, 3, 3), np.nan))
     described = describe_capture(Capture("live", None, {"ghost": body}))

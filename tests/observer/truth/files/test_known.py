@@ -27,13 +27,13 @@ def test_every_reader_has_a_format() -> None:
         ("static/app/runs/truth-picker.js", r'"[^"\n]*the format is detected automatically\."'),
     ],
 )
-def test_every_list_for_people_names_every_format(place: str, paragraph: str) -> None:
+def test_every_user_facing_list_names_every_format(place: str, paragraph: str) -> None:
     found = re.search(paragraph, (REPOSITORY / place).read_text(), re.DOTALL)
     assert found is not None
     words = " ".join(found[0].split())
     assert [each.name for each in FORMATS if each.name not in words] == []
 
 
-def test_the_list_in_words() -> None:
+def test_names_and_formats_in_words() -> None:
     assert names_in_words().endswith("EuRoC, TUM or plain CSV")
     assert "Nexus (CSV of Trajectories)" in formats_in_words()

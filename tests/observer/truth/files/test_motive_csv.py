@@ -56,8 +56,8 @@ def poses(*bodies: tuple[str, str], turn: str, rows: Sequence[str], head: str = 
     """Return a file of bodies by name and id, with the given rotation columns and rows."""
     lines = [head, ""]
     columns = [
-        (name, told, kind, axis)
-        for name, told in bodies
+        (name, number, kind, axis)
+        for name, number in bodies
         for kind, axes in (("Rotation", turn), ("Position", "XYZ"))
         for axis in axes
     ]
@@ -73,7 +73,7 @@ def poses(*bodies: tuple[str, str], turn: str, rows: Sequence[str], head: str = 
 
 
 @pytest.mark.parametrize("titled", [True, False])
-def test_reads_rigid_bodies_with_z_upwards(read: Read, titled: bool) -> None:
+def test_reads_rigid_bodies_converted_to_z_up(read: Read, titled: bool) -> None:
     capture = read(text(titled=titled))
     assert (capture.format, capture.rate_hz) == ("Motive CSV", 100.0)
     assert list(capture.bodies) == ["drone"]
@@ -91,7 +91,7 @@ def test_reads_rigid_bodies_with_z_upwards(read: Read, titled: bool) -> None:
     assert any("millimetres, rotated from y up" in note for note in capture.notes)
 
 
-def test_points_that_turn_with_a_body_stay_on_it(read: Read) -> None:
+def test_fixed_points_turn_with_their_body(read: Read) -> None:
     body = read(text()).bodies["drone"]
     arm = np.array([0.1, 0.2, 0.3])
     x, y, z = (PLACES[:2] + TURNED.apply(arm)[:2]).T
@@ -99,9 +99,7 @@ def test_points_that_turn_with_a_body_stay_on_it(read: Read) -> None:
 
 
 @pytest.mark.parametrize("order", ["XYZ", "ZYX", "YZX"])
-def test_reads_angles_about_the_axes_of_the_body_in_the_order_that_is_named(
-    read: Read, order: str
-) -> None:
+def test_reads_euler_angles_in_the_stated_order(read: Read, order: str) -> None:
     expected = read(text()).bodies["drone"]
     degrees = TURNED.as_euler(order, degrees=True)  # type: ignore[call-overload]
     rows = []
@@ -121,7 +119,7 @@ def test_reads_angles_about_the_axes_of_the_body_in_the_order_that_is_named(
     assert f"angles are Euler angles {order} in degrees" in capture.notes
 
 
-def test_bodies_of_one_name_are_told_apart_by_their_ids(read: Read) -> None:
+def test_bodies_with_equal_names_are_distinguished_by_id(read: Read) -> None:
     capture = read(
         poses(("cup", "A"), ("cup", "B"), turn="XYZW",
               rows=["0,0,0,0,0,1,1000,0,0,0,0,0,1,2000,0,0"])
@@ -130,7 +128,7 @@ def test_bodies_of_one_name_are_told_apart_by_their_ids(read: Read) -> None:
     assert [body.positions[0, 0] for body in capture.bodies.values()] == [1.0, 2.0]
 
 
-def test_bodies_without_rotations_are_read_whatever_their_type_would_be(read: Read) -> None:
+def test_bodies_without_rotations_are_read(read: Read) -> None:
     whole = poses(
         ("cup", "A"), turn="", rows=["0,0,1,2,3"], head=HEAD.replace("Quaternion", "None")
     )
@@ -141,22 +139,22 @@ def test_bodies_without_rotations_are_read_whatever_their_type_would_be(read: Re
     ("unit", "metres"),
     [("Meters", 1.0), ("Centimeters", 0.01), ("Inches", 0.0254), ("Feet", 0.3048)],
 )
-def test_reads_the_unit_that_the_file_names(read: Read, unit: str, metres: float) -> None:
+def test_reads_the_unit_stated_in_the_file(read: Read, unit: str, metres: float) -> None:
     body = read(text(head=HEAD.replace("Millimeters", unit))).bodies["drone"]
     np.testing.assert_allclose(body.positions[0], np.array([1000, -3000, 2000]) * metres)
 
 
-def test_commas_in_the_notes_of_a_take_do_no_harm(read: Read) -> None:
+def test_commas_in_take_notes_are_harmless(read: Read) -> None:
     whole = text(head=HEAD.replace("Take Name,a walk", "Take Notes,slow, then fast"))
     assert read(whole).rate_hz == 100.0
 
 
-def test_reads_what_a_spreadsheet_wrote_with_semicolons(read: Read) -> None:
+def test_reads_spreadsheet_exports_with_semicolons(read: Read) -> None:
     body = read(text().replace(",", ";").replace(".", ",")).bodies["drone"]
     np.testing.assert_allclose(body.positions[1], [1.1, -3.0, 2.0])
 
 
-def test_a_rate_that_nobody_measures_with_is_not_told(read: Read) -> None:
+def test_implausible_frame_rate_is_ignored(read: Read) -> None:
     for rate in ("0", "1e300", "nan", "1_0", "fast"):
         head = HEAD.replace("Export Frame Rate,100.0", f"Export Frame Rate,{rate}")
         assert read(text(head=head)).rate_hz is None
@@ -166,7 +164,7 @@ TURN, ONE = "XYZW", ("cup", "A")
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "expected"),
     [
         (text(head=HEAD.replace("Millimeters", "Yards")), "line 1: Length Units must be meters"),
         (text(head=HEAD.replace("Global", "Local")), "line 1: export with the Coordinate Space"),
@@ -194,10 +192,12 @@ TURN, ONE = "XYZW", ("cup", "A")
          "line 8 cell 5: the angles of cup must be within"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_read_is_refused_in_a_sentence(read: Read, changed: str, told: str) -> None:
+def test_unreadable_file_is_refused_with_a_one_line_reason(
+    read: Read, changed: str, expected: str
+) -> None:
     with pytest.raises(TruthError) as refused:
         read(changed)
-    assert told in str(refused.value)
+    assert expected in str(refused.value)
     assert str(refused.value).startswith("upload")
     assert "\n" not in str(refused.value)
 
@@ -210,14 +210,14 @@ def test_marker_tables_are_refused_by_name(read: Read, content: str) -> None:
         read(content)
 
 
-def test_the_marker_table_of_another_tool_is_refused_by_name(shared_data: Path) -> None:
+def test_third_party_marker_table_is_refused_by_name(shared_data: Path) -> None:
     with pytest.raises(TruthError, match=r"^markers\.trc: a TRC file contains single markers"):
         read_capture(shared_data / "wild" / "motion_capture" / "markers.trc")
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 900), st.integers(0, 60), st.text(max_size=8))
-def test_no_damage_is_more_than_a_refusal(tmp_path: Path, at: int, length: int, put: str) -> None:
+def test_damaged_file_is_read_or_refused(tmp_path: Path, at: int, length: int, put: str) -> None:
     whole = text()
     file = tmp_path / "damaged.csv"
     file.write_text(whole[:at] + put + whole[at + length :], errors="replace")
@@ -226,7 +226,7 @@ def test_no_damage_is_more_than_a_refusal(tmp_path: Path, at: int, length: int, 
 
 
 @pytest.mark.parametrize(
-    ("name", "told", "body", "samples", "gaps"),
+    ("name", "expected", "body", "samples", "gaps"),
     [
         ("motive_1.21.csv", "Motive CSV", "Rigid Body 1", 250, 0),
         ("motive_1.23.csv", "Motive CSV", "drone", 1493, 13),
@@ -234,11 +234,11 @@ def test_no_damage_is_more_than_a_refusal(tmp_path: Path, at: int, length: int, 
         ("tum_repeated_time.txt", "TUM trajectory", "body", 1500, 0),
     ],
 )
-def test_files_of_other_tools_are_read(
-    shared_data: Path, name: str, told: str, body: str, samples: int, gaps: int
+def test_third_party_files_are_read(
+    shared_data: Path, name: str, expected: str, body: str, samples: int, gaps: int
 ) -> None:
     capture = read_capture(shared_data / "wild" / "motion_capture" / name)
-    assert capture.format == told
+    assert capture.format == expected
     assert list(capture.bodies) == [body]
     found = capture.bodies[body]
     assert (len(found.times), found.gaps) == (samples, gaps)

@@ -1,4 +1,4 @@
-"""Files are recognised by their content, and no content does harm."""
+"""Files are recognised by their content, and no content causes a crash."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_recognises_by_content(tmp_path: Path, content: str, kind: str) -> None:
     assert read_capture(path).bodies
 
 
-def test_the_projects_own_truth_is_told_apart(tmp_path: Path) -> None:
+def test_own_truth_csv_is_recognised(tmp_path: Path) -> None:
     path = tmp_path / "t,x,y,z.csv"
     write_truth_csv(path, [TruthSample(0, 0.0, ())])
     assert file_kind(path) == "truth.csv"
@@ -85,14 +85,14 @@ def test_the_projects_own_truth_is_told_apart(tmp_path: Path) -> None:
         (b"x" * 3_000_000, "upload line 1: the line is longer than 1048576 characters"),
     ],
 )
-def test_says_what_a_file_is_instead(read: Read, content: bytes, expected: str) -> None:
+def test_refusal_states_what_the_file_is(read: Read, content: bytes, expected: str) -> None:
     with pytest.raises(TruthError) as caught:
         read(content)
     assert expected in str(caught.value)
     assert str(caught.value).count("\n") == 0
 
 
-def test_a_path_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+def test_unreadable_path_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "absent.csv", tmp_path, Path("a\0b")):
         for read in (read_capture, file_kind):
             with pytest.raises(TruthError, match="cannot be read: "):
@@ -118,7 +118,7 @@ def captured_or_refused(path: Path, content: bytes) -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(st.data())
-def test_a_changed_file_is_a_truth_error_or_a_capture(
+def test_modified_file_gives_a_truth_error_or_a_capture(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     content = data.draw(st.sampled_from(FILES)).encode()
@@ -138,7 +138,7 @@ def test_a_changed_file_is_a_truth_error_or_a_capture(
         st.binary(),
     )
 )
-def test_any_content_is_a_truth_error_or_a_capture(
+def test_any_content_gives_a_truth_error_or_a_capture(
     tmp_path_factory: pytest.TempPathFactory, content: bytes
 ) -> None:
     captured_or_refused(tmp_path_factory.getbasetemp() / "any", content)
@@ -159,7 +159,7 @@ def test_any_content_is_a_truth_error_or_a_capture(
         "# comment\n" * 200_000,
     ],
 )  # fmt: skip
-def test_content_made_to_be_slow_is_not(read: Read, content: str) -> None:
+def test_content_crafted_to_be_slow_is_refused_quickly(read: Read, content: str) -> None:
     begin = time.process_time()
     with pytest.raises(TruthError):
         read(content)

@@ -31,7 +31,7 @@ def test_reads_plain_csv(read: Read) -> None:
     assert body.rotations is None
 
 
-def test_reads_orientations_columns_in_any_order_and_columns_it_does_not_know(read: Read) -> None:
+def test_reads_orientations_with_reordered_and_unknown_columns(read: Read) -> None:
     names = ["note"] * 3
     rows = [
         f"{name};{q[3]};{z};{y};{x};{t};{q[0]};{q[1]};{q[2]}".replace(".", ",")
@@ -43,14 +43,14 @@ def test_reads_orientations_columns_in_any_order_and_columns_it_does_not_know(re
 
 
 @pytest.mark.parametrize("header", ["t_ms,x_mm,y_mm,z_mm", "t [ms],X (mm),y [mm],z[mm]"])
-def test_reads_the_units_that_a_header_names(read: Read, header: str) -> None:
+def test_reads_units_stated_in_the_header(read: Read, header: str) -> None:
     capture = read(header + "\n" + table(1000 * T, 1000 * P))
     np.testing.assert_allclose(capture.bodies["body"].times, T)
     np.testing.assert_allclose(capture.bodies["body"].positions, P)
     assert "positions are in millimetres" in capture.notes
 
 
-def test_a_column_of_names_parts_bodies(read: Read) -> None:
+def test_name_column_separates_bodies(read: Read) -> None:
     capture = read("t,body,x,y,z\n0,a,1,2,3\n0,b b,4,5,6\n1,a,,,\n1,b b,4,5,7\n")
     assert list(capture.bodies) == ["a", "b b"]
     assert capture.bodies["a"].seen.tolist() == [True, False]
@@ -67,14 +67,14 @@ def test_reads_tum(read: Read) -> None:
     np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
 
 
-def test_a_gap_in_tum_is_nan(read: Read) -> None:
+def test_gap_in_tum_is_nan(read: Read) -> None:
     body = read("0 1 2 3 0 0 0 1\n1 nan nan nan 0 0 0 1\n").bodies["body"]
     assert body.seen.tolist() == [True, False]
     assert body.rotations is not None
     assert np.isnan(body.rotations[1]).all()
 
 
-def test_a_rate_is_of_no_use(read: Read) -> None:
+def test_given_rate_is_ignored(read: Read) -> None:
     capture = read("t,x,y,z\n" + table(T, P), rate_hz=100)
     assert capture.rate_hz is None
     assert any("the given rate of 100 Hz is ignored" in note for note in capture.notes)
@@ -101,13 +101,13 @@ def test_a_rate_is_of_no_use(read: Read) -> None:
         ("1 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "upload line 2: the time is earlier than"),
     ],
 )  # fmt: skip
-def test_names_line_and_cell_of_what_is_wrong(read: Read, content: str, expected: str) -> None:
+def test_refusal_names_the_line_and_cell(read: Read, content: str, expected: str) -> None:
     with pytest.raises(TruthError) as caught:
         read(content)
     assert expected in str(caught.value)
 
 
-def test_samples_that_repeat_a_time_are_left_out_and_told(read: Read) -> None:
+def test_samples_with_repeated_times_are_ignored_and_reported(read: Read) -> None:
     capture = read("0 1 2 3 0 0 0 1\n0 9 9 9 0 0 0 1\n1 4 5 6 0 0 0 1\n1 4 5 6 0 0 0 1\n")
     body = capture.bodies["body"]
     assert body.times.tolist() == [0.0, 1.0]
@@ -115,14 +115,14 @@ def test_samples_that_repeat_a_time_are_left_out_and_told(read: Read) -> None:
     assert "2 samples with a repeated time are ignored" in capture.notes
 
 
-def test_each_body_has_times_of_its_own(read: Read) -> None:
+def test_each_body_has_its_own_times(read: Read) -> None:
     capture = read("t,body,x,y,z\n0,a,1,2,3\n0,b,4,5,6\n0,b,7,8,9\n1,a,1,2,3\n")
     assert capture.bodies["a"].times.tolist() == [0.0, 1.0]
     assert capture.bodies["b"].positions.tolist() == [[4.0, 5.0, 6.0]]
     assert "1 sample with a repeated time is ignored" in capture.notes
 
 
-def test_a_time_that_goes_back_behind_a_repeated_one_is_refused(read: Read) -> None:
+def test_time_going_back_after_a_repeated_one_is_refused(read: Read) -> None:
     with pytest.raises(
         TruthError, match="upload line 4: the time is earlier than the previous one of body"
     ):
@@ -130,7 +130,7 @@ def test_a_time_that_goes_back_behind_a_repeated_one_is_refused(read: Read) -> N
 
 
 @pytest.mark.parametrize("title", ["#timestamp", "#timestamp [ns]"])
-def test_reads_the_ground_truth_of_euroc(read: Read, title: str) -> None:
+def test_reads_euroc_ground_truth(read: Read, title: str) -> None:
     names = "p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
     turn = TURNED.as_quat()
     rows = [
@@ -145,7 +145,7 @@ def test_reads_the_ground_truth_of_euroc(read: Read, title: str) -> None:
     np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
 
 
-def test_reads_the_places_of_euroc_and_keeps_the_digits_of_their_times(read: Read) -> None:
+def test_reads_euroc_positions_with_full_time_precision(read: Read) -> None:
     first, step = 1403636579763555584, 5_000_064
     rows = "".join(f"{first + k * step},{k},2,3\n" for k in range(50))
     header = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m]"

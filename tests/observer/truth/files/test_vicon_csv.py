@@ -65,7 +65,7 @@ def test_reads_quaternions(read: Read) -> None:
 
 
 @pytest.mark.parametrize("rate", [None, "", "1"])
-def test_asks_for_a_rate_that_is_missing(read: Read, rate: str | None) -> None:
+def test_asks_for_a_missing_rate(read: Read, rate: str | None) -> None:
     file = tracker_csv({"robot": (HELICAL, places(COUNT))}, rate=rate)
     with pytest.raises(TruthError) as caught:
         read(file)
@@ -78,7 +78,7 @@ def test_asks_for_a_rate_that_is_missing(read: Read, rate: str | None) -> None:
     assert capture.bodies["robot"].times[-1] == pytest.approx((COUNT - 1) / 120)
 
 
-def test_a_rate_that_is_given_overrules_the_file_and_is_noted(read: Read) -> None:
+def test_given_rate_overrides_the_file_and_is_noted(read: Read) -> None:
     file = tracker_csv({"robot": (HELICAL, places(COUNT))})
     capture = read(file, rate_hz=50)
     assert capture.rate_hz == 50
@@ -89,7 +89,7 @@ def test_a_rate_that_is_given_overrules_the_file_and_is_noted(read: Read) -> Non
 
 
 @pytest.mark.parametrize("before", [True, False])
-def test_leaves_devices_out_and_says_so(read: Read, before: bool) -> None:
+def test_ignores_devices_with_a_note(read: Read, before: bool) -> None:
     trajectories = nexus_csv({"box:left": places(COUNT)})
     file = DEVICES + trajectories if before else trajectories + "\r\n" + DEVICES
     capture = read(file)
@@ -100,7 +100,7 @@ def test_leaves_devices_out_and_says_so(read: Read, before: bool) -> None:
         read(DEVICES)
 
 
-def test_reads_two_sections_and_tells_equal_names_apart(read: Read) -> None:
+def test_reads_two_sections_and_distinguishes_equal_names(read: Read) -> None:
     segments = tracker_csv({"a": (HELICAL, places(COUNT))}, title="Segments", prefix="")
     trajectories = nexus_csv({"a": places(COUNT, seed=1), "": places(COUNT, seed=2)})
     capture = read(segments + trajectories)
@@ -109,18 +109,18 @@ def test_reads_two_sections_and_tells_equal_names_apart(read: Read) -> None:
     assert capture.bodies["a (2)"].rotations is None
 
 
-def test_reads_what_a_spreadsheet_made_of_it(read: Read) -> None:
+def test_reads_spreadsheet_exports_with_semicolons(read: Read) -> None:
     file = nexus_csv({"left": places(COUNT)}).replace(",", ";").replace(".", ",")
     np.testing.assert_allclose(read(file).bodies["left"].positions, places(COUNT) / 1000)
 
 
-def test_reads_names_in_windows_code_page(read: Read) -> None:
+def test_reads_names_in_the_windows_code_page(read: Read) -> None:
     capture = read(nexus_csv({"Daphnée": places(COUNT)}).encode("cp1252"))
     assert list(capture.bodies) == ["Daphnée"]
     assert "the text is not UTF-8 and is read as Windows-1252" in capture.notes
 
 
-def test_samples_of_zeros_and_rows_that_end_early_are_gaps(read: Read) -> None:
+def test_zero_samples_and_short_rows_are_gaps(read: Read) -> None:
     angles, seen = HELICAL.copy(), places(COUNT)
     angles[3] = seen[3] = 0
     rows = tracker_csv({"robot": (angles, seen)}).split("\r\n")
@@ -154,9 +154,7 @@ def test_samples_of_zeros_and_rows_that_end_early_are_gaps(read: Read) -> None:
         (4, "Picture,Part", "upload line 4: a section must start with its title"),
     ],
 )  # fmt: skip
-def test_names_line_and_cell_of_what_is_wrong(
-    read: Read, line: int, text: str, expected: str
-) -> None:
+def test_refusal_names_the_line_and_cell(read: Read, line: int, text: str, expected: str) -> None:
     rows = tracker_csv({"robot": (HELICAL, places(COUNT))}).split("\r\n")
     rows[line - 1] = text
     with pytest.raises(TruthError) as caught:

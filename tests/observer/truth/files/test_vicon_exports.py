@@ -41,9 +41,7 @@ def test_csv_is_read_with_all_its_gaps(trajectories: Capture) -> None:
     np.testing.assert_allclose(first, [0.0441628, -0.276862, 0.675697], atol=1e-12)
 
 
-def test_c3d_tells_the_same_to_a_hundredth_of_a_millimetre(
-    vicon: Path, trajectories: Capture
-) -> None:
+def test_c3d_matches_csv_to_a_hundredth_of_a_millimetre(vicon: Path, trajectories: Capture) -> None:
     markers = read_capture(vicon / "nexus_markers_analogs_pyomeca.c3d")
     assert list(markers.bodies) == list(trajectories.bodies)
     worst_m = 0.0
@@ -62,7 +60,7 @@ def test_devices_alone_are_refused(vicon: Path) -> None:
         read_capture(vicon / "nexus_analogs_first400_pyomeca.csv")
 
 
-def test_a_still_marker_shows_hardly_any_speed(trajectories: Capture) -> None:
+def test_still_markers_have_almost_no_speed(trajectories: Capture) -> None:
     smoothed, raw = [], []
     for name, body in trajectories.bodies.items():
         if name.startswith("boite:"):

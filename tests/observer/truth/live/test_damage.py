@@ -1,4 +1,4 @@
-"""Damaged streams of live truth, from wire to samples: finite and rising, or left out."""
+"""Damaged streams of live truth, from wire to samples: finite and increasing, or dropped."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ VICON = pack_frame(7, [ViconObject("robot", (1.0, 2.0, 3.0), (0.1, 0.2, 0.3))])
 
 @examples(60)
 @given(damaged([VRPN]) | hostile_bytes((VRPN[:40],)), st.integers(1, 60))
-def test_damaged_vrpn_is_refused_or_told(content: bytes, size: int) -> None:
+def test_damaged_vrpn_is_refused_or_parsed(content: bytes, size: int) -> None:
     conversation = Conversation()
 
     def feed() -> None:
@@ -48,12 +48,12 @@ def test_damaged_vrpn_is_refused_or_told(content: bytes, size: int) -> None:
 
 @examples(40)
 @given(damaged([COOKIE]) | hostile_bytes((COOKIE,)))
-def test_any_greeting_is_told_of_in_one_sentence(cookie: bytes) -> None:
-    told = read_or_refused(lambda: check_cookie(cookie), VrpnError)
-    assert told is None or len(told.splitlines()) == 1
+def test_any_cookie_gives_at_most_a_one_line_note(cookie: bytes) -> None:
+    note = read_or_refused(lambda: check_cookie(cookie), VrpnError)
+    assert note is None or len(note.splitlines()) == 1
 
 
 @examples(40)
 @given(damaged([VICON]) | hostile_bytes((VICON,)))
-def test_a_damaged_datagram_is_refused_or_told(content: bytes) -> None:
+def test_damaged_datagram_is_refused_or_parsed(content: bytes) -> None:
     read_or_refused(lambda: unpack_frame(content), ViconStreamError)

@@ -19,7 +19,7 @@ from observer.truth.live.opening import check_live
         "vicon-udp:",
     ],
 )
-def test_what_names_a_server_or_a_port_is_taken(spec: str) -> None:
+def test_valid_live_addresses_are_accepted(spec: str) -> None:
     check_live(spec)
 
 
@@ -35,6 +35,6 @@ def test_what_names_a_server_or_a_port_is_taken(spec: str) -> None:
         ("truth.csv", "live motion capture is given as vrpn:HOST"),
     ],
 )
-def test_what_names_none_is_refused_in_a_sentence(spec: str, words: str) -> None:
+def test_invalid_live_addresses_are_refused_with_a_reason(spec: str, words: str) -> None:
     with pytest.raises(TruthError, match=words):
         check_live(spec)

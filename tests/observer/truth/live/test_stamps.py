@@ -20,7 +20,7 @@ class Read:
     def __init__(self, *, counts: bool = False) -> None:
         self.notices: list[tuple[str, str]] = []
         self.timed: list[Timed[int]] = []
-        self.reader = StampReader[int](lambda *told: self.notices.append(told), counts=counts)
+        self.reader = StampReader[int](lambda *notice: self.notices.append(notice), counts=counts)
         self._fed = 0
 
     def feed(self, stamps: np.ndarray, received: np.ndarray) -> None:
@@ -44,12 +44,12 @@ class Read:
     st.booleans(),
     st.integers(0, 79),
 )
-def test_whatever_is_stamped_becomes_finite_times_in_order_of_arrival(
-    told: list[tuple[int, float]], counts: bool, anew: int
+def test_any_stamps_give_finite_times_in_arrival_order(
+    arrived: list[tuple[int, float]], counts: bool, anew: int
 ) -> None:
     read = Read(counts=counts)
-    received = 1000 + np.cumsum([wait for _, wait in told])
-    stamps = np.array([float(stamp) for stamp, _ in told])
+    received = 1000 + np.cumsum([wait for _, wait in arrived])
+    stamps = np.array([float(stamp) for stamp, _ in arrived])
     read.feed(stamps[:anew], received[:anew])
     read.reader.restart()
     read.feed(stamps[anew:], received[anew:])
@@ -58,7 +58,7 @@ def test_whatever_is_stamped_becomes_finite_times_in_order_of_arrival(
     assert np.isfinite(read.times).all()
 
 
-def test_seconds_are_left_as_they_are() -> None:
+def test_seconds_are_unchanged() -> None:
     stamps, received = arrivals(1, 20.0, drift_ppm=100.0)
     read = Read()
     read.feed(stamps, received)
@@ -68,7 +68,7 @@ def test_seconds_are_left_as_they_are() -> None:
 
 
 @pytest.mark.parametrize("tick_hz", [100.0, 250.0, 1e6, 1e7])
-def test_ticks_are_noticed_and_become_seconds(tick_hz: float) -> None:
+def test_ticks_are_detected_and_converted_to_seconds(tick_hz: float) -> None:
     sent, received = arrivals(2, 20.0, offset_s=0.0, drift_ppm=40.0)
     read = Read()
     read.feed(np.round(sent * tick_hz), received)
@@ -80,7 +80,9 @@ def test_ticks_are_noticed_and_become_seconds(tick_hz: float) -> None:
 
 @settings(deadline=None)
 @given(st.integers(0, 999), st.floats(-1e4, 1e4) | st.floats(-1, 1), st.sampled_from([1.0, 1e7]))
-def test_a_single_wrong_stamp_changes_nothing(where: int, wrong_s: float, tick_hz: float) -> None:
+def test_single_wrong_stamp_does_not_affect_the_others(
+    where: int, wrong_s: float, tick_hz: float
+) -> None:
     stamps, received = arrivals(12, 10.0, offset_s=1.7e6)
     usual, read = Read(), Read()
     usual.feed(stamps * tick_hz, received)
@@ -95,7 +97,7 @@ def test_a_single_wrong_stamp_changes_nothing(where: int, wrong_s: float, tick_h
             assert times[each.item] == pytest.approx(each.time, abs=1e-3)
 
 
-def test_frame_numbers_need_no_notice() -> None:
+def test_frame_numbers_give_no_notice() -> None:
     _, received = arrivals(3, 10.0)
     read = Read(counts=True)
     read.feed(500 + np.arange(1000.0), received)
@@ -103,7 +105,7 @@ def test_frame_numbers_need_no_notice() -> None:
     assert np.diff(read.times) == pytest.approx(0.01)
 
 
-def test_ticks_of_no_usual_rate_are_measured() -> None:
+def test_unusual_tick_rate_is_measured() -> None:
     sent, received = arrivals(2, 20.0, offset_s=0.0)
     read = Read()
     read.feed(np.round(sent * 3_579_545), received)
@@ -111,7 +113,7 @@ def test_ticks_of_no_usual_rate_are_measured() -> None:
     assert spans == pytest.approx(19.99, rel=1e-3)
 
 
-def test_stamps_that_stand_still_give_way_to_arrivals() -> None:
+def test_constant_stamps_are_replaced_by_arrival_times() -> None:
     _, received = arrivals(4, 5.0)
     read = Read()
     read.feed(np.zeros(500), received)
@@ -119,7 +121,7 @@ def test_stamps_that_stand_still_give_way_to_arrivals() -> None:
     assert (read.times == received).all()
 
 
-def test_stamps_may_stand_still_for_a_while_only() -> None:
+def test_stamps_may_stall_only_briefly() -> None:
     stamps, received = arrivals(4, 15.0)
     stamps -= stamps[0]
     stamps[500:1000] = 5.0
@@ -134,15 +136,15 @@ def test_stamps_may_stand_still_for_a_while_only() -> None:
 
 
 @pytest.mark.parametrize("jump_s", [3600.0, -3600.0, 1.0, -1.0, -0.3, 0.05])
-def test_a_clock_that_is_set_is_noticed_and_taken_on(jump_s: float) -> None:
+def test_clock_step_is_noticed_and_followed(jump_s: float) -> None:
     stamps, received = arrivals(5, 20.0)
     stamps[1000:] += jump_s
     read = Read()
     read.feed(stamps, received)
     assert read.kinds == ["clock"]
     assert ("ahead" if jump_s > 0 else "back") in read.notices[0][1]
-    (told,) = re.findall(r"by ([0-9.e+]+) s", read.notices[0][1])
-    assert float(told) == pytest.approx(abs(jump_s), abs=0.03, rel=0.01)
+    (stated,) = re.findall(r"by ([0-9.e+]+) s", read.notices[0][1])
+    assert float(stated) == pytest.approx(abs(jump_s), abs=0.03, rel=0.01)
     late = np.array([each.received - each.time for each in read.timed])
     # The clocks are related as before.
     assert abs(late[-500:].min() - late[:1000].min()) < 1e-3
@@ -150,7 +152,7 @@ def test_a_clock_that_is_set_is_noticed_and_taken_on(jump_s: float) -> None:
 
 
 @pytest.mark.parametrize("jump", [100_000, -100_000])
-def test_a_counter_that_is_set_while_it_is_looked_at(jump: float) -> None:
+def test_counter_jump_during_detection_is_absorbed(jump: float) -> None:
     _, received = arrivals(11, 10.0)
     frames = 200_000 + np.arange(1000.0)
     frames[100:] += jump
@@ -160,7 +162,7 @@ def test_a_counter_that_is_set_while_it_is_looked_at(jump: float) -> None:
     assert np.diff(read.times) == pytest.approx(0.01)
 
 
-def test_a_clock_that_is_set_back_a_little_is_noticed_after_three_seconds() -> None:
+def test_small_backward_clock_step_is_noticed() -> None:
     stamps, received = arrivals(6, 20.0)
     stamps[1000:] -= 0.1
     read = Read()
@@ -170,7 +172,7 @@ def test_a_clock_that_is_set_back_a_little_is_noticed_after_three_seconds() -> N
     assert abs(late[-500:].min() - late[:1000].min()) < 1e-3
 
 
-def test_a_network_that_holds_everything_back_is_no_jump() -> None:
+def test_network_stall_is_not_a_clock_jump() -> None:
     stamps, received = arrivals(7, 30.0)
     held = (received > 1010) & (received < 1012.5)
     received[held] = 1012.5
@@ -180,7 +182,7 @@ def test_a_network_that_holds_everything_back_is_no_jump() -> None:
     assert (read.times == stamps).all()
 
 
-def test_stamps_of_several_bodies_may_be_a_little_out_of_order() -> None:
+def test_stamps_of_several_bodies_may_be_slightly_out_of_order() -> None:
     stamps, received = arrivals(8, 10.0)
     disordered = np.column_stack((stamps, stamps - 0.004)).ravel()
     read = Read()
@@ -189,7 +191,7 @@ def test_stamps_of_several_bodies_may_be_a_little_out_of_order() -> None:
     assert (read.times == disordered).all()
 
 
-def test_the_same_clock_reached_anew_is_the_same() -> None:
+def test_reconnecting_to_the_same_clock_gives_no_notice() -> None:
     stamps, received = arrivals(9, 20.0)
     read = Read()
     read.feed(stamps[:800], received[:800])
@@ -199,7 +201,7 @@ def test_the_same_clock_reached_anew_is_the_same() -> None:
     assert (read.times == np.concatenate((stamps[:800], stamps[1200:]))).all()
 
 
-def test_a_server_that_was_restarted_goes_on() -> None:
+def test_restarted_server_continues_the_time_line() -> None:
     stamps, received = arrivals(10, 20.0)
     read = Read()
     read.feed(stamps[:800], received[:800])

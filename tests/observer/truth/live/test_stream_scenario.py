@@ -18,7 +18,7 @@ from observer.simulation.world import World
 from .test_vrpn_client import capturing, samples
 
 
-def test_the_program_streams_the_true_bodies_by_its_own_clock(repository: Path) -> None:
+def test_program_streams_the_true_bodies_on_its_own_clock(repository: Path) -> None:
     command = [sys.executable, "-m", "tests.observer.truth.live.stream_scenario", "vrpn"]
     with subprocess.Popen(
         [*command, "--drift", "100", "--offset", "1e6"],
@@ -31,16 +31,16 @@ def test_the_program_streams_the_true_bodies_by_its_own_clock(repository: Path) 
             assert process.stdout is not None
             planted = json.loads(process.stdout.readline())
             with capturing(planted["port"]) as capture:
-                told = samples(capture, 100)
+                collected = samples(capture, 100)
                 fit = capture.report().clock
         finally:
             process.communicate("quit\n", timeout=5)
     assert process.returncode == 0
     truth = SimulatedTruth(World(load_scenario("lab")))
     T_mocap_world = Pose.from_matrix(planted["T_mocap_world"])
-    assert {each.name for each in told} == set(planted["bodies"])
+    assert {each.name for each in collected} == set(planted["bodies"])
     errors = []
-    for each in told[::7]:
+    for each in collected[::7]:
         # The planted clock, inverted.
         at = (each.time - planted["offset_s"] - planted["start"]) / (1 + 100e-6)
         (body,) = [found for found in truth.bodies(at) if found.name == each.name]

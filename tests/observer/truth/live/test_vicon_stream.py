@@ -1,4 +1,4 @@
-"""Vicon's datagrams: what Tracker sends is read, anything else is refused in one sentence."""
+"""Vicon's datagrams: what Tracker sends is read, anything else is refused with a reason."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _names = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1,
 _objects = st.lists(st.builds(ViconObject, _names, _triples, _triples), max_size=6)
 
 
-def test_a_datagram_typed_by_hand_is_read() -> None:
+def test_hand_written_datagram_is_read() -> None:
     data = struct.pack("<IB", 1234, 1) + struct.pack("<BH", 0, 72)
     data += b"Amigo".ljust(24, b"\0") + struct.pack("<6d", 1000, -2, 3, 0.1, 0.2, 0.3)
     amigo = ViconObject("Amigo", (1000, -2, 3), (0.1, 0.2, 0.3))
@@ -32,14 +32,12 @@ def test_a_datagram_typed_by_hand_is_read() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), _objects, st.integers(0, 1024))
-def test_what_is_packed_is_read(frame: int, objects: list[ViconObject], filling: int) -> None:
+def test_packed_frames_are_read_back(frame: int, objects: list[ViconObject], filling: int) -> None:
     assert unpack_frame(pack_frame(frame, objects, filling)) == (frame, tuple(objects))
 
 
 @given(st.integers(1, 255), st.integers(0, 300), st.integers(0, 40))
-def test_other_items_and_larger_ones_are_walked_by_their_size(
-    kind: int, size: int, more: int
-) -> None:
+def test_other_and_larger_items_are_skipped_by_their_size(kind: int, size: int, more: int) -> None:
     body = b"Cart".ljust(24, b"\0") + struct.pack("<6d", 1, 2, 3, 4, 5, 6)
     data = struct.pack("<IB", 5, 2) + struct.pack("<BH", kind, size) + bytes(size)
     data += struct.pack("<BH", 0, 72 + more) + body + bytes(more)
@@ -53,13 +51,13 @@ def test_garbage_is_refused_or_harmless(data: bytes) -> None:
 
 
 @given(_objects.filter(bool), st.data())
-def test_whatever_is_cut_off_is_refused(objects: list[ViconObject], data: st.DataObject) -> None:
+def test_truncated_datagram_is_refused(objects: list[ViconObject], data: st.DataObject) -> None:
     whole = pack_frame(1, objects)
     with pytest.raises(ViconStreamError):
         unpack_frame(whole[: data.draw(st.integers(0, len(whole) - 1))])
 
 
-def test_an_object_that_is_too_small_is_refused() -> None:
+def test_too_small_object_is_refused() -> None:
     data = struct.pack("<IB", 5, 1) + struct.pack("<BH", 0, 71) + bytes(71)
     with pytest.raises(ViconStreamError, match="72 bytes"):
         unpack_frame(data)

@@ -59,14 +59,14 @@ def noted(words: str) -> Callable[[LiveCaptureReport], bool]:
     return lambda report: words in " ".join(report.notes)
 
 
-def test_objects_come_in_metres_at_times_counted_in_frames(udp_port: int) -> None:
+def test_objects_arrive_in_metres_with_times_from_frame_numbers(udp_port: int) -> None:
     with capturing(udp_port) as capture, streaming(udp_port):
-        told = samples(capture, 40)
+        collected = samples(capture, 40)
         report = until(capture, lambda r: r.clock)
     assert report.state == "receiving"
     assert not report.notes
-    assert {each.name for each in told} == {"Robot", "Cart/2"}
-    for each in told:
+    assert {each.name for each in collected} == {"Robot", "Cart/2"}
+    for each in collected:
         assert each.position is not None
         assert each.rotation is not None
         if each.name == "Robot":
@@ -77,12 +77,12 @@ def test_objects_come_in_metres_at_times_counted_in_frames(udp_port: int) -> Non
         else:
             assert each.position[[0, 2]] == pytest.approx([2, 0.1], abs=1e-4)
             assert each.rotation == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]))
-    robot = [each.time for each in told if each.name == "Robot"]
+    robot = [each.time for each in collected if each.name == "Robot"]
     # At 100 Hz, each lost datagram is a missing frame.
     assert np.diff(robot) == pytest.approx(0.01 * np.round(np.diff(robot) / 0.01))
 
 
-def test_silence_is_said_and_speech_goes_on(udp_port: int) -> None:
+def test_silence_is_reported_and_reception_resumes(udp_port: int) -> None:
     with capturing(udp_port) as capture:
         quiet = until(capture, lambda r: r.state == "waiting" and r.trouble)
         assert "no poses received" in str(quiet.trouble)
@@ -95,7 +95,7 @@ def test_silence_is_said_and_speech_goes_on(udp_port: int) -> None:
             assert all(each.position is None for each in samples(capture, 20))
 
 
-def test_garbage_is_counted_and_a_second_sender_left_out(udp_port: int) -> None:
+def test_garbage_is_counted_and_a_second_sender_is_noted(udp_port: int) -> None:
     with capturing(udp_port) as capture, streaming(udp_port) as sender:
         samples(capture, 20)
         sender.raw(b"\x01\x02")
@@ -108,7 +108,7 @@ def test_garbage_is_counted_and_a_second_sender_left_out(udp_port: int) -> None:
         samples(capture, 20)
 
 
-def test_numbers_beyond_all_sense_are_gaps_or_said(udp_port: int) -> None:
+def test_absurd_numbers_become_gaps_or_are_noted(udp_port: int) -> None:
     with capturing(udp_port) as capture:
         sender = ViconSender(udp_port)
         wild = (float("nan"), float("inf"), -1e308, 1e308, 5e-324, 0.0)
@@ -118,18 +118,18 @@ def test_numbers_beyond_all_sense_are_gaps_or_said(udp_port: int) -> None:
             objects = [ViconObject("Wild", (x, y, 1.0), (y, x, 0.0)), tame]
             sender.raw(pack_frame(number, objects))
             time.sleep(0.01)
-        told = samples(capture, 160)
+        collected = samples(capture, 160)
         until(capture, noted("too far for a room"))
         sender.stop()
-    seen = [each.position is not None for each in told if each.name == "Tame"]
+    seen = [each.position is not None for each in collected if each.name == "Tame"]
     assert seen == [True] + [False] * (len(seen) - 1)
-    for each in told:
+    for each in collected:
         if each.position is not None and each.rotation is not None:
             assert np.isfinite(each.position).all()
             assert np.isfinite(each.rotation).all()
 
 
-def test_tracker_restarted_counts_anew(udp_port: int) -> None:
+def test_tracker_restart_continues_the_time_line(udp_port: int) -> None:
     with capturing(udp_port) as capture, streaming(udp_port) as sender:
         sender.frames_behind = 100_000
         before = samples(capture, 20)
@@ -139,7 +139,7 @@ def test_tracker_restarted_counts_anew(udp_port: int) -> None:
         assert 0 < after[-1].time - before[-1].time < 10
 
 
-def test_a_port_that_is_taken_is_said_and_tried_again(
+def test_occupied_port_is_reported_and_retried(
     udp_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(heard, "_RETRY_S", 0.05)

@@ -40,7 +40,7 @@ def split(data: bytes, cuts: list[int]) -> list[bytes]:
     return [data[a:b] for a, b in pairwise(at)]
 
 
-def test_a_message_has_the_bytes_of_the_public_library() -> None:
+def test_messages_match_the_public_library_byte_for_byte() -> None:
     # Typed by hand, as marshall_message of vrpn_Connection.C lays them out.
     assert COOKIE == b"vrpn: ver. 07.35  0\0\0\0\0\0"
     described = pack(describe(-1, 3, "Robot"), sequence=1)
@@ -56,20 +56,20 @@ def test_a_message_has_the_bytes_of_the_public_library() -> None:
 
 
 @given(st.lists(_messages, max_size=8), st.lists(st.integers(0, 2000), max_size=12))
-def test_messages_come_back_however_they_are_cut(sent: list[Message], cuts: list[int]) -> None:
+def test_messages_are_parsed_however_they_are_split(sent: list[Message], cuts: list[int]) -> None:
     parser = MessageParser()
     data = b"".join(pack(each, number) for number, each in enumerate(sent))
     assert [each for piece in split(data, cuts) for each in parser.feed(piece)] == sent
 
 
 @given(_names, _names, st.integers(0, 99), st.lists(_finite, min_size=7, max_size=7), _words)
-def test_a_described_sensor_is_told_by_name(
+def test_described_sensor_is_reported_by_name(
     sender: str, other: str, sensor: int, numbers: list[float], seconds: int
 ) -> None:
     conversation = Conversation()
     body = pose_body(sensor, tuple(numbers))
     data = pack(Message(seconds, 5, 7, 4, body))
-    assert conversation.feed(data) == []  # nobody said yet what 7 and 4 are
+    assert conversation.feed(data) == []  # 7 and 4 are not described yet
     begin = pack(describe(-1, 2, other)) + pack(describe(-1, 7, sender))
     begin += pack(describe(-2, 4, POSE_TYPE)) + pack(Message(0, 0, 40_000, -3, b"10.0.0.1\0"))
     assert conversation.feed(begin) == []
@@ -79,7 +79,7 @@ def test_a_described_sensor_is_told_by_name(
     assert (*pose.position, *pose.quaternion) == tuple(numbers)
 
 
-def test_a_sender_described_anew_has_its_new_name() -> None:
+def test_redescribed_sender_gets_its_new_name() -> None:
     conversation = Conversation()
     conversation.feed(pack(describe(-1, 0, "before")) + pack(describe(-2, 0, POSE_TYPE)))
     conversation.feed(pack(describe(-1, 0, "after")))
@@ -89,7 +89,7 @@ def test_a_sender_described_anew_has_its_new_name() -> None:
 
 
 @given(st.lists(st.binary(max_size=300), max_size=6))
-def test_garbage_is_no_vrpn_or_nothing(pieces: list[bytes]) -> None:
+def test_garbage_is_refused_or_ignored(pieces: list[bytes]) -> None:
     conversation = Conversation()
     with contextlib.suppress(VrpnError):
         for piece in pieces:
@@ -97,7 +97,7 @@ def test_garbage_is_no_vrpn_or_nothing(pieces: list[bytes]) -> None:
 
 
 @given(st.lists(_messages, min_size=1, max_size=4), st.data())
-def test_a_flipped_byte_raises_nothing_else(sent: list[Message], data: st.DataObject) -> None:
+def test_flipped_byte_raises_at_most_a_vrpn_error(sent: list[Message], data: st.DataObject) -> None:
     whole = bytearray(b"".join(pack(each) for each in sent))
     at = data.draw(st.integers(0, len(whole) - 1))
     whole[at] ^= data.draw(st.integers(1, 255))
@@ -107,12 +107,12 @@ def test_a_flipped_byte_raises_nothing_else(sent: list[Message], data: st.DataOb
 
 
 @pytest.mark.parametrize("length", [-1, 0, 23, 24 + 64_001, 2**31 - 1])
-def test_a_length_that_no_message_has_is_refused_at_once(length: int) -> None:
+def test_impossible_message_length_is_refused_at_once(length: int) -> None:
     with pytest.raises(VrpnError, match="length"):
         MessageParser().feed(struct.pack(">6i", length, 0, 0, 0, 0, 0))
 
 
-def test_a_pose_of_another_length_is_refused() -> None:
+def test_pose_of_wrong_length_is_refused() -> None:
     conversation = Conversation()
     conversation.feed(pack(describe(-1, 0, "a")) + pack(describe(-2, 0, POSE_TYPE)))
     with pytest.raises(VrpnError, match="64 bytes"):
@@ -129,7 +129,7 @@ def test_names_beyond_the_librarys_tables_are_refused() -> None:
     assert len(pack(describe(-1, 0, "x" * 95))) == 24 + 104
 
 
-def test_what_we_say_is_described_before_it_is_used() -> None:
+def test_outgoing_types_and_senders_are_described_before_use() -> None:
     speaker, there = Speaker(), Conversation()
     assert there.feed(speaker.say(PING_TYPE, "Robot")) == [Sign(PING_TYPE, "Robot")]
     second = speaker.say(PING_TYPE, "Robot")
@@ -138,7 +138,7 @@ def test_what_we_say_is_described_before_it_is_used() -> None:
     assert there.feed(speaker.say(PING_TYPE, "Cart")) == [Sign(PING_TYPE, "Cart")]
 
 
-def test_cookies_of_version_7_are_taken_others_not() -> None:
+def test_only_version_7_cookies_are_accepted() -> None:
     assert check_cookie(COOKIE) is None
     minor = check_cookie(b"vrpn: ver. 07.33  0".ljust(24, b"\0"))
     assert minor is not None

@@ -93,15 +93,15 @@ def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("piece", [None, 7])
-def test_every_sensor_of_every_sender_comes_with_its_pose(piece: int | None) -> None:
+def test_every_sensor_of_every_sender_arrives_with_its_pose(piece: int | None) -> None:
     planted = Mishaps(offset_s=1.7e9)
     with serving(piece=piece) as server, streaming(server, planted, noise_m=1e-9):
         with capturing(server.port) as capture:
-            told = samples(capture, 80)
+            collected = samples(capture, 80)
             report = capture.report()
         assert server.cookies == [b"vrpn: ver. 07.35  0\0\0\0\0\0"]
-    assert {each.name for each in told} == {"Robot", "Cart/2"}
-    for each in told:
+    assert {each.name for each in collected} == {"Robot", "Cart/2"}
+    for each in collected:
         expected = circling(each.time - planted.offset_s)[each.name]
         assert expected is not None
         assert each.position is not None
@@ -117,7 +117,7 @@ def test_every_sensor_of_every_sender_comes_with_its_pose(piece: int | None) -> 
     assert report.seen == {"Robot": 1.0, "Cart/2": 1.0}
 
 
-def test_only_the_bodies_that_are_wanted_come() -> None:
+def test_only_requested_bodies_are_received() -> None:
     with serving() as server, streaming(server):
         with capturing(server.port, "/Cart") as capture:
             assert {each.name for each in samples(capture, 30)} == {"Cart/2"}
@@ -125,7 +125,7 @@ def test_only_the_bodies_that_are_wanted_come() -> None:
             assert {each.name for each in samples(capture, 30)} == {"Robot", "Cart/2"}
 
 
-def test_the_clock_is_found_over_a_jittering_network() -> None:
+def test_clock_is_estimated_over_a_jittering_network() -> None:
     planted = Mishaps(offset_s=1.7e9, delay_s=0.005, jitter_s=0.003)
     with serving() as server, streaming(server, planted), capturing(server.port) as capture:
         fit = until(capture, lambda r: r.clock and r.clock.span_s > 1.0).clock
@@ -135,7 +135,7 @@ def test_the_clock_is_found_over_a_jittering_network() -> None:
         assert fit.to_host(now + planted.offset_s) - now == pytest.approx(0.005, abs=0.004)
 
 
-def test_a_thread_that_is_preempted_believes_in_nothing_from_the_future(
+def test_preempted_thread_does_not_date_samples_into_the_future(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Other threads run between learning that there is data and having read it."""
@@ -184,7 +184,7 @@ def test_drop_outs_are_gaps(fault: str) -> None:
         assert all(each.position is not None for each in samples(capture, 40))
 
 
-def test_a_lost_connection_is_made_again_and_says_so() -> None:
+def test_lost_connection_is_reported_and_reestablished() -> None:
     with serving() as server, streaming(server), capturing(server.port) as capture:
         samples(capture, 40)
         server.drop_clients()
@@ -208,7 +208,7 @@ def test_a_lost_connection_is_made_again_and_says_so() -> None:
             again.stop()
 
 
-def test_a_dead_host_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dead_host_does_not_block_the_caller(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(vrpn_client, "_CONNECT_WITHIN_S", 0.2)
     with deaf_host() as port:
         began = time.monotonic()
@@ -223,7 +223,7 @@ def test_a_dead_host_keeps_nobody_waiting(monkeypatch: pytest.MonkeyPatch) -> No
         assert time.monotonic() - began < 0.5
 
 
-def test_no_server_no_host_and_another_version_are_told_apart() -> None:
+def test_connection_failures_are_distinguished() -> None:
     with serving(cookie=b"vrpn: ver. 06.04  0") as server, capturing(server.port) as capture:
         report = until(capture, lambda r: "06.04" in (r.trouble or ""))
         assert "07 is needed" in str(report.trouble)
@@ -237,14 +237,14 @@ def test_no_server_no_host_and_another_version_are_told_apart() -> None:
     capture.close()
 
 
-def test_a_listener_that_says_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silent_listener_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(vrpn_client, "_COOKIE_WITHIN_S", 0.2)
     silent = socket.create_server(("127.0.0.1", 0))
     with silent, capturing(silent.getsockname()[1]) as capture:
         until(capture, lambda r: "did not identify itself" in (r.trouble or ""))
 
 
-def test_garbage_ends_the_connection_and_the_next_one_is_good() -> None:
+def test_garbage_ends_the_connection_and_the_next_one_works() -> None:
     with serving() as server, streaming(server), capturing(server.port) as capture:
         samples(capture, 30)
         server.raw(b"\xff" * 100)
@@ -253,7 +253,7 @@ def test_garbage_ends_the_connection_and_the_next_one_is_good() -> None:
         samples(capture, 30)
 
 
-def test_a_server_that_sends_nothing_is_asked_and_then_given_up(
+def test_silent_server_is_pinged_and_then_abandoned(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(vrpn_client, "_ASK_AFTER_S", 0.1)
@@ -271,7 +271,7 @@ def test_a_server_that_sends_nothing_is_asked_and_then_given_up(
         until(capture, lambda r: r.connections > 1)
 
 
-def test_a_ping_is_answered() -> None:
+def test_ping_is_answered() -> None:
     with serving() as server, capturing(server.port) as capture:
         until(capture, lambda r: r.state == "waiting")
         end = time.monotonic() + 5
@@ -285,23 +285,23 @@ def test_a_ping_is_answered() -> None:
         assert server.ponged == ["Cart"]
 
 
-def test_millimetres_are_said() -> None:
+def test_millimetres_are_noted() -> None:
     planted = Mishaps(millimetres=True)
     with serving() as server, streaming(server, planted), capturing(server.port) as capture:
         until(capture, lambda r: "set it to m" in " ".join(r.notes))
 
 
-def test_ticks_are_said_and_become_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ticks_are_noted_and_converted_to_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stamps, "_TICKS_SPAN_S", 1.0)
     planted = Mishaps(tick_hz=1e6)
     with serving() as server, streaming(server, planted), capturing(server.port) as capture:
-        told = samples(capture, 40)
+        collected = samples(capture, 40)
         assert "ticks, 1e+06 per second" in capture.report().notes[0]
-        sent = [planted.stamp(each.received) / 1e6 for each in told]
-        assert told[30].time - told[0].time == pytest.approx(sent[30] - sent[0], abs=0.3)
+        sent = [planted.stamp(each.received) / 1e6 for each in collected]
+        assert collected[30].time - collected[0].time == pytest.approx(sent[30] - sent[0], abs=0.3)
 
 
-def test_a_clock_that_is_set_is_said() -> None:
+def test_clock_step_is_noted() -> None:
     with serving() as server, streaming(server) as mishaps, capturing(server.port) as capture:
         before = samples(capture, 40)[-1]
         mishaps.offset_s += 3600
@@ -311,7 +311,7 @@ def test_a_clock_that_is_set_is_said() -> None:
         assert 0 < after.time - before.time < 8
 
 
-def test_what_nobody_drains_is_counted_and_the_newest_kept(
+def test_undrained_samples_are_counted_and_the_newest_retained(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(intake, "MOST_KEPT", 50)
@@ -322,7 +322,7 @@ def test_what_nobody_drains_is_counted_and_the_newest_kept(
         assert time.monotonic() - kept[-1].received < 0.5
 
 
-def test_a_direction_that_is_none_leaves_the_position() -> None:
+def test_invalid_rotation_leaves_the_position() -> None:
     with serving() as server, capturing(server.port) as capture:
         until(capture, lambda r: r.state == "waiting")
         while not server.clients:
@@ -332,6 +332,6 @@ def test_a_direction_that_is_none_leaves_the_position() -> None:
                 POSE_TYPE, "Robot", time.time(), pose_body(0, (1.0, 2.0, number + 1.0, 0, 0, 0, 0))
             )
             time.sleep(0.01)
-        told = samples(capture, 10)
-    assert told[0].rotation is None
-    assert told[0].position == pytest.approx([1, 2, 1])
+        collected = samples(capture, 10)
+    assert collected[0].rotation is None
+    assert collected[0].position == pytest.approx([1, 2, 1])
