@@ -24,7 +24,7 @@ class Match:
     Attributes:
         body: its name, None if the track belongs to none.
         by: ``position``, ``speed`` or ``person``.
-        distance_m: median over the track's life; None if it was not matched by position.
+        distance_m: median over the track's life; None if it is unknown.
     """
 
     body: str | None
@@ -48,8 +48,9 @@ def match_tracks(
     taken: dict[str, list[tuple[float, float]]] = {}
     for key, body in corrections.items():
         if key in lives:
-            distance = distances.get(key, {}).get(body) if body is not None else None
-            matched[key] = Match(body, "person", distance)
+            distance = distances.get(key, {}).get(body, np.nan) if body is not None else np.nan
+            known = float(distance) if np.isfinite(distance) else None
+            matched[key] = Match(body, "person", known)
             if body is not None:
                 taken.setdefault(body, []).append(lives[key])
     candidates = sorted(

@@ -44,3 +44,8 @@ def test_user_choice_overrides_matching_by_position() -> None:
     assert C not in matches
     none = match_tracks({A: (0, 9)}, {A: {"one": 0.1}}, {A: None})
     assert none[A] == Match(None, "person", None)
+
+
+def test_unknown_distance_to_the_chosen_body_is_none() -> None:
+    matches = match_tracks({A: (0, 9), B: (0, 9)}, {A: {"one": float("nan")}}, {A: "one", B: "two"})
+    assert matches == {A: Match("one", "person", None), B: Match("two", "person", None)}
