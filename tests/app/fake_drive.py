@@ -214,7 +214,7 @@ class FakeDrive:
             age_s=age,
         )
 
-    # --- what it tells ---------------------------------------------------------------------
+    # --- what it reports ---------------------------------------------------------------------
 
     def tell(self, **more: Any) -> None:
         """Publish the state of all robots."""

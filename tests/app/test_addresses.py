@@ -63,12 +63,12 @@ def networks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("networks")
-def test_usable_addresses_come_with_the_likeliest_first() -> None:
+def test_usable_addresses_are_listed_likeliest_first() -> None:
     assert network_addresses() == ("192.168.1.5", "10.0.0.9", "2001:db8::5", "fd00::9")
 
 
 @pytest.mark.usefixtures("networks")
-def test_other_computers_come_by_names_first() -> None:
+def test_addresses_for_other_computers_list_names_first() -> None:
     lab = ServerAddress("0.0.0.0", 8080, allowed_hosts=("lab.example", "proxy.example:8443"))
     assert lab.elsewhere == (
         "http://lab.example:8080",
@@ -86,7 +86,7 @@ def test_other_computers_come_by_names_first() -> None:
 
 
 @pytest.mark.usefixtures("networks")
-def test_addresses_of_a_containers_own_network_are_left_out_in_it(
+def test_container_network_addresses_are_omitted_inside_a_container(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     inside = {"eth0": ["172.17.0.2", "fd00::2"], "eth1": ["10.88.0.9"], "eth2": ["192.168.1.5"]}
@@ -96,6 +96,6 @@ def test_addresses_of_a_containers_own_network_are_left_out_in_it(
     assert network_addresses() == ("192.168.1.5", "fd00::2")
 
 
-def test_the_addresses_of_this_computer_are_addresses() -> None:
+def test_the_addresses_of_this_computer_are_valid_and_not_loopback() -> None:
     for each in network_addresses():
         assert not ipaddress.ip_address(each).is_loopback

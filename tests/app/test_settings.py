@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from app.settings import Settings, default_data_folder
 
 
-def test_defaults_listen_to_this_machine_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_defaults_listen_on_this_machine_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", "/somewhere")
     settings = Settings()
     assert (settings.host, settings.port, settings.source) == ("127.0.0.1", 8080, "simulated:lab")
@@ -26,7 +26,7 @@ def test_a_relative_data_home_is_ignored(monkeypatch: pytest.MonkeyPatch) -> Non
     assert default_data_folder() == Path("/home/somebody/.local/share/dynamic-observer")
 
 
-def test_arguments_go_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_arguments_override_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DYNAMIC_OBSERVER_PORT", "9000")
     monkeypatch.setenv("DYNAMIC_OBSERVER_ALLOWED_HOSTS", "Lab.example, other.example:8443")
     settings = Settings(host="0.0.0.0")
@@ -50,7 +50,7 @@ def test_arguments_go_before_the_environment(monkeypatch: pytest.MonkeyPatch) ->
     ],
     ids=str,
 )
-def test_what_is_wrong_is_refused(wrong: dict[str, Any]) -> None:
+def test_invalid_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         Settings(**wrong)
 

@@ -81,7 +81,7 @@ def look(server: Server, open_panel: OpenPanel, request: pytest.FixtureRequest) 
 
 
 @pytest.mark.parametrize("look", looks("light", "dark"), indirect=True)
-def test_live_page_and_tabs(look: _Look) -> None:
+def test_live_page_and_tabs_are_accessible(look: _Look) -> None:
     page = look.page
     look("live")
     page.locator(".pixel-pick").click()
@@ -101,7 +101,7 @@ def test_live_page_and_tabs(look: _Look) -> None:
 
 
 @pytest.mark.parametrize("look", looks("light", of=("light", "dark")), indirect=True)
-def test_dialogs(look: _Look) -> None:
+def test_dialogs_are_accessible(look: _Look) -> None:
     page = look.page
     page.get_by_role("tab", name="Source").click()
     field = page.locator("#source-spec")
@@ -130,7 +130,7 @@ def test_dialogs(look: _Look) -> None:
 
 
 @pytest.mark.parametrize("look", looks("phone"), indirect=True)
-def test_runs_methods_and_steps(look: _Look, two_runs: list[str]) -> None:
+def test_runs_methods_and_steps_are_accessible(look: _Look, two_runs: list[str]) -> None:
     page = look.page
     look.go("#history")
     expect(page.locator(".run-rows li")).to_have_count(2)
@@ -166,7 +166,7 @@ def test_runs_methods_and_steps(look: _Look, two_runs: list[str]) -> None:
 
 
 @pytest.mark.parametrize("look", looks("light"), indirect=True)
-def test_wizard(server: Server, look: _Look, eventually: Eventually) -> None:
+def test_wizard_is_accessible(server: Server, look: _Look, eventually: Eventually) -> None:
     page = look.page
     page.get_by_role("tab", name="Calibration").click()
     page.locator("observer-calibration button", has_text="Calibrate").first.click()
@@ -192,7 +192,7 @@ def test_wizard(server: Server, look: _Look, eventually: Eventually) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_sign_in(server: Server, browser: Browser, scheme: Any) -> None:
+def test_sign_in_is_accessible(server: Server, browser: Browser, scheme: Any) -> None:
     context = browser.new_context(color_scheme=scheme)
     try:
         page = context.new_page()

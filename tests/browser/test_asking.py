@@ -77,7 +77,7 @@ def _click(page: Page, u: float, v: float, camera: Json) -> None:
     pick.click(position={"x": x, "y": y})
 
 
-def test_a_click_on_the_picture_is_answered(
+def test_a_click_on_the_image_explains_the_pixel(
     server: Server, standing: Standing, keep_picture: KeepPicture
 ) -> None:
     page, told = standing()
@@ -112,7 +112,7 @@ def test_a_click_on_the_picture_is_answered(
     expect(page.locator(".pixel-mark")).to_be_hidden()
 
 
-def test_a_wall_and_a_place_where_nothing_is_seen_are_answered_too(
+def test_static_and_featureless_pixels_are_explained(
     server: Server, standing: Standing, keep_picture: KeepPicture
 ) -> None:
     page, _ = standing()
@@ -131,7 +131,9 @@ def test_a_wall_and_a_place_where_nothing_is_seen_are_answered_too(
         keep_picture(page, f"answer-{verdict}")
 
 
-def test_the_mark_moves_by_keyboard_and_enter_asks(server: Server, standing: Standing) -> None:
+def test_the_marker_moves_by_keyboard_and_enter_explains_the_pixel(
+    server: Server, standing: Standing
+) -> None:
     page, _ = standing()
     camera = server.get("/status")["camera"]
     page.locator(".pixel-pick").focus()
@@ -151,7 +153,7 @@ def test_the_mark_moves_by_keyboard_and_enter_asks(server: Server, standing: Sta
     expect(page.locator(".pixel-pick")).to_be_focused()
 
 
-def test_an_obstacles_row_opens_the_figures_behind_its_reason(standing: Standing) -> None:
+def test_an_obstacle_row_expands_to_the_figures_behind_its_reason(standing: Standing) -> None:
     page, told = standing()
     row = page.locator("observer-obstacles tbody tr").first
     why = page.locator("observer-obstacles tr.why").first
@@ -166,7 +168,7 @@ def test_an_obstacles_row_opens_the_figures_behind_its_reason(standing: Standing
     expect(why.locator("dl")).to_be_visible()
 
 
-def test_the_cameras_own_motion_is_shown(
+def test_camera_motion_is_shown(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     before = server.get("/parameters")["values"]

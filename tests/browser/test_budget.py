@@ -80,7 +80,7 @@ def open_watched(open_panel: OpenPanel) -> OpenPanel:
     return open_one
 
 
-def test_weight(open_watched: OpenPanel) -> None:
+def test_page_weight_is_within_budget(open_watched: OpenPanel) -> None:
     page = open_watched()
     # Include what is loaded after the page has appeared.
     page.wait_for_timeout(2000)
@@ -95,7 +95,7 @@ def test_weight(open_watched: OpenPanel) -> None:
 
 
 @pytest.mark.parametrize("size", [DESKTOP, _PHONE], ids=["desktop", "phone"])
-def test_nothing_moves_while_data_flows(open_watched: OpenPanel, size: Any) -> None:
+def test_layout_is_stable_while_data_flow(open_watched: OpenPanel, size: Any) -> None:
     page = open_watched(viewport=size)
     page.wait_for_timeout(_FLOWING_MS)
     shifts = page.evaluate("window.shifts")
@@ -107,7 +107,7 @@ def test_nothing_moves_while_data_flows(open_watched: OpenPanel, size: Any) -> N
 
 
 @pytest.mark.parametrize("viewer", [False, True], ids=["page", "with 3D"])
-def test_it_is_usable_soon(open_watched: OpenPanel, viewer: bool) -> None:
+def test_the_page_is_usable_in_time(open_watched: OpenPanel, viewer: bool) -> None:
     took = []
     for _ in range(_TRIES):
         page = open_watched(viewer=viewer)
@@ -121,7 +121,7 @@ def test_it_is_usable_soon(open_watched: OpenPanel, viewer: bool) -> None:
 
 
 @pytest.mark.parametrize("viewer", [False, True], ids=["page", "with 3D"])
-def test_from_exposure_to_painted(
+def test_latency_from_exposure_to_paint_is_within_budget(
     server: Server, open_panel: OpenPanel, eventually: Eventually, viewer: bool
 ) -> None:
     """A simulated frame is exposed when it is played; the server measures from then until the page

@@ -146,7 +146,7 @@ def _nothing_is_calibrated(server: Server, eventually: Eventually) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
-def test_the_whole_wizard_goes_by_keyboard_alone(
+def test_the_whole_wizard_works_by_keyboard_alone(
     server: Server,
     source: str,
     open_panel: OpenPanel,
@@ -315,7 +315,7 @@ def _turned_deg(rotation: Any) -> float:
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
-def test_what_the_keyboard_made_is_near_the_truth(made: Made) -> None:
+def test_the_resulting_calibration_is_close_to_the_truth(made: Made) -> None:
     entry, found = made
     true = World(load_scenario("calibration"), 0).true_calibration
     focal = [abs(a[i, i] / b[i, i] - 1) for a, b in ((found.K1, true.K1), (found.K2, true.K2))
@@ -338,7 +338,9 @@ def test_what_the_keyboard_made_is_near_the_truth(made: Made) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
-def test_depth_of_the_lab_with_it_is_right_at_three_metres(server: Server, made: Made) -> None:
+def test_lab_depth_with_this_calibration_is_accurate_at_three_metres(
+    server: Server, made: Made
+) -> None:
     entry, found = made
     opening = {"source": "simulated:webcams", "calibration": entry["id"]}
     server.api.put("/api/source", json=opening).raise_for_status()
@@ -388,7 +390,7 @@ _CALM = """async () => {
 
 @pytest.mark.slow
 @pytest.mark.patient
-def test_views_outlive_reloads_and_engines_and_are_seen_by_all(
+def test_views_survive_reloads_and_engines_and_are_shared_by_pages(
     server: Server, source: str, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     page, other = open_panel(), open_panel()

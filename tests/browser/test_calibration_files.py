@@ -74,7 +74,7 @@ def camera(server: Server, eventually: Eventually) -> Any:
     return eventually(lambda: server.get("/status")["camera"], 20)
 
 
-def test_files_of_other_tools_are_understood_before_they_are_used(
+def test_files_of_other_tools_are_previewed_before_use(
     server: Server, open_panel: OpenPanel, camera: Json, keep_picture: KeepPicture
 ) -> None:
     page = open_panel()
@@ -152,7 +152,7 @@ def test_a_refused_file_names_the_key_and_the_reason(
     page.keyboard.press("Escape")
 
 
-def test_a_unit_is_asked_for_where_it_is_to_be_set(open_panel: OpenPanel, camera: Json) -> None:
+def test_a_missing_unit_is_requested_next_to_its_field(open_panel: OpenPanel, camera: Json) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Calibration").click()
     unit = page.get_by_label("Unit", exact=True)

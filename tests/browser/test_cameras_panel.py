@@ -141,7 +141,7 @@ def test_one_camera_can_show_both_images(picker: Picker) -> None:
     expect(box.get_by_role("button", name="Open these cameras")).to_be_hidden()
 
 
-def test_two_cameras_are_one_tile_and_why_they_cannot_be_opened_stands_below_it(
+def test_two_cameras_share_a_tile_with_any_opening_error_below(
     server: Server, picker: Picker, keep_picture: KeepPicture
 ) -> None:
     page, asked, _ = picker([_device(0), _device(1)])
@@ -158,7 +158,7 @@ def test_two_cameras_are_one_tile_and_why_they_cannot_be_opened_stands_below_it(
     keep_picture(page, "cameras-refused")
 
 
-def test_a_slow_first_look_does_not_overwrite_a_newer_one(open_panel: OpenPanel) -> None:
+def test_a_slow_first_device_list_does_not_overwrite_a_newer_one(open_panel: OpenPanel) -> None:
     page = open_panel()
     held: list[Any] = []
 
@@ -181,9 +181,7 @@ def test_a_slow_first_look_does_not_overwrite_a_newer_one(open_panel: OpenPanel)
     expect(box).to_contain_text("2 cameras are connected.")
 
 
-def test_cameras_that_nobody_calibrated_lead_to_the_wizard(
-    server: Server, open_panel: OpenPanel
-) -> None:
+def test_uncalibrated_cameras_lead_to_the_wizard(server: Server, open_panel: OpenPanel) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Source").click()
     offer = page.get_by_role("button", name="Calibrate these cameras")
@@ -218,7 +216,7 @@ def video_server() -> Callable[..., Any]:
 
 
 @pytest.mark.slow
-def test_network_cameras_are_shown_as_what_they_deliver(
+def test_network_cameras_show_what_they_deliver(
     server: Server,
     open_panel: OpenPanel,
     video_server: Callable[..., Any],

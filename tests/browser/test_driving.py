@@ -171,7 +171,7 @@ def test_the_pad_drives_while_it_is_held(
             page.mouse.up()
 
 
-def test_keys_drive_only_where_nobody_types(room: Server, seat: Callable[..., Page]) -> None:
+def test_keys_drive_only_outside_text_fields(room: Server, seat: Callable[..., Page]) -> None:
     page = seat()
     with Witness(room) as witness:
         for key in ("w", "ArrowDown"):
@@ -224,7 +224,7 @@ def test_a_gamepad_drives_while_its_shoulder_button_is_held(
         witness.stays_zero(0.3)
 
 
-def test_a_page_that_is_left_stops_the_robot(
+def test_leaving_the_page_stops_the_robot(
     room: Server, seat: Callable[..., Page], hide_page: Callable[[Page, bool], None]
 ) -> None:
     page = seat()
@@ -268,7 +268,7 @@ def test_a_page_that_is_left_stops_the_robot(
         witness.stays_zero(0.3)
 
 
-def test_the_second_operator_takes_over_and_the_first_is_told(
+def test_a_second_operator_takes_over_and_the_first_is_notified(
     room: Server, seat: Callable[..., Page], eventually: Eventually
 ) -> None:
     first = seat()
@@ -299,7 +299,7 @@ def test_the_second_operator_takes_over_and_the_first_is_told(
     expect(second.locator(".stop-state")).to_contain_text("Stopped by")
 
 
-def test_space_and_esc_stop_wherever_one_is(
+def test_space_and_esc_stop_from_anywhere(
     room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
 ) -> None:
     page = seat()
@@ -356,7 +356,7 @@ _HEADER_OVERLAPS = """() => {
 }"""
 
 
-def test_nothing_in_the_header_lies_on_something_else_while_armed_or_stopped(
+def test_header_items_do_not_overlap_while_armed_or_stopped(
     seat: Callable[..., Page],
 ) -> None:
     page = seat()
@@ -371,7 +371,7 @@ def test_nothing_in_the_header_lies_on_something_else_while_armed_or_stopped(
     assert not any(found.values()), found
 
 
-def test_esc_stops_while_armed_also_where_a_view_is_enlarged(seat: Callable[..., Page]) -> None:
+def test_esc_stops_while_armed_even_with_an_enlarged_view(seat: Callable[..., Page]) -> None:
     page = seat()
     view = page.locator('observer-live-view[data-view="left"]')
     view.get_by_role("button", name="Enlarge").click()
@@ -383,7 +383,7 @@ def test_esc_stops_while_armed_also_where_a_view_is_enlarged(seat: Callable[...,
     expect(view).not_to_have_attribute("data-enlarged", "")
 
 
-def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat: Callable[..., Page]) -> None:
+def test_keys_keep_their_usual_meaning_while_nothing_is_armed(seat: Callable[..., Page]) -> None:
     page = seat(armed=False)
     _open_run_options(page)
     page.locator("#run-name").press("Space")
@@ -397,7 +397,9 @@ def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat: Callable[..., 
     expect(page.locator(".stop-state")).to_contain_text("Stopped by")
 
 
-def test_a_slow_link_stops_and_says_so(room: Server, seat: Callable[..., Page]) -> None:
+def test_a_slow_link_stops_the_robot_and_is_reported(
+    room: Server, seat: Callable[..., Page]
+) -> None:
     roads: list[Road] = []
     page = seat(before=lambda page: roads.append(Road(page)))
     road = roads[0]
@@ -422,7 +424,7 @@ def test_a_slow_link_stops_and_says_so(room: Server, seat: Callable[..., Page]) 
         report("link lost", witness.zero_after(start))
 
 
-def test_a_finger_drives_on_a_phone(
+def test_touch_drives_on_a_phone(
     room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
 ) -> None:
     page = seat(viewport={"width": 360, "height": 780}, has_touch=True)
@@ -449,7 +451,7 @@ def test_a_finger_drives_on_a_phone(
     expect(page.locator("#stop-robots")).to_be_in_viewport()
 
 
-def test_a_programme_runs_while_its_operator_is_there(
+def test_a_programme_runs_while_its_operator_is_present(
     room: Server, seat: Callable[..., Page], hide_page: Callable[[Page, bool], None]
 ) -> None:
     page = seat(refusals=True)
@@ -469,7 +471,7 @@ def test_a_programme_runs_while_its_operator_is_there(
 
 
 @pytest.mark.patient
-def test_a_check_outlasts_the_page_that_is_closed(
+def test_a_guard_check_survives_closing_the_page(
     room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
 ) -> None:
     page = seat()

@@ -70,7 +70,7 @@ def test_a_link_is_shared(
     expect(dialog).to_be_hidden()
 
 
-def test_where_nobody_else_can_come_the_dialog_says_what_to_do(open_panel: OpenPanel) -> None:
+def test_the_dialog_explains_how_to_enable_remote_access(open_panel: OpenPanel) -> None:
     page = open_panel(viewport=PHONE)
     from_menu(page, "Share")
     dialog = page.get_by_role("dialog", name="Share this page")
@@ -78,7 +78,7 @@ def test_where_nobody_else_can_come_the_dialog_says_what_to_do(open_panel: OpenP
     expect(dialog.get_by_alt_text("QR code of the link")).to_be_hidden()
 
 
-def test_a_viewer_is_told_once_and_changes_nothing(
+def test_a_read_only_viewer_is_notified_once_and_changes_nothing(
     server: Server, watching: Page, keep_picture: KeepPicture
 ) -> None:
     page = watching
@@ -123,7 +123,7 @@ def test_a_viewer_is_told_once_and_changes_nothing(
     dialog.get_by_role("button", name="Cancel").click()
 
 
-def test_a_viewer_can_press_nothing_that_acts_but_stop(
+def test_a_read_only_viewer_can_only_stop(
     server: Server, watching: Page, keep_picture: KeepPicture
 ) -> None:
     page = watching
@@ -196,7 +196,7 @@ def test_a_link_is_revoked(
     expect(dialog.get_by_role("region", name="Read-only links")).to_be_hidden()
 
 
-def test_a_phone_shows_the_method_and_leads_to_its_parameters(open_panel: OpenPanel) -> None:
+def test_a_phone_shows_the_method_and_links_to_its_parameters(open_panel: OpenPanel) -> None:
     page = open_panel(viewport={"width": 360, "height": 740})
     method = page.locator(".method-now")
     expect(method).to_have_text("default")
@@ -214,7 +214,7 @@ def test_a_phone_shows_the_method_and_leads_to_its_parameters(open_panel: OpenPa
     expect(page.locator("#preset")).to_be_visible()
 
 
-def test_the_keys_are_listed(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:
+def test_keyboard_shortcuts_are_listed(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:
     page = open_panel()
     dialog = page.get_by_role("dialog", name="Keyboard")
     # In a field it is an ordinary character.
@@ -236,7 +236,7 @@ def test_the_keys_are_listed(open_panel: OpenPanel, keep_picture: KeepPicture) -
     expect(dialog).to_be_visible()
 
 
-def test_what_happened_stays_readable(
+def test_past_events_stay_readable(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel()

@@ -106,7 +106,7 @@ def _darkness(page: Page) -> float:
     return 1 - sum(channels) / 765
 
 
-def test_colours_follow_the_system_or_the_choice_and_stay(open_panel: OpenPanel) -> None:
+def test_colours_follow_the_system_or_the_saved_choice(open_panel: OpenPanel) -> None:
     page = open_panel(color_scheme="dark")
     assert _darkness(page) > 0.85
     page.get_by_role("button", name="Menu").click()
@@ -121,7 +121,7 @@ def test_colours_follow_the_system_or_the_choice_and_stay(open_panel: OpenPanel)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_text_stands_out_and_every_control_has_a_name(
+def test_every_text_has_contrast_and_every_control_a_name(
     open_panel: OpenPanel, scheme: str
 ) -> None:
     page = open_panel(color_scheme=scheme)
@@ -132,7 +132,7 @@ def test_every_text_stands_out_and_every_control_has_a_name(
         assert page.evaluate(_NAMELESS) == [], tab
 
 
-def test_everything_is_reached_by_keyboard_and_its_focus_is_seen(open_panel: OpenPanel) -> None:
+def test_everything_is_reachable_by_keyboard_with_visible_focus(open_panel: OpenPanel) -> None:
     page = open_panel()
     page.get_by_role("tab", name="Source").focus()
     page.keyboard.press("ArrowRight")
@@ -141,7 +141,7 @@ def test_everything_is_reached_by_keyboard_and_its_focus_is_seen(open_panel: Ope
     _go_around(page, "live")
 
 
-def test_pages_of_the_past_and_the_wizard_go_by_keyboard(
+def test_run_pages_and_the_wizard_work_by_keyboard(
     open_panel: OpenPanel, two_runs: list[str]
 ) -> None:
     page = open_panel()
@@ -177,7 +177,7 @@ def _go_around(page: Page, where: str) -> None:
     assert page.evaluate(_UNREACHED) == [], where
 
 
-def test_signing_in_by_hand(server: Server, browser: Browser) -> None:
+def test_a_user_signs_in_by_typing_the_token(server: Server, browser: Browser) -> None:
     """A user without the link is asked for the token and told where to find it."""
     context = browser.new_context()
     page = context.new_page()

@@ -79,7 +79,7 @@ def _begin_at_rest(room: Server) -> None:
     room.api.post("/api/robots/reset").raise_for_status()
 
 
-def test_the_observer_drives_to_a_typed_goal_until_it_is_given_up(
+def test_the_observer_drives_to_a_typed_goal_until_cancelled(
     room: Server, open_panel: OpenPanel, eventually: Eventually, keep_picture: KeepPicture
 ) -> None:
     page = on_robots_tab(open_panel(refusals=True))
@@ -123,13 +123,13 @@ def test_the_observer_drives_to_a_typed_goal_until_it_is_given_up(
     # The focus is not lost with the button.
     expect(ahead).to_be_focused()
     assert re.search(r"\d m left · \d:\d\d", told)
-    assert "Driving to a goal by itself." in told
+    assert "Driving to a goal autonomously." in told
     goal = room.get("/robots")["goal"]
     assert goal["state"] == "ended"
     assert goal["risk_per_metre"] == pytest.approx(0.001)
 
 
-def test_a_page_that_is_left_ends_the_drive(
+def test_leaving_the_page_ends_the_drive(
     room: Server,
     open_panel: OpenPanel,
     hide_page: Callable[[Page, bool], None],
@@ -143,9 +143,7 @@ def test_a_page_that_is_left_ends_the_drive(
     expect(goal_section(page).locator(".goal-ended")).to_contain_text("aborted: ")
 
 
-def test_the_risk_of_a_goal_is_the_parameter_unless_another_is_chosen(
-    room: Server, open_panel: OpenPanel
-) -> None:
+def test_the_risk_defaults_to_the_parameter(room: Server, open_panel: OpenPanel) -> None:
     page = on_robots_tab(open_panel())
     risk = goal_section(page).locator("#goal-risk")
     usual = risk.locator("option").first
@@ -202,7 +200,7 @@ def _entered(page: Page) -> tuple[float, float]:
     )
 
 
-def test_a_click_on_the_floor_is_the_goal_from_every_camera(
+def test_a_click_on_the_floor_sets_the_goal_with_every_camera(
     scene: Callable[..., Page], room: Server, eventually: Eventually, keep_picture: KeepPicture
 ) -> None:
     page = on_robots_tab(scene())
@@ -228,7 +226,7 @@ def test_a_click_on_the_floor_is_the_goal_from_every_camera(
             assert findings(page) == []
         _click_floor(page, *place)
         eventually(lambda place=place: math.dist(_entered(page), place) < 0.06, 5)
-        expect(words).to_contain_text("Entered, not sent: ")
+        expect(words).to_contain_text("Entered but not sent: ")
         expect(pick).to_be_visible()
         expect(page.get_by_role("radio", name=camera, exact=True)).to_be_checked()
     # A press that turns the scene picks nothing; Esc cancels, and stops nothing with none armed.
@@ -246,7 +244,7 @@ def test_a_click_on_the_floor_is_the_goal_from_every_camera(
     assert room.get("/robots")["stopped"] is None
 
 
-def test_on_a_phone_the_scene_comes_up_for_the_click(
+def test_a_phone_shows_the_scene_for_picking_a_goal(
     scene: Callable[..., Page], eventually: Eventually, keep_picture: KeepPicture
 ) -> None:
     page = scene(viewport=_PHONE, has_touch=True)
@@ -259,13 +257,13 @@ def test_on_a_phone_the_scene_comes_up_for_the_click(
     page.wait_for_timeout(1500)
     x, y = _place(page, 1.8, 0.2)
     page.touchscreen.tap(x, y)
-    expect(words).to_contain_text(re.compile(r"Entered, not sent: 1\.\d\d m ahead"))
+    expect(words).to_contain_text(re.compile(r"Entered but not sent: 1\.\d\d m ahead"))
     expect(words.get_by_role("button", name="Cancel")).to_be_hidden()
     assert page.evaluate(TOO_WIDE) == []
     keep_picture(page, "phone-goal-picked")
 
 
-def test_an_armed_observer_is_sent_by_the_click_at_once(
+def test_a_click_sends_an_armed_observer_immediately(
     scene: Callable[..., Page], room: Server, eventually: Eventually, keep_picture: KeepPicture
 ) -> None:
     page = on_robots_tab(scene())
@@ -303,7 +301,7 @@ def _colour(pixels: Pixels, page: Page, ahead: float, left: float) -> tuple[floa
     return tuple(around.reshape(-1, 3).mean(axis=0).tolist())
 
 
-def test_the_local_map_is_seen_where_the_robot_saw_free_floor(
+def test_the_local_map_is_drawn_where_the_robot_saw_free_floor(
     scene: Callable[..., Page], room: Server, pixels: Pixels, keep_picture: KeepPicture
 ) -> None:
     page = on_robots_tab(scene())

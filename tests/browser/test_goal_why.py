@@ -76,7 +76,7 @@ _TOLD = {
 
 
 @pytest.mark.parametrize("look", looks("phone"))
-def test_every_state_of_a_goal_is_told_to_everybody(
+def test_every_goal_state_is_shown_and_accessible(
     open_panel: OpenPanel, keep_picture: KeepPicture, look: str
 ) -> None:
     options: Any = (
@@ -118,7 +118,7 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     expect(why).to_contain_text("0.001 accepted, 0.0002 planned")
     expect(refused).to_have_text(
         [
-            "Left by 45° at 0.3 m/s: refused by the guard, obstacle 2 is within the stopping "
+            "Left by 45° at 0.3 m/s: rejected by the guard, obstacle 2 is within the stopping "
             "distance.",
             "Straight on at 0.5 m/s: would meet obstacle 3 in 1.4 s (risk per metre 0.04).",
         ]
@@ -128,7 +128,7 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     keep_picture(page, f"goal-why-{look}")
     check("driving", refused=[], waits_for=None)
     expect(why).to_contain_text("no obstacle")
-    expect(why).to_contain_text("No path was refused.")
+    expect(why).to_contain_text("No path was rejected.")
     check("ended", sentence="The goal was aborted: the robot no longer reports odometry.")
     expect(ended).to_contain_text("no longer reports odometry")
     check("reached", sentence="The goal is reached.")
@@ -155,7 +155,7 @@ def crossing(server: Server, tmp_path: Path) -> Iterator[Server]:
     server.api.post("/api/playback", json={"rate": 1.0}).raise_for_status()
 
 
-def test_somebody_in_the_way_is_reported_live_and_in_the_run(
+def test_a_person_in_the_path_is_reported_live_and_in_the_run(
     crossing: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = on_robots_tab(open_panel(refusals=True, viewport=_SMALL))

@@ -7,7 +7,7 @@ from playwright.sync_api import expect
 from .conftest import KeepPicture, OpenPanel, Server
 
 
-def test_it_is_read_and_searched_without_anything_from_elsewhere(
+def test_help_is_readable_and_searchable_without_external_resources(
     open_panel: OpenPanel, server: Server, keep_picture: KeepPicture
 ) -> None:
     """Anything the policy refuses is an error on the console, which fails the test."""

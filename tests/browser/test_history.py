@@ -129,7 +129,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(page.locator("observer-speed-chart")).to_be_visible()
 
 
-def test_a_run_is_observed_again_and_compared(
+def test_a_run_is_reprocessed_and_compared(
     server: Server, open_panel: OpenPanel, kept_run: str, keep_picture: KeepPicture
 ) -> None:
     name = "ego_motion.ransac_threshold_px"
@@ -158,7 +158,7 @@ def test_a_run_is_observed_again_and_compared(
     assert now["parameters_revision"] == live["parameters_revision"]
 
 
-def test_a_re_run_is_cancelled_and_leaves_nothing(
+def test_a_cancelled_rerun_leaves_nothing(
     server: Server, open_panel: OpenPanel, kept_run: str
 ) -> None:
     page = open_panel()
@@ -173,7 +173,7 @@ def test_a_re_run_is_cancelled_and_leaves_nothing(
     assert server.get("/status")["reruns"] == []
 
 
-def test_image_top_view_and_chart_of_a_run_show_one_instant(
+def test_image_top_view_and_chart_of_a_run_show_the_same_instant(
     server: Server,
     open_panel: OpenPanel,
     kept_run: str,
@@ -218,7 +218,7 @@ def test_image_top_view_and_chart_of_a_run_show_one_instant(
     expect(place).to_contain_text(f"frame {count} / {count}")
 
 
-def test_the_frames_of_a_long_run_are_read_as_they_are_wanted(
+def test_the_frames_of_a_long_run_are_loaded_on_demand(
     server: Server, open_panel: OpenPanel, kept_run: str
 ) -> None:
     entries = server.get(f"/runs/{kept_run}/frames")["frames"]
@@ -244,7 +244,7 @@ def test_the_frames_of_a_long_run_are_read_as_they_are_wanted(
     expect(page.locator("#steps-frame")).to_have_value("2", timeout=_MADE_MS)
 
 
-def test_all_that_is_made_of_a_run_stands_in_one_menu(open_panel: OpenPanel, kept_run: str) -> None:
+def test_all_exports_of_a_run_are_in_one_menu(open_panel: OpenPanel, kept_run: str) -> None:
     page = open_panel()
     page.evaluate(f"location.hash = '#history/{kept_run}'")
     export = page.locator("observer-run-export")
@@ -278,7 +278,7 @@ def test_all_that_is_made_of_a_run_stands_in_one_menu(open_panel: OpenPanel, kep
     expect(page.locator(".export-message")).to_contain_text("exported")
 
 
-def test_a_recording_is_opened_in_3d_and_left_again(
+def test_a_recording_is_opened_in_3d_and_closed_again(
     server: Server, open_panel: OpenPanel, kept_run: str, eventually: Eventually
 ) -> None:
     page = open_panel()
@@ -306,9 +306,7 @@ def test_a_recording_is_opened_in_3d_and_left_again(
     expect(page.locator(".stage observer-back-to-source")).to_be_hidden()
 
 
-def test_a_run_without_images_shows_the_top_view_alone(
-    open_panel: OpenPanel, bare_run: str
-) -> None:
+def test_a_run_without_images_shows_only_the_top_view(open_panel: OpenPanel, bare_run: str) -> None:
     page = open_panel()
     page.evaluate("run => { location.hash = `#history/${run}`; }", bare_run)
     player = page.locator("observer-run-player")

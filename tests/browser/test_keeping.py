@@ -84,9 +84,7 @@ def _choose(page: Page, name: str, content: bytes) -> None:
     page.set_input_files("#calibration-file", files=[file])
 
 
-def test_a_bad_calibration_is_refused_in_one_sentence(
-    server: Server, open_panel: OpenPanel
-) -> None:
+def test_a_bad_calibration_is_refused_with_a_reason(server: Server, open_panel: OpenPanel) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Calibration").click()
     _choose(page, "holiday.yaml", b"beach: sunny\n")
@@ -96,7 +94,7 @@ def test_a_bad_calibration_is_refused_in_one_sentence(
     assert server.get("/calibrations") == []
 
 
-def test_a_calibration_is_seen_before_it_is_used(
+def test_a_calibration_is_previewed_before_use(
     server: Server,
     open_panel: OpenPanel,
     eventually: Eventually,

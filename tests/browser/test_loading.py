@@ -42,7 +42,9 @@ def _reload(page: Page) -> None:
     page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
 
 
-def test_stop_and_live_data_wait_for_nothing_later(server: Server, open_panel: OpenPanel) -> None:
+def test_stop_and_live_data_do_not_wait_for_later_modules(
+    server: Server, open_panel: OpenPanel
+) -> None:
     page = open_panel()
     _hold(page, _LATER)
     _hold(page, _FORM)
@@ -58,7 +60,9 @@ def test_stop_and_live_data_wait_for_nothing_later(server: Server, open_panel: O
 
 
 @pytest.mark.parametrize("size", [DESKTOP, _PHONE], ids=["desktop", "phone"])
-def test_a_place_that_is_called_before_it_is_loaded(open_panel: OpenPanel, size: Any) -> None:
+def test_a_page_opened_before_its_module_loads_appears_afterwards(
+    open_panel: OpenPanel, size: Any
+) -> None:
     page = open_panel(viewport=size)
     let_go = _hold(page, _HISTORY)
     _reload(page)
@@ -72,7 +76,9 @@ def test_a_place_that_is_called_before_it_is_loaded(open_panel: OpenPanel, size:
     expect(page.locator("observer-live-views")).to_be_visible()
 
 
-def test_the_wizard_that_is_called_before_it_is_loaded(open_panel: OpenPanel) -> None:
+def test_the_wizard_opened_before_its_module_loads_appears_afterwards(
+    open_panel: OpenPanel,
+) -> None:
     page = open_panel()
     let_go = _hold(page, _WIZARD)
     _reload(page)
@@ -83,7 +89,7 @@ def test_the_wizard_that_is_called_before_it_is_loaded(open_panel: OpenPanel) ->
     page.get_by_role("button", name="Exit").click()
 
 
-def test_a_part_that_does_not_come_says_so_and_is_asked_for_again(open_panel: OpenPanel) -> None:
+def test_a_module_that_fails_to_load_is_reported_and_retried(open_panel: OpenPanel) -> None:
     page = open_panel(losses=True)
     page.route(_FORM, lambda route: route.abort())
     _reload(page)
@@ -101,7 +107,7 @@ def test_a_part_that_does_not_come_says_so_and_is_asked_for_again(open_panel: Op
     expect(page.get_by_role("searchbox", name="Find parameters")).to_be_visible()
 
 
-def test_the_speeds_of_a_paused_source_are_there(
+def test_the_speeds_of_a_paused_source_appear_once_the_chart_loads(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel()

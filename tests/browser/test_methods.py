@@ -32,7 +32,7 @@ def _figures(pane: Locator) -> dict[str, str]:
     return dict(zip(names, values, strict=True))
 
 
-def test_a_newcomer_sees_both_methods_on_the_same_frames(
+def test_both_methods_are_compared_on_the_same_frames(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel(reduced_motion="reduce")
@@ -117,7 +117,7 @@ def _expect_frame(view: Locator, found: list[dict[str, Any]], position: int) -> 
         assert figures["Found"] == f"{counts['found']} of {counts['found'] + counts['missed']}"
 
 
-def test_runs_of_other_frames_are_not_put_side_by_side(
+def test_runs_with_different_frames_are_not_shown_side_by_side(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     ids = []

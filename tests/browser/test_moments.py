@@ -69,7 +69,7 @@ def _opened(server: Server, source: str) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_from_two_webcams_to_a_tape_check(
+def test_two_webcams_are_calibrated_up_to_a_tape_check(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel(refusals=True)
@@ -154,7 +154,7 @@ def _choose_flat_place(dialog: Locator, page: Page) -> tuple[float, float]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_a_robot_gives_way_to_somebody_who_walks_and_says_why(
+def test_a_robot_yields_to_a_pedestrian_and_states_why(
     server: Server,
     open_panel: OpenPanel,
     eventually: Eventually,

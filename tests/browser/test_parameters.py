@@ -35,7 +35,7 @@ def form(open_panel: OpenPanel) -> Page:
     return page
 
 
-def test_a_change_acts_on_the_next_frames_and_can_be_undone(
+def test_a_change_applies_to_the_next_frames_and_can_be_undone(
     server: Server, form: Page, eventually: Eventually
 ) -> None:
     before = server.get("/parameters")
@@ -64,7 +64,7 @@ def test_a_change_acts_on_the_next_frames_and_can_be_undone(
 
 
 @pytest.mark.parametrize("typed", ["99", "-1", ""])
-def test_a_bad_value_is_refused_in_words_and_the_old_one_stays(
+def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_stays(
     server: Server, form: Page, typed: str
 ) -> None:
     before = server.get("/parameters")
@@ -79,7 +79,7 @@ def test_a_bad_value_is_refused_in_words_and_the_old_one_stays(
     assert server.get("/parameters") == before
 
 
-def test_a_slider_moves_by_keyboard_and_is_one_step_of_undo(
+def test_a_slider_moves_by_keyboard_as_one_undo_step(
     server: Server, form: Page, eventually: Eventually
 ) -> None:
     slider = form.get_by_label("RANSAC threshold, slider")
@@ -100,7 +100,7 @@ def _names(fields: Locator) -> list[str]:
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_the_eight_basic_ones_of_the_method_are_all_that_is_seen_at_first(
+def test_only_the_eight_basic_parameters_of_the_method_show_at_first(
     server: Server, form: Page, preset: str
 ) -> None:
     form.locator("#preset").select_option(preset)
@@ -119,7 +119,7 @@ def test_the_eight_basic_ones_of_the_method_are_all_that_is_seen_at_first(
     assert sorted(every) == sorted(entry["name"] for entry in server.get("/parameters/schema"))
 
 
-def test_help_opens_over_the_page_by_keyboard_and_moves_nothing(server: Server, form: Page) -> None:
+def test_help_opens_by_keyboard_without_shifting_the_layout(server: Server, form: Page) -> None:
     field = _field(form, _NAME)
     before = field.bounding_box()
     opener = field.get_by_role("button", name="About RANSAC threshold")
@@ -144,7 +144,7 @@ def test_help_opens_over_the_page_by_keyboard_and_moves_nothing(server: Server, 
     expect(form.locator(_FIELD)).to_have_accessible_description(re.compile("reprojection error"))
 
 
-def test_what_differs_is_told_on_field_group_and_tab_and_reset_by_each(
+def test_changes_are_marked_and_resettable_on_field_group_and_tab(
     server: Server, form: Page, eventually: Eventually
 ) -> None:
     preset = server.get("/parameters")["values"]
@@ -275,7 +275,7 @@ def test_presets_are_compared(form: Page, keep_picture: KeepPicture) -> None:
     expect(dialog).to_be_hidden()
 
 
-def test_the_method_is_switched_in_the_header_and_changes_come_back_with_it(
+def test_switching_the_method_in_the_header_restores_its_changes(
     server: Server, form: Page, eventually: Eventually
 ) -> None:
     switch = form.locator("observer-method-switch")
@@ -311,7 +311,9 @@ def test_the_method_is_switched_in_the_header_and_changes_come_back_with_it(
     assert switch.get_by_role("link", name="Compare").get_attribute("href") == "#methods"
 
 
-def test_presets_and_search(server: Server, form: Page, eventually: Eventually) -> None:
+def test_a_preset_is_selected_and_parameters_are_searched(
+    server: Server, form: Page, eventually: Eventually
+) -> None:
     form.locator("#preset").select_option("paper")
     eventually(lambda: server.get("/parameters")["preset"] == "paper")
     form.locator("#parameter-search").fill("residual")
@@ -325,7 +327,7 @@ def test_presets_and_search(server: Server, form: Page, eventually: Eventually) 
     eventually(lambda: server.get("/parameters")["preset"] == "default")
 
 
-def test_the_detector_acts_in_space_and_what_does_not_says_so(
+def test_the_detector_is_applied_and_unused_parameters_say_so(
     server: Server, form: Page, eventually: Eventually
 ) -> None:
     def of(name: str) -> Locator:

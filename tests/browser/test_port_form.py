@@ -34,7 +34,7 @@ def _opened_form(page: Page) -> Locator:
     return form
 
 
-def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(
+def test_connected_serial_ports_are_suggested_by_stable_names(
     open_panel: OpenPanel,
 ) -> None:
     page = open_panel(viewer=False)
@@ -66,7 +66,7 @@ def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(
     assert form.locator("datalist option").count() == len(suggested) - 2
 
 
-def test_a_key_is_kept_and_seen_no_more(server: Server, open_panel: OpenPanel) -> None:
+def test_a_key_is_stored_and_never_shown_again(server: Server, open_panel: OpenPanel) -> None:
     key = "0123456789abcdefSECRET"
     shown = "external:127.0.0.1:7799"
     page = open_panel(viewer=False)

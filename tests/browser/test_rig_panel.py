@@ -41,7 +41,7 @@ def _mount(server: Server) -> Any:
     return server.get("/status")["mount"]
 
 
-def test_what_is_typed_is_checked_and_levels_the_scene(
+def test_typed_values_are_validated_and_level_the_scene(
     server: Server, panel: Page, eventually: Eventually, keep_picture: KeepPicture
 ) -> None:
     true, rig = _mount(server), panel.locator("observer-rig")
@@ -86,7 +86,7 @@ def test_what_is_typed_is_checked_and_levels_the_scene(
     assert "0.83" in coming.value.path().read_text()
 
 
-def test_the_floor_fills_in_what_it_tells_and_how_well(
+def test_the_floor_estimate_fills_in_values_and_uncertainties(
     server: Server, panel: Page, keep_picture: KeepPicture
 ) -> None:
     camera, rig = load_scenario("lab").camera, panel.locator("observer-rig")

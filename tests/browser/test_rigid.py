@@ -48,7 +48,7 @@ def confirmed(server: Server, open_panel: OpenPanel) -> Confirmed:
     return open_one
 
 
-def test_an_obstacle_is_confirmed_with_box_and_row(
+def test_a_confirmed_obstacle_has_a_box_and_a_row(
     confirmed: Confirmed, pixels: Pixels, keep_picture: KeepPicture
 ) -> None:
     page, number = confirmed(color_scheme="light")
@@ -76,7 +76,7 @@ def _is_significant(answer: dict[str, Any]) -> bool:
     return bool(on_it) and significance > threshold
 
 
-def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confirmed) -> None:
+def test_pixels_are_explained_with_numbers(server: Server, confirmed: Confirmed) -> None:
     page, number = confirmed()
     camera = server.get("/status")["camera"]
     places = [(u, v) for v in range(8, camera["height"], 12) for u in range(8, camera["width"], 12)]
@@ -113,7 +113,7 @@ def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confi
     assert re.search(r"Anything faster than \d+\.\d\d m/s", still["would_change"])
 
 
-def test_the_model_is_changed_live_and_back(
+def test_the_model_can_be_switched_live_and_back(
     server: Server, open_panel: OpenPanel, eventually: Eventually, keep_picture: KeepPicture
 ) -> None:
     page = open_panel()

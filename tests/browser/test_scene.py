@@ -110,7 +110,7 @@ def _layer(page: Page, name: str) -> Any:
     return page.locator(f"input[name=layer][value={name}]")
 
 
-def test_two_people_hide_different_layers(
+def test_two_users_hide_different_layers(
     open_scene: Callable[..., Page], eventually: Eventually
 ) -> None:
     one, two = open_scene(), open_scene()
@@ -133,7 +133,7 @@ def test_two_people_hide_different_layers(
     eventually(lambda: _shown(one, "cloud"), 30)
 
 
-def test_a_lost_link_is_renewed_without_loading_the_scene_again(
+def test_a_lost_connection_is_restored_without_reloading_the_scene(
     open_scene: Callable[..., Page], eventually: Eventually
 ) -> None:
     page = open_scene()
@@ -163,7 +163,7 @@ def test_the_legend_has_the_colours_of_the_scene(
     keep_picture(page, "scene-legend")
 
 
-def test_the_camera_follows_from_behind_and_from_above_until_a_hand_takes_it(
+def test_the_camera_follows_until_the_user_moves_it(
     server: Server,
     open_scene: Callable[..., Page],
     eventually: Eventually,
@@ -203,7 +203,7 @@ def test_the_camera_follows_from_behind_and_from_above_until_a_hand_takes_it(
     expect(page.get_by_role("radio", name="Free")).to_be_checked()
 
 
-def test_scene_and_views_take_the_window_and_esc_leads_back(
+def test_scene_and_views_enlarge_to_the_window_and_esc_returns(
     open_scene: Callable[..., Page], keep_picture: KeepPicture, eventually: Eventually
 ) -> None:
     page = open_scene()
@@ -251,7 +251,7 @@ def test_scene_and_views_take_the_window_and_esc_leads_back(
     expect(page.locator("body")).not_to_have_attribute("data-enlarged", re.compile(".*"))
 
 
-def test_stop_is_reached_while_the_scene_is_made(
+def test_stop_works_while_the_scene_is_loading(
     open_panel: OpenPanel, wait_for_scene: Callable[[Page], None]
 ) -> None:
     """Without a graphics card compiling its shaders takes seconds."""
@@ -277,7 +277,7 @@ def test_stop_is_reached_while_the_scene_is_made(
     assert max(took) < 1.0, took
 
 
-def test_keys_pressed_in_the_scene_stop_too(
+def test_stop_keys_work_inside_the_scene(
     open_scene: Callable[..., Page], server: Server, eventually: Eventually
 ) -> None:
     page = open_scene()
@@ -288,7 +288,7 @@ def test_keys_pressed_in_the_scene_stop_too(
             page.keyboard.press(key)
 
 
-def test_until_something_is_drawn_the_scene_says_that_it_loads(
+def test_the_scene_shows_loading_until_something_is_drawn(
     open_panel: OpenPanel, wait_for_scene: Callable[[Page], None], keep_picture: KeepPicture
 ) -> None:
     page = open_panel(viewer=True, viewport=_SMALL)
@@ -314,7 +314,7 @@ def test_a_browser_without_webgl_says_so(
     page.context.close()
 
 
-def test_why_there_is_no_viewer_is_all_that_the_scene_says(
+def test_a_missing_viewer_shows_only_its_reason(
     server: Server, browser: Browser, keep_picture: KeepPicture
 ) -> None:
     page = browser.new_page()
@@ -332,7 +332,7 @@ def test_why_there_is_no_viewer_is_all_that_the_scene_says(
     page.context.close()
 
 
-def test_on_a_narrow_window_the_layers_are_a_list(
+def test_layers_are_a_list_in_a_narrow_window(
     open_scene: Callable[..., Page], keep_picture: KeepPicture
 ) -> None:
     page = open_scene(viewport={"width": 360, "height": 780}, has_touch=True)

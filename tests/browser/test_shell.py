@@ -43,7 +43,7 @@ def _does_not_scroll(page: Page, where: str, eventually: Eventually) -> None:
 
 
 @pytest.mark.parametrize("size", _SIZES, ids=lambda size: f"{size['width']}")
-def test_the_window_never_scrolls_and_stop_stays_in_sight(
+def test_the_window_never_scrolls_and_stop_stays_visible(
     open_panel: OpenPanel, keep_picture: KeepPicture, size: ViewportSize, eventually: Eventually
 ) -> None:
     page = open_panel(viewport=size)
@@ -59,7 +59,7 @@ def test_the_window_never_scrolls_and_stop_stays_in_sight(
     keep_picture(page, f"shell-wizard-{size['width']}")
 
 
-def test_nor_does_it_on_pages_of_the_past(
+def test_run_methods_and_steps_pages_do_not_scroll_the_window(
     open_panel: OpenPanel, two_runs: list[str], eventually: Eventually
 ) -> None:
     page = open_panel()
@@ -80,7 +80,7 @@ def test_nor_does_it_on_pages_of_the_past(
                 _comes_to_nothing(page, measure, where, eventually)
 
 
-def test_pages_of_the_past_have_a_title_of_their_own_and_no_live_speed(
+def test_other_pages_have_their_own_title_and_no_live_speed(
     open_panel: OpenPanel,
 ) -> None:
     page = open_panel()
@@ -102,7 +102,7 @@ def _width(page: Page) -> float:
     return box["width"]
 
 
-def test_panes_are_resized_and_closed_by_pointer_and_keys_and_remember_it(
+def test_panes_can_be_resized_and_closed_and_remember_it(
     open_panel: OpenPanel,
 ) -> None:
     page = open_panel()
@@ -137,7 +137,7 @@ def test_panes_are_resized_and_closed_by_pointer_and_keys_and_remember_it(
     assert _width(page) > 150
 
 
-def test_the_tour_goes_once_around_and_can_be_left(
+def test_the_tour_completes_and_can_be_skipped(
     open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel()
@@ -175,7 +175,7 @@ def test_an_operator_on_a_phone_sees_the_whole_left_view(open_panel: OpenPanel) 
     assert image["y"] >= seen["y"]
 
 
-def test_on_a_phone_the_way_to_the_live_view_has_a_heading_and_shows_once_it_has_the_focus(
+def test_a_phone_has_a_heading_and_a_home_link_visible_on_focus(
     open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     page = open_panel(viewport=_SIZES[0])

@@ -67,7 +67,7 @@ def _show_all(page: Page) -> None:
         more.first.click()
 
 
-def test_a_newcomer_finds_lab_people_and_a_camera_with_their_pictures(
+def test_a_new_user_sees_the_beginner_scenarios_with_pictures(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = _newcomers_sources(open_panel())
@@ -103,7 +103,7 @@ def test_a_newcomer_finds_lab_people_and_a_camera_with_their_pictures(
     expect(titles).to_have_count(4)
 
 
-def test_the_open_source_has_a_tile_whatever_was_opened_lately(open_panel: OpenPanel) -> None:
+def test_the_open_source_always_has_a_tile(open_panel: OpenPanel) -> None:
     def others_first(route: Route) -> None:
         answer = route.fetch()
         entries = sorted(answer.json(), key=lambda entry: entry["spec"] == "simulated:lab")
@@ -117,7 +117,7 @@ def test_the_open_source_has_a_tile_whatever_was_opened_lately(open_panel: OpenP
     expect(page.locator("#sources-simulated .source")).to_have_count(4)
 
 
-def test_the_field_suggests_by_keyboard(
+def test_suggestions_work_by_keyboard(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = _sources(open_panel())
@@ -157,7 +157,7 @@ def test_the_field_suggests_by_keyboard(
     expect(page.locator(".notice").last).to_contain_text("seed=2", timeout=15_000)
 
 
-def test_sources_that_arrive_late_are_suggested_for_what_was_typed(open_panel: OpenPanel) -> None:
+def test_late_sources_are_suggested_for_the_typed_text(open_panel: OpenPanel) -> None:
     waiting: list[Route] = []
 
     def hold(route: Route) -> None:
@@ -182,7 +182,7 @@ def test_sources_that_arrive_late_are_suggested_for_what_was_typed(open_panel: O
     expect(field).to_have_attribute("aria-expanded", "true")
 
 
-def test_the_field_suggests_by_touch_and_a_template_says_what_to_type(
+def test_suggestions_work_by_touch_and_templates_say_what_to_type(
     open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel(viewport={"width": 360, "height": 780}, has_touch=True, is_mobile=True)
@@ -205,7 +205,7 @@ def test_the_field_suggests_by_touch_and_a_template_says_what_to_type(
     assert page.evaluate(overflow) <= 0
 
 
-def test_what_cannot_be_opened_is_told_below_what_was_pressed(
+def test_an_opening_error_is_shown_below_the_pressed_control(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     page = _newcomers_sources(open_panel(refusals=True))
@@ -246,7 +246,7 @@ def test_what_cannot_be_opened_is_told_below_what_was_pressed(
     expect(tile).to_have_attribute("aria-current", "true")
 
 
-def test_a_run_is_found_by_its_name_and_played(
+def test_a_run_is_found_by_name_and_played(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     wanted = {"name": "Tuesday corridor", "source": "simulated:lab"}
@@ -334,9 +334,7 @@ def test_a_scenario_with_a_board_opens_the_wizard_with_that_board(
     expect(wizard).not_to_contain_text("a board of its own")
 
 
-def test_another_page_s_run_leaves_tiles_that_cannot_be_pressed(
-    server: Server, open_panel: OpenPanel
-) -> None:
+def test_tiles_are_disabled_during_another_pages_run(server: Server, open_panel: OpenPanel) -> None:
     page = _sources(open_panel())
     run = server.api.post("/api/runs", json={"record": "none"}).json()["id"]
     try:

@@ -119,7 +119,7 @@ def _is_ground(picture: np.ndarray, x: float, y: float) -> bool:
     return bool(np.abs(around - picture[-5, 12].astype(int)).max() < 12)
 
 
-def test_stored_runs_are_drawn_read_zoomed_and_compared(
+def test_stored_runs_are_charted_read_zoomed_and_compared(
     open_panel: OpenPanel, pixels: Pixels, keep_picture: KeepPicture
 ) -> None:
     page = open_panel(color_scheme="light")
@@ -200,7 +200,7 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     assert chart.locator(".chart-errors table").count() == 0
 
 
-def test_live_curves_break_where_nothing_is_known(
+def test_live_curves_have_gaps_where_speeds_are_unknown(
     server: Server, open_panel: OpenPanel, free_port: int
 ) -> None:
     page = open_panel()
@@ -235,7 +235,7 @@ def test_live_curves_break_where_nothing_is_known(
     assert "Ground truth" in saved.value.path().read_text()
 
 
-def test_what_is_seen_of_a_run_is_saved_in_two_clicks(
+def test_a_run_chart_is_saved_in_two_clicks(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     wanted = {"name": "figure 17", "source": "simulated:lab", "record": "none"}
@@ -260,9 +260,7 @@ def test_what_is_seen_of_a_run_is_saved_in_two_clicks(
     server.api.delete(f"/api/runs/{run}").raise_for_status()
 
 
-def test_the_curves_of_one_source_do_not_stay_with_the_next(
-    server: Server, open_panel: OpenPanel
-) -> None:
+def test_curves_of_the_previous_source_are_cleared(server: Server, open_panel: OpenPanel) -> None:
     page = open_panel()
     chart = page.locator("observer-speed-chart")
     expect(chart.locator(".legend").last).to_contain_text("Ground truth P3-DX", timeout=20_000)

@@ -69,13 +69,13 @@ def _strike(server: Server, page: Page, eventually: Eventually, kind: signal.Sig
     expect(page.locator(".first-line-text")).not_to_contain_text("Stale")
 
 
-def test_the_page_says_that_the_engine_is_gone_and_goes_on_with_the_next(
+def test_the_page_reports_a_dead_engine_and_continues_with_the_next(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     _strike(server, open_panel(), eventually, signal.SIGKILL)
 
 
-def test_everything_is_marked_while_the_server_is_silent(
+def test_everything_is_marked_stale_while_the_server_is_silent(
     server: Server,
     open_panel: OpenPanel,
     keep_picture: KeepPicture,
@@ -115,7 +115,7 @@ def test_everything_is_marked_while_the_server_is_silent(
     expect(page.locator(".stop-latched")).to_be_hidden()
 
 
-def test_the_page_says_that_the_engine_hangs_and_goes_on_with_the_next(
+def test_the_page_reports_a_hung_engine_and_continues_with_the_next(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     # Last, since by now another standby engine has started.

@@ -31,7 +31,7 @@ def _go(page: Page, hash: str) -> None:
     page.evaluate("(hash) => { location.hash = hash; }", hash)
 
 
-def test_nine_steps_are_gone_through_by_keys_and_kept_in_the_address(
+def test_keys_navigate_the_nine_steps_and_update_the_url(
     open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel()
@@ -66,7 +66,7 @@ def test_nine_steps_are_gone_through_by_keys_and_kept_in_the_address(
     expect(page.locator("observer-steps")).to_be_hidden()
 
 
-def test_a_page_that_waits_for_its_first_answer_says_so(open_panel: OpenPanel) -> None:
+def test_a_page_waiting_for_its_first_response_says_so(open_panel: OpenPanel) -> None:
     waiting: list[Route] = []
 
     def hold(route: Route) -> None:
@@ -86,7 +86,7 @@ def test_a_page_that_waits_for_its_first_answer_says_so(open_panel: OpenPanel) -
     expect(steps.get_by_text("Processing the frames…")).to_be_hidden()
 
 
-def test_an_answer_leaves_the_address_of_another_place_alone(open_panel: OpenPanel) -> None:
+def test_a_late_response_does_not_change_the_url_of_another_page(open_panel: OpenPanel) -> None:
     """An answer may arrive after the address has changed but before the page is told."""
     waiting: list[Route] = []
 
@@ -112,7 +112,7 @@ def test_an_answer_leaves_the_address_of_another_place_alone(open_panel: OpenPan
     assert page.evaluate("location.hash") == left
 
 
-def test_a_parameter_changes_picture_and_numbers_but_nothing_that_is_live(
+def test_a_parameter_changes_picture_and_numbers_but_nothing_live(
     open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
     page = open_panel(refusals=True)
@@ -170,9 +170,7 @@ def test_a_step_is_exported(open_panel: OpenPanel, keep_picture: KeepPicture) ->
         assert saved.value.path().read_bytes().startswith(start)
 
 
-def test_a_step_is_presented_and_left_by_escape(
-    open_panel: OpenPanel, keep_picture: KeepPicture
-) -> None:
+def test_a_step_is_presented_until_escape(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:
     page = open_panel()
     _go(page, "#steps/6?source=simulated:lab&frame=40")
     _seen(page)
@@ -192,7 +190,7 @@ def test_a_step_is_presented_and_left_by_escape(
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone(open_panel: OpenPanel, keep_picture: KeepPicture, scheme: str) -> None:
+def test_steps_fit_a_phone(open_panel: OpenPanel, keep_picture: KeepPicture, scheme: str) -> None:
     page = open_panel(viewport=_PHONE, color_scheme=scheme)
     _go(page, "#steps/7?source=simulated:lab&frame=40")
     _seen(page)

@@ -49,7 +49,7 @@ def test_scene_views_and_first_line_show_the_moving_obstacle(
     keep_picture(page, "desktop-dark")
 
 
-def test_views_are_chosen_and_stay_chosen(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:
+def test_chosen_views_survive_a_reload(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:
     page = open_panel()
     for name in ("warped", "disparity"):
         page.locator(f"input[name=view][value={name}]").check()
@@ -68,7 +68,7 @@ def test_views_are_chosen_and_stay_chosen(open_panel: OpenPanel, keep_picture: K
     expect(page.locator("observer-live-view")).to_have_count(3)
 
 
-def test_playback_pauses_steps_and_goes_on(
+def test_playback_pauses_steps_and_resumes(
     server: Server, open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     page = open_panel()
@@ -89,7 +89,7 @@ def test_playback_pauses_steps_and_goes_on(
     eventually(lambda: server.get("/status")["playback"]["rate"] == 1)
 
 
-def test_a_source_that_is_not_there_is_refused_beside_its_field(
+def test_a_missing_source_is_refused_next_to_its_field(
     server: Server, open_panel: OpenPanel
 ) -> None:
     page = open_panel(refusals=True)

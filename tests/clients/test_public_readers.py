@@ -28,7 +28,7 @@ from observer.recording.reader import Recording
 _SECOND_NS = 1_000_000_000
 
 
-class Told(NamedTuple):
+class Decoded(NamedTuple):
     """A message of a recording, decoded as one of Foxglove's public types."""
 
     topic: str
@@ -46,7 +46,7 @@ def public_type(schema: str) -> Any:
     return getattr(import_module(f"foxglove_schemas_protobuf.{name}_pb2"), name)
 
 
-def told_by(path: Path) -> Iterator[Told]:
+def decoded_messages(path: Path) -> Iterator[Decoded]:
     """Yield every protobuf message."""
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
@@ -56,14 +56,14 @@ def told_by(path: Path) -> Iterator[Told]:
                 size = decoded.ByteSize()
                 decoded.DiscardUnknownFields()
                 assert size == decoded.ByteSize() == len(message.data), schema.name
-                yield Told(channel.topic, message.log_time, decoded)
+                yield Decoded(channel.topic, message.log_time, decoded)
 
 
 @pytest.fixture(scope="session")
-def told(recording: Path) -> dict[str, list[Told]]:
+def by_topic(recording: Path) -> dict[str, list[Decoded]]:
     """The recording's protobuf messages by topic."""
     found = defaultdict(list)
-    for each in told_by(recording):
+    for each in decoded_messages(recording):
         found[each.topic].append(each)
     return dict(found)
 
@@ -91,7 +91,7 @@ def xyz(points: Any) -> Any:
 # --- recordings: MCAP with Foxglove's messages --------------------------------------------------
 
 
-def test_schemas_in_a_recording_are_those_that_foxglove_publishes(
+def test_recorded_schemas_equal_those_published_by_foxglove(
     recording: Path, lossless: Path
 ) -> None:
     found = set()
@@ -129,12 +129,12 @@ def test_schemas_in_a_recording_are_those_that_foxglove_publishes(
     }
 
 
-def test_images_decode_to_what_the_calibration_says(
-    told: dict[str, list[Told]], lossless: Path
+def test_decoded_images_match_the_calibration(
+    by_topic: dict[str, list[Decoded]], lossless: Path
 ) -> None:
     for side in ("left", "right"):
-        camera = told[f"/camera/{side}/calibration"][0].message
-        images = told[f"/camera/{side}/image"]
+        camera = by_topic[f"/camera/{side}/calibration"][0].message
+        images = by_topic[f"/camera/{side}/image"]
         stamps = [each.stamp_ns for each in images]
         assert stamps == sorted(set(stamps))
         for each in images:
@@ -147,7 +147,9 @@ def test_images_decode_to_what_the_calibration_says(
         assert 0 < camera.K[2] < camera.width
         assert 0 < camera.K[5] < camera.height
         assert np.allclose(np.reshape(camera.R, (3, 3)) @ np.reshape(camera.R, (3, 3)).T, np.eye(3))
-    raw = [each.message for each in told_by(lossless) if each.topic == "/camera/left/image"]
+    raw = [
+        each.message for each in decoded_messages(lossless) if each.topic == "/camera/left/image"
+    ]
     with Recording(lossless) as read:
         for k, image in enumerate(raw):
             channels = {"mono8": 1, "bgr8": 3}[image.encoding]
@@ -157,20 +159,22 @@ def test_images_decode_to_what_the_calibration_says(
             assert np.array_equal(pixels.squeeze(), read.pair(k)[0])
 
 
-def test_frames_make_one_tree_that_holds_all_that_is_drawn(told: dict[str, list[Told]]) -> None:
+def test_coordinate_frames_form_one_tree_with_every_drawn_frame(
+    by_topic: dict[str, list[Decoded]],
+) -> None:
     parents: dict[str, str] = {}
-    for each in told["/tf"]:
+    for each in by_topic["/tf"]:
         for transform in each.message.transforms:
             assert unit_quaternion(transform.rotation)
             assert transform.timestamp.ToNanoseconds() == each.log_time_ns
             known = parents.setdefault(transform.child_frame_id, transform.parent_frame_id)
             assert known == transform.parent_frame_id
     assert parents["camera"] == "world"
-    drawn = {entity.frame_id for e in told["/scene/obstacles"] for entity in e.message.entities}
+    drawn = {entity.frame_id for e in by_topic["/scene/obstacles"] for entity in e.message.entities}
     clouds = ("/cloud", "/scene/obstacles/edges", "/scene/truth/edges")
     for topic in (*clouds, "/camera/left/image", "/camera/right/image"):
-        drawn |= {each.message.frame_id for each in told[topic]}
-    drawn |= {each.message.body_frame_id for each in told["/odometry"]}
+        drawn |= {each.message.frame_id for each in by_topic[topic]}
+    drawn |= {each.message.body_frame_id for each in by_topic["/odometry"]}
     for frame in drawn:
         path = [frame]
         while path[-1] in parents:
@@ -179,14 +183,14 @@ def test_frames_make_one_tree_that_holds_all_that_is_drawn(told: dict[str, list[
         assert path[-1] == "level", path
 
 
-def test_the_cloud_lies_on_the_image_of_its_time_in_the_images_colours(
-    told: dict[str, list[Told]],
+def test_cloud_points_project_onto_their_image_with_its_colours(
+    by_topic: dict[str, list[Decoded]],
 ) -> None:
-    camera = told["/camera/left/calibration"][0].message
+    camera = by_topic["/camera/left/calibration"][0].message
     # This camera delivers rectified images.
     assert not np.any(camera.D)
-    images = {each.stamp_ns: each.message.data for each in told["/camera/left/image"]}
-    for each in told["/cloud"]:
+    images = {each.stamp_ns: each.message.data for each in by_topic["/camera/left/image"]}
+    for each in by_topic["/cloud"]:
         points = points_of(each.message)
         assert len(points) > 1000
         places = np.reshape(camera.P, (3, 4))[:, :3] @ xyz(points).T
@@ -201,12 +205,12 @@ def test_the_cloud_lies_on_the_image_of_its_time_in_the_images_colours(
         assert np.median(np.abs(image[v, u].astype(int) - colors)) <= 4
 
 
-def test_boxes_are_drawn_where_the_obstacles_are_and_their_edges_beside_them(
-    told: dict[str, list[Told]], recording: Path
+def test_boxes_and_their_edges_are_drawn_at_the_obstacles(
+    by_topic: dict[str, list[Decoded]], recording: Path
 ) -> None:
     with Recording(recording) as read:
         lines = list(read.lines())
-    scenes, edges = told["/scene/obstacles"], told["/scene/obstacles/edges"]
+    scenes, edges = by_topic["/scene/obstacles"], by_topic["/scene/obstacles/edges"]
     assert len(lines) == len(scenes) == len(edges)
     drawn = 0
     for line, scene, edge in zip(lines, scenes, edges, strict=True):
@@ -235,7 +239,7 @@ def test_boxes_are_drawn_where_the_obstacles_are_and_their_edges_beside_them(
     assert drawn > 5
 
 
-def test_our_own_messages_are_valid_by_the_schemas_in_the_file(recording: Path) -> None:
+def test_own_messages_validate_against_the_schemas_in_the_file(recording: Path) -> None:
     def or_null(validator: Any, kinds: Any, value: Any, schema: Any) -> Iterator[Any]:
         # As in OpenAPI 3.0; Lichtblick does not accept a list of types.
         if not (value is None and schema.get("nullable")):
@@ -248,9 +252,9 @@ def test_our_own_messages_are_valid_by_the_schemas_in_the_file(recording: Path) 
             if channel.message_encoding != "json":
                 continue
             if schema.id not in validators:
-                told = json.loads(schema.data)
-                judge.check_schema(told)
-                validators[schema.id] = judge(told)
+                declared = json.loads(schema.data)
+                judge.check_schema(declared)
+                validators[schema.id] = judge(declared)
             validators[schema.id].validate(json.loads(message.data))
             seen.add(channel.topic)
     # This includes messages that only a server records.
@@ -272,28 +276,28 @@ def tables(
     return folder
 
 
-def asked(query: str, folder: Path) -> list[tuple[Any, ...]]:
+def query_rows(query: str, folder: Path) -> list[tuple[Any, ...]]:
     """Return DuckDB's answer; tables in the query are files of the folder."""
     with duckdb.connect() as database:
         database.execute(f"SET file_search_path = '{folder}'")
         return database.execute(query).fetchall()
 
 
-def test_duckdb_finds_every_table_with_its_types(tables: Path, recording: Path) -> None:
+def test_duckdb_reads_every_table_with_its_types(tables: Path, recording: Path) -> None:
     kinds = {"int": "BIGINT", "float": "DOUBLE", "text": "VARCHAR"}
     with Recording(recording) as read:
         for table in TABLES.values():
-            described = asked(f"DESCRIBE SELECT * FROM '{table.name}.parquet'", tables)
+            described = query_rows(f"DESCRIBE SELECT * FROM '{table.name}.parquet'", tables)
             assert [(name, kind) for name, kind, *_ in described] == [
                 (column.name, kinds[column.kind]) for column in table.columns
             ]
-            rows = asked(f"SELECT * FROM '{table.name}.parquet'", tables)
+            rows = query_rows(f"SELECT * FROM '{table.name}.parquet'", tables)
             assert rows == [tuple(row.values()) for row in table.rows(read)]
             # The robot has no goal in this run.
             assert rows or table.name in ("goal", "map"), table.name
 
 
-def test_a_query_joins_tracks_with_the_truth_and_csv_answers_the_same(
+def test_query_joins_tracks_with_truth_and_csv_gives_the_same_result(
     tables: Path, recording: Path
 ) -> None:
     with Recording(recording) as read:
@@ -314,20 +318,23 @@ def test_a_query_joins_tracks_with_the_truth_and_csv_answers_the_same(
             FROM 'obstacles.{ending}' o
             JOIN 'matched_truth.parquet' t ON o.frame = t.frame AND o.id = t.track_id
         """
-        ((count, mean),) = asked(query, tables)
+        ((count, mean),) = query_rows(query, tables)
         assert count == len(errors) > 5
         assert mean == pytest.approx(np.mean(errors))
     both = "SELECT * FROM 'obstacles.parquet' EXCEPT ALL SELECT * FROM 'obstacles.csv'"
-    assert asked(both, tables) == []
+    assert query_rows(both, tables) == []
 
 
 # --- point clouds and ROS bags ------------------------------------------------------------------
 
 
 def test_trimesh_reads_an_exported_cloud(
-    recording: Path, told: dict[str, list[Told]], command: Callable[..., None], tmp_path: Path
+    recording: Path,
+    by_topic: dict[str, list[Decoded]],
+    command: Callable[..., None],
+    tmp_path: Path,
 ) -> None:
-    path, kept = tmp_path / "cloud.ply", told["/cloud"][0]
+    path, kept = tmp_path / "cloud.ply", by_topic["/cloud"][0]
     with Recording(recording) as read:
         received = [read.facts.anchor.wall_time_ns(frame.received) for frame in read.frames]
     number = str(received.index(kept.stamp_ns))
@@ -341,7 +348,7 @@ def test_trimesh_reads_an_exported_cloud(
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_a_bag_of_a_run_deserialises_by_its_own_definitions_and_by_those_of_later_ros(
+def test_bag_deserialises_with_its_own_and_newer_ros_definitions(
     recording: Path, command: Callable[..., None], tmp_path: Path, storage: str
 ) -> None:
     rosbags = pytest.importorskip("rosbags.highlevel", reason="needs rosbags, of the extra ros")

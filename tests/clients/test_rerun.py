@@ -73,9 +73,7 @@ def place(rows: dict[str, list[Row]], frame: str, stamp: int) -> tuple[Any, Any]
     pytest.fail("the frames go round")
 
 
-def test_images_stand_in_the_cameras_that_took_them(
-    rows: dict[str, list[Row]], recording: Path
-) -> None:
+def test_images_are_placed_in_their_cameras(rows: dict[str, list[Row]], recording: Path) -> None:
     with Recording(recording) as read:
         stamps = [read.facts.anchor.wall_time_ns(frame.received) for frame in read.frames]
         last = read.pair(len(stamps) - 1)
@@ -97,14 +95,14 @@ def test_every_pixel_of_a_lossless_recording_is_shown(lossless: Path) -> None:
         assert len(images) == len(read.frames) > 0
         for k, row in enumerate(images):
             left = read.pair(k)[0]
-            told = one(row["format"])
-            assert (told["width"], told["height"]) == left.shape[1::-1]
+            shown_format = one(row["format"])
+            assert (shown_format["width"], shown_format["height"]) == left.shape[1::-1]
             # RGB, BGR or grey: the number of bytes fits.
             buffer = np.array(one(row["buffer"]), np.uint8)
             assert np.array_equal(buffer, left.ravel())
 
 
-def test_the_cloud_is_in_sight_of_the_camera_in_its_colours(rows: dict[str, list[Row]]) -> None:
+def test_the_cloud_is_in_front_of_the_camera_and_coloured(rows: dict[str, list[Row]]) -> None:
     assert rows["/cloud"]
     for row in rows["/cloud"]:
         points = np.array(row["positions"])
@@ -116,7 +114,7 @@ def test_the_cloud_is_in_sight_of_the_camera_in_its_colours(rows: dict[str, list
         assert len(set(row["colors"])) > 100
 
 
-def test_boxes_are_where_obstacles_and_true_bodies_are_in_the_room(
+def test_boxes_are_at_the_obstacles_and_true_bodies(
     rows: dict[str, list[Row]], recording: Path
 ) -> None:
     with Recording(recording) as read:

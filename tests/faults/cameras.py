@@ -27,7 +27,7 @@ _HEAD = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=f
 
 
 def still_world() -> World:
-    """Return the simulated lab with the observer parked and nobody else in it."""
+    """Return the simulated lab with the observer parked and nothing else moving."""
     lab = load_scenario("lab")
     parked = lab.observer.model_copy(update={"motion": None})
     return World(lab.model_copy(update={"robots": (), "observer": parked}))
@@ -38,7 +38,7 @@ class Misbehaviour:
     """How a camera misbehaves; may be changed at any time from any thread.
 
     Attributes:
-        unplugged: its streams end and nobody can connect. hangs: its streams stay open but silent.
+        unplugged: its streams end and connecting fails. hangs: its streams stay open but silent.
         frozen: it repeats its last picture. every: it sends only every n-th picture.
         image: JPEG that it sends instead; None: what it sees.
     """

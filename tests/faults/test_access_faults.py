@@ -58,7 +58,7 @@ def everything(web: Web) -> Iterator[tuple[str, str]]:
         yield method, path
 
 
-def test_cross_site_requests(web: Web) -> None:
+def test_cross_site_requests_are_refused(web: Web) -> None:
     counted = Counter[int]()
     foreign = [{"Origin": EVIL}, {"Origin": "null"}]
     foreign += [{"Sec-Fetch-Site": site} for site in ("cross-site", "same-site")]
@@ -80,7 +80,7 @@ def test_cross_site_requests(web: Web) -> None:
     told(30, "requests of other sites", f"{listed(counted)}; nothing changes")
 
 
-def test_a_rebound_host(web: Web) -> None:
+def test_a_rebound_host_is_refused(web: Web) -> None:
     counted = Counter[int]()
     names = ("evil.example", f"evil.example:{web.server.port}", "127.0.0.1.evil.example")
     with nothing_changes(web):
@@ -96,7 +96,7 @@ def test_a_rebound_host(web: Web) -> None:
     told(31, "rebound Host, also of WebSockets", listed(counted))
 
 
-def test_a_foreign_origin(web: Web) -> None:
+def test_a_foreign_origin_is_refused(web: Web) -> None:
     counted = Counter[int]()
     near = f"http://127.0.0.1:{web.server.port + 1}"
     for path in SOCKETS:
@@ -107,7 +107,7 @@ def test_a_foreign_origin(web: Web) -> None:
     told(32, "WebSockets of a foreign Origin", listed(counted))
 
 
-def test_nobody_without_the_token(web: Web) -> None:
+def test_requests_without_the_token_are_refused(web: Web) -> None:
     counted = Counter[int]()
     with nothing_changes(web):
         for method, path in everything(web):
@@ -127,7 +127,7 @@ def test_nobody_without_the_token(web: Web) -> None:
     )
 
 
-def test_guessing_the_token(web: Web) -> None:
+def test_guessing_the_token_is_throttled(web: Web) -> None:
     counted, stops = Counter[int](), []
     ends = time.monotonic() + GUESSING_S
     lock = threading.Lock()
@@ -187,7 +187,7 @@ def badly_configured(folder: Path) -> Path:
     return folder
 
 
-def test_a_bad_configuration_is_served_disarmed_and_told(tmp_path: Path) -> None:
+def test_a_bad_configuration_is_served_disarmed_and_reported(tmp_path: Path) -> None:
     started = time.monotonic()
     with served(badly_configured(tmp_path / "data"), "/no/such/folder") as server:
         seconds = time.monotonic() - started
@@ -214,7 +214,7 @@ def test_a_bad_configuration_is_served_disarmed_and_told(tmp_path: Path) -> None
     )
 
 
-def test_a_bad_configuration_ends_a_strict_start(tmp_path: Path) -> None:
+def test_a_strict_start_fails_with_a_bad_configuration(tmp_path: Path) -> None:
     folder = badly_configured(tmp_path / "data")
     command = [sys.executable, "-m", "app.cli", "serve", "/no/such/folder", "--strict"]
     started = time.monotonic()

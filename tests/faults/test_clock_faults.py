@@ -123,7 +123,7 @@ def test_the_wall_clock_jumps_before_the_drive_process_starts(tmp_path: Path) ->
         zeros.append(_silence(system))
         for trial in range(TRIALS):
             clock.jump(next(jumps))
-            backs.append(_begin_anew(system))
+            backs.append(_restart_drive_process(system))
             _drive_through(system, clock, next(jumps))
             zeros.append(_silence(system) if trial % 2 == 0 else _blindness(system))
     tell(
@@ -133,7 +133,7 @@ def test_the_wall_clock_jumps_before_the_drive_process_starts(tmp_path: Path) ->
     assert max(zeros) <= ZERO_S
 
 
-def _begin_anew(system: System) -> float:
+def _restart_drive_process(system: System) -> float:
     """Kill the drive process; return the seconds until the next one has connected the robot."""
 
     def pid() -> int:

@@ -101,7 +101,7 @@ def refusal(system: System, method: str, path: str, body: Any) -> Refused | None
 
 
 @pytest.mark.patient
-def test_the_disk_gets_full(disk: Path) -> None:
+def test_the_disk_fills_up(disk: Path) -> None:
     ended: list[float] = []
     zeros: list[float] = []
     stops: list[float] = []

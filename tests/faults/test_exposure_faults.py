@@ -77,7 +77,7 @@ def _lit(image: Image, gain: float) -> Image:
 @pytest.mark.parametrize(
     "scene", ["lab", pytest.param("static_turning", marks=pytest.mark.patient)]
 )
-def test_nothing_is_invented(scene: str) -> None:
+def test_flickering_exposure_loses_no_frame_and_causes_few_false_tracks(scene: str) -> None:
     seen = watched(scene, AMPLITUDE)
     count = seen.statuses.total()
     tell(
@@ -91,7 +91,7 @@ def test_nothing_is_invented(scene: str) -> None:
     assert seen.per_min <= MOST_PER_MIN
 
 
-def test_it_is_told() -> None:
+def test_flickering_exposure_is_reported() -> None:
     seen = watched("lab", AMPLITUDE)
     assert seen.told > 0.5 * seen.statuses.total()
     assert seen.statuses[Status.OK] < 0.5 * seen.statuses.total()

@@ -96,7 +96,7 @@ def test_a_camera_fails(
         pytest.param("both lenses", "covered", 0, marks=_WITH_MANY_TRIALS),
     ],
 )
-def test_lenses_see_nothing(system: System, name: str, level: int, lenses: str) -> None:
+def test_lenses_are_covered_or_blinded(system: System, name: str, level: int, lenses: str) -> None:
     plain = plain_picture(system.world, level)
 
     def once() -> float:
@@ -225,7 +225,7 @@ def test_the_page_is_closed(system: System) -> None:
     worst_of(16, "page closed or network lost", once, within=ZERO_S)
 
 
-def test_the_network_says_nothing_more(system: System) -> None:
+def test_heartbeats_stop(system: System) -> None:
     def once() -> float:
         system.move()
         operator = system.operator

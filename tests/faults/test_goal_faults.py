@@ -65,7 +65,9 @@ def _kill_engine(system: System) -> None:
     ],
     ids=["page", "engine", "given_up"],
 )
-def test_it_stands(system: System, name: str, fail: Callable[[System], object]) -> None:
+def test_the_robot_stops_and_does_not_resume_its_goal(
+    system: System, name: str, fail: Callable[[System], object]
+) -> None:
     def once() -> float:
         _send(system)
         failed = time.monotonic()

@@ -18,12 +18,12 @@ SPEED_MPS = 0.25
 _SMALL = "based_on: drive\ncamera: {width: 320, height: 160}\n"
 TURN_RADPS = 0.6
 # A robot that stands still this long despite drive commands has been stopped: stops are reported
-# once it stands, and after a stop the operator has to let go before driving on.
+# once it is at rest, and after a stop the operator has to let go before driving on.
 _STATIONARY_S = 2.0
 _PATIENCE_S = 150.0
 
 
-def test_the_guard_stops_before_a_robot_that_crosses(tmp_path: Path) -> None:
+def test_guided_check_passes_walk_in_and_closed_browser(tmp_path: Path) -> None:
     scenario = tmp_path / "small.yaml"
     scenario.write_text(_SMALL)
     with served(tmp_path, f"simulated:{scenario}") as server:

@@ -131,7 +131,9 @@ def other_files(tmp_path: Path, system: System) -> Iterator[dict[str, Path]]:
     system.server.request("DELETE", "/robots/obstacle/port")
 
 
-def test_ports_that_are_none(system: System, other_files: dict[str, Path]) -> None:
+def test_ports_that_are_not_serial_ports_are_refused(
+    system: System, other_files: dict[str, Path]
+) -> None:
     files = {name: path for name, path in other_files.items() if path.is_file()}
     contents = {name: (path.read_bytes(), path.stat().st_mtime_ns) for name, path in files.items()}
     before = system.server.request("GET", "/robots")

@@ -181,7 +181,7 @@ def wait_until_ready(server: Server) -> None:
     wait_until("the server is ready", ready, 30.0)
 
 
-def test_the_server_is_killed_in_a_run(tmp_path: Path) -> None:
+def test_the_server_is_killed_during_a_run(tmp_path: Path) -> None:
     data, chance = tmp_path / "data", random.Random(21)
     file = data / "observer.sqlite"
     lost: list[float] = []

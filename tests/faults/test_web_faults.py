@@ -163,7 +163,7 @@ def test_harmful_archives(web: Web, data: Path) -> None:
     assert sorted(each.name for each in data.parent.iterdir()) == ["canary", "data"]
 
 
-def test_yaml_that_grows(web: Web) -> None:
+def test_yaml_alias_bombs_are_refused(web: Web) -> None:
     ways: dict[str, tuple[str, str, dict[str, Any]]] = {
         "rig": ("PUT", "/api/rig/file", {"json": {"text": f"mount:\n{YAML_BOMB}"}}),
         "programme": ("POST", "/api/programmes", {"json": {"text": YAML_BOMB}}),
@@ -195,7 +195,7 @@ def test_yaml_that_grows(web: Web) -> None:
     assert memory.grown <= 20 * MEGABYTE
 
 
-def test_paths_that_lead_outside(web: Web, data: Path) -> None:
+def test_paths_outside_the_folder_are_refused(web: Web, data: Path) -> None:
     counted = Counter[int]()
     targets = [
         path for file in (data.parent / "canary", "/etc/passwd") for path in paths(str(file))
@@ -212,7 +212,7 @@ def test_paths_that_lead_outside(web: Web, data: Path) -> None:
 # --- invalid values ----------------------------------------------------------------------------
 
 
-def test_parameters_that_are_none(web: Web) -> None:
+def test_invalid_parameter_values_are_refused(web: Web) -> None:
     declared = web.http.get("/api/parameters/schema").json()
     bad: dict[str, list[str]] = {
         "number": [*NO_NUMBERS, *HUGE_NUMBERS, "null"],
@@ -243,7 +243,7 @@ def batched(names: list[str]) -> list[list[str]]:
     return [names[first : first + 12] for first in range(0, len(names), 12)]
 
 
-def test_numbers_that_are_none(web: Web) -> None:
+def test_invalid_numbers_are_refused(web: Web) -> None:
     counted, fields = Counter[int](), 0
     known = web.description["components"]["schemas"]
     with nothing_changes(web):
@@ -285,7 +285,7 @@ def numbers_in_query(operation: Operation) -> Iterator[str]:
             yield parameter["name"]
 
 
-def test_malformed_json(web: Web) -> None:
+def test_malformed_json_is_refused(web: Web) -> None:
     counted, took = Counter[int](), [0.0]
     with nothing_changes(web):
         for operation in filter(lambda each: each.takes_json, web.operations):
@@ -306,7 +306,7 @@ def test_malformed_json(web: Web) -> None:
     )
 
 
-def test_garbage_to_websockets(web: Web) -> None:
+def test_garbage_closes_a_websocket(web: Web) -> None:
     codes = Counter[int]()
     for path in SOCKETS:
         for name, garbage in GARBAGE.items():

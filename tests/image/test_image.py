@@ -85,7 +85,7 @@ def container(buildah: Buildah) -> Iterator[Container]:
         buildah("rm", name)
 
 
-def test_it_holds_what_it_needs_and_nothing_else(container: Container) -> None:
+def test_it_contains_only_what_it_needs(container: Container) -> None:
     clone = container.root / "srv/dynamic-observer"
     assert {path.name for path in clone.iterdir()} == {
         ".venv", "LICENSE", "Makefile", "README.md", "app", "constraints.txt", "docs",
@@ -103,7 +103,7 @@ def test_it_holds_what_it_needs_and_nothing_else(container: Container) -> None:
         assert not file.exists() or file.stat().st_size == 0, own
 
 
-def test_its_configuration_is_that_of_the_dockerfile(buildah: Buildah) -> None:
+def test_its_configuration_matches_the_dockerfile(buildah: Buildah) -> None:
     found = buildah.inspected()
     assert found["User"] == "1000:1000"
     assert list(found["Volumes"]) == ["/data"]
@@ -169,7 +169,7 @@ def served(
             assert not alive
 
 
-def test_it_serves_whoever_has_the_token(served: Served) -> None:
+def test_it_requires_the_token(served: Served) -> None:
     for path in ("/healthz", "/readyz"):
         assert served.status(path) == 200
     for path in ("/api/status", "/api/runs", "/api/parameters"):
@@ -181,7 +181,7 @@ def test_it_serves_whoever_has_the_token(served: Served) -> None:
     assert served.status("/", token=served.token) == 200
 
 
-def test_it_observes(served: Served) -> None:
+def test_it_starts_observing(served: Served) -> None:
     request = urllib.request.Request(
         f"http://127.0.0.1:{_PORT}/api/status", headers={"Authorization": f"Bearer {served.token}"}
     )
@@ -204,7 +204,7 @@ def test_its_health_check_passes(served: Served, container: Container, buildah: 
     assert done.returncode == 0, done.stderr
 
 
-def test_it_runs_as_a_plain_user_and_writes_its_data_alone(
+def test_it_runs_unprivileged_and_writes_only_its_data(
     served: Served, container: Container
 ) -> None:
     del served

@@ -19,20 +19,20 @@ GOOD = StereoCalibration.rectified(512, 256, 443, 440, 250, 130, 0.12)
 
 @settings(deadline=None, max_examples=50)
 @given(u=st.floats(0, 511), v=st.floats(0, 255), d=st.floats(0.5, 120))
-def test_projecting_undoes_triangulating(u: float, v: float, d: float) -> None:
+def test_projection_inverts_triangulation(u: float, v: float, d: float) -> None:
     px, disparity = CAMERA.project(CAMERA.triangulate((u, v), d))
     np.testing.assert_allclose(px, (u, v), atol=1e-6)
     assert disparity == pytest.approx(d)
 
 
-def test_a_known_point() -> None:
+def test_a_known_point_is_projected_correctly() -> None:
     px, disparity = CAMERA.project((0.5, -0.25, 2.0))
     np.testing.assert_allclose(px, (250 + 443 / 4, 130 - 440 / 8))
     assert disparity == pytest.approx(443 * 0.12 / 2)
 
 
 @pytest.mark.parametrize("disparity", [0.0, -3.0, np.nan, -np.inf])
-def test_a_disparity_that_tells_no_depth_gives_nan(disparity: float) -> None:
+def test_an_invalid_disparity_gives_nan(disparity: float) -> None:
     assert np.isnan(CAMERA.triangulate((10, 20), disparity)).all()
 
 
@@ -43,7 +43,7 @@ def test_points_behind_the_camera_give_nan() -> None:
     assert np.isfinite(px[2]).all()
 
 
-def test_the_covariance_of_points_is_their_scatter() -> None:
+def test_the_point_covariance_matches_their_scatter() -> None:
     rng = np.random.default_rng(0)
     px = np.array([400.0, 60.0]) + rng.normal(0, 0.3, (20000, 2))
     disparity = 26.0 + rng.normal(0, 0.2, 20000)
@@ -54,14 +54,14 @@ def test_the_covariance_of_points_is_their_scatter() -> None:
     assert np.sqrt(stated[2, 2]) == pytest.approx(depth**2 * 0.2 / (443 * 0.12))
 
 
-def test_a_good_calibration_is_kept_and_cannot_change() -> None:
+def test_a_valid_calibration_is_accepted_and_immutable() -> None:
     assert GOOD.is_rectified
     assert GOOD.baseline == pytest.approx(0.12)
     with pytest.raises(ValueError, match="read-only"):
         GOOD.K1[0, 0] = 1
 
 
-def test_any_difference_between_the_cameras_is_not_rectified() -> None:
+def test_differing_cameras_are_not_rectified() -> None:
     K = np.array(GOOD.K1)
     K[0, 0] += 1
     for change in (
@@ -79,7 +79,7 @@ def test_any_difference_between_the_cameras_is_not_rectified() -> None:
         ({"width": 0}, "image_width"),
         ({"K1": np.zeros((3, 3))}, "K1 must be a camera matrix"),
         ({"K2": np.eye(2)}, "K2 must have shape 3 x 3, not 2 x 2"),
-        ({"D1": [0.1, 0.2, 0.3]}, "D1 must hold 4, 5, 8, 12 or 14"),
+        ({"D1": [0.1, 0.2, 0.3]}, "D1 must contain 4, 5, 8, 12 or 14"),
         ({"R": np.diag([1.0, 1.0, -1.0])}, "R must be a rotation"),
         ({"T": [np.nan, 0, 0]}, "T must contain only finite numbers"),
         ({"T": ["a", 0, 0]}, "T must be an array of numbers"),
@@ -88,7 +88,7 @@ def test_any_difference_between_the_cameras_is_not_rectified() -> None:
         ({"T": [-1e-5, 0, 0]}, "outside 0.001 to 2 m"),
     ],
 )
-def test_an_impossible_calibration_is_refused_by_name(
+def test_an_impossible_calibration_is_refused_with_a_reason(
     change: dict[str, Any], sentence: str
 ) -> None:
     with pytest.raises(CalibrationError, match=sentence):

@@ -40,7 +40,7 @@ def drive() -> tuple[StereoCalibration, list[StereoFrame], Pose]:
 
 
 @pytest.mark.parametrize(("detector", "method", "model"), COMBINATIONS)
-def test_the_camera_is_found_where_it_is(
+def test_the_camera_pose_is_found_with_every_choice(
     drive: tuple[StereoCalibration, list[StereoFrame], Pose], detector: str, method: str, model: str
 ) -> None:
     calibration, frames, true_pose = drive

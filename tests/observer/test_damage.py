@@ -42,7 +42,7 @@ KINDS = ("simulated:", "?seed=", "video:", "camera:", "sbs:", "rtsp://", ",", "c
 @example("/nowhere\0")
 @example("video:\0,b")
 @example("coppeliasim:h:" + "9" * 5000)
-def test_a_source_is_refused_in_one_sentence(spec: str) -> None:
+def test_any_source_name_is_opened_or_refused(spec: str) -> None:
     # Real cameras and scenarios that take a second to build are left to other tests.
     if "camera" in spec or spec.lower().startswith(("simulated:?", "simulated:lab")):
         spec = spec.replace("camera", "kamera").replace("?seed=0", "?seed=x")
@@ -59,7 +59,7 @@ def _opened_and_closed(spec: str) -> None:
 @example("0,/dev/\0")
 @example("0,1?size=640%0Ax480")
 @example("0,1?a%0Ab=1")
-def test_cameras_are_understood_or_refused(rest: str) -> None:
+def test_camera_names_are_parsed_or_refused(rest: str) -> None:
     spec = read_or_refused(lambda: parse_devices(rest), InputError)
     if spec is not None:
         assert 1 <= len(spec.targets) <= 2
@@ -74,7 +74,7 @@ def test_cameras_are_understood_or_refused(rest: str) -> None:
 @example("rtsp://host/1,rtsp://user:secret@host/2,rtsp://host/3")
 @example("sbs:rtsp://user:secret@host:port/both")
 @example("rtsp://rtsp://user:secret@host/left,rtsp://host/right")
-def test_addresses_of_cameras_are_understood_and_shown_without_passwords(text: str) -> None:
+def test_camera_addresses_are_parsed_or_refused_and_shown_without_passwords(text: str) -> None:
     spec = read_or_refused(lambda: parse_urls(text), InputError)
     for shown in (shown_spec(text), *([] if spec is None else [spec.text])):
         named = text.startswith(("rtsp:", "rtps:", "http:", "sbs:"))
@@ -85,20 +85,20 @@ def test_addresses_of_cameras_are_understood_and_shown_without_passwords(text: s
 
 @examples(60)
 @given(damaged_text([each.partition("?")[2] for each in DEVICES], ("size=", "&", "=")))
-def test_settings_of_a_camera_are_understood_or_refused(query: str) -> None:
+def test_camera_settings_are_parsed_or_refused(query: str) -> None:
     read_or_refused(lambda: parse_settings(query), InputError)
 
 
 @examples(80)
 @given(damaged_text(PORTS, ("socket://", "external:", ":")) | hostile_text(PORTS))
-def test_a_robots_port_is_understood_or_refused(port: str) -> None:
+def test_a_robot_port_is_accepted_or_refused(port: str) -> None:
     read_or_refused(lambda: check_port(port), InputError)
 
 
 @examples(40)
 @given(damaged_text(["localhost:23000", "[::1]:1"]) | hostile_text(("localhost", ":")))
 @example("h:" + "9" * 5000)
-def test_an_address_of_a_simulator_is_understood_or_refused(text: str) -> None:
+def test_a_simulator_address_is_parsed_or_refused(text: str) -> None:
     address = read_or_refused(lambda: parse_address(text), InputError)
     if address is not None:
         assert parse_address(str(address)) == address
@@ -109,7 +109,7 @@ def test_an_address_of_a_simulator_is_understood_or_refused(text: str) -> None:
 @example("9x" + "9" * 5000)
 @example("9" * 4000 + "x6")
 @example("a\nb")
-def test_the_size_of_a_board_is_understood_or_refused(text: str) -> None:
+def test_a_board_size_is_parsed_or_refused(text: str) -> None:
     def board() -> Board:
         columns, rows = parse_board_size(text)
         return Board("chessboard", columns, rows)
@@ -130,7 +130,7 @@ _values: st.SearchStrategy[object] = (
 @pytest.mark.parametrize("name", ["default", "paper"])
 @examples(40)
 @given(st.data())
-def test_any_values_of_parameters_are_valid_or_refused(name: str, data: st.DataObject) -> None:
+def test_any_parameter_values_are_valid_or_refused(name: str, data: st.DataObject) -> None:
     names = st.sampled_from(list(Parameters().flat())) | st.text(max_size=20)
     changes = data.draw(st.dictionaries(names, _values, max_size=4))
     made = read_or_refused(lambda: effective(preset(name), changes), InputError)

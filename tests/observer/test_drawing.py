@@ -50,7 +50,7 @@ def test_all_parts_of_a_silhouette_are_drawn() -> None:
     assert np.array_equal(image[140, 60], image[140, 180])
 
 
-def test_without_a_silhouette_the_box_alone_is_drawn() -> None:
+def test_only_the_box_is_drawn_without_a_silhouette() -> None:
     image = drawn()
     inner = image[35:145, 15:105]
     assert (inner == GREY).all()
@@ -58,7 +58,7 @@ def test_without_a_silhouette_the_box_alone_is_drawn() -> None:
 
 
 @pytest.mark.parametrize("reach", [0, 400])
-def test_what_reaches_beyond_the_image_is_drawn_as_far_as_it_goes(reach: int) -> None:
+def test_an_obstacle_beyond_the_image_border_is_clipped(reach: int) -> None:
     image = canvas()
     outline = np.array(
         [[250.0, 50.0], [290.0 + reach, 50.0], [290.0 + reach, 100.0], [250.0, 100.0]]
@@ -67,8 +67,8 @@ def test_what_reaches_beyond_the_image_is_drawn_as_far_as_it_goes(reach: int) ->
     assert image[75, 270].tolist() != [GREY] * 3
 
 
-def test_colors_tell_moving_from_standing_from_unseen() -> None:
-    told = {
+def test_colors_distinguish_moving_stopped_and_coasting() -> None:
+    colors = {
         obstacle_color(state, motion)
         for state, motion in (
             ("confirmed", "moving"),
@@ -76,11 +76,11 @@ def test_colors_tell_moving_from_standing_from_unseen() -> None:
             ("coasting", "moving"),
         )
     }
-    assert len(told) == 3
+    assert len(colors) == 3
     assert obstacle_color("coasting", "moving") == obstacle_color("coasting", "stopped")
 
 
-def test_a_mask_on_a_coarser_grid_covers_the_same_part() -> None:
+def test_a_mask_on_a_coarser_grid_covers_the_same_area() -> None:
     square = np.array([[40.0, 20.0], [79.0, 20.0], [79.0, 99.0], [40.0, 99.0]])
     coarse = silhouette_mask([square], (50, 75), 4)
     truth = np.zeros((50, 75), np.bool_)
@@ -88,7 +88,7 @@ def test_a_mask_on_a_coarser_grid_covers_the_same_part() -> None:
     assert np.array_equal(coarse, truth)
 
 
-def test_a_tint_changes_its_mask_alone_by_its_share() -> None:
+def test_a_tint_changes_only_its_mask_by_its_share() -> None:
     image, mask = canvas(), np.zeros((200, 300), np.bool_)
     mask[3, 4] = True
     tint(image, mask, (0, 100, 255), 0.5)
@@ -99,7 +99,7 @@ def test_a_tint_changes_its_mask_alone_by_its_share() -> None:
     assert (untouched == GREY).all()
 
 
-def test_grey_images_become_colour_and_none_is_drawn_on() -> None:
+def test_a_grey_image_is_copied_to_color() -> None:
     grey = np.full((4, 5), 7, np.uint8)
     copied = color_copy(grey)
     assert copied.shape == (4, 5, 3)
@@ -108,7 +108,7 @@ def test_grey_images_become_colour_and_none_is_drawn_on() -> None:
 
 
 @pytest.mark.parametrize("box", [(-90, 50, -10, 99), (310, 50, 390, 99), (10, 210, 60, 300)])
-def test_what_is_out_of_view_is_not_drawn_nor_named(box: tuple[float, ...]) -> None:
+def test_an_obstacle_out_of_view_is_not_drawn(box: tuple[float, ...]) -> None:
     image = canvas()
     draw_obstacle(image, box, None, "#1", COLOR)
     assert (image == GREY).all()

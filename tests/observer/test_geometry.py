@@ -18,14 +18,14 @@ quick = settings(deadline=None, max_examples=40)
 
 @quick
 @given(poses, vectors)
-def test_the_inverse_undoes(T_a_b: Pose, point: tuple[float, float, float]) -> None:
+def test_the_inverse_undoes_a_pose(T_a_b: Pose, point: tuple[float, float, float]) -> None:
     np.testing.assert_allclose(T_a_b.inverse().apply(T_a_b.apply(point)), point, atol=1e-9)
     np.testing.assert_allclose((T_a_b @ T_a_b.inverse()).matrix, np.eye(4), atol=1e-9)
 
 
 @quick
 @given(poses, poses, vectors)
-def test_a_product_applies_the_right_one_first(
+def test_a_product_applies_the_right_factor_first(
     T_a_b: Pose, T_b_c: Pose, point: tuple[float, float, float]
 ) -> None:
     np.testing.assert_allclose(
@@ -35,7 +35,7 @@ def test_a_product_applies_the_right_one_first(
 
 @quick
 @given(poses)
-def test_every_form_gives_the_same_pose_back(pose: Pose) -> None:
+def test_every_representation_round_trips(pose: Pose) -> None:
     for again in (
         Pose.from_matrix(pose.matrix),
         Pose.from_matrix(pose.matrix[:3]),
@@ -48,14 +48,14 @@ def test_every_form_gives_the_same_pose_back(pose: Pose) -> None:
     assert np.linalg.norm(pose.quaternion_wxyz) == pytest.approx(1)
 
 
-def test_rotate_leaves_the_translation_out() -> None:
+def test_rotate_ignores_the_translation() -> None:
     pose = Pose.from_rotvec((0, np.pi / 2, 0), (5, 6, 7))
     np.testing.assert_allclose(pose.rotate((0, 0, 1)), (1, 0, 0), atol=1e-12)
     np.testing.assert_allclose(pose.apply((0, 0, 1)), (6, 6, 7), atol=1e-12)
     assert pose.apply(np.zeros((4, 2, 3))).shape == (4, 2, 3)
 
 
-def test_a_long_chain_stays_a_rotation() -> None:
+def test_a_long_chain_of_products_stays_a_rotation() -> None:
     step, pose = Pose.from_rotvec((0.01, 0.02, -0.015), (0.01, 0, 0)), Pose.identity()
     for _ in range(5000):
         pose = pose @ step
@@ -72,14 +72,14 @@ def test_a_long_chain_stays_a_rotation() -> None:
         (np.eye(3), np.zeros(2), r"\(3,\)"),
     ],
 )
-def test_what_is_no_pose_is_refused(
+def test_an_invalid_pose_is_refused(
     rotation: np.ndarray, translation: np.ndarray, sentence: str
 ) -> None:
     with pytest.raises(ValueError, match=sentence):
         Pose(rotation, translation)
 
 
-def test_a_pose_does_not_change_with_the_arrays_it_was_made_of() -> None:
+def test_a_pose_copies_its_input_and_is_read_only() -> None:
     rotation, translation = np.eye(3), np.zeros(3)
     pose = Pose(rotation, translation)
     translation[0] = rotation[0, 0] = 9
@@ -89,12 +89,12 @@ def test_a_pose_does_not_change_with_the_arrays_it_was_made_of() -> None:
 
 
 @pytest.mark.parametrize("matrix", [np.eye(2), np.eye(3) * np.nan, np.zeros((3, 3))])
-def test_what_is_no_rotation(matrix: np.ndarray) -> None:
+def test_an_invalid_rotation_is_detected(matrix: np.ndarray) -> None:
     assert not is_rotation(matrix)
     assert is_rotation(Rotation.from_rotvec([0.3, -2, 1]).as_matrix())
 
 
-def test_maps_of_pixels() -> None:
+def test_map_pixels_applies_affine_and_perspective_maps() -> None:
     px = np.array([[10.0, 20.0], [0.0, 0.0]])
     affine = np.array([[1, 0.5, 3], [0, 2, -1], [0, 0, 1]])
     np.testing.assert_allclose(map_pixels(affine, px), [[23, 39], [3, -1]])
@@ -106,7 +106,7 @@ def test_maps_of_pixels() -> None:
 
 @quick
 @given(poses, st.tuples(st.floats(0, 3), st.floats(0, 3), st.floats(0, 3)))
-def test_the_largest_deviation_is_that_of_the_longest_axis(
+def test_the_largest_sigma_is_that_of_the_longest_axis(
     pose: Pose, sigmas: tuple[float, float, float]
 ) -> None:
     axes = pose.rotation.T

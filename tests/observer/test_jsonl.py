@@ -40,12 +40,12 @@ def test_a_silhouette_is_written_as_whole_pixels_and_read_back() -> None:
     assert not read[20, 30]
 
 
-def test_one_without_a_silhouette_says_so() -> None:
+def test_a_missing_silhouette_is_null() -> None:
     line = observation_line(observed(replace(obstacle(), silhouette=None)))
     assert line["obstacles"][0]["silhouette"] is None
 
 
-def test_evaluation_reads_lines_with_and_without_silhouettes() -> None:
+def test_evaluation_accepts_lines_with_and_without_silhouettes() -> None:
     line = observation_line(observed(obstacle()))
     (entry,) = line["obstacles"]
     older = {name: value for name, value in entry.items() if name != "silhouette"}

@@ -68,14 +68,14 @@ def cars(observation: Observation, places: dict[int, Float64Array]) -> list[Obst
     ]
 
 
-def told(observation: Observation, o: Obstacle) -> str:
+def described(observation: Observation, o: Obstacle) -> str:
     at, velocity = np.round(o.position_camera, 1), np.round(o.velocity, 1)
     return f"frame {observation.frame}: {o.state} {o.id} at {at} m with {velocity} m/s: {o.reason}"
 
 
 # The colour pair of the second drive gives a path that is 3 % too long in every single frame.
 @pytest.mark.parametrize(("fixture", "share"), [("static", 0.02), ("oncoming", 0.04)])
-def test_the_path_is_as_long_as_it_was(
+def test_the_path_length_matches_the_ground_truth(
     fixture: str, share: float, request: pytest.FixtureRequest
 ) -> None:
     seen, poses = request.getfixturevalue(fixture)
@@ -97,7 +97,7 @@ def test_the_camera_is_never_lost(fixture: str, request: pytest.FixtureRequest) 
 
 
 @pytest.mark.parametrize("fixture", ["static", "oncoming"])
-def test_nothing_degrades_but_what_speed_leaves_unseen(
+def test_only_regions_unseen_at_speed_degrade_the_status(
     fixture: str, request: pytest.FixtureRequest
 ) -> None:
     """Above 2.5 m/s no dense depth is computed: a person between the points would be missed."""
@@ -107,10 +107,10 @@ def test_nothing_degrades_but_what_speed_leaves_unseen(
     assert all(o.unseen.causes["fast"] > 0 for o in seen[1:])
 
 
-def test_nothing_near_is_called_moving_where_nothing_moves(static: Drive) -> None:
+def test_nothing_near_is_reported_moving_in_a_static_scene(static: Drive) -> None:
     seen, _ = static
     wrong = [
-        told(each, o)
+        described(each, o)
         for each in seen
         for o in each.reported
         if o.motion is MotionState.MOVING and o.range < NEAR_M
@@ -118,9 +118,9 @@ def test_nothing_near_is_called_moving_where_nothing_moves(static: Drive) -> Non
     assert wrong == []
 
 
-def test_nothing_at_all_is_confirmed_where_nothing_moves(static: Drive) -> None:
+def test_nothing_is_confirmed_in_a_static_scene(static: Drive) -> None:
     seen, _ = static
-    assert [told(each, o) for each in seen for o in each.reported] == []
+    assert [described(each, o) for each in seen for o in each.reported] == []
 
 
 def test_the_oncoming_car_is_confirmed_before_it_leaves_the_view(
@@ -145,7 +145,7 @@ def test_nothing_near_is_confirmed_except_the_car(
     seen, _ = oncoming
     numbers = {o.id for each in seen for o in cars(each, car_places)}
     wrong = [
-        told(each, o)
+        described(each, o)
         for each in seen
         for o in each.reported
         if o.id not in numbers and o.range < NEAR_M

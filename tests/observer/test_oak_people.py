@@ -16,7 +16,7 @@ from .conftest import OpenClip
 FRAMES = 262
 # Frames in which each of them is fully in view, judged by eye.
 WALKS = ((58, 82), (232, 262))
-# Frames in which nobody is in view, except for feet at the border.
+# Frames in which no one is in view, except for feet at the border.
 EMPTY = ((0, 42), (112, 205))
 
 pytestmark = pytest.mark.slow
@@ -37,7 +37,7 @@ def reported(shared_data: Path, clip: OpenClip, rigid: Parameters) -> Reported:
 
 
 @pytest.mark.parametrize(("begin", "end"), WALKS)
-def test_each_walker_is_one_box_that_covers_head_and_trunk(
+def test_each_walker_is_one_box_covering_head_and_trunk(
     reported: Reported, begin: int, end: int
 ) -> None:
     walk = reported[begin:end]
@@ -50,7 +50,7 @@ def test_each_walker_is_one_box_that_covers_head_and_trunk(
 
 
 @pytest.mark.parametrize(("begin", "end"), EMPTY)
-def test_nothing_else_moves(reported: Reported, begin: int, end: int) -> None:
+def test_hardly_anything_else_is_reported(reported: Reported, begin: int, end: int) -> None:
     """The exposure settles, and shadows of leaves move over floor and furniture."""
     wrong = sum(len(obstacles) for obstacles in reported[begin:end])
     assert wrong <= 0.05 * (end - begin)

@@ -75,7 +75,7 @@ def test_a_moving_board_is_confirmed_with_its_velocity(camera: tuple[float, floa
 
 
 @pytest.mark.parametrize("name", ["paper", "default"])
-def test_a_plain_wall_has_no_obstacles_however_the_camera_moves(name: str) -> None:
+def test_a_static_wall_has_no_obstacles_while_the_camera_moves(name: str) -> None:
     sequence = frames(8, board_speed=None, camera_velocity=(0.15, 0.05, 0.2))
     for observation in observe_all(Observer(CALIBRATION, preset(name)), sequence)[1:]:
         assert observation.status is Status.OK
@@ -85,7 +85,7 @@ def test_a_plain_wall_has_no_obstacles_however_the_camera_moves(name: str) -> No
         np.testing.assert_allclose(observation.T_world_camera.translation, expected, atol=0.04)
 
 
-def test_parallax_is_called_moving_by_the_paper_and_not_by_the_default() -> None:
+def test_parallax_is_reported_as_motion_only_by_the_paper_preset() -> None:
     """The board stands still; an affine model of the wall cannot account for its nearness."""
     sequence = frames(8, board_speed=0.0, camera_velocity=(0.35, 0.0, 0.0))
     paper = observe_all(Observer(CALIBRATION, preset("paper")), sequence)
@@ -95,7 +95,7 @@ def test_parallax_is_called_moving_by_the_paper_and_not_by_the_default() -> None
 
 
 @pytest.mark.parametrize("name", ["paper", "default"])
-def test_equal_input_gives_equal_results_to_the_last_digit(
+def test_equal_input_gives_identical_results_for_any_thread_count(
     moving: list[StereoFrame], name: str
 ) -> None:
     before = cv2.getNumThreads()
@@ -112,7 +112,7 @@ def test_equal_input_gives_equal_results_to_the_last_digit(
     assert '"confirmed"' in lines[0][-1]
 
 
-def test_the_first_frame_says_so() -> None:
+def test_the_first_frame_is_reported_as_such() -> None:
     (first,) = observe_all(Observer(CALIBRATION), frames(1))
     assert any("first frame" in reason for reason in first.reasons)
     assert first.obstacles == ()
@@ -121,7 +121,7 @@ def test_the_first_frame_says_so() -> None:
     np.testing.assert_array_equal(first.T_world_camera.matrix, np.eye(4))
 
 
-def test_lines_have_no_nan_and_carry_what_was_observed(moving: list[StereoFrame]) -> None:
+def test_lines_contain_the_observation_and_no_nan(moving: list[StereoFrame]) -> None:
     observer = Observer(CALIBRATION, preset("default"), parameters_revision=7)
     line = observation_line(observe_all(observer, moving)[-1])
     again = json.loads(json.dumps(line, allow_nan=False))
@@ -150,7 +150,7 @@ ONE_CAMERA_ONLY = {"rays", "ray_evidence"}
     ("parameters", "own"),
     [(PLANAR, PLANAR_ONLY), (preset("paper"), PLANAR_ONLY), (Parameters(), RIGID_ONLY)],
 )
-def test_the_trace_holds_every_step_that_its_table_names(
+def test_the_trace_contains_every_documented_step(
     moving: list[StereoFrame], parameters: Parameters, own: set[str]
 ) -> None:
     trace = FullTrace()
@@ -182,7 +182,7 @@ def test_a_trace_changes_nothing(moving: list[StereoFrame], parameters: Paramete
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_colour_images_give_the_same_as_grey_ones(parameters: Parameters) -> None:
+def test_colour_images_give_the_same_result_as_grey_ones(parameters: Parameters) -> None:
     grey, color = (
         observe_all(Observer(CALIBRATION, parameters, clock=fixed_clock), frames(5, color=c))
         for c in (False, True)
@@ -191,7 +191,7 @@ def test_colour_images_give_the_same_as_grey_ones(parameters: Parameters) -> Non
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_speed_follows_uneven_times_and_dropped_frames(parameters: Parameters) -> None:
+def test_speed_is_right_with_uneven_times_and_dropped_frames(parameters: Parameters) -> None:
     steps = np.array([0.05, 0.09, 0.05, 0.13, 0.06, 0.1, 0.05, 0.08])
     times = (0.0, *np.cumsum(steps).tolist())
     sequence = frames(9, times=times)
@@ -205,7 +205,7 @@ def test_speed_follows_uneven_times_and_dropped_frames(parameters: Parameters) -
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_a_short_loss_is_bridged_and_the_world_stays(parameters: Parameters) -> None:
+def test_a_short_loss_is_bridged_within_the_same_segment(parameters: Parameters) -> None:
     sequence = frames(12, camera_velocity=(0.1, 0.0, 0.0))
     sequence[6], sequence[7] = black(sequence[6]), black(sequence[7])
     seen = observe_all(Observer(CALIBRATION, parameters), sequence)
@@ -226,7 +226,7 @@ def test_a_short_loss_is_bridged_and_the_world_stays(parameters: Parameters) -> 
     assert {o.id for o in seen[5].reported} == {o.id for o in seen[10].reported}
 
 
-def test_a_long_loss_begins_a_new_segment() -> None:
+def test_a_long_loss_starts_a_new_segment() -> None:
     sequence = frames(26)
     sequence[10:15] = [black(frame) for frame in sequence[10:15]]
     parameters = preset("default").changed({"ego_motion.recover_frames": 2})
@@ -243,7 +243,7 @@ def test_a_long_loss_begins_a_new_segment() -> None:
     assert not before & after
 
 
-def test_a_repeated_frame_is_left_out(moving: list[StereoFrame]) -> None:
+def test_a_repeated_frame_is_ignored(moving: list[StereoFrame]) -> None:
     plain = Observer(CALIBRATION, clock=fixed_clock)
     stuttering = Observer(CALIBRATION, clock=fixed_clock)
     expected = observe_all(plain, moving[:6])
@@ -257,7 +257,7 @@ def test_a_repeated_frame_is_left_out(moving: list[StereoFrame]) -> None:
     assert [observation_line(o) for o in seen] == [observation_line(o) for o in expected]
 
 
-def test_time_that_runs_back_begins_a_new_segment(moving: list[StereoFrame]) -> None:
+def test_time_running_backwards_starts_a_new_segment(moving: list[StereoFrame]) -> None:
     observer = Observer(CALIBRATION, preset("default"))
     observe_all(observer, moving[:6])
     back = observe_all(observer, moving[:6])
@@ -279,7 +279,7 @@ def test_a_new_segment_forgets_everything(moving: list[StereoFrame]) -> None:
     assert not ids[0] & ids[1]
 
 
-def test_images_of_another_size_are_refused_with_both_sizes() -> None:
+def test_images_of_a_wrong_size_are_refused_with_both_sizes() -> None:
     observer = Observer(CALIBRATION)
     observe_all(observer, frames(2))
     small = np.zeros((128, 256), np.uint8)
@@ -290,7 +290,7 @@ def test_images_of_another_size_are_refused_with_both_sizes() -> None:
 
 
 @pytest.mark.parametrize("parameters", [PLANAR, Parameters()])
-def test_new_parameters_act_from_the_next_frame_on(
+def test_new_parameters_apply_from_the_next_frame(
     moving: list[StereoFrame], parameters: Parameters
 ) -> None:
     observer = Observer(CALIBRATION, parameters)
@@ -304,7 +304,7 @@ def test_new_parameters_act_from_the_next_frame_on(
     assert observer.parameters is strict
 
 
-def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(
+def test_changing_the_model_kind_starts_a_new_segment_and_numbers_continue(
     moving: list[StereoFrame],
 ) -> None:
     observer = Observer(CALIBRATION)
@@ -323,7 +323,7 @@ def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(
     assert all(not a & b for a, b in itertools.combinations(numbers, 2))
 
 
-def test_a_model_of_the_same_kind_goes_on_and_one_of_the_other_begins_anew(
+def test_only_a_model_of_another_kind_starts_a_new_segment(
     moving: list[StereoFrame],
 ) -> None:
     homography = PLANAR.changed({"ego_motion.model": "homography"})
@@ -343,7 +343,7 @@ def test_a_model_of_the_same_kind_goes_on_and_one_of_the_other_begins_anew(
 
 
 @pytest.mark.parametrize("picture", ["black", "white", "noise"])
-def test_bad_pictures_are_answered_with_a_status_and_never_an_error(picture: str) -> None:
+def test_bad_images_give_a_status_and_never_an_error(picture: str) -> None:
     rng = np.random.default_rng(0)
     observer = Observer(CALIBRATION, preset("default"))
     for frame in frames(6):
@@ -369,7 +369,7 @@ def test_timings_come_from_the_injected_clock() -> None:
     )
 
 
-def test_observe_reads_in_under_fifty_lines() -> None:
+def test_observe_is_shorter_than_fifty_lines() -> None:
     source = textwrap.dedent(inspect.getsource(Observer.observe))
     (function,) = ast.parse(source).body
     assert isinstance(function, ast.FunctionDef)

@@ -25,7 +25,7 @@ ROBOT = st.tuples(PLACE, PLACE, st.floats(-math.pi, math.pi))
 
 @settings(deadline=None)
 @given(CELLS)
-def test_every_cell_comes_back_also_through_json(cells: NDArray[np.uint8]) -> None:
+def test_every_cell_survives_a_json_round_trip(cells: NDArray[np.uint8]) -> None:
     made = OccupancyMap.of(cells, (0.3, -1.2), 0.1, (0.5, -0.5, 1.0), 7.0)
     np.testing.assert_array_equal(made.cells(), cells)
     assert msgspec.json.decode(msgspec.json.encode(made), type=OccupancyMap) == made
@@ -33,7 +33,7 @@ def test_every_cell_comes_back_also_through_json(cells: NDArray[np.uint8]) -> No
     assert len(made.runs) <= STATES * np.count_nonzero(np.diff(cells.ravel())) + STATES
 
 
-def test_a_room_takes_little() -> None:
+def test_a_room_is_encoded_compactly() -> None:
     cells = np.zeros((101, 101), np.uint8)
     cells[20:60, 30:70] = FREE
     cells[60, 30:70] = BLOCKED
@@ -42,7 +42,7 @@ def test_a_room_takes_little() -> None:
 
 @settings(deadline=None)
 @given(ROBOT, ROBOT, PLACE, PLACE)
-def test_a_cell_is_where_the_robot_saw_it(
+def test_the_map_is_placed_relative_to_the_robot(
     robot: tuple[float, float, float], base: tuple[float, float, float], x: float, y: float
 ) -> None:
     made = OccupancyMap.of(np.zeros((2, 2), np.uint8), (x, y), 0.1, robot, 0.0)
@@ -64,7 +64,7 @@ def test_a_cell_is_where_the_robot_saw_it(
         {"robot": (0.0, math.inf, 0.0)},
     ],
 )
-def test_what_is_no_map_is_refused(changes: dict[str, Any]) -> None:
+def test_an_invalid_map_is_refused(changes: dict[str, Any]) -> None:
     made = OccupancyMap.of(np.zeros((2, 2), np.uint8), (0.0, 0.0), 0.1, (0.0, 0.0, 0.0), 0.0)
     with pytest.raises(ValueError, match="map"):
         replace(made, **changes)

@@ -14,14 +14,14 @@ from observer.opening import open_source, source_kind
     "spec",
     ["a" * 1000, "simulated:" + "a" * 1000, "/" + "a" * 1000 + ".mcap", "video:" + "a" * 1000],
 )
-def test_a_name_that_is_too_long_is_refused(spec: str) -> None:
+def test_too_long_a_name_is_refused(spec: str) -> None:
     with pytest.raises(DynamicObserverError) as refused:
         open_source(spec)
     assert len(str(refused.value)) < 2000
 
 
 @given(st.sampled_from(["", "simulated:", "video:", "coppeliasim:"]), st.text(max_size=40))
-def test_whatever_names_no_source_is_refused(kind: str, name: str) -> None:
+def test_an_unknown_source_is_refused(kind: str, name: str) -> None:
     with pytest.raises(DynamicObserverError):
         open_source(f"{kind}/no/such/place/{name}")
 

@@ -26,7 +26,7 @@ NUMBERS = [n for n, e in SCHEMA.items() if e["type"] in ("number", "integer")]
 REALS = [n for n, e in SCHEMA.items() if e["type"] == "number"]
 
 
-def test_the_schema_names_every_parameter_in_order_with_its_default() -> None:
+def test_the_schema_lists_every_parameter_in_order_with_its_default() -> None:
     assert {name: entry["default"] for name, entry in SCHEMA.items()} == AllParameters().flat()
     assert list(SCHEMA) == list(AllParameters().flat())
 
@@ -47,7 +47,7 @@ def test_every_parameter_has_what_a_form_needs(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_both_ends_of_a_range_are_taken_and_beyond_is_refused(name: str) -> None:
+def test_range_limits_are_accepted_and_values_beyond_refused(name: str) -> None:
     low, high = SCHEMA[name]["minimum"], SCHEMA[name]["maximum"]
     step = 1 if SCHEMA[name]["type"] == "integer" else 1e-6
     for value in (low, high):
@@ -59,7 +59,7 @@ def test_both_ends_of_a_range_are_taken_and_beyond_is_refused(name: str) -> None
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True, "1", None, [1], 10**400])
-def test_what_is_no_finite_number_is_refused(value: object) -> None:
+def test_values_other_than_finite_numbers_are_refused(value: object) -> None:
     before = AllParameters()
     for name in REALS:
         with pytest.raises(ParameterError) as refused:
@@ -78,13 +78,13 @@ def test_what_is_no_finite_number_is_refused(value: object) -> None:
         ("nothing", 1, "there is no such parameter"),
     ],
 )
-def test_a_refusal_says_what_would_be_right(name: str, value: object, sentence: str) -> None:
+def test_an_error_states_the_valid_values(name: str, value: object, sentence: str) -> None:
     with pytest.raises(ParameterError) as refused:
         AllParameters().changed({name: value})
     assert sentence in refused.value.problems[name]
 
 
-def test_changes_are_all_or_nothing_and_name_every_problem() -> None:
+def test_changes_are_all_or_nothing_and_report_every_problem() -> None:
     before = AllParameters()
     with pytest.raises(ParameterError) as refused:
         before.changed(
@@ -96,7 +96,7 @@ def test_changes_are_all_or_nothing_and_name_every_problem() -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(data=st.data())
-def test_difference_is_what_has_to_be_changed(data: st.DataObject) -> None:
+def test_applying_the_difference_gives_the_other_parameters(data: st.DataObject) -> None:
     names = data.draw(st.lists(st.sampled_from(NUMBERS), unique=True))
     changes = {n: SCHEMA[n][data.draw(st.sampled_from(["minimum", "maximum"]))] for n in names}
     before = AllParameters()
@@ -110,7 +110,7 @@ def test_parameters_are_frozen() -> None:
         AllParameters().flow.window_px = 3  # type: ignore[misc]
 
 
-def test_it_is_said_with_which_model_a_parameter_acts() -> None:
+def test_the_schema_states_which_models_use_a_parameter() -> None:
     assert SCHEMA["ego_motion.model"]["models"] == list(MODELS)
     assert SCHEMA["ego_motion.model"]["choices"] == list(MODELS)
     assert SCHEMA["ego_motion.ransac_iterations"]["models"] == ["rigid", "homography", "affine"]
@@ -120,7 +120,7 @@ def test_it_is_said_with_which_model_a_parameter_acts() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_eight_parameters_are_basic_with_each_model(model: str) -> None:
+def test_every_model_has_eight_basic_parameters(model: str) -> None:
     basic = [name for name, entry in SCHEMA.items() if entry.get("basic")]
     shown = [name for name in basic if model in SCHEMA[name]["models"]]
     assert len(shown) == 8
@@ -133,7 +133,7 @@ def test_eight_parameters_are_basic_with_each_model(model: str) -> None:
     assert len(set(titles)) == len(titles)
 
 
-def test_the_presets() -> None:
+def test_presets_have_the_documented_values() -> None:
     assert preset_names() == ("paper", "default")
     assert set(PRESET_HELP) == set(preset_names())
     assert preset("default") == Parameters()
@@ -166,7 +166,7 @@ def test_the_presets() -> None:
         ({"ego_motion.model": "one_camera"}, {"ego_motion.model": "monocular"}),
     ],
 )
-def test_old_names_are_translated_from_storage_and_refused_otherwise(
+def test_old_names_are_translated_from_storage_but_refused_as_changes(
     old: dict[str, object], new: dict[str, object]
 ) -> None:
     assert translated(old) == new
@@ -178,7 +178,7 @@ def test_old_names_are_translated_from_storage_and_refused_otherwise(
     assert "has been renamed to" in refused.value.problems[name]
 
 
-def test_a_change_of_the_guard_leaves_the_methods_parameters_equal() -> None:
+def test_a_guard_change_does_not_affect_vision_parameters() -> None:
     before = AllParameters()
     after = before.changed({"guard.margin_m": 0.3})
     assert after != before

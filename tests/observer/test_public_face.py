@@ -13,7 +13,7 @@ import observer
 from observer.types import StereoFrame
 
 
-def test_every_public_name_is_there() -> None:
+def test_every_public_name_exists() -> None:
     assert set(observer.__all__) >= {
         "open", "load", "Observer", "StereoFrame", "StereoCalibration", "Parameters", "__version__",
     }  # fmt: skip
@@ -25,7 +25,7 @@ def test_every_public_name_is_there() -> None:
         _ = observer.Observr
 
 
-def test_the_import_alone_brings_no_heavy_package() -> None:
+def test_the_import_loads_no_heavy_package() -> None:
     code = (
         "import sys, observer;"
         "print([m for m in ('numpy', 'cv2', 'scipy', 'pydantic') if m in sys.modules])"
@@ -36,7 +36,7 @@ def test_the_import_alone_brings_no_heavy_package() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_the_library_brings_no_web_no_viewer_no_database() -> None:
+def test_the_library_loads_no_web_viewer_or_database_package() -> None:
     code = (
         "import sys, observer;"
         "source = observer.open('simulated:lab'); next(source.steps(1)); source.close();"
@@ -49,11 +49,11 @@ def test_the_library_brings_no_web_no_viewer_no_database() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_types_are_marked_as_shipped() -> None:
+def test_the_package_contains_a_py_typed_marker() -> None:
     assert (Path(observer.__file__).parent / "py.typed").is_file()
 
 
-def test_what_a_notebook_shows_is_short() -> None:
+def test_notebook_representations_are_short() -> None:
     with observer.open("simulated:lab") as source:
         steps = list(source.steps(2, trace=True))
         assert repr(source) == "<observed source simulated:lab, 512x256>"
@@ -63,7 +63,7 @@ def test_what_a_notebook_shows_is_short() -> None:
     assert len(repr(steps)) < 200
 
 
-def test_a_trace_is_kept_only_where_it_is_asked_for() -> None:
+def test_a_trace_is_recorded_only_on_request() -> None:
     with observer.open("simulated:lab") as source:
         (first,) = source.steps(1)
         (second,) = source.steps(1, trace=True)

@@ -24,7 +24,7 @@ from observer.robots.ports import shown_port
         "coppeliasim:127.0.0.1:23000/room/PioneerP3DX[1]",
     ],
 )
-def test_what_names_a_port_is_taken(port: str) -> None:
+def test_valid_ports_are_accepted(port: str) -> None:
     check_port(port)
 
 
@@ -37,7 +37,7 @@ def test_what_names_a_port_is_taken(port: str) -> None:
         "coppeliasim:host:23000/", "/dev/tty\0USB0", "/dev/ttyUSB0\n", "simulated:lab",
     ],
 )  # fmt: skip
-def test_what_names_none_is_refused_in_a_sentence(port: str) -> None:
+def test_invalid_ports_are_refused_in_a_single_line(port: str) -> None:
     with pytest.raises(InputError) as refused:
         check_port(port)
     assert "\n" not in str(refused.value)
@@ -72,7 +72,7 @@ def test_a_port_is_shown_without_its_key(port: str, shown: str) -> None:
         f"external:0.0.0.0:7700?key={SECRET}!",
     ],
 )  # fmt: skip
-def test_no_refusal_repeats_a_key(port: str) -> None:
+def test_no_error_contains_a_key(port: str) -> None:
     with pytest.raises(InputError) as refused:
         check_port(port)
     assert SECRET not in str(refused.value)
@@ -83,7 +83,7 @@ def test_an_unknown_model_is_refused_before_a_port_is_opened() -> None:
         open_robot("/dev/nonesuch", "roomba")
 
 
-def test_a_device_is_a_pioneer() -> None:
+def test_a_serial_device_opens_as_a_pioneer() -> None:
     robot = open_robot("/dev/nonesuch", "amigo-sh")
     try:
         assert isinstance(robot, Pioneer)

@@ -13,7 +13,7 @@ from observer.robust import median
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int16])
 @given(data=st.data())
-def test_it_is_that_of_numpy(dtype: type[np.generic], data: st.DataObject) -> None:
+def test_median_matches_numpy(dtype: type[np.generic], data: st.DataObject) -> None:
     values = data.draw(arrays(dtype, st.integers(1, 40)))
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         values = np.nan_to_num(values, posinf=1e30, neginf=-1e30)

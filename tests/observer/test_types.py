@@ -29,7 +29,7 @@ COLOUR = np.zeros((4, 6, 3), np.uint8)
 
 
 @pytest.mark.parametrize(("left", "right"), [(GREY, GREY), (COLOUR, COLOUR), (GREY, COLOUR)])
-def test_good_frames_are_taken(left: np.ndarray, right: np.ndarray) -> None:
+def test_valid_frames_are_accepted(left: np.ndarray, right: np.ndarray) -> None:
     assert StereoFrame(0, 1.5, left, right, 2.0).right_time is None
 
 
@@ -45,7 +45,7 @@ def test_good_frames_are_taken(left: np.ndarray, right: np.ndarray) -> None:
         (GREY, GREY, np.inf, "must be finite"),
     ],
 )
-def test_bad_frames_are_refused(
+def test_invalid_frames_are_refused(
     left: np.ndarray, right: np.ndarray, time: float, sentence: str
 ) -> None:
     with pytest.raises(ValueError, match=sentence):
@@ -56,7 +56,7 @@ def obstacle(state: TrackState, position: tuple[float, float, float] = (0, 0, 2)
     return an_obstacle(state=state, position_camera=np.array(position, float))
 
 
-def test_range_and_bearing() -> None:
+def test_range_and_bearing_of_an_obstacle() -> None:
     o = obstacle(TrackState.CONFIRMED, (1.0, 2.0, 2.0))
     assert o.range == pytest.approx(3.0)
     assert o.bearing == pytest.approx(np.arctan2(1, 2))
@@ -77,7 +77,7 @@ def test_the_residual_is_observed_minus_predicted() -> None:
     assert len(flow.px) == 1
 
 
-def test_traces() -> None:
+def test_only_a_full_trace_keeps_values() -> None:
     full = FullTrace()
     for trace in (full, NoTrace()):
         trace.keep("left", 1)
@@ -97,34 +97,32 @@ UNSEEN = Unseen(0.5, {"plain": 0.25, "dark": 0.25}, 16, ("p.", ".d"), hides_pers
         ((40.0, 40.0), "dark"),
     ],
 )
-def test_a_pixel_belongs_to_the_cell_that_holds_it(
-    px: tuple[float, float], cause: str | None
-) -> None:
+def test_a_pixel_has_the_cause_of_its_cell(px: tuple[float, float], cause: str | None) -> None:
     assert UNSEEN.cause_at(px) == cause
 
 
-def test_what_could_not_be_noticed_is_a_reason_only_where_it_hides_a_person() -> None:
+def test_unseen_regions_are_a_reason_only_if_they_can_hide_a_person() -> None:
     (reason,) = UNSEEN.reasons
     assert reason == (
-        "motion could not be detected in 50 % of the view, in one place large enough to hide a "
-        "person: too little texture (25 %), too dark or saturated (25 %)"
+        "motion could not be detected in 50 % of the view, including an area large enough to hide "
+        "a person: too little texture (25 %), too dark or saturated (25 %)"
     )
     assert replace(UNSEEN, hides_person=False).reasons == ()
 
 
-def test_what_may_have_begun_to_move_is_a_reason_of_its_own() -> None:
+def test_possible_new_motion_is_a_separate_reason() -> None:
     causes = {"plain": 0.25, "dark": 0.25, "tentative": 0.25}
     unseen = replace(UNSEEN, causes=causes, rows=("pt", ".d"))
     assert unseen.cause_at((20.0, 4.0)) == "tentative"
     assert unseen.reasons == (
         *UNSEEN.reasons,
-        "something may have started to move, not certain yet",
+        "something may have started to move; not confirmed yet",
     )
     (reason,) = replace(unseen, hides_person=False).reasons
     assert reason.startswith("something may have started to move")
 
 
-def test_what_a_trace_keeps_for_later_is_made_once_and_only_if_asked_for() -> None:
+def test_deferred_trace_values_are_made_once_and_only_on_request() -> None:
     made: list[str] = []
 
     def make() -> int:
@@ -141,7 +139,7 @@ def test_what_a_trace_keeps_for_later_is_made_once_and_only_if_asked_for() -> No
     assert trace.get("eight") is None
 
 
-def test_a_json_line_tells_where_motion_could_not_be_noticed_as_evaluation_reads_it() -> None:
+def test_evaluation_reads_unseen_regions_from_a_json_line() -> None:
     seen = Observation(0, 0.0, 0.0, 0, Status.DEGRADED, UNSEEN.reasons, 0, None, (), unseen=UNSEEN)
     line = json.loads(json.dumps(observation_line(seen)))
     (read,) = checked_lines([line])
@@ -152,5 +150,5 @@ def test_a_json_line_tells_where_motion_could_not_be_noticed_as_evaluation_reads
         "cell_px": 16,
         "rows": ("p.", ".d"),
     }
-    (untold,) = checked_lines([observation_line(replace(seen, unseen=None))])
-    assert untold.unseen is None
+    (without,) = checked_lines([observation_line(replace(seen, unseen=None))])
+    assert without.unseen is None

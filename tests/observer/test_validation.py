@@ -54,14 +54,14 @@ class Asked(BaseModel):
         ({"other": 1}, "other is not known here"),
     ],
 )
-def test_a_refusal_names_what_would_be_right(given: dict[str, Any], expected: str) -> None:
+def test_an_error_states_the_valid_values(given: dict[str, Any], expected: str) -> None:
     with pytest.raises(ValidationError) as caught:
         Asked.model_validate(given)
     (error,) = caught.value.errors()
     assert with_name(str(error["loc"][0]), validation_words(error)) == expected
 
 
-def test_what_is_missing_is_said() -> None:
+def test_a_missing_value_is_reported() -> None:
     class Needs(BaseModel):
         time: float
 
@@ -70,11 +70,11 @@ def test_what_is_missing_is_said() -> None:
     assert validation_words(caught.value.errors()[0]) == "is missing"
 
 
-def test_what_has_no_words_of_ours_is_no_developer_text() -> None:
+def test_an_unknown_error_type_has_no_developer_wording() -> None:
     error = {"type": "date_type", "msg": "Input should be a valid date"}
     assert validation_words(error) == "must be a valid date"
 
 
-def test_a_sentence_of_its_own_stands_behind_the_name() -> None:
+def test_a_sentence_is_prefixed_with_the_name() -> None:
     assert with_name("speed", "no such file") == "speed: no such file"
     assert with_name("", "must be even") == "must be even"

@@ -41,7 +41,7 @@ def test_a_truth_file_is_described(shell: Callable[..., Done], folder: Path) -> 
     assert shell("truth", str(folder / "none.csv")).code == 2
 
 
-def test_a_file_is_laid_over_a_run_and_drawn_with_it(
+def test_a_truth_file_is_aligned_with_a_run_and_charted(
     shell: Callable[..., Done], folder: Path
 ) -> None:
     output, speeds = folder / "compared.json", folder / "speeds.json"
@@ -84,7 +84,7 @@ def test_a_file_is_laid_over_a_run_and_drawn_with_it(
     assert shell("chart", "2026-a", "--output", str(folder / "x.gif"), *data).code == 2
 
 
-def test_what_was_heard_live_is_aligned_also_with_another_run_of_the_same(
+def test_live_motion_capture_is_aligned_with_its_own_and_another_run(
     shell: Callable[..., Done], folder: Path
 ) -> None:
     output = folder / "live.json"
@@ -103,7 +103,7 @@ def test_what_was_heard_live_is_aligned_also_with_another_run_of_the_same(
     assert read(output)["facts"]["offset_s"] == pytest.approx(live["facts"]["offset_s"], abs=1e-3)
 
 
-def test_where_the_room_has_no_place_speeds_are_compared_without_directions(folder: Path) -> None:
+def test_speeds_are_compared_without_directions_when_the_room_pose_is_unknown(folder: Path) -> None:
     path = folder / "runs" / "2026-a" / "recording.mcap"
     truth = TruthFile(folder / "ride.csv", "ride.csv")
     from observer.recording.reader import Recording

@@ -5,7 +5,7 @@ from observer.errors import InputError, ParameterError
 from observer.parameters import preset
 
 
-def test_values_are_read_as_what_they_are() -> None:
+def test_values_are_parsed_by_type() -> None:
     chosen = chosen_parameters(
         "paper",
         [
@@ -52,6 +52,6 @@ def test_an_assignment_without_a_value_shows_an_example() -> None:
         chosen_parameters("default", ["ego_motion.model"])
 
 
-def test_an_unknown_preset_lists_those_there_are() -> None:
+def test_an_unknown_preset_error_lists_the_available_presets() -> None:
     with pytest.raises(InputError, match="paper"):
         chosen_parameters("papers", [])

@@ -18,7 +18,7 @@ def data(tmp_path: Path) -> Path:
     return tmp_path / "data"
 
 
-def test_there_and_back_again(shell: Shell, data: Path, tmp_path: Path) -> None:
+def test_backup_and_restore_round_trip(shell: Shell, data: Path, tmp_path: Path) -> None:
     file, other = str(tmp_path / "kept.zip"), tmp_path / "other"
     done = shell("backup", file, "--data", str(data))
     assert (done.code, done.out) == (0, "")
@@ -47,7 +47,7 @@ def test_there_and_back_again(shell: Shell, data: Path, tmp_path: Path) -> None:
         (("backup", "kept.zip", "--database", "postgresql+x://a:secret@b/c"), "is not valid"),
     ],
 )
-def test_what_cannot_be_done_is_one_sentence(
+def test_impossible_requests_give_a_one_line_error(
     shell: Shell,
     data: Path,
     monkeypatch: pytest.MonkeyPatch,

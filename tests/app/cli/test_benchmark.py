@@ -47,7 +47,7 @@ def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
         (("--jobs", "0"), "--jobs"),
     ],
 )
-def test_what_cannot_be_written_is_refused_before_the_work(
+def test_an_unwritable_output_is_refused_before_the_run(
     shell: Shell, arguments: tuple[str, ...], part: str
 ) -> None:
     done = shell("benchmark", "simulated:lateral", *arguments)
@@ -92,7 +92,7 @@ def files(folder: Path) -> tuple[str, str]:
     return str(folder / "tracks.jsonl"), str(folder / "truth.csv")
 
 
-def test_evaluate_breaks_down_as_benchmark_does(shell: Shell, tmp_path: Path) -> None:
+def test_evaluate_gives_the_same_breakdown_as_benchmark(shell: Shell, tmp_path: Path) -> None:
     tracks, truth = files(tmp_path)
     done = shell("evaluate", tracks, "--truth", truth, "--json")
     assert done.code == 0, done.err
@@ -112,7 +112,7 @@ def test_evaluate_breaks_down_as_benchmark_does(shell: Shell, tmp_path: Path) ->
     assert "| < 5 m/s | 14 |" in road
 
 
-def test_calibration_stands_for_itself(shell: Shell) -> None:
+def test_calibration_option_excludes_source_and_figure(shell: Shell) -> None:
     done = shell("benchmark", "simulated:lateral", "--calibration")
     assert (done.code, done.out) == (2, "")
     assert "omit SOURCE and --figure" in done.err

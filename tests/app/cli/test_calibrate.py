@@ -60,7 +60,7 @@ def options(folder: Path, output: Path, *more: str) -> list[str]:
     ]  # fmt: skip
 
 
-def test_json_and_file_hold_the_pair_that_took_the_pictures(
+def test_json_and_file_match_the_simulated_camera_pair(
     pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = tmp_path / "pair.yaml"
@@ -85,7 +85,7 @@ def test_json_and_file_hold_the_pair_that_took_the_pictures(
     assert told[-1] == f"wrote {output}"
 
 
-def test_words_end_in_metres(
+def test_text_output_ends_with_depth_accuracy_in_metres(
     pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     calibrate(*options(pictures, tmp_path / "pair.yaml"))
@@ -108,7 +108,7 @@ def test_words_end_in_metres(
         ({0: "/nothing/left*.png"}, "no image matches"),
     ],
 )
-def test_wrong_input_is_refused_at_once(
+def test_invalid_input_is_refused_immediately(
     pictures: Path, tmp_path: Path, change: dict[str | int, str], part: str
 ) -> None:
     arguments = options(pictures, tmp_path / "pair.yaml")
@@ -120,7 +120,9 @@ def test_wrong_input_is_refused_at_once(
     assert not list(tmp_path.iterdir())
 
 
-def test_too_few_views_are_one_sentence_and_exit_code_2(pictures: Path, tmp_path: Path) -> None:
+def test_too_few_views_give_a_one_line_error_and_exit_code_2(
+    pictures: Path, tmp_path: Path
+) -> None:
     arguments = options(pictures, tmp_path / "pair.yaml")
     arguments[:2] = [f"{pictures}/left[12].png", f"{pictures}/right[12].png"]
     done = subprocess.run(

@@ -16,9 +16,7 @@ from app.cli.command_line import COMMANDS, load_command
 from .shell import Shell, in_a_process
 
 
-def test_observe_writes_one_valid_line_for_every_frame_and_nothing_else(
-    shell: Shell, tmp_path: Path
-) -> None:
+def test_observe_writes_exactly_one_valid_line_per_frame(shell: Shell, tmp_path: Path) -> None:
     output = tmp_path / "tracks.jsonl"
     done = shell("observe", "simulated:lab", "--frames", "6", "--output", str(output))
     assert (done.code, done.out) == (0, ""), done.err
@@ -30,7 +28,7 @@ def test_observe_writes_one_valid_line_for_every_frame_and_nothing_else(
         assert {"segment", "reasons", "pose", "obstacles", "timings_ms"} <= line.keys()
 
 
-def test_observe_writes_to_stdout_without_output_and_is_repeatable(shell: Shell) -> None:
+def test_observe_writes_to_stdout_by_default_and_is_repeatable(shell: Shell) -> None:
     arguments = ("observe", "simulated:lab?seed=4", "--frames", "4")
     first, second = in_a_process(*arguments), shell(*arguments)
     assert first.code == 0, first.err
@@ -63,7 +61,7 @@ def test_simulate_then_observe_then_evaluate(shell: Shell, tmp_path: Path) -> No
     assert figures["frames"] == len(tracks.read_text().splitlines())
 
 
-def test_simulate_ends_where_it_is_told(shell: Shell, tmp_path: Path) -> None:
+def test_simulate_stops_after_the_requested_frames(shell: Shell, tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     made = shell("simulate", "lab", "--frames", "2", "--output", str(folder))
     assert made.code == 0, made.err
@@ -71,7 +69,7 @@ def test_simulate_ends_where_it_is_told(shell: Shell, tmp_path: Path) -> None:
     assert len((folder / "times.txt").read_text().splitlines()) == 2
 
 
-def test_a_truth_of_another_kind_beside_images_is_a_note_and_no_refusal(
+def test_unreadable_truth_beside_images_is_noted_but_not_refused(
     shell: Shell, tmp_path: Path
 ) -> None:
     folder, tracks = tmp_path / "lab", tmp_path / "tracks.jsonl"
@@ -81,12 +79,12 @@ def test_a_truth_of_another_kind_beside_images_is_a_note_and_no_refusal(
         done = shell("observe", str(folder), "--output", str(tracks))
         assert (done.code, done.out) == (0, "")
         assert done.err.startswith("ground truth: truth.csv")
-        assert "the images are observed without it" in done.err
+        assert "the images are processed without it" in done.err
         assert len(tracks.read_text().splitlines()) == 2
 
 
 @pytest.mark.parametrize("command", ["observe", "simulate"])
-def test_a_terminal_sees_at_once_that_work_goes_on(command: str, tmp_path: Path) -> None:
+def test_a_terminal_shows_progress_immediately(command: str, tmp_path: Path) -> None:
     arguments = {
         "observe": ("observe", "simulated:lab", "--frames", "2", "--output"),
         "simulate": ("simulate", "lab", "--frames", "2", "--output"),
@@ -122,7 +120,7 @@ def test_a_terminal_sees_at_once_that_work_goes_on(command: str, tmp_path: Path)
     [
         (("observe", "/no/such/folder"), "/no/such/folder"),
         (("observe", "simulated:moon"), "moon"),
-        (("observe", "magic:1"), "there is no kind of source 'magic'"),
+        (("observe", "magic:1"), "unknown kind of source 'magic'"),
         (("observe", "simulated:lab", "--calibration", "/no/such.yaml"), "/no/such.yaml"),
         (("observe", "simulated:lab", "--set", "flow.nothing=1"), "flow.nothing"),
         (("observe", "simulated:lab", "--frames", "0"), "--frames"),
@@ -132,7 +130,7 @@ def test_a_terminal_sees_at_once_that_work_goes_on(command: str, tmp_path: Path)
         (("frobnicate",), "frobnicate"),
     ],
 )
-def test_wrong_input_is_one_sentence_and_exit_code_2(
+def test_invalid_input_gives_a_one_line_error_and_exit_code_2(
     shell: Shell, arguments: tuple[str, ...], part: str
 ) -> None:
     done = shell(*arguments)
@@ -142,15 +140,15 @@ def test_wrong_input_is_one_sentence_and_exit_code_2(
     assert part in sentences[0]
 
 
-def test_a_process_ends_with_its_sentence_and_code() -> None:
+def test_a_failed_process_prints_one_line_and_exits_with_code_2() -> None:
     done = in_a_process("observe", "magic:1")
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("dynamic-observer: there is no kind of source 'magic'")
+    assert done.err.startswith("dynamic-observer: unknown kind of source 'magic'")
     assert done.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
+def test_command_list_matches_each_command_help(name: str) -> None:
     own = load_command(name).help
     assert own.replace("\n", " ").startswith(COMMANDS[name])
     assert load_command(name).name == name
@@ -171,7 +169,7 @@ def test_help_lists_every_command_in_order(shell: Shell) -> None:
         *((name, "--help") for name in COMMANDS if name != "emulate"),
     ],
 )
-def test_what_is_only_explained_is_not_imported(arguments: tuple[str, ...]) -> None:
+def test_help_imports_no_heavy_packages(arguments: tuple[str, ...]) -> None:
     code = (
         "import sys\n"
         "from app.cli import main\n"
@@ -188,5 +186,5 @@ def test_what_is_only_explained_is_not_imported(arguments: tuple[str, ...]) -> N
     assert heavy & set(done.stderr.split()) == set()
 
 
-def test_one_letter_wrong_is_answered_with_the_command_that_is_meant(shell: Shell) -> None:
+def test_a_mistyped_command_suggests_the_right_one(shell: Shell) -> None:
     assert "Did you mean 'chart'?" in shell("chartt").err

@@ -30,7 +30,7 @@ WORDS = ("=", ".", "true", "evidence.radius_px=", "1e3", "NaN")
 @example("flow.residual_threshold_px=" + "[" * 100_000)
 @example("a" * 100_000)
 @example("a\nb=1")
-def test_an_assignment_is_a_parameter_or_refused(text: str) -> None:
+def test_any_assignment_is_valid_or_refused(text: str) -> None:
     chosen = read_or_refused(lambda: chosen_parameters("paper", [text]), InputError)
     if chosen is not None:
         assert all(

@@ -70,7 +70,7 @@ def levels(findings: list[Finding]) -> list[str]:
     return [finding.level for finding in findings]
 
 
-def test_a_webcam_is_told_with_its_stable_name_modes_and_ranges(bench: Bench) -> None:
+def test_a_webcam_is_listed_with_its_stable_name_modes_and_ranges(bench: Bench) -> None:
     bench.camera(0, webcam())
     (finding,) = bench.cameras()
     assert (finding.level, finding.text) == ("ok", "HD Webcam (/dev/video0)")
@@ -83,7 +83,7 @@ def test_a_webcam_is_told_with_its_stable_name_modes_and_ranges(bench: Bench) ->
     )
 
 
-def test_many_sizes_are_folded_to_the_largest_and_the_usual_one(bench: Bench) -> None:
+def test_many_sizes_are_shortened_to_the_usual_and_largest_ones(bench: Bench) -> None:
     sizes = [(160, 120), (320, 240), (640, 480), (800, 600), (1280, 720), (1920, 1080)]
     camera = webcam()
     camera.formats = {"MJPG": {size: [(1001, 30000)] for size in sizes}}
@@ -95,7 +95,7 @@ def test_many_sizes_are_folded_to_the_largest_and_the_usual_one(bench: Bench) ->
     ) in finding.details
 
 
-def test_a_camera_without_permission_hinders_and_speaks_for_its_second_node(
+def test_a_camera_without_permission_is_one_problem_for_both_its_nodes(
     bench: Bench,
 ) -> None:
     bench.camera(0, webcam(), name="Locked Cam")
@@ -111,7 +111,7 @@ def test_a_camera_without_permission_hinders_and_speaks_for_its_second_node(
     )
 
 
-def test_metadata_nodes_are_no_cameras_and_no_trouble(bench: Bench) -> None:
+def test_metadata_nodes_are_listed_as_non_cameras(bench: Bench) -> None:
     bench.camera(0, webcam())
     bench.camera(1, metadata_node(), index=1)
     findings = bench.cameras()
@@ -137,7 +137,7 @@ def test_two_cameras_on_one_bus_are_a_warning(bench: Bench) -> None:
     assert f"serve 'camera:{names[0]},{names[1]}?format=MJPG'" in findings[3].text
 
 
-def test_what_it_says_to_start_two_cameras_with_is_understood(bench: Bench) -> None:
+def test_the_suggested_command_for_two_cameras_is_parsable(bench: Bench) -> None:
     bench.camera(0, webcam(), port="1-1")
     bench.camera(2, webcam(), port="2-7", bus=2)
     command = bench.cameras()[-1].text.partition("dynamic-observer serve ")[2]
@@ -148,13 +148,13 @@ def test_what_it_says_to_start_two_cameras_with_is_understood(bench: Bench) -> N
     ]
 
 
-def test_no_camera_is_no_hindrance_and_says_how_containers_get_one(bench: Bench) -> None:
+def test_a_missing_camera_is_ok_and_hints_at_container_devices(bench: Bench) -> None:
     (finding,) = bench.cameras()
     assert finding.level == "ok"
     assert "--device /dev/video0" in finding.text
 
 
-def test_a_camera_without_its_driver_is_noticed(bench: Bench) -> None:
+def test_a_camera_without_its_driver_is_a_warning(bench: Bench) -> None:
     interface = bench.files.root / "sys/bus/usb/devices/1-1:1.0"
     interface.mkdir(parents=True)
     (interface / "bInterfaceClass").write_text("0e\n")
@@ -163,7 +163,7 @@ def test_a_camera_without_its_driver_is_noticed(bench: Bench) -> None:
     assert "modprobe uvcvideo" in finding.text
 
 
-def test_serial_ports_are_told_with_names_and_permissions(bench: Bench) -> None:
+def test_serial_ports_are_listed_with_names_and_permissions(bench: Bench) -> None:
     port = bench.files.root / "dev" / "ttyUSB0"
     port.touch()
     (bench.files.root / "dev" / "ttyS0").touch()
@@ -185,13 +185,13 @@ def test_serial_ports_are_told_with_names_and_permissions(bench: Bench) -> None:
     assert not listed.usable
 
 
-def test_no_serial_port_is_no_hindrance(bench: Bench) -> None:
+def test_a_missing_serial_port_is_ok(bench: Bench) -> None:
     (finding,), ports = examine_serial_ports(bench.machine)
     assert (finding.level, ports) == ("ok", ())
     assert "--device /dev/ttyUSB0" in finding.text
 
 
-def test_software_as_it_is_here_is_sound() -> None:
+def test_installed_software_has_no_problems() -> None:
     findings = list(examine_software())
     assert "problem" not in levels(findings)
     told = "\n".join(finding.text for finding in findings)
@@ -199,20 +199,20 @@ def test_software_as_it_is_here_is_sound() -> None:
     assert "(FFMPEG)" in told
 
 
-def test_missing_packages_and_extras_are_told_apart() -> None:
+def test_missing_packages_are_distinguished_from_missing_extras() -> None:
     findings = list(_packages(["numpy>=1.26", "no-such-package>=1", 'absent-too; extra == "dev"']))
     assert [f.text for f in findings if f.level == "problem"] == [
         "packages are missing: no-such-package; make setup installs them"
     ]
 
 
-def test_an_opencv_without_video_is_told() -> None:
+def test_opencv_without_video_support_is_a_warning() -> None:
     findings = list(_video_support({"V4L2", "CV_IMAGES"}))
     assert levels(findings) == ["ok", "warning"]
     assert "network cameras (no FFMPEG)" in findings[1].text
 
 
-def test_a_port_in_use_hinders(free_port: int) -> None:
+def test_a_port_in_use_is_a_problem(free_port: int) -> None:
     settings = Settings(port=free_port)
     assert examine_address(settings).level == "ok"
     with socket.create_server(("127.0.0.1", free_port)):
@@ -224,7 +224,7 @@ def test_a_port_in_use_hinders(free_port: int) -> None:
     assert examine_address(settings).level == "ok"
 
 
-def test_a_free_port_tells_where_a_server_there_would_be_reached(free_port: int) -> None:
+def test_a_free_port_lists_the_addresses_of_a_server_there(free_port: int) -> None:
     here, others = examine_address(Settings(port=free_port)).details
     assert here == f"from this computer at http://127.0.0.1:{free_port}"
     assert "--host 0.0.0.0" in others
@@ -234,7 +234,7 @@ def test_a_free_port_tells_where_a_server_there_would_be_reached(free_port: int)
     assert f"http://lab.example:{free_port}" in others
 
 
-def test_the_own_server_is_known_by_its_answer(free_port: int, tmp_path: Path) -> None:
+def test_our_own_server_is_recognised_by_its_response(free_port: int, tmp_path: Path) -> None:
     class Alive(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(200)
@@ -265,7 +265,7 @@ def test_the_own_server_is_known_by_its_answer(free_port: int, tmp_path: Path) -
     assert "dynamic-observer link" in known.details[-1]
 
 
-def test_an_address_that_is_not_this_machines_hinders() -> None:
+def test_an_address_of_another_machine_is_a_problem() -> None:
     finding = examine_address(Settings(host="192.0.2.1"))
     assert finding.level == "problem"
     assert "--host" in finding.text
@@ -277,7 +277,7 @@ def told(examination: Examination, *, terminal: bool) -> str:
     return file.getvalue()
 
 
-def test_without_a_terminal_it_is_told_in_plain_characters(bench: Bench, tmp_path: Path) -> None:
+def test_without_a_terminal_output_is_plain_ascii(bench: Bench, tmp_path: Path) -> None:
     bench.camera(0, webcam())
     examination = examine(Settings(data=tmp_path, port=0), bench.machine)
     text = told(examination, terminal=False)
@@ -298,13 +298,13 @@ def test_a_terminal_gets_marks_and_whole_sentences(bench: Bench, tmp_path: Path)
     assert examination.hindered
 
 
-def test_settings_that_are_wrong_are_a_finding(bench: Bench) -> None:
+def test_invalid_settings_are_a_finding(bench: Bench) -> None:
     examination = examine("the environment variable X names no setting", bench.machine)
     assert examination.hindered
     assert examination.findings[-1].section == "Settings"
 
 
-def test_json_holds_the_devices(bench: Bench, tmp_path: Path) -> None:
+def test_json_contains_the_devices(bench: Bench, tmp_path: Path) -> None:
     bench.camera(0, webcam())
     examination = examine(Settings(data=tmp_path, port=0), bench.machine)
     read = json.loads(json.dumps(examination.as_json(), allow_nan=False))
@@ -314,7 +314,7 @@ def test_json_holds_the_devices(bench: Bench, tmp_path: Path) -> None:
     assert camera["usb"]["speed_mbit"] == 480.0
 
 
-def test_a_hindered_start_is_exit_code_1_and_says_why(tmp_path: Path) -> None:
+def test_a_problem_gives_exit_code_1_and_the_reason(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = in_a_process("doctor", "--data", str(tmp_path / "file" / "data"), "--json")
     assert done.code == 1
@@ -325,7 +325,7 @@ def test_a_hindered_start_is_exit_code_1_and_says_why(tmp_path: Path) -> None:
     assert "is a file, not a folder" in data[0]["text"]
 
 
-def test_a_start_that_nothing_hinders_is_exit_code_0(
+def test_exit_code_is_0_without_problems(
     tmp_path: Path,
     free_port: int,
     monkeypatch: pytest.MonkeyPatch,
@@ -340,7 +340,7 @@ def test_a_start_that_nothing_hinders_is_exit_code_0(
     assert f"runs and settings are kept in {tmp_path}" in text
 
 
-def test_a_mistyped_setting_is_told_and_the_rest_looked_at_all_the_same(
+def test_a_mistyped_setting_is_reported_and_the_rest_still_examined(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("DYNAMIC_OBSERVER_PROT", "9000")

@@ -42,7 +42,7 @@ def gaps(server: ScriptedServer, role: str) -> list[float]:
     return [b - a for a, b in pairwise(times)]
 
 
-def test_a_programme_is_taken_armed_driven_and_disarmed(
+def test_drive_takes_control_arms_runs_the_programme_and_disarms(
     server: ScriptedServer, shell: Shell
 ) -> None:
     code, out, err = shell("mine", "--json", "--repeat", "2")
@@ -83,7 +83,7 @@ def test_a_programme_is_taken_armed_driven_and_disarmed(
     assert {m["id"] for m in server.told("pong")} >= set(range(10))
 
 
-def test_a_file_is_brought_to_the_server_and_driven_in_reverse(
+def test_a_programme_file_is_uploaded_and_driven_in_reverse(
     server: ScriptedServer, shell: Shell, tmp_path: Path
 ) -> None:
     file = tmp_path / "other.yaml"
@@ -97,7 +97,7 @@ def test_a_file_is_brought_to_the_server_and_driven_in_reverse(
     assert [m["role"] for m in server.told("take")] == ["obstacle"]
 
 
-def test_somebody_who_drives_is_not_put_out_without_being_asked(
+def test_another_operator_is_not_displaced_without_takeover(
     server: ScriptedServer, shell: Shell
 ) -> None:
     server.holder = "Ann"
@@ -110,7 +110,7 @@ def test_somebody_who_drives_is_not_put_out_without_being_asked(
     assert all(m["takeover"] for m in server.told("take")[1:])
 
 
-def test_a_robot_that_cannot_be_armed_is_said_in_the_servers_words(
+def test_an_arming_refusal_is_shown_in_the_servers_words(
     server: ScriptedServer, shell: Shell
 ) -> None:
     server.refuse_arm = "the observer has no rig; say where its cameras are first"
@@ -124,7 +124,7 @@ def test_a_robot_that_cannot_be_armed_is_said_in_the_servers_words(
     assert len(server.told("release")) == 2
 
 
-def test_a_programme_that_never_goes_is_not_said_to_be_driven(
+def test_a_programme_that_never_starts_is_not_reported_as_driven(
     server: ScriptedServer, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.client.profile_drive._APPEARS_WITHIN_S", 0.9)
@@ -134,7 +134,7 @@ def test_a_programme_that_never_goes_is_not_said_to_be_driven(
     assert "mine ended after 0.0 of 0.8 s: nobody was present for the observer" in err
 
 
-def test_a_stop_by_somebody_else_ends_it_with_their_name(
+def test_a_stop_by_another_operator_ends_the_drive_and_names_them(
     server: ScriptedServer, shell: Shell
 ) -> None:
     def stop(elapsed: float) -> None:
@@ -150,7 +150,7 @@ def test_a_stop_by_somebody_else_ends_it_with_their_name(
     assert json.loads(out)["finished"] is False
 
 
-def test_a_lease_that_is_taken_over_ends_it(server: ScriptedServer, shell: Shell) -> None:
+def test_a_takeover_ends_the_drive(server: ScriptedServer, shell: Shell) -> None:
     server.act = lambda elapsed: server.lose() if elapsed > 0.25 else None
     code, _, err = shell("mine")
     assert code == 1
@@ -162,7 +162,7 @@ def test_a_lease_that_is_taken_over_ends_it(server: ScriptedServer, shell: Shell
     assert "observer" not in server.armed
 
 
-def test_a_server_that_goes_away_ends_it_in_one_sentence(
+def test_a_lost_server_ends_the_drive_with_a_one_line_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     script = ScriptedServer()
@@ -180,7 +180,7 @@ def test_a_server_that_goes_away_ends_it_in_one_sentence(
     assert err.count("\n") == 1
 
 
-def test_a_server_that_gives_no_lease_is_not_waited_for(
+def test_a_server_that_grants_no_lease_times_out(
     server: ScriptedServer, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.client.operator_socket._ANSWER_WITHIN_S", 0.3)
@@ -190,7 +190,7 @@ def test_a_server_that_gives_no_lease_is_not_waited_for(
     assert "did not grant control of the observer" in err
 
 
-def test_stop_alone_stops_all_robots(server: ScriptedServer, shell: Shell) -> None:
+def test_stop_without_a_programme_stops_all_robots(server: ScriptedServer, shell: Shell) -> None:
     code, out, err = shell("--stop")
     assert (code, out) == (0, "")
     assert "all robots are stopped" in err
@@ -198,7 +198,7 @@ def test_stop_alone_stops_all_robots(server: ScriptedServer, shell: Shell) -> No
     assert server.calls == [("POST", "/robots/stop")]
 
 
-def test_what_is_asked_wrongly_moves_nothing(server: ScriptedServer, shell: Shell) -> None:
+def test_invalid_arguments_move_nothing(server: ScriptedServer, shell: Shell) -> None:
     for arguments, sentence in (
         ([], "name a programme to run, or give only --stop"),
         (["mine", "--stop"], "name a programme to run, or give only --stop"),
@@ -216,7 +216,7 @@ def test_what_is_asked_wrongly_moves_nothing(server: ScriptedServer, shell: Shel
     assert not server.said
 
 
-def test_a_wrong_token_or_address_is_said(
+def test_a_wrong_token_or_address_is_reported(
     shell: Shell, capsys: pytest.CaptureFixture[str], free_port: int
 ) -> None:
     assert shell("mine", token="wrong")[0] == 2

@@ -12,7 +12,7 @@ from pathlib import Path
 from .scripted_server import TOKEN, ScriptedServer
 
 
-def test_the_command_ended_by_a_signal_stops_the_robots_at_once(
+def test_a_signal_ends_the_command_and_stops_the_robots_immediately(
     server: ScriptedServer, tmp_path: Path
 ) -> None:
     server.kept["mine"] = "name: mine\nsteps: {obstacle: [{seconds: 30, speed_mps: 0.5}]}"
@@ -39,7 +39,7 @@ def test_the_command_ended_by_a_signal_stops_the_robots_at_once(
     assert not server.armed
 
 
-def test_a_killed_command_leaves_nothing_that_says_it_is_there(server: ScriptedServer) -> None:
+def test_a_killed_command_no_longer_counts_as_present(server: ScriptedServer) -> None:
     server.kept["mine"] = "name: mine\nsteps: {obstacle: [{seconds: 30, speed_mps: 0.5}]}"
     command = [sys.executable, "-m", "app.cli", "drive", "mine", "--token", TOKEN,
                "--server", f"http://127.0.0.1:{server.port}/"]  # fmt: skip

@@ -41,7 +41,7 @@ def handshake(write: Callable[[bytes], object], read: Callable[[], bytes]) -> li
     return [each for each in found if each[0] in (0x02, 0x20)]
 
 
-def test_a_robot_answers_at_the_port_it_prints_until_ctrl_c() -> None:
+def test_a_robot_answers_on_the_printed_port_until_ctrl_c() -> None:
     with subprocess.Popen(
         [*START, "p3dx-sh", "--watchdog", "1.5"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -96,7 +96,7 @@ def test_a_robot_answers_on_a_pseudo_terminal() -> None:
         (["amigo", "--watchdog", "0"], "must be greater than or equal to 0.1"),
     ],
 )
-def test_what_cannot_be_emulated_is_one_sentence(arguments: list[str], says: str) -> None:
+def test_invalid_arguments_give_a_one_line_error(arguments: list[str], says: str) -> None:
     done = subprocess.run(
         [*START, *arguments], capture_output=True, text=True, timeout=60, check=False
     )

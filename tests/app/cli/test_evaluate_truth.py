@@ -49,7 +49,7 @@ def mocap(room: Room, tmp_path: Path) -> Path:
     return path
 
 
-def test_motion_capture_is_aligned_and_then_compared(
+def test_motion_capture_is_aligned_before_comparison(
     shell: Shell, room: Room, tracks: Path, mocap: Path
 ) -> None:
     done = shell("evaluate", str(tracks), "--truth", str(mocap), "--json")
@@ -80,7 +80,7 @@ def test_motion_capture_is_aligned_and_then_compared(
         (("--observer", "P3DX", "--ignore", "P3DX"), "cannot be both"),
     ],
 )
-def test_a_body_that_is_not_there_is_named(
+def test_an_unknown_body_is_named(
     shell: Shell, tracks: Path, mocap: Path, options: tuple[str, ...], says: str
 ) -> None:
     done = shell("evaluate", str(tracks), "--truth", str(mocap), *options)

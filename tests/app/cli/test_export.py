@@ -52,7 +52,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_run_is_found_by_the_beginning_of_its_id(
+def test_a_run_is_found_by_its_id_prefix(
     shell: Callable[..., Done], data: Path, tmp_path: Path
 ) -> None:
     output = tmp_path / "odometry.csv"
@@ -67,7 +67,7 @@ def test_a_run_is_found_by_the_beginning_of_its_id(
     assert shell("export", "2026-b", *options, "--overwrite").code == 0
 
 
-def test_a_bag_is_a_folder_and_is_replaced_when_asked(
+def test_a_bag_is_a_folder_and_is_replaced_on_overwrite(
     shell: Callable[..., Done], data: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("rosbags", reason="needs rosbags, of the extra ros")
@@ -94,7 +94,7 @@ def test_a_bag_is_a_folder_and_is_replaced_when_asked(
         ("nowhere/recording.mcap", "f.csv", "there is no recording nowhere"),
     ],
 )
-def test_what_cannot_be_is_said_in_a_sentence(
+def test_an_impossible_export_gives_a_one_line_error(
     shell: Callable[..., Done], data: Path, tmp_path: Path, run: str, name: str, sentence: str
 ) -> None:
     done = shell("export", run, "--output", str(tmp_path / name), "--data", str(data))
@@ -104,7 +104,7 @@ def test_what_cannot_be_is_said_in_a_sentence(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_observe_keeps_a_recording_and_a_video(shell: Callable[..., Done], tmp_path: Path) -> None:
+def test_observe_writes_a_recording_and_a_video(shell: Callable[..., Done], tmp_path: Path) -> None:
     recording, video, lines = (tmp_path / name for name in ("r.mcap", "v.mp4", "o.jsonl"))
     done = shell(
         "observe", "simulated:drive", "--frames", "3", "--output", str(lines),
@@ -134,7 +134,7 @@ def test_observe_keeps_a_recording_and_a_video(shell: Callable[..., Done], tmp_p
     ]  # fmt: skip
 
 
-def test_what_was_recorded_before_stays_when_a_source_gives_nothing(
+def test_an_existing_recording_is_unchanged_when_the_source_has_no_frames(
     shell: Callable[..., Done], tmp_path: Path
 ) -> None:
     kept = tmp_path / "r.mcap"
@@ -144,7 +144,7 @@ def test_what_was_recorded_before_stays_when_a_source_gives_nothing(
     assert kept.read_bytes() == b"before"
 
 
-def test_an_interrupt_ends_a_recording_and_a_video_well(data: Path, tmp_path: Path) -> None:
+def test_an_interrupt_finishes_recording_and_video_cleanly(data: Path, tmp_path: Path) -> None:
     source = RecordingSource(data / "runs" / "2026-a1" / "recording.mcap")
     calibration = source.calibration
     frame = source.read()

@@ -21,7 +21,7 @@ def go(
     return int(left.value.code or 0), said.out, said.err
 
 
-def test_the_observer_is_taken_armed_sent_and_disarmed(
+def test_go_takes_control_arms_drives_to_the_goal_and_disarms(
     server: ScriptedServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, out, err = go(server, capsys, "--json", "--risk", "0.01", "--", "2.0", "-0.5")
@@ -42,7 +42,7 @@ def test_the_observer_is_taken_armed_sent_and_disarmed(
     assert not server.leases
 
 
-def test_without_a_risk_it_is_the_servers(
+def test_the_risk_defaults_to_the_servers(
     server: ScriptedServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, out, err = go(server, capsys, "--json", "2.0")
@@ -50,7 +50,7 @@ def test_without_a_risk_it_is_the_servers(
     assert json.loads(out)["risk_per_metre"] == 0.001
 
 
-def test_the_reason_of_an_early_end_is_the_error(
+def test_an_early_end_reports_its_reason_as_the_error(
     server: ScriptedServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
     server.way_to_goal = [
@@ -66,7 +66,7 @@ def test_the_reason_of_an_early_end_is_the_error(
     assert not server.armed
 
 
-def test_what_is_no_place_is_refused_before_anything_moves(
+def test_an_invalid_goal_is_refused_before_anything_moves(
     server: ScriptedServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, _, err = go(server, capsys, "ahead")

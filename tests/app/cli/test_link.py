@@ -32,7 +32,7 @@ def running(tmp_path: Path) -> Iterator[AnnouncedServer]:
             yield server
 
 
-def test_its_file_is_for_its_owner_and_goes_with_it(tmp_path: Path) -> None:
+def test_the_announcement_file_is_private_and_removed_at_exit(tmp_path: Path) -> None:
     file = tmp_path / ANNOUNCED_FILE
     server = AnnouncedServer(
         host="::1", port=9, tls=True, allowed_hosts=(), token="t", read_only_token="r"
@@ -46,7 +46,7 @@ def test_its_file_is_for_its_owner_and_goes_with_it(tmp_path: Path) -> None:
         pass
 
 
-def test_links_and_a_code_are_printed(
+def test_links_and_a_qr_code_are_printed(
     shell: Shell, tmp_path: Path, running: AnnouncedServer
 ) -> None:
     done = shell("link", "--data", str(tmp_path))
@@ -60,7 +60,7 @@ def test_links_and_a_code_are_printed(
     assert "█" not in shell("link", "--data", str(tmp_path), "--no-qr").out
 
 
-def test_links_to_watch_by_hold_another_token(
+def test_read_only_links_contain_a_separate_token(
     shell: Shell, tmp_path: Path, running: AnnouncedServer
 ) -> None:
     done = shell("link", "--data", str(tmp_path), "--read-only", "--json")
@@ -70,7 +70,7 @@ def test_links_to_watch_by_hold_another_token(
     assert running.token not in done.out
 
 
-def test_where_no_server_runs_the_next_step_is_told(
+def test_the_next_step_is_suggested_when_no_server_is_running(
     shell: Shell, tmp_path: Path, free_port: int
 ) -> None:
     done = shell("link", "--data", str(tmp_path))

@@ -14,7 +14,7 @@ from .shell import Shell
 CALL = ("navigate-benchmark", "--runs", "1", "--density", "0.02", "--hard", "--jobs", "1")
 
 
-def test_it_prints_both_drivers_and_draws_a_figure(shell: Shell, tmp_path: Path) -> None:
+def test_both_drivers_are_printed_and_a_figure_is_drawn(shell: Shell, tmp_path: Path) -> None:
     pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
     figure = tmp_path / "risk.png"
     done = shell(*CALL, "--seed", "7", "--risk", "0.01", "--figure", str(figure))
@@ -58,7 +58,7 @@ def test_parameters_of_planner_and_guard_can_be_set(shell: Shell) -> None:
         (("--set", "navigation.berht_m=1"), "did you mean navigation.berth_m?"),
     ],
 )
-def test_what_is_wrong_is_said_before_the_work(
+def test_invalid_arguments_are_reported_before_the_work(
     shell: Shell, arguments: tuple[str, ...], part: str
 ) -> None:
     done = shell("navigate-benchmark", *arguments)
@@ -67,7 +67,7 @@ def test_what_is_wrong_is_said_before_the_work(
     assert part in done.err
 
 
-def test_without_the_extra_one_sentence_names_it(
+def test_a_missing_extra_gives_a_one_line_error_naming_it(
     shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(

@@ -61,7 +61,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["of,mine.yaml"], "OpenCV FileStorage"),
     ],
 )
-def test_any_format_is_taken_and_told(
+def test_any_format_is_accepted_and_named(
     folder: Path,
     calibration: list[str],
     format: str,
@@ -88,7 +88,7 @@ def test_any_format_is_taken_and_told(
         ([","], "no calibration file was given"),
     ],
 )
-def test_refuses(
+def test_unusable_calibrations_are_refused(
     folder: Path, calibration: list[str], expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
@@ -97,7 +97,7 @@ def test_refuses(
 
 
 @pytest.mark.parametrize(("name", "unit"), [("millimetres", "mm"), ("squares", "25mm")])
-def test_the_unit_is_asked_for_and_said(
+def test_a_missing_unit_is_requested_and_an_explicit_one_used(
     folder: Path,
     name: str,
     unit: str,
@@ -111,7 +111,7 @@ def test_the_unit_is_asked_for_and_said(
     assert "baseline 0.1 m" in capsys.readouterr().err
 
 
-def test_a_lens_that_is_replaced_in_the_sources_own_calibration_is_told(
+def test_a_replaced_lens_model_in_the_sources_calibration_is_reported(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(folder / "images", tmp_path / "images")
@@ -130,7 +130,7 @@ def test_a_lens_that_is_replaced_in_the_sources_own_calibration_is_told(
     assert "folds over" not in capsys.readouterr().err
 
 
-def test_a_unit_without_a_file_and_an_unknown_one_are_refused(
+def test_a_unit_without_a_file_and_an_unknown_unit_are_refused(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)

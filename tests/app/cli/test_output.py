@@ -6,7 +6,7 @@ from app.cli.output import whole_file
 from observer.errors import InputError
 
 
-def test_a_result_appears_under_its_name_only_when_it_is_whole(tmp_path: Path) -> None:
+def test_a_result_appears_under_its_name_only_when_complete(tmp_path: Path) -> None:
     path = tmp_path / "tracks.jsonl"
     with whole_file(path) as file:
         file.write("one\n")
@@ -15,7 +15,7 @@ def test_a_result_appears_under_its_name_only_when_it_is_whole(tmp_path: Path) -
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_failed_write_keeps_the_earlier_result_and_what_there_is_of_the_new_one(
+def test_a_failed_write_keeps_the_earlier_result_and_the_partial_one(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "tracks.jsonl"

@@ -11,9 +11,7 @@ from ..planted_runs import run_folder
 from .shell import Done
 
 
-def test_what_was_deleted_long_ago_or_at_all_goes_for_good(
-    shell: Callable[..., Done], tmp_path: Path
-) -> None:
+def test_deleted_runs_are_purged_by_age_or_all(shell: Callable[..., Done], tmp_path: Path) -> None:
     with Storage(tmp_path / "observer.sqlite", folder=tmp_path) as storage:
         kept, gone = (
             storage.create_run(name=name, source="s", parameters={}, versions={})

@@ -49,7 +49,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.patient
-def test_an_interrupted_sweep_keeps_what_is_finished(
+def test_an_interrupted_sweep_keeps_finished_results(
     folder: Path, tmp_path: Path, shell: Shell
 ) -> None:
     grid, output = tmp_path / "grid.yaml", tmp_path / "out"
@@ -114,7 +114,7 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
         ("navigation.berth_m: [0.2]", ("crowd:hard:0.1",), "sweep over only one"),
     ],
 )
-def test_what_is_wrong_is_said_before_the_work(
+def test_invalid_arguments_are_reported_before_the_work(
     tmp_path: Path, folder: Path, shell: Shell, text: str, arguments: tuple[str, ...], part: str
 ) -> None:
     grid = tmp_path / "grid.yaml"

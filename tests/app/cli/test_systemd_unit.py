@@ -19,7 +19,9 @@ def unit(text: str) -> configparser.ConfigParser:
     return parser
 
 
-def test_it_starts_this_installation_as_it_was_asked_for(shell: Shell, tmp_path: Path) -> None:
+def test_the_unit_starts_this_installation_with_the_given_options(
+    shell: Shell, tmp_path: Path
+) -> None:
     done = shell(
         "systemd-unit", "video:/srv/left 1.mp4,/srv/100%.mp4", "--port", "9000",
         "--data", str(tmp_path), "--allowed-host", "lab.example", "--user", "ada",
@@ -48,7 +50,7 @@ def test_it_starts_this_installation_as_it_was_asked_for(shell: Shell, tmp_path:
         (("--tls-cert", "cert.pem"), "--tls-key"),
     ],
 )
-def test_nothing_gets_into_the_unit_that_was_not_asked_for(
+def test_invalid_users_and_options_are_refused(
     shell: Shell, arguments: tuple[str, ...], part: str
 ) -> None:
     done = shell("systemd-unit", *arguments)
@@ -57,7 +59,7 @@ def test_nothing_gets_into_the_unit_that_was_not_asked_for(
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd-analyze")
-def test_systemd_takes_it(shell: Shell, tmp_path: Path) -> None:
+def test_systemd_accepts_the_unit(shell: Shell, tmp_path: Path) -> None:
     file = tmp_path / "dynamic-observer.service"
     file.write_text(shell("systemd-unit", "--data", str(tmp_path), "--user", "root").out)
     done = subprocess.run(

@@ -23,14 +23,14 @@ def data_findings(folder: Path, **settings: object) -> list[Finding]:
     return list(examine_data(Settings(data=folder, **settings)))  # type: ignore[arg-type]
 
 
-def test_a_folder_that_is_not_there_yet_is_not_made(tmp_path: Path) -> None:
+def test_a_missing_folder_is_not_created(tmp_path: Path) -> None:
     findings = data_findings(tmp_path / "new" / "folder")
     assert levels(findings) == ["ok", "ok", "ok"]
     assert "will be kept in" in findings[0].text
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_sound_database_is_only_looked_at(tmp_path: Path) -> None:
+def test_an_intact_database_is_left_unchanged(tmp_path: Path) -> None:
     with Storage(tmp_path / "observer.sqlite"):
         pass
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
@@ -38,12 +38,12 @@ def test_a_sound_database_is_only_looked_at(tmp_path: Path) -> None:
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
-def test_a_database_that_the_server_has_open_is_sound(tmp_path: Path) -> None:
+def test_a_database_opened_by_the_server_is_ok(tmp_path: Path) -> None:
     with Storage(tmp_path / "observer.sqlite"):
         assert data_findings(tmp_path)[-1].level == "ok"
 
 
-def test_a_damaged_database_stays_where_it_is_and_is_told(tmp_path: Path) -> None:
+def test_a_damaged_database_is_reported_but_not_moved(tmp_path: Path) -> None:
     (tmp_path / "observer.sqlite").write_bytes(b"no database at all" * 100)
     finding = data_findings(tmp_path)[-1]
     assert finding.level == "warning"
@@ -62,7 +62,7 @@ def test_a_damaged_database_stays_where_it_is_and_is_told(tmp_path: Path) -> Non
         ),
     ],
 )
-def test_a_database_that_is_not_ours_to_use_hinders(tmp_path: Path, script: str, part: str) -> None:
+def test_a_foreign_or_newer_database_is_a_problem(tmp_path: Path, script: str, part: str) -> None:
     with closing(sqlite3.connect(tmp_path / "observer.sqlite")) as connection:
         connection.executescript(script)
     finding = data_findings(tmp_path)[-1]
@@ -70,7 +70,7 @@ def test_a_database_that_is_not_ours_to_use_hinders(tmp_path: Path, script: str,
     assert part in finding.text
 
 
-def test_a_locked_database_hinders(tmp_path: Path) -> None:
+def test_a_locked_database_is_a_problem(tmp_path: Path) -> None:
     file = tmp_path / "observer.sqlite"
     with closing(sqlite3.connect(file, isolation_level=None)) as connection:
         connection.execute("CREATE TABLE some (thing TEXT)")
@@ -80,7 +80,7 @@ def test_a_locked_database_hinders(tmp_path: Path) -> None:
     assert "is locked by another program" in finding.text
 
 
-def test_a_data_folder_that_is_a_file_hinders(tmp_path: Path) -> None:
+def test_a_data_folder_that_is_a_file_is_a_problem(tmp_path: Path) -> None:
     (tmp_path / "data").write_text("")
     (finding,) = data_findings(tmp_path / "data")
     assert finding.level == "problem"
@@ -91,7 +91,9 @@ def test_a_data_folder_that_is_a_file_hinders(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "advice"), [("", "sudo chown $USER "), ("data", "sudo install -d -o $USER ")]
 )
-def test_a_data_folder_without_permission_hinders(tmp_path: Path, name: str, advice: str) -> None:
+def test_a_data_folder_without_permission_is_a_problem(
+    tmp_path: Path, name: str, advice: str
+) -> None:
     tmp_path.chmod(0o500)
     try:
         (finding,) = data_findings(tmp_path / name)
@@ -101,7 +103,7 @@ def test_a_data_folder_without_permission_hinders(tmp_path: Path, name: str, adv
     assert finding.text.endswith(f"{advice}{tmp_path / name}")
 
 
-def test_a_database_server_that_cannot_be_reached_keeps_its_password(
+def test_a_database_server_error_does_not_reveal_the_password(
     tmp_path: Path, free_port: int
 ) -> None:
     url = f"postgresql+nothing://me:secret@127.0.0.1:{free_port}/runs"
@@ -111,22 +113,20 @@ def test_a_database_server_that_cannot_be_reached_keeps_its_password(
 
 
 @pytest.mark.parametrize("url", ["my://database:x", "sqlite://", "sqlite:///:memory:"])
-def test_a_database_url_that_is_none_is_told(tmp_path: Path, url: str) -> None:
+def test_an_invalid_database_url_is_a_problem(tmp_path: Path, url: str) -> None:
     finding = data_findings(tmp_path, database=url)[-1]
     assert finding.level == "problem"
     assert "sqlite:////folder/file.sqlite" in finding.text
 
 
-def test_a_database_named_by_url_is_looked_at(tmp_path: Path) -> None:
+def test_a_database_given_by_url_is_examined(tmp_path: Path) -> None:
     (tmp_path / "other.sqlite").write_bytes(b"no database at all" * 100)
     finding = data_findings(tmp_path, database=f"sqlite:///{tmp_path}/other.sqlite")[-1]
     assert finding.level == "warning"
     assert f"{tmp_path}/other.sqlite is damaged" in finding.text
 
 
-def test_a_server_that_does_not_answer_is_told_in_one_sentence(
-    tmp_path: Path, free_port: int
-) -> None:
+def test_an_unreachable_server_is_reported_in_one_line(tmp_path: Path, free_port: int) -> None:
     url = f"postgresql://me:secret@127.0.0.1:{free_port}/runs"
     finding = data_findings(tmp_path, database=url)[-1]
     assert finding.level == "problem"

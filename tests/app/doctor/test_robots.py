@@ -66,19 +66,22 @@ def bench(tmp_path: Path) -> Bench:
         lambda bench: bench.rights(NO_RIGHTS, 0, "unlimited"),
     ],
 )
-def test_real_time_is_permitted_by_right_or_by_limit(
+def test_real_time_priority_is_permitted_by_capability_or_limit(
     bench: Bench, permit: Callable[[Bench], None]
 ) -> None:
     permit(bench)
     (finding,) = bench.look()
-    assert (finding.level, finding.text) == ("ok", "the drive loop may use real-time priority")
+    assert (finding.level, finding.text) == (
+        "ok",
+        "the drive loop is permitted to use real-time priority",
+    )
 
 
 @pytest.mark.parametrize(
     ("nice", "instead"), [(0, "late when the computer is busy"), (34, "late when"),
                           (35, "precedence over ordinary programs")],
 )  # fmt: skip
-def test_what_to_do_where_it_is_not_permitted(bench: Bench, nice: int, instead: str) -> None:
+def test_missing_real_time_priority_suggests_a_fix(bench: Bench, nice: int, instead: str) -> None:
     bench.rights(NO_RIGHTS, nice, 0)
     (finding,) = bench.look()
     # A warning for a machine that drives robots, only a hint for others.
@@ -90,14 +93,14 @@ def test_what_to_do_where_it_is_not_permitted(bench: Bench, nice: int, instead: 
     assert finding.level == "warning"
 
 
-def test_a_system_that_does_not_tell_is_no_trouble(bench: Bench) -> None:
+def test_an_unknown_limit_is_no_problem(bench: Bench) -> None:
     (bench.files.root / "proc" / "self" / "limits").unlink()
     (finding,) = bench.look()
     assert finding.level == "ok"
     assert "unknown" in finding.text
 
 
-def test_the_rigs_ports_are_looked_for(bench: Bench) -> None:
+def test_the_rigs_ports_are_examined(bench: Bench) -> None:
     by_id = bench.files.root / "dev" / "serial" / "by-id"
     by_id.mkdir(parents=True)
     (by_id / "usb-A").symlink_to("../../ttyUSB0")
@@ -119,14 +122,14 @@ def test_the_rigs_ports_are_looked_for(bench: Bench) -> None:
     assert "sudo usermod -aG dialout ada" in observer.text
 
 
-def test_a_rig_that_cannot_be_read_is_told(bench: Bench) -> None:
+def test_an_unreadable_rig_is_a_warning(bench: Bench) -> None:
     (bench.data / "rig.yaml").write_text("mount: [")
     rig, _ = bench.look()
     assert rig.level == "warning"
     assert "the rig is unknown" in rig.text
 
 
-def test_nothing_is_changed(bench: Bench) -> None:
+def test_the_examination_changes_no_files(bench: Bench) -> None:
     bench.rig(observer="/dev/ttyUSB0")
     before = sorted(each.relative_to(bench.data.parent) for each in bench.data.parent.rglob("*"))
     bench.look()

@@ -12,7 +12,7 @@ from app.runtime.errors import ProcessRefused
 AHEAD = (0.3, 0.0)
 
 
-def test_a_command_counts_for_a_quarter_of_a_second_from_when_it_was_given() -> None:
+def test_a_command_is_valid_for_a_quarter_second_after_it_was_issued() -> None:
     consent = Consent()
     assert consent.take(1, issued=10.0, velocity=AHEAD, now=10.1) == pytest.approx(0.1)
     assert not consent.look(10.249)
@@ -23,7 +23,7 @@ def test_a_command_counts_for_a_quarter_of_a_second_from_when_it_was_given() -> 
 
 
 @pytest.mark.parametrize("age", [0.25, 0.3, 5.0])
-def test_what_is_too_old_on_arrival_changes_nothing(age: float) -> None:
+def test_a_command_too_old_on_arrival_is_refused(age: float) -> None:
     consent = Consent()
     with pytest.raises(ProcessRefused, match=f"{1000 * age:.0f} ms old") as refused:
         consent.take(1, 10.0, AHEAD, 10.0 + age)
@@ -43,7 +43,7 @@ def test_a_replayed_or_overtaken_command_is_refused(sequence: int) -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_no_number_is_no_command(bad: float) -> None:
+def test_non_finite_values_are_refused(bad: float) -> None:
     consent = Consent()
     for issued, velocity in ((bad, AHEAD), (10.0, (bad, 0.0)), (10.0, (0.0, bad))):
         with pytest.raises(ProcessRefused, match="finite") as refused:
@@ -52,13 +52,13 @@ def test_no_number_is_no_command(bad: float) -> None:
     assert consent.velocity == ZERO
 
 
-def test_a_command_from_the_future_lives_no_longer() -> None:
+def test_a_command_from_the_future_expires_no_later() -> None:
     consent = Consent()
     consent.take(1, issued=99.0, velocity=AHEAD, now=10.0)
     assert consent.look(10.25)
 
 
-def test_presence_keeps_consent_but_no_velocity() -> None:
+def test_presence_extends_consent_but_not_velocity() -> None:
     consent = Consent()
     consent.take(1, 10.0, AHEAD, 10.0)
     consent.take(2, 10.2, None, 10.2)
@@ -68,7 +68,7 @@ def test_presence_keeps_consent_but_no_velocity() -> None:
     assert consent.velocity == ZERO
 
 
-def test_after_expiry_a_held_key_moves_nothing_until_it_is_let_go() -> None:
+def test_after_expiry_a_held_key_moves_nothing_until_released() -> None:
     consent = Consent()
     consent.take(1, 10.0, AHEAD, 10.0)
     consent.look(10.4)
@@ -83,7 +83,7 @@ def test_after_expiry_a_held_key_moves_nothing_until_it_is_let_go() -> None:
     assert consent.released
 
 
-def test_a_quarter_second_of_presence_alone_is_letting_go() -> None:
+def test_a_quarter_second_of_presence_alone_counts_as_release() -> None:
     consent = Consent()
     consent.take(1, 10.0, None, 10.0)
     consent.look(10.5)
@@ -95,7 +95,7 @@ def test_a_quarter_second_of_presence_alone_is_letting_go() -> None:
     assert consent.released
 
 
-def test_presence_beside_a_held_key_is_not_letting_go() -> None:
+def test_presence_alongside_a_held_key_is_not_a_release() -> None:
     consent = Consent()
     consent.take(1, 10.0, AHEAD, 10.0)
     consent.look(10.5)
@@ -107,7 +107,7 @@ def test_presence_beside_a_held_key_is_not_letting_go() -> None:
         assert not consent.released
 
 
-def test_arming_asks_to_let_go_only_of_what_is_held() -> None:
+def test_arming_requires_release_only_of_a_held_key() -> None:
     consent = Consent()
     consent.withdraw()
     consent.arm()

@@ -63,7 +63,7 @@ class Watched:
         return None if robot is None else robot["state"]
 
 
-async def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> None:
+async def test_the_process_answers_refuses_and_leaks_no_descriptors(slots: dict[str, int]) -> None:
     before = len(os.listdir("/dev/fd"))
     async with Watched(slots) as watched:
         first = [type(event) for event in watched.events[:2]]
@@ -89,7 +89,7 @@ async def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> N
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-async def test_one_that_dies_or_hangs_is_replaced_and_connects_nothing(
+async def test_a_dead_or_hung_process_is_replaced_without_reconnecting(
     slots: dict[str, int], number: signal.Signals
 ) -> None:
     async def work() -> None:
@@ -116,7 +116,7 @@ async def test_one_that_dies_or_hangs_is_replaced_and_connects_nothing(
                 )
 
 
-async def test_stopping_it_says_goodbye_to_the_robots(slots: dict[str, int]) -> None:
+async def test_stopping_the_process_closes_the_robot_connections(slots: dict[str, int]) -> None:
     with serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic())) as robot:
         async with Watched(slots) as watched:
             await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
@@ -125,14 +125,14 @@ async def test_stopping_it_says_goodbye_to_the_robots(slots: dict[str, int]) -> 
         assert not robot.robot.is_open
 
 
-async def test_one_that_cannot_start_is_given_up(slots: dict[str, int]) -> None:
+async def test_a_process_that_cannot_start_is_given_up(slots: dict[str, int]) -> None:
     limits = SupervisorLimits(standby_delay_s=None, backoff_s=0.01)
     watched = Watched(slots, command=(sys.executable, "-c", "exit(3)"), limits=limits)
     with pytest.raises(ProcessUnavailable, match="drive process ended with exit code 3, 3 ti"):
         await watched.drive.start()
 
 
-async def test_the_engines_supervisor_has_the_slots_that_both_share() -> None:
+async def test_the_engine_supervisor_provides_the_shared_slots() -> None:
     engine = EngineSupervisor()
     async with Watched(dict(engine.shared_slots)) as watched:
         assert watched.drive.health.alive

@@ -30,7 +30,7 @@ def slot() -> Iterator[tuple[LatestWriter, EngineFeed[Sight]]]:
     os.close(fd)
 
 
-def test_the_newest_one_is_kept_until_the_next(
+def test_the_newest_sight_is_kept_until_the_next(
     slot: tuple[LatestWriter, EngineFeed[Sight]],
 ) -> None:
     writer, feed = slot
@@ -48,7 +48,7 @@ def test_the_newest_one_is_kept_until_the_next(
 @pytest.mark.parametrize(
     "header", [{}, {**SIGHT.facts(), "status": "fine"}, {**SIGHT.facts(), "received": 101.0}]
 )
-def test_what_cannot_be_right_is_no_sight(
+def test_an_implausible_header_gives_no_sight(
     slot: tuple[LatestWriter, EngineFeed[Sight]], header: dict[str, object]
 ) -> None:
     writer, feed = slot

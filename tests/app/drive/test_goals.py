@@ -65,7 +65,7 @@ def ended(bench: Bench, because: str) -> None:
     assert bench.sent("observer") == (0.0, 0.0)
 
 
-def test_it_drives_as_planned_and_stands_at_the_goal(bench: Bench) -> None:
+def test_the_robot_follows_the_plan_and_stops_at_the_goal(bench: Bench) -> None:
     prepare(bench)
     bench.robots["observer"].change(odometry=Odometry(1.0, 2.0, math.pi / 2))
     bench.tick()
@@ -86,7 +86,7 @@ def test_it_drives_as_planned_and_stands_at_the_goal(bench: Bench) -> None:
     assert "goal" not in bench.kinds()
 
 
-def test_what_is_refused_and_where_somebody_is_met_is_told_as_seen_from_the_robot(
+def test_refused_paths_and_meeting_point_are_in_robot_coordinates(
     bench: Bench,
 ) -> None:
     prepare(bench)
@@ -103,7 +103,7 @@ def test_what_is_refused_and_where_somebody_is_met_is_told_as_seen_from_the_robo
     assert (goal(bench).meets_at, goal(bench).refused) == (None, ())
 
 
-def test_without_a_fresh_plan_of_this_goal_it_stands(bench: Bench) -> None:
+def test_the_robot_stops_without_a_fresh_plan_for_this_goal(bench: Bench) -> None:
     prepare(bench)
     start(bench)
     bench.stay("observer", 0.3)
@@ -125,7 +125,7 @@ def test_without_a_fresh_plan_of_this_goal_it_stands(bench: Bench) -> None:
     assert goal(bench).state == "driving"
 
 
-def test_it_stands_at_once_when_its_operator_is_gone(bench: Bench) -> None:
+def test_the_robot_stops_when_its_operator_is_gone(bench: Bench) -> None:
     prepare(bench)
     start(bench)
     stay(bench, 1.0)
@@ -157,7 +157,7 @@ def test_it_stands_at_once_when_its_operator_is_gone(bench: Bench) -> None:
         (lambda bench: bench.robots["observer"].change(odometry=None), "odometry"),
     ],
 )
-def test_whatever_ends_it_leaves_it_standing(bench: Bench, end: Any, because: str) -> None:
+def test_any_end_of_the_goal_stops_the_robot(bench: Bench, end: Any, because: str) -> None:
     prepare(bench)
     start(bench)
     stay(bench, 1.0)
@@ -171,7 +171,7 @@ def test_whatever_ends_it_leaves_it_standing(bench: Bench, end: Any, because: st
     ended(bench, because)
 
 
-def test_a_moment_without_sight_only_interrupts_it(bench: Bench) -> None:
+def test_a_brief_loss_of_sight_only_pauses_the_goal(bench: Bench) -> None:
     prepare(bench)
     start(bench)
     stay(bench, 1.0)
@@ -190,7 +190,7 @@ def test_a_moment_without_sight_only_interrupts_it(bench: Bench) -> None:
     assert bench.state("observer") == "disarmed"
 
 
-def test_frames_that_no_longer_come_end_it(bench: Bench) -> None:
+def test_missing_frames_end_the_goal(bench: Bench) -> None:
     prepare(bench)
     start(bench)
     stay(bench, 1.0)
@@ -203,7 +203,7 @@ def test_frames_that_no_longer_come_end_it(bench: Bench) -> None:
     assert bench.sent("observer") == (0.0, 0.0)
 
 
-def test_the_guard_decides_below_the_plan(bench: Bench) -> None:
+def test_the_guard_overrides_the_plan(bench: Bench) -> None:
     prepare(bench)
     start(bench)
     bench.guard.answers["observer"] = Verdict(
@@ -217,7 +217,7 @@ def test_the_guard_decides_below_the_plan(bench: Bench) -> None:
     assert goal(bench).sentence == "Driving to the goal."
 
 
-def test_a_new_goal_replaces_the_one_before(bench: Bench) -> None:
+def test_a_new_goal_replaces_the_previous_one(bench: Bench) -> None:
     prepare(bench)
     start(bench, 3.0)
     stay(bench, 1.0)
@@ -231,7 +231,7 @@ def test_a_new_goal_replaces_the_one_before(bench: Bench) -> None:
     assert bench.roles.goals.going.velocity == (0.0, 0.0)
 
 
-def test_what_is_missing_is_said(bench: Bench) -> None:
+def test_a_refusal_names_the_missing_condition(bench: Bench) -> None:
     bench.connect("observer")
     bench.lease("observer")
     lease = bench.leases["observer"]
@@ -263,7 +263,7 @@ def test_programme_and_goal_exclude_each_other(bench: Bench) -> None:
     refused(bench, StartGoal(bench.leases["observer"], 1.0, 0.0, 1e-3), "is running")
 
 
-def test_another_robot_knows_nothing_of_the_goal(bench: Bench) -> None:
+def test_reconnecting_the_robot_drops_the_goal(bench: Bench) -> None:
     prepare(bench)
     start(bench)
     bench.connect("observer")

@@ -1,4 +1,4 @@
-"""A robot that drives by itself: its motion is permitted while somebody present consents."""
+"""A robot that drives autonomously: it may move while an operator is present and consents."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SLOW = Verdict("slow", False, 0.1, 0.0, "obstacle 3 would be met in 0.9 s", 0.1,
 
 
 def guarded(bench: Any) -> Any:
-    """An armed robot, with somebody present."""
+    """An armed robot, with an operator present."""
     bench.connect("observer")
     bench.lease("observer")
     robot = bench.robots["observer"]
@@ -21,7 +21,7 @@ def guarded(bench: Any) -> Any:
     return robot
 
 
-def test_what_it_wants_is_permitted_within_what_the_guard_lets(bench: Any) -> None:
+def test_the_wanted_velocity_is_permitted_within_the_guards_limits(bench: Any) -> None:
     robot = guarded(bench)
     assert robot.velocities[-1] == (0.3, 0.1)
     bench.guard.answers["observer"] = SLOW
@@ -33,7 +33,7 @@ def test_what_it_wants_is_permitted_within_what_the_guard_lets(bench: Any) -> No
     assert robot.velocities[-1] == (0.0, 0.0)
 
 
-def test_it_stands_when_nobody_is_there_and_until_it_is_armed_anew(bench: Any) -> None:
+def test_the_robot_is_disarmed_when_no_operator_is_present(bench: Any) -> None:
     robot = guarded(bench)
     bench.run(0.4)
     assert bench.state("observer") == "disarmed"
@@ -44,7 +44,7 @@ def test_it_stands_when_nobody_is_there_and_until_it_is_armed_anew(bench: Any) -
     assert robot.velocities[-1] == (0.3, 0.1)
 
 
-def test_it_stands_after_a_moment_without_sight_until_it_is_armed_anew(bench: Any) -> None:
+def test_the_robot_is_disarmed_after_a_brief_loss_of_sight(bench: Any) -> None:
     guarded(bench)
     seen, bench.seeing = bench.seeing, None
     bench.stay("observer", 0.4)

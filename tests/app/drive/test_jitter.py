@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.drive.jitter import Jitter, Lateness
 
 
-def test_percentiles_are_of_the_window_only() -> None:
+def test_percentiles_cover_only_the_window() -> None:
     jitter = Jitter(window=100)
     assert jitter.lateness() == Lateness(None, None)
     jitter.add(9.0)

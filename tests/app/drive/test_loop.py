@@ -87,7 +87,7 @@ def turning(bench: Any) -> Turning:
     return Turning(bench)
 
 
-def test_a_commands_answer_is_what_was_really_sent_in_the_same_turn(turning: Turning) -> None:
+def test_a_command_reply_gives_the_velocity_sent_in_the_same_turn(turning: Turning) -> None:
     lease = turning.ready("obstacle")
     answers = []
     for number in range(80):
@@ -112,7 +112,7 @@ def test_a_commands_answer_is_what_was_really_sent_in_the_same_turn(turning: Tur
     assert "greater than the last one, 99" in str(refused.error)
 
 
-def test_a_stop_behind_many_commands_is_in_force_in_the_same_turn(turning: Turning) -> None:
+def test_a_stop_queued_behind_many_commands_takes_effect_in_the_same_turn(turning: Turning) -> None:
     lease = turning.ready("obstacle")
     numbers = [
         turning.put(DriveCommand("obstacle", lease, n, turning.bench.now, 0.3, 0.0))
@@ -129,7 +129,7 @@ def test_a_stop_behind_many_commands_is_in_force_in_the_same_turn(turning: Turni
     assert plain(turning.events(DriveState)[-1].facts)["stopped"]["by"] == "Bob"
 
 
-def test_events_come_ten_times_a_second_and_at_once_on_a_change(turning: Turning) -> None:
+def test_events_are_sent_ten_times_a_second_and_immediately_on_change(turning: Turning) -> None:
     turning.turn(50)
     assert len(turning.events(DriveState)) in (10, 11)
     turning.ready("observer")
@@ -142,7 +142,7 @@ def test_events_come_ten_times_a_second_and_at_once_on_a_change(turning: Turning
     assert (robot["state"], robot["why"]) == ("disarmed", "a wheel stalled")
 
 
-def test_facts_are_plain_and_complete(turning: Turning) -> None:
+def test_facts_are_json_serialisable_and_complete(turning: Turning) -> None:
     turning.ready("observer")
     turning.bench.robots["observer"].change(
         sonars=(SonarReading(0, 0.1, 0.1, 1.57, None, 100.0),),
@@ -165,7 +165,7 @@ def test_facts_are_plain_and_complete(turning: Turning) -> None:
     assert facts["sight"] == {"age_s": 0.0, "status": "ok", "world": "real"}
 
 
-def test_wheels_of_the_last_second_are_shared_while_it_is_connected(turning: Turning) -> None:
+def test_odometry_of_the_last_second_is_shared_while_connected(turning: Turning) -> None:
     turning.ready("obstacle")
     robot = turning.bench.robots["obstacle"]
     for number in range(20):
@@ -188,7 +188,7 @@ def test_an_unknown_port_is_refused_as_input(turning: Turning) -> None:
     assert "'x'" in str(reply.error)
 
 
-def test_a_failure_within_stops_everything_and_is_told(turning: Turning) -> None:
+def test_an_internal_failure_stops_the_robots_and_silences_events(turning: Turning) -> None:
     turning.ready("obstacle")
     turning.loop._newest_sight = None
     turning.turn()
@@ -202,7 +202,7 @@ def test_a_failure_within_stops_everything_and_is_told(turning: Turning) -> None
 
 
 @pytest.mark.parametrize("how", ["asked", "channel", "orphan"])
-def test_whatever_ends_it_stops_the_robots_first(turning: Turning, how: str) -> None:
+def test_any_exit_stops_the_robots_first(turning: Turning, how: str) -> None:
     for role in ROLES:
         turning.ready(role)
     if how == "asked":

@@ -44,7 +44,9 @@ class Followed:
         return float(abs(np.interp(end, times, places) - np.interp(start, times, places)))
 
 
-def test_each_stop_is_measured_as_it_really_was(drive: Drive, robots: Robots, eyes: Eyes) -> None:
+def test_each_measured_stop_matches_the_actual_one(
+    drive: Drive, robots: Robots, eyes: Eyes
+) -> None:
     drive.connect(robots)
     for kind, role in (("expired", "obstacle"), ("sight", "observer"), ("guard", "observer")):
         robot = robots[role]

@@ -29,7 +29,7 @@ TRIALS = int(os.environ.get("DRIVE_TRIALS", "2"))
 # --- while the process lives --------------------------------------------------------------------
 
 
-def test_expiry_lost_leases_stop_and_lost_sight_are_zero_in_time(
+def test_expiry_lost_lease_stop_and_lost_sight_send_zero_in_time(
     drive: Drive, robots: Robots, eyes: Eyes
 ) -> None:
     drive.connect(robots)
@@ -70,7 +70,7 @@ def test_expiry_lost_leases_stop_and_lost_sight_are_zero_in_time(
     sys.stdout.write(f"loop: {facts}\n")
 
 
-def test_one_ports_trouble_never_delays_the_other(
+def test_a_hung_port_never_delays_the_other(
     drive: Drive, robots: Robots, slots: dict[str, int]
 ) -> None:
     drive.connect(robots)

@@ -36,7 +36,7 @@ def terminate(drive: Drive) -> None:
 
 
 @pytest.mark.parametrize("end", [shut_channel, terminate])
-def test_however_it_is_ended_the_robots_are_stopped_first(
+def test_the_robots_are_stopped_before_the_process_exits(
     end: Callable[[Drive], None], robots: Robots, slots: dict[str, int], eyes: Eyes
 ) -> None:
     del eyes
@@ -60,7 +60,7 @@ def test_however_it_is_ended_the_robots_are_stopped_first(
     assert worst <= PROMISED_S
 
 
-def test_killed_it_leaves_the_robot_to_its_watchdog(robots: Robots, drive: Drive) -> None:
+def test_after_a_kill_the_robot_watchdogs_stop_the_robots(robots: Robots, drive: Drive) -> None:
     drive.connect(robots)
     for role in robots:
         drive.arm(role)
@@ -113,7 +113,7 @@ class Parent:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_parent_that_dies_or_hangs_moves_nothing_any_more(
+def test_a_dead_or_hung_parent_stops_the_robots(
     number: signal.Signals, robots: Robots, slots: dict[str, int], eyes: Eyes
 ) -> None:
     del eyes

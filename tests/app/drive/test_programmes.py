@@ -43,7 +43,7 @@ def start(bench: Any, **more: Any) -> dict[str, Any]:
     return answer
 
 
-def test_both_robots_drive_what_is_written_and_stand_behind_it(bench: Any) -> None:
+def test_both_robots_follow_the_programme_and_stop_at_its_end(bench: Any) -> None:
     prepare(bench)
     assert start(bench, repeat=2) == 4.0
     stay(bench, 0.9)
@@ -62,7 +62,7 @@ def test_both_robots_drive_what_is_written_and_stand_behind_it(bench: Any) -> No
     assert bench.incidents == []
 
 
-def test_it_starts_only_with_all_armed_leased_and_present(bench: Any) -> None:
+def test_a_programme_starts_only_with_all_robots_armed_leased_and_attended(bench: Any) -> None:
     def refused(match: str) -> None:
         with pytest.raises(ProcessRefused, match=match):
             start(bench)
@@ -133,7 +133,7 @@ def grips(bench: Any) -> None:
 @pytest.mark.parametrize(
     "what", [consents, cannot_see, stalls, driver_fails, unplugged, disarmed, leaves, grips]
 )
-def test_whatever_stops_one_robot_ends_it_for_all(bench: Any, what: Any) -> None:
+def test_anything_that_stops_one_robot_ends_the_programme_for_all(bench: Any, what: Any) -> None:
     prepare(bench)
     start(bench)
     stay(bench, 0.7)
@@ -149,7 +149,7 @@ def test_whatever_stops_one_robot_ends_it_for_all(bench: Any, what: Any) -> None
     assert [bench.sent(role) for role in BOTH] == [(0.0, 0.0)] * 2, "nothing goes on by itself"
 
 
-def test_stopping_it_leaves_the_robots_armed_and_stop_does_not(bench: Any) -> None:
+def test_ending_the_programme_leaves_robots_armed_but_stop_disarms(bench: Any) -> None:
     prepare(bench)
     start(bench)
     stay(bench, 0.5)

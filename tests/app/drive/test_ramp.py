@@ -11,7 +11,7 @@ from app.drive.ramp import ramped
 numbers = st.floats(-2, 2, allow_nan=False, width=32)
 
 
-def test_speed_rises_evenly_and_falls_at_once() -> None:
+def test_speed_rises_linearly_and_falls_immediately() -> None:
     velocity, speeds = (0.0, 0.0), []
     for _ in range(60):
         velocity = ramped(velocity, (0.3, 0.0), 0.3, 1.5, 0.02)
@@ -22,11 +22,11 @@ def test_speed_rises_evenly_and_falls_at_once() -> None:
     assert ramped((0.3, 0.5), (0.0, 0.0), 0.3, 1.5, 0.02) == (0.0, 0.0)
 
 
-def test_what_is_turned_round_begins_at_rest() -> None:
+def test_reversing_starts_from_rest() -> None:
     assert ramped((0.3, 0.0), (-0.3, 0.0), 0.3, 1.5, 0.02) == pytest.approx((-0.006, 0.0))
 
 
-def test_from_rest_it_stays_on_the_wanted_arc() -> None:
+def test_a_start_from_rest_stays_on_the_wanted_arc() -> None:
     velocity = (0.0, 0.0)
     for _ in range(200):
         velocity = ramped(velocity, (0.5, 1.0), 0.3, 1.5, 0.02)
@@ -40,7 +40,7 @@ def test_turning_while_driving_does_not_brake() -> None:
 
 
 @given(numbers, numbers, numbers, numbers, st.floats(0, 0.04))
-def test_no_part_exceeds_what_is_wanted_or_rises_too_fast(
+def test_no_component_exceeds_its_target_or_rises_too_fast(
     v: float, w: float, wanted_v: float, wanted_w: float, dt: float
 ) -> None:
     result = ramped((v, w), (wanted_v, wanted_w), 0.3, 1.5, dt)

@@ -32,7 +32,7 @@ def until(found: Callable[[], Any]) -> Any:
     return result
 
 
-def test_a_goodbye_that_takes_long_holds_up_nobody_but_the_next_robot() -> None:
+def test_a_slow_close_delays_only_the_next_robot() -> None:
     attendant = AttendantThread("observer", lambda port, _: SlowRobot(port))  # type: ignore[arg-type,return-value]
     attendant.open("first", None)
     first = until(attendant.opened)
@@ -48,7 +48,7 @@ def test_a_goodbye_that_takes_long_holds_up_nobody_but_the_next_robot() -> None:
     until(lambda: not attendant.busy)
 
 
-def test_a_robot_that_is_wanted_no_more_is_closed_as_soon_as_it_is_open() -> None:
+def test_an_unwanted_robot_is_closed_once_open() -> None:
     may_open = threading.Event()
     opened: list[SlowRobot] = []
 
@@ -68,7 +68,7 @@ def test_a_robot_that_is_wanted_no_more_is_closed_as_soon_as_it_is_open() -> Non
     until(lambda: not attendant.busy)
 
 
-def test_what_cannot_be_opened_is_told_and_the_next_one_is_tried() -> None:
+def test_an_opening_failure_is_reported_and_the_next_port_is_tried() -> None:
     def opener(port: str, model: str | None) -> Any:
         del model
         if port == "bad":

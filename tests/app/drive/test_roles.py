@@ -29,7 +29,7 @@ from .scripted import both, driving, refused
 # --- arming -------------------------------------------------------------------------------------
 
 
-def test_nothing_but_arming_switches_motors_on(bench: Any) -> None:
+def test_only_arming_enables_the_motors(bench: Any) -> None:
     bench.connect("observer")
     bench.lease("observer")
     bench.hold("observer", 0.3, 1.0)
@@ -46,7 +46,7 @@ def test_nothing_but_arming_switches_motors_on(bench: Any) -> None:
     assert bench.state("observer") == "moving"
 
 
-def test_arming_says_in_one_sentence_what_is_missing(bench: Any) -> None:
+def test_an_arming_refusal_names_the_missing_condition(bench: Any) -> None:
     refused(bench, ArmRobot("observer", None), "no robot is connected as the observer")
     bench.seeing = None
     bench.connect("observer")
@@ -87,7 +87,7 @@ def test_arming_says_in_one_sentence_what_is_missing(bench: Any) -> None:
     assert ("enable",) in robot.calls
 
 
-def test_the_obstacle_needs_no_sight(bench: Any) -> None:
+def test_the_obstacle_drives_without_sight(bench: Any) -> None:
     bench.seeing = None
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 2.0)
@@ -95,7 +95,7 @@ def test_the_obstacle_needs_no_sight(bench: Any) -> None:
     assert all(sight is None for role, sight in bench.guard.sights if role == "obstacle")
 
 
-def test_a_key_that_is_held_while_arming_has_to_be_let_go_first(bench: Any) -> None:
+def test_a_key_held_while_arming_must_be_released_first(bench: Any) -> None:
     bench.connect("obstacle")
     bench.lease("obstacle")
     bench.hold("obstacle", 0.3, 0.3)
@@ -111,7 +111,7 @@ def test_a_key_that_is_held_while_arming_has_to_be_let_go_first(bench: Any) -> N
 # --- commands -----------------------------------------------------------------------------------
 
 
-def test_speed_is_ramped_up_and_zero_is_at_once(bench: Any) -> None:
+def test_speed_is_ramped_up_but_zero_is_immediate(bench: Any) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.5)
     speeds = [speed for speed, _ in bench.robots["obstacle"].velocities]
@@ -124,7 +124,7 @@ def test_speed_is_ramped_up_and_zero_is_at_once(bench: Any) -> None:
 
 
 @pytest.mark.parametrize("still", ["command", "presence"])
-def test_an_expired_command_is_zero_and_asks_to_let_go(bench: Any, still: str) -> None:
+def test_an_expired_command_sends_zero_until_the_key_is_released(bench: Any, still: str) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.5)
     last = bench.now - 0.1
@@ -145,7 +145,7 @@ def test_an_expired_command_is_zero_and_asks_to_let_go(bench: Any, still: str) -
     assert bench.sent("obstacle")[0] > 0
 
 
-def test_an_operator_only_away_may_drive_on_after_a_moment_of_presence(bench: Any) -> None:
+def test_an_idle_operator_returning_may_drive_after_brief_presence(bench: Any) -> None:
     bench.ready("obstacle")
     bench.stay("obstacle", 1.0)
     bench.run(1.0)
@@ -174,7 +174,7 @@ def test_old_replayed_and_foreign_commands_are_refused_and_change_nothing(bench:
     assert bench.roles.driven["obstacle"].asked == (0.3, 0.0)
 
 
-def test_what_the_robot_takes_is_what_counts_as_sent(bench: Any) -> None:
+def test_the_velocity_accepted_by_the_robot_counts_as_sent(bench: Any) -> None:
     bench.ready("obstacle")
     bench.robots["obstacle"].most = 0.2
     bench.hold("obstacle", 0.3, 1.5)
@@ -225,7 +225,7 @@ def test_stop_reaches_all_robots_in_the_same_tick_and_latches(bench: Any) -> Non
         ({"phase": RobotPhase.WAITING, "trouble": "the port is gone"}, "the port is gone"),
     ],
 )
-def test_a_fault_disarms_until_somebody_arms_again(bench: Any, change: Any, match: str) -> None:
+def test_a_fault_disarms_until_armed_again(bench: Any, change: Any, match: str) -> None:
     driving(bench)
     robot = bench.robots["obstacle"]
     robot.change(**change)
@@ -242,9 +242,7 @@ def test_a_fault_disarms_until_somebody_arms_again(bench: Any, change: Any, matc
 
 
 @pytest.mark.parametrize("method", ["report", "drive"])
-def test_a_driver_that_fails_is_let_go_and_the_other_robot_drives_on(
-    bench: Any, method: str
-) -> None:
+def test_a_failed_driver_is_closed_and_the_other_robot_drives_on(bench: Any, method: str) -> None:
     driving(bench)
     robot = bench.robots["observer"]
     setattr(robot, method, None)
@@ -256,7 +254,7 @@ def test_a_driver_that_fails_is_let_go_and_the_other_robot_drives_on(
     assert bench.sent("obstacle") == (0.3, 0.0)
 
 
-def test_a_driver_that_cannot_stop_does_not_keep_the_other_from_it(bench: Any) -> None:
+def test_a_driver_that_fails_to_stop_does_not_block_stopping_the_other(bench: Any) -> None:
     driving(bench)
     bench.robots["observer"].stop = None
     bench.take(StopRobots("Ann"))
@@ -265,7 +263,7 @@ def test_a_driver_that_cannot_stop_does_not_keep_the_other_from_it(bench: Any) -
     assert bench.state("observer") == "disarmed"
 
 
-def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
+def test_one_operator_holds_a_lease_and_takeover_disarms(bench: Any) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.0)
     refused(bench, TakeLease("obstacle", "Bob"), "Ann controls the obstacle; take control")
@@ -291,7 +289,7 @@ def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
     assert bench.state("obstacle") == "moving"
 
 
-def test_a_lease_given_back_stops_and_disarms(bench: Any) -> None:
+def test_releasing_a_lease_stops_and_disarms(bench: Any) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.0)
     refused(bench, ReleaseLease("obstacle", "0" * 16), "you no longer control")
@@ -316,7 +314,7 @@ def test_anyone_may_disarm(bench: Any) -> None:
 # --- connections --------------------------------------------------------------------------------
 
 
-def test_another_port_lets_the_old_robot_go_at_zero(bench: Any) -> None:
+def test_changing_the_port_disables_and_closes_the_old_robot(bench: Any) -> None:
     driving(bench)
     robot = bench.robots["observer"]
     bench.take(ConnectRobot("observer", "/dev/other", None, "real"))
@@ -335,7 +333,7 @@ def test_another_port_lets_the_old_robot_go_at_zero(bench: Any) -> None:
     assert bench.attendants["observer"].closed == [robot, robot]
 
 
-def test_a_key_is_given_to_the_driver_and_told_to_nobody(bench: Any) -> None:
+def test_a_key_is_passed_to_the_driver_and_never_shown(bench: Any) -> None:
     key = "0123456789abcdefSECRET"
     port = f"external:0.0.0.0:7700?key={key}"
     bench.take(ConnectRobot("observer", port, None, "real"))
@@ -348,7 +346,7 @@ def test_a_key_is_given_to_the_driver_and_told_to_nobody(bench: Any) -> None:
     assert key not in str(told.value)
 
 
-def test_a_port_that_nobody_can_name_is_told(bench: Any) -> None:
+def test_an_invalid_or_unprepared_port_is_reported(bench: Any) -> None:
     for port, model in (("x", None), ("socket://host", None), ("/dev/ttyUSB0", "r2d2")):
         with pytest.raises(InputError):
             bench.take(ConnectRobot("observer", port, model, "real"))

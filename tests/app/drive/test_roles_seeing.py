@@ -18,7 +18,7 @@ STOP = Verdict("stop", False, 0.0, 0.0, "something stands 0.2 m ahead", 0.0, (),
 SLOW = Verdict("slow", False, 0.1, 0.0, "obstacle 3 would be met in 0.9 s", 0.1, (), ())
 
 
-def test_expired_sight_stops_the_observer_alone(bench: Any) -> None:
+def test_expired_sight_stops_only_the_observer(bench: Any) -> None:
     driving(bench)
     assert bench.sent("observer") == (0.3, 0.0)
     last, bench.seeing = bench.now, None
@@ -39,7 +39,7 @@ def test_expired_sight_stops_the_observer_alone(bench: Any) -> None:
     assert bench.state("observer") == "moving"
 
 
-def test_a_key_pressed_while_it_cannot_see_starts_nothing_when_it_can(bench: Any) -> None:
+def test_a_key_pressed_without_sight_starts_nothing_when_sight_returns(bench: Any) -> None:
     driving(bench)
     bench.seeing = {"status": Status.DEGRADED}
     both(bench, 0.2)
@@ -82,7 +82,7 @@ def test_a_second_without_sight_disarms(bench: Any) -> None:
         {"mount_known": False},
     ],
 )
-def test_one_frame_that_is_none_to_go_by_is_enough(bench: Any, seeing: Any) -> None:
+def test_one_unusable_frame_stops_the_observer(bench: Any, seeing: Any) -> None:
     driving(bench)
     bench.seeing = seeing
     bench.tick()
@@ -92,7 +92,7 @@ def test_one_frame_that_is_none_to_go_by_is_enough(bench: Any, seeing: Any) -> N
     assert bench.sent("observer") == (0.0, 0.0)
 
 
-def test_an_obstacle_slows_stops_and_lets_go_while_the_key_is_held(bench: Any) -> None:
+def test_the_guard_slows_stops_and_resumes_while_the_key_is_held(bench: Any) -> None:
     driving(bench)
     bench.guard.answers["observer"] = SLOW
     both(bench, 0.2)
@@ -117,7 +117,7 @@ def test_an_obstacle_slows_stops_and_lets_go_while_the_key_is_held(bench: Any) -
         RuntimeError("a bug"),
     ],
 )
-def test_a_guard_that_errs_never_makes_a_robot_faster(bench: Any, answer: Any) -> None:
+def test_a_faulty_guard_never_makes_a_robot_faster(bench: Any, answer: Any) -> None:
     driving(bench)
     bench.guard.answers["observer"] = answer
     before = len(bench.robots["observer"].velocities)
@@ -133,7 +133,7 @@ def test_a_guard_that_errs_never_makes_a_robot_faster(bench: Any, answer: Any) -
         assert bench.sent("obstacle") == (0.3, 0.0)
 
 
-def test_the_guards_parameters_are_checked_and_used(bench: Any) -> None:
+def test_the_guard_parameters_are_validated_and_applied(bench: Any) -> None:
     bench.take(SetGuard({"guard.acceleration_mps2": 3.0}))
     assert bench.guard.parameters[-1].acceleration_mps2 == 3.0
     refused(bench, SetGuard({"guard.speed_max_mps": -1}), "guard.speed_max_mps", "input")

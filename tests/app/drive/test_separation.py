@@ -28,7 +28,7 @@ def sonar(degrees: float, range_m: float | None, received: float = STOOD + 0.1) 
     return SonarReading(0, x, y, heading, range_m, received)
 
 
-def test_it_is_to_the_nearest_obstacle_or_to_a_surface_ahead() -> None:
+def test_separation_is_to_the_nearest_obstacle_or_surface_ahead() -> None:
     assert left(NOTHING, REPORT) is None
     assert left(NOTHING, None) is None
     walls = replace(NOTHING, scan=ASIDE)
@@ -39,7 +39,7 @@ def test_it_is_to_the_nearest_obstacle_or_to_a_surface_ahead() -> None:
     assert left(seen, REPORT) == pytest.approx((0.3**2 + 0.7**2) ** 0.5 - 0.3)
 
 
-def test_echoes_of_the_robot_at_rest_count_on_its_way() -> None:
+def test_echoes_ahead_of_the_robot_at_rest_count() -> None:
     walls = replace(NOTHING, scan=ASIDE)
 
     def heard(*sonars: SonarReading) -> RobotReport:
@@ -56,7 +56,7 @@ def test_echoes_of_the_robot_at_rest_count_on_its_way() -> None:
     assert left(walls, heard(sonar(180, 0.3)), -1.0) == pytest.approx(0.3)
 
 
-def test_those_that_look_along_the_way_are_waited_for_while_they_tell_anything() -> None:
+def test_sonars_facing_the_path_are_awaited_while_they_report_echoes() -> None:
     def is_waited_for(*sonars: SonarReading) -> bool:
         return not is_heard(replace(REPORT, sonars=sonars), STOOD, 1.0)
 

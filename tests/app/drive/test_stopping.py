@@ -98,7 +98,7 @@ def rolling(bench: Any) -> Rolling:
     return Rolling(bench)
 
 
-def test_an_expired_command_is_measured_from_the_last_sign_to_standing(rolling: Rolling) -> None:
+def test_an_expired_command_is_measured_from_the_last_sign_to_rest(rolling: Rolling) -> None:
     rolling.ready("obstacle")
     sign, x = rolling.bench.now - 0.1, rolling.x["obstacle"] - 0.1 * 0.3
     rolling.run(1.5)
@@ -115,7 +115,7 @@ def test_an_expired_command_is_measured_from_the_last_sign_to_standing(rolling: 
     assert stop.separation_m is None
 
 
-def test_lost_sight_counts_from_the_reception_of_the_last_good_frame(rolling: Rolling) -> None:
+def test_lost_sight_is_measured_from_the_last_good_frame(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
     last = bench.now
@@ -131,7 +131,7 @@ def test_lost_sight_counts_from_the_reception_of_the_last_good_frame(rolling: Ro
     assert bench.kinds() == ["sight", "sight"]
 
 
-def test_a_camera_that_tells_nothing_counts_as_well(rolling: Rolling) -> None:
+def test_a_silent_camera_counts_as_lost_sight(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
     last, bench.seeing = bench.now, None
@@ -142,7 +142,7 @@ def test_a_camera_that_tells_nothing_counts_as_well(rolling: Rolling) -> None:
     assert 0.2 <= stop.zero_time - last <= 0.24
 
 
-def test_the_guards_stop_tells_what_is_left_by_a_frame_at_rest(rolling: Rolling) -> None:
+def test_a_guard_stop_measures_separation_in_a_frame_at_rest(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
     bench.guard.answers["observer"] = Verdict("slow", False, 0.1, 0.0, "soon", 0.1, (), ())
@@ -166,7 +166,7 @@ def test_the_guards_stop_tells_what_is_left_by_a_frame_at_rest(rolling: Rolling)
     assert stop.separation_m == pytest.approx(0.75 - 0.2 - 0.15)
 
 
-def test_an_echo_at_rest_is_nearer_than_what_is_seen(rolling: Rolling) -> None:
+def test_a_nearer_echo_at_rest_overrides_the_seen_distance(rolling: Rolling) -> None:
     """A pane of glass: the camera sees what is behind it."""
     bench = rolling.bench
     robot = bench.robots["observer"]
@@ -176,14 +176,14 @@ def test_an_echo_at_rest_is_nearer_than_what_is_seen(rolling: Rolling) -> None:
     wall = SeenObstacle(7, 2.75, 0.0, 0.0, 0.0, 0.2, None, None, False)
     bench.seeing = {"obstacles": (wall,)}
     rolling.hold("observer", 0.3, 0.6)
-    # It stands, but its sonar has not reported since.
+    # It has stopped, but its sonar has not reported since.
     assert rolling.stops == []
     robot.change(sonars=(echo(0.4, bench.now),))
     rolling.tick()
     assert rolling.only().separation_m == pytest.approx(0.4)
 
 
-def test_of_what_came_by_itself_no_distance_is_told(rolling: Rolling) -> None:
+def test_an_approaching_obstacle_gives_no_separation(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
     bench.guard.answers["observer"] = replace(STOPPED, comes=True)
@@ -193,7 +193,7 @@ def test_of_what_came_by_itself_no_distance_is_told(rolling: Rolling) -> None:
     assert rolling.only().separation_m is None
 
 
-def test_a_sonar_that_falls_silent_is_not_waited_for(rolling: Rolling) -> None:
+def test_a_sonar_that_falls_silent_is_not_awaited(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("obstacle")
     bench.robots["obstacle"].change(length_m=0.3, width_m=0.28, sonars=(echo(0.4, bench.now),))
@@ -207,7 +207,7 @@ def echo(range_m: float | None, received: float) -> SonarReading:
     return SonarReading(0, 0.15, 0.0, 0.0, range_m, received)
 
 
-def test_what_the_guard_lets_go_on_never_stood(rolling: Rolling) -> None:
+def test_a_guard_stop_that_clears_while_moving_has_no_rest_time(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
     bench.guard.answers["observer"] = STOPPED
@@ -218,7 +218,7 @@ def test_what_the_guard_lets_go_on_never_stood(rolling: Rolling) -> None:
     assert (stop.stood_time, stop.distance_m, stop.separation_m) == (None, None, None)
 
 
-def test_a_fault_counts_from_its_packet_and_zero_as_it_went_out(rolling: Rolling) -> None:
+def test_a_fault_is_measured_from_its_packet_and_the_time_zero_was_sent(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("obstacle")
     robot = bench.robots["obstacle"]
@@ -233,7 +233,7 @@ def test_a_fault_counts_from_its_packet_and_zero_as_it_went_out(rolling: Rolling
     assert stop.zero_time == pytest.approx(packet + 0.004)
 
 
-def test_a_port_that_is_lost_counts_from_its_last_packet_and_is_given_up(
+def test_a_lost_port_is_measured_from_its_last_packet_and_given_up(
     rolling: Rolling,
 ) -> None:
     bench = rolling.bench
@@ -252,7 +252,7 @@ def test_a_port_that_is_lost_counts_from_its_last_packet_and_is_given_up(
     assert (stop.stood_time, stop.speed_mps) == (None, pytest.approx(0.3))
 
 
-def test_a_stop_is_measured_of_each_robot_that_moves(rolling: Rolling) -> None:
+def test_a_stop_is_measured_for_each_moving_robot(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
     rolling.ready("obstacle")
@@ -266,7 +266,7 @@ def test_a_stop_is_measured_of_each_robot_that_moves(rolling: Rolling) -> None:
     assert (stop.role, stop.kind, stop.cause_time) == ("obstacle", "stop", asked)
 
 
-def test_an_operator_may_leave_at_rest_or_while_it_rolls_out(rolling: Rolling) -> None:
+def test_a_released_lease_is_measured_only_while_the_robot_rolls_out(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("obstacle")
     # A page that closes lets go of the key, then its lease ends.
@@ -286,7 +286,7 @@ def test_an_operator_may_leave_at_rest_or_while_it_rolls_out(rolling: Rolling) -
     assert rolling.stops == []
 
 
-def test_a_robot_without_encoders_or_odometry(rolling: Rolling) -> None:
+def test_a_robot_without_encoders_or_odometry_gives_no_stop_distance(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("obstacle")
     rolling.silent = True
@@ -298,7 +298,7 @@ def test_a_robot_without_encoders_or_odometry(rolling: Rolling) -> None:
     assert (stop.distance_m, stop.stood_time) == (None, None)
 
 
-def test_programmes_and_other_roles_are_nothing_to_it(rolling: Rolling) -> None:
+def test_programme_incidents_and_other_roles_are_ignored(rolling: Rolling) -> None:
     rolling.ready("obstacle")
     told = [
         IncidentEvent(None, "programme", "it was ended", rolling.bench.now, None),

@@ -48,7 +48,7 @@ class ScriptedWorker:
         pass
 
 
-def test_delays_that_were_known_are_not_given_up_for_a_few_seconds() -> None:
+def test_a_known_delay_is_not_replaced_by_a_few_seconds_of_data() -> None:
     found = [
         (0.10, 0.01, 10.0), (0.70, 0.01, 5.0), None, (0.12, 0.01, 8.0), (0.40, 0.01, 30.0),
     ]  # fmt: skip

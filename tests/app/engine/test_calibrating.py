@@ -122,7 +122,7 @@ def count_after(bench: Bench, kind: type, seconds: float) -> int:
     return len(bench.all(kind))
 
 
-def test_new_poses_are_captured_and_told_with_their_pictures(bench: Bench) -> None:
+def test_new_poses_are_captured_and_reported_with_thumbnails(bench: Bench) -> None:
     value = bench.value(begin())
     assert (value.state.state, value.state.camera, value.state.run_id) == (
         "calibrating",
@@ -153,7 +153,7 @@ def test_new_poses_are_captured_and_told_with_their_pictures(bench: Bench) -> No
     assert bench.state.state is EngineState.CALIBRATING
 
 
-def test_the_images_are_shown_with_the_board_in_them(bench: Bench) -> None:
+def test_published_images_show_the_detected_board(bench: Bench) -> None:
     bench.value(begin("held"))
     bench.wait(BoardViewsEvent)
     bench.forget()
@@ -169,7 +169,7 @@ def test_the_images_are_shown_with_the_board_in_them(bench: Bench) -> None:
         assert g > r + 50
 
 
-def test_automatic_off_captures_nothing_but_what_is_asked_for(bench: Bench) -> None:
+def test_without_automatic_capture_only_requested_views_are_taken(bench: Bench) -> None:
     bench.value(begin("held", automatic=False))
     bench.wait(BoardLookEvent, lambda event: event.look.frame > 25)
     assert not bench.all(BoardViewsEvent)
@@ -182,7 +182,7 @@ def test_automatic_off_captures_nothing_but_what_is_asked_for(bench: Bench) -> N
     assert bench.wait(BoardLookEvent).look.automatic is True
 
 
-def test_without_a_board_nothing_is_captured_and_nothing_else_changed(bench: Bench) -> None:
+def test_without_a_board_capture_is_refused_and_changes_nothing(bench: Bench) -> None:
     refused = bench.answer(ChangeCalibration(capture=True))
     assert (refused.refusal, refused.error) == (
         "state",
@@ -204,7 +204,7 @@ def test_without_a_board_nothing_is_captured_and_nothing_else_changed(bench: Ben
     assert not bench.all(BoardViewsEvent)
 
 
-def test_views_taken_before_go_on_counting_and_can_be_taken_back(bench: Bench) -> None:
+def test_restored_views_still_count_and_can_be_undone(bench: Bench) -> None:
     bench.value(begin("held"))
     view = bench.wait(BoardViewsEvent).added
     bench.forget()
@@ -222,7 +222,7 @@ def test_views_taken_before_go_on_counting_and_can_be_taken_back(bench: Bench) -
     assert bench.all(BoardViewsEvent)[-1].names == ()
 
 
-def test_the_lens_that_is_covered_is_told_while_somebody_asks(bench: Bench) -> None:
+def test_the_covered_lens_is_reported_while_a_cover_check_is_active(bench: Bench) -> None:
     source = BoardSource([LEFT], hold=2000)
     plain_read = source.read
     covered = {"left": False}
@@ -248,7 +248,7 @@ def test_the_lens_that_is_covered_is_told_while_somebody_asks(bench: Bench) -> N
     assert (look.covered, look.cover_asked) == (None, False)
 
 
-def test_another_begin_and_another_source_take_the_place(bench: Bench) -> None:
+def test_another_calibration_or_source_replaces_the_current_one(bench: Bench) -> None:
     board, held = bench.sources["board"], bench.sources["held"]
     bench.value(begin())
     bench.value(begin("held"))
@@ -261,7 +261,7 @@ def test_another_begin_and_another_source_take_the_place(bench: Bench) -> None:
     assert count_after(bench, BoardLookEvent, 0.2) == 0
 
 
-def test_what_was_open_stays_where_the_cameras_cannot_be_opened(bench: Bench) -> None:
+def test_the_open_source_stays_when_the_cameras_cannot_be_opened(bench: Bench) -> None:
     bench.value(opening("many"))
     refused = bench.answer(begin("missing"))
     assert refused.refusal == "input"
@@ -278,7 +278,7 @@ def test_what_was_open_stays_where_the_cameras_cannot_be_opened(bench: Bench) ->
     assert bench.state.reason == refused.error
 
 
-def test_a_run_is_not_left_for_a_calibration(bench: Bench) -> None:
+def test_a_calibration_is_refused_during_a_run(bench: Bench) -> None:
     bench.value(opening("many", run_id="r1"))
     refused = bench.answer(begin("held"))
     assert refused.refusal == "state"
@@ -286,7 +286,7 @@ def test_a_run_is_not_left_for_a_calibration(bench: Bench) -> None:
     assert bench.state.state is EngineState.RUNNING
 
 
-def test_what_needs_an_observer_is_refused_or_waits(bench: Bench) -> None:
+def test_commands_for_the_observer_are_refused_or_deferred(bench: Bench) -> None:
     bench.value(begin("held"))
     refused = bench.answer(TakeScenePairs())
     assert refused.refusal == "state"
@@ -299,7 +299,7 @@ def test_what_needs_an_observer_is_refused_or_waits(bench: Bench) -> None:
     assert preview.vertical_error_px < 0.5
 
 
-def test_an_image_that_breaks_the_search_ends_nothing(
+def test_a_failed_board_search_does_not_end_the_calibration(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain = detect_board
@@ -318,7 +318,7 @@ def test_an_image_that_breaks_the_search_ends_nothing(
     assert bench.state.state is EngineState.CALIBRATING
 
 
-def test_the_heart_beats_while_boards_are_looked_for(bench: Bench) -> None:
+def test_heartbeats_continue_during_board_search(bench: Bench) -> None:
     bench.value(begin("none"))
     beats = count_after(bench, HeartbeatEvent, 1.0)
     # The engine sends 20/s and promises 10/s; this machine may be busy.
@@ -341,7 +341,7 @@ def sighting(px: np.ndarray) -> BoardSighting:
     return BoardSighting(np.arange(len(px), dtype=np.int32), px.astype(float))
 
 
-def test_a_drawing_leaves_the_image_as_it_was_and_bears_what_lies_outside() -> None:
+def test_drawing_leaves_the_image_unchanged_and_handles_points_outside() -> None:
     image = picture(LEFT, 0)
     before = image.copy()
     px = BOARD.object_points[:, :2] / BOARD.square_m * SQUARE_PX + LEFT
@@ -354,7 +354,7 @@ def test_a_drawing_leaves_the_image_as_it_was_and_bears_what_lies_outside() -> N
     assert (plain == cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)).all()
 
 
-def test_kept_views_and_the_ghost_are_seen_where_they_are() -> None:
+def test_captured_views_and_the_target_pose_are_drawn_in_place() -> None:
     image = np.full((240, 320, 3), 100, np.uint8)
     kept = sighting(np.array([[20.0, 20], [100, 20], [100, 100], [20, 100]]))
     ghost = np.array([[200.0, 150], [300, 150], [300, 220], [200, 220]])
@@ -367,7 +367,7 @@ def test_kept_views_and_the_ghost_are_seen_where_they_are() -> None:
     assert np.abs(drawn[150, 250] - drawn[185, 250]).max() > 40
 
 
-def test_a_small_picture_shows_the_corners_in_the_right_place() -> None:
+def test_a_thumbnail_shows_the_corners_in_the_right_place() -> None:
     image = np.full((480, 640), 100, np.uint8)
     box = sighting(np.array([[100.0, 100], [500, 100], [500, 300], [100, 300]]))
     small = cv2.imdecode(np.frombuffer(small_picture(image, box), np.uint8), cv2.IMREAD_COLOR)

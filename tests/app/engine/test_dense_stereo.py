@@ -57,7 +57,7 @@ def keeper(*frames: Observed) -> PairKeeper:
     return made
 
 
-def test_without_a_known_disparity_it_is_the_newest_pair_with_its_own_pose() -> None:
+def test_without_a_known_disparity_the_newest_pair_and_its_pose_are_used() -> None:
     frames = [observed(k) for k in range(3)]
     pair = keeper(*frames).pair(frames[2])
     assert pair.left is frames[2].trace["left"]
@@ -85,13 +85,13 @@ def test_a_disparity_whose_pair_was_not_seen_is_not_used() -> None:
     assert (pair.disparity, pair.instant["frame"]) == (None, 3)
 
 
-def test_one_image_has_no_disparity() -> None:
+def test_a_single_image_has_no_disparity() -> None:
     what = observed(0, right=None)
     assert dense_stereo(keeper(what).pair(what)) is None
 
 
 @pytest.mark.parametrize(("width", "height"), [(160, 120), (1242, 375)])
-def test_the_cloud_lies_on_the_wall_whatever_the_grid(width: int, height: int) -> None:
+def test_the_cloud_lies_on_the_wall_for_any_grid(width: int, height: int) -> None:
     what = observed(0, width=width, height=height)
     pair = keeper(what).pair(what)
     dense = dense_stereo(pair)
@@ -124,7 +124,7 @@ def seen_body(what: Observed, z: float, polygon: NDArray[np.float64]) -> Observe
 
 
 @pytest.mark.parametrize(("width", "height"), [(160, 120), (1242, 375)])
-def test_points_on_a_body_have_its_colour_and_no_others(width: int, height: int) -> None:
+def test_only_points_on_a_body_have_its_colour(width: int, height: int) -> None:
     plain = observed(0, width=width, height=height)
     z = plain.camera.fx * BASELINE_M / DISPARITY_PX
     u0, u1, v0, v1 = width // 2, width // 2 + 40, 30, 90
@@ -158,7 +158,7 @@ def test_points_on_a_body_have_its_colour_and_no_others(width: int, height: int)
     assert np.array_equal(behind[on_it], grey[on_it])
 
 
-def test_the_obstacles_are_those_of_the_pair_whose_disparity_is_known() -> None:
+def test_obstacles_come_from_the_pair_with_the_known_disparity() -> None:
     known = np.full((120, 160), 9.0, np.float32)
     older = seen_body(observed(1), 2.0, np.zeros((3, 2)))
     newest = observed(3, disparity=known, previous_time=0.1)
@@ -167,7 +167,7 @@ def test_the_obstacles_are_those_of_the_pair_whose_disparity_is_known() -> None:
     assert made.pair(observed(3)).obstacles == ()
 
 
-def test_the_grid_follows_from_sizes_alone() -> None:
+def test_the_grid_depends_only_on_sizes() -> None:
     default, deep = StereoParameters(), StereoParameters(max_disparity_px=256)
     assert coarseness(camera(512, 256), default) == 1
     assert coarseness(camera(640, 480), default) == 2

@@ -43,7 +43,7 @@ def at(frame: StereoFrame, u: float, v: float, text: str = TEXT) -> PlaceDepth:
     return found
 
 
-def test_places_of_the_lab_are_where_they_are() -> None:
+def test_depth_in_the_lab_matches_its_exact_geometry() -> None:
     world = World(load_scenario("lab"))
     frame = SimulatedSource(world).read()
     assert frame is not None
@@ -68,19 +68,19 @@ def test_places_of_the_lab_are_where_they_are() -> None:
 
 
 @pytest.mark.parametrize("disparity", [3.4, 20.0, 77.25, 100.0])
-def test_known_disparity_is_depth(disparity: float) -> None:
+def test_known_disparity_gives_depth(disparity: float) -> None:
     found = at(textured(np.full((HEIGHT, WIDTH), disparity)), 250, 100)
     assert found.disparity_px == pytest.approx(disparity, abs=0.25)
     assert found.depth_m == pytest.approx(FOCAL * BASELINE / found.disparity_px)
 
 
 @pytest.mark.parametrize(("u", "v"), [(319, 199), (319, 0), (200.4, 0.4), (318.6, 100.5)])
-def test_places_at_the_images_border(u: float, v: float) -> None:
+def test_depth_at_the_image_border(u: float, v: float) -> None:
     found = at(textured(np.full((HEIGHT, WIDTH), 20.0)), u, v)
     assert found.disparity_px == pytest.approx(20.0, abs=0.3)
 
 
-def test_a_floor_below_a_low_camera_is_no_edge() -> None:
+def test_a_floor_below_a_low_camera_is_not_an_edge() -> None:
     # As for a camera 0.3 m above the floor: a third of a pixel from row to row.
     rows = np.maximum(np.arange(HEIGHT) - CENTRE[1], 0) * BASELINE / 0.3 + 2
     frame = textured(np.repeat(rows[:, None], WIDTH, axis=1))
@@ -99,7 +99,7 @@ def slab(first: int, end: int, near: float = 30.0, far: float = 10.0) -> StereoF
 
 
 @pytest.mark.parametrize("end", [WIDTH, 240, 209, 205])
-def test_near_an_edge_a_place_is_refused_or_right(end: int) -> None:
+def test_depth_near_an_edge_is_refused_or_correct(end: int) -> None:
     frame = slab(200, end)
     refused = []
     for u in range(180, min(end + 20, WIDTH)):
@@ -117,7 +117,7 @@ def test_near_an_edge_a_place_is_refused_or_right(end: int) -> None:
         assert at(frame, 250, 100).disparity_px == pytest.approx(30.0, abs=0.2)
 
 
-def test_a_place_without_texture_is_refused() -> None:
+def test_a_spot_without_texture_is_refused() -> None:
     frame = textured(np.full((HEIGHT, WIDTH), 20.0))
     left, right = frame.left.copy(), frame.right.copy()
     left[40:160, 130:], right[40:160, 110:] = 128, 128
@@ -127,7 +127,7 @@ def test_a_place_without_texture_is_refused() -> None:
     assert at(plain, 230, 15).disparity_px == pytest.approx(20.0, abs=0.2)
 
 
-def test_what_one_camera_sees_is_refused() -> None:
+def test_a_spot_seen_by_one_camera_is_refused() -> None:
     # The matching point would lie beyond the right image's left border.
     rng = np.random.default_rng(3)
     frame = textured(np.full((HEIGHT, WIDTH), 20.0))
@@ -138,7 +138,7 @@ def test_what_one_camera_sees_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("u", "v"), [(-0.1, 5), (5, -1), (319.1, 5), (5, 199.5), (1e300, 1)])
-def test_outside_the_image(u: float, v: float) -> None:
+def test_a_pixel_outside_the_image_is_refused(u: float, v: float) -> None:
     with pytest.raises(InputError, match="outside the image of 320 x 200"):
         at(textured(np.full((HEIGHT, WIDTH), 20.0)), u, v)
 

@@ -46,7 +46,7 @@ def planar() -> Observed:
     return observe(Parameters().changed({"ego_motion.model": "affine"}))
 
 
-def test_the_obstacle_is_dynamic_where_it_is_seen_and_names_itself(planar: Observed) -> None:
+def test_pixels_on_the_obstacle_are_dynamic_and_name_it(planar: Observed) -> None:
     (obstacle, *_) = planar.observation.reported
     members = planar.trace["motions"].px_current
     low, high = np.split(np.array(obstacle.box_px), 2)
@@ -60,7 +60,7 @@ def test_the_obstacle_is_dynamic_where_it_is_seen_and_names_itself(planar: Obser
         assert answer.numbers["speed_mps"] == pytest.approx(obstacle.speed, rel=0.01)
 
 
-def test_every_pixel_has_an_answer_that_is_json(planar: Observed) -> None:
+def test_every_pixel_has_a_json_serialisable_answer(planar: Observed) -> None:
     verdicts = set()
     for v in range(0, planar.camera.height, 32):
         for u in range(0, planar.camera.width, 32):
@@ -74,7 +74,7 @@ def test_every_pixel_has_an_answer_that_is_json(planar: Observed) -> None:
     assert "too_few_features" in verdicts
 
 
-def test_nothing_to_ask_and_nowhere_to_look() -> None:
+def test_a_missing_frame_and_pixels_outside_are_refused() -> None:
     with pytest.raises(NotNow, match="no frame"):
         explain(None, 1.0, 1.0)
     first = observe(Parameters(), 1)
@@ -83,7 +83,7 @@ def test_nothing_to_ask_and_nowhere_to_look() -> None:
         explain(first, -1.0, 1.0)
 
 
-def test_a_planar_motion_is_told_in_its_parts(planar: Observed) -> None:
+def test_a_planar_motion_is_decomposed(planar: Observed) -> None:
     facts = ego_motion_facts(planar.trace, planar.parameters)
     assert facts is not None
     json.loads(json_text(facts))
@@ -102,5 +102,5 @@ def test_a_planar_motion_is_told_in_its_parts(planar: Observed) -> None:
     np.testing.assert_allclose(facts.motion.translation_m, pose.translation)
 
 
-def test_a_first_frame_has_no_motion_of_the_camera() -> None:
+def test_a_first_frame_has_no_camera_motion() -> None:
     assert ego_motion_facts({"left": np.zeros((4, 4))}, Parameters()) is None

@@ -47,7 +47,7 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     made.worker.close()
 
 
-def test_only_the_newest_of_what_waits_is_worked_on(bench: Bench) -> None:
+def test_only_the_newest_waiting_job_is_done(bench: Bench) -> None:
     bench.gate.clear()
     bench.worker.give(1)
     bench.wait_for(1)
@@ -59,7 +59,7 @@ def test_only_the_newest_of_what_waits_is_worked_on(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("bench", [20.0], indirect=True)
-def test_it_keeps_its_rate_however_often_it_is_given_something(bench: Bench) -> None:
+def test_the_rate_is_kept_however_often_jobs_are_given(bench: Bench) -> None:
     begin = time.monotonic()
     job = 0
     while time.monotonic() - begin < 1.0:
@@ -70,7 +70,7 @@ def test_it_keeps_its_rate_however_often_it_is_given_something(bench: Bench) -> 
     assert job > 3 * len(bench.began)
 
 
-def test_jobs_that_cost_much_are_fewer() -> None:
+def test_costly_jobs_run_less_often() -> None:
     """Jobs of 20 ms may take at most a quarter of the time: one every 80 ms."""
     began: list[float] = []
 
@@ -90,7 +90,7 @@ def test_jobs_that_cost_much_are_fewer() -> None:
     assert all(later - before >= 0.075 for before, later in pairwise(began))
 
 
-def test_what_is_forgotten_is_not_worked_on(bench: Bench) -> None:
+def test_a_forgotten_job_is_not_done(bench: Bench) -> None:
     bench.gate.clear()
     bench.worker.give(1)
     bench.wait_for(1)
@@ -103,7 +103,7 @@ def test_what_is_forgotten_is_not_worked_on(bench: Bench) -> None:
     assert bench.jobs == [1, 3]
 
 
-def test_closing_ends_the_thread_and_what_comes_later_is_left(bench: Bench) -> None:
+def test_closing_ends_the_thread_and_ignores_later_jobs(bench: Bench) -> None:
     bench.worker.give(1)
     bench.wait_for(1)
     assert "bench" in {thread.name for thread in threading.enumerate()}

@@ -143,7 +143,7 @@ CALIBRATING = BeginCalibration(SPEC, Board())
         (CALIBRATING, CALIBRATING),
     ],
 )
-def test_the_same_cameras_are_handed_on_and_never_opened_twice(
+def test_the_same_cameras_are_handed_over_and_never_opened_twice(
     desk: Desk, cameras: Cameras, first: Any, second: Any
 ) -> None:
     for command in (first, second, first, second):
@@ -162,7 +162,7 @@ def test_the_same_cameras_are_handed_on_and_never_opened_twice(
     assert desk.current.state().live is not None
 
 
-def test_a_refused_opening_leaves_the_old_session_as_it_was(desk: Desk, cameras: Cameras) -> None:
+def test_a_refused_opening_leaves_the_old_session_unchanged(desk: Desk, cameras: Cameras) -> None:
     desk.ask(CALIBRATING)
     before = desk.current.session
     assert before is not None
@@ -175,7 +175,7 @@ def test_a_refused_opening_leaves_the_old_session_as_it_was(desk: Desk, cameras:
     assert cameras.opened == [SPEC]
 
 
-def test_the_old_session_rests_while_its_cameras_are_handed_on(desk: Desk) -> None:
+def test_the_old_session_rests_while_its_cameras_are_handed_over(desk: Desk) -> None:
     desk.ask(observed())
     session = desk.current.session
     assert session is not None
@@ -188,7 +188,7 @@ def test_the_old_session_rests_while_its_cameras_are_handed_on(desk: Desk) -> No
     assert desk.current.session is not session
 
 
-def test_cameras_named_otherwise_are_closed_first_and_opened_again_if_refused(
+def test_renamed_cameras_are_closed_first_and_reopened_on_refusal(
     desk: Desk, cameras: Cameras
 ) -> None:
     desk.ask(CALIBRATING)
@@ -205,7 +205,7 @@ def test_cameras_named_otherwise_are_closed_first_and_opened_again_if_refused(
     assert desk.current.state().state is EngineState.CALIBRATING
 
 
-def test_cameras_that_are_gone_are_said_to_be(desk: Desk, cameras: Cameras) -> None:
+def test_disconnected_cameras_are_reported(desk: Desk, cameras: Cameras) -> None:
     desk.ask(observed())
     cameras.gone = True
     reply = desk.ask(observed(SWAPPED))
@@ -217,9 +217,7 @@ def test_cameras_that_are_gone_are_said_to_be(desk: Desk, cameras: Cameras) -> N
 
 
 @pytest.mark.parametrize("given_up", [True, False])
-def test_nothing_stays_open_behind_what_is_closed(
-    desk: Desk, cameras: Cameras, given_up: bool
-) -> None:
+def test_closing_leaves_nothing_open(desk: Desk, cameras: Cameras, given_up: bool) -> None:
     desk.ask(observed())
     command = observed()
     desk.current.begin(Request(9, command), command)
@@ -234,7 +232,7 @@ def test_nothing_stays_open_behind_what_is_closed(
     assert desk.current.state().state is EngineState.IDLE
 
 
-def test_other_sources_are_opened_beside_the_cameras(desk: Desk, cameras: Cameras) -> None:
+def test_switching_to_another_source_closes_the_cameras(desk: Desk, cameras: Cameras) -> None:
     desk.ask(observed())
     desk.ask(observed("numbers"))
     assert cameras.open == 0

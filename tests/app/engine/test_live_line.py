@@ -8,7 +8,7 @@ from observer.jsonl import observation_line
 from .test_pictures import observed
 
 
-def test_pages_are_told_all_of_a_line_but_silhouettes() -> None:
+def test_live_lines_omit_only_silhouettes() -> None:
     line = observation_line(observed().observation)
     told = live_line(line)
     ((before,), (after,)) = line["obstacles"], told["obstacles"]

@@ -173,7 +173,7 @@ def sigma(truth: LiveTruth) -> float:
     return found
 
 
-def test_speeds_of_motion_capture_stand_beside_what_is_observed(
+def test_motion_capture_speeds_accompany_observations(
     truth: LiveTruth, listeners: list[Listener]
 ) -> None:
     assert truth.facts() is None
@@ -216,7 +216,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
                 off = np.linalg.norm(entry["position"] - lab.room.centre(entry["time"]))
                 assert off < 0.3
             if entry["name"] == "P3DX" and entry["time"] > 18.7:
-                # Before that it turns on the spot, about a centre that nobody has measured.
+                # Before that it turns on the spot, about an unmeasured centre.
                 assert entry["speed"] == pytest.approx(lab.room.speed(entry["time"]), abs=0.06)
     names = {t: {entry["name"] for entry in entries} for t, entries in by_time.items()}
     both = {"Amigo", "P3DX"}
@@ -257,7 +257,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     assert truth.facts() is None
 
 
-def test_what_goes_wrong_with_truth_ends_nothing(
+def test_a_ground_truth_failure_is_reported_and_ends_nothing(
     truth: LiveTruth, listeners: list[Listener]
 ) -> None:
     truth.use(LiveTruthOrder("vrpn:mocap"))
@@ -297,7 +297,7 @@ def bench(numbered: Callable[..., Any]) -> Iterator[Bench]:
         yield made
 
 
-def test_a_run_records_what_motion_capture_tells(
+def test_a_run_records_live_motion_capture(
     bench: Bench, server: VrpnServer, tmp_path: Path
 ) -> None:
     order = LiveTruthOrder(f"vrpn:127.0.0.1:{server.port}", observer="Amigo")

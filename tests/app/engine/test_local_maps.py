@@ -21,7 +21,7 @@ def map_at(received: float) -> OccupancyMap:
     return OccupancyMap.of(np.ones((3, 3), np.uint8), (1.0, 2.0), 0.1, ROBOT, received)
 
 
-def test_a_map_is_told_with_its_place_below_the_cameras() -> None:
+def test_a_map_is_sent_with_its_pose_below_the_cameras() -> None:
     made = map_at(7.0)
     event = LocalMaps({}, MOUNT).look(made, 0, 0, 7.0, HERE)
     assert event is not None
@@ -32,7 +32,7 @@ def test_a_map_is_told_with_its_place_below_the_cameras() -> None:
     np.testing.assert_allclose(in_base, [0.0, 0.0, 0.0], atol=1e-9)
 
 
-def test_a_map_is_told_to_be_gone_when_it_is_too_old_or_of_another_world() -> None:
+def test_a_map_is_cleared_when_it_is_too_old_or_of_another_segment() -> None:
     maps = LocalMaps({}, MOUNT)
     assert maps.look(None, 0, 0, 6.9, HERE) is None
     maps.look(map_at(7.0), 0, 0, 7.0, HERE)
@@ -48,11 +48,11 @@ def test_a_map_is_told_to_be_gone_when_it_is_too_old_or_of_another_world() -> No
 
 
 @pytest.mark.parametrize(("mount", "pose"), [(None, HERE), (MOUNT, None)])
-def test_without_a_place_nothing_is_shown(mount: CameraMount | None, pose: Pose | None) -> None:
+def test_no_map_is_sent_without_a_pose(mount: CameraMount | None, pose: Pose | None) -> None:
     assert LocalMaps({}, mount).look(map_at(7.0), 0, 0, 7.0, pose) is None
 
 
-def test_a_recorded_map_is_told_once_and_where_it_was_in_force() -> None:
+def test_a_recorded_map_is_sent_once_at_the_frame_it_took_effect() -> None:
     # On a clock unrelated to the present one.
     first, second = map_at(1e6), map_at(1e6 + 0.5)
     moved = replace(first, robot=(1.1, 2.0, 0.5))

@@ -33,7 +33,7 @@ from observer.errors import SourceError
 from .bench import PATIENCE_S, Bench, Numbered, StandingTruth, opening
 
 
-def test_it_begins_idle_and_beats(bench: Bench) -> None:
+def test_it_starts_idle_and_sends_heartbeats(bench: Bench) -> None:
     bench.wait(StateEvent, lambda s: s.state is EngineState.IDLE)
     time.sleep(1.0)
     beats = [beat.monotonic for beat in bench.all(HeartbeatEvent)]
@@ -41,7 +41,7 @@ def test_it_begins_idle_and_beats(bench: Bench) -> None:
     assert len(beats) >= 10
 
 
-def test_a_source_is_observed_to_its_end(bench: Bench) -> None:
+def test_a_source_is_observed_until_its_end(bench: Bench) -> None:
     value = bench.value(opening())
     assert value.state.state == "preview"
     assert value.state.camera.width == 64
@@ -58,7 +58,7 @@ def test_a_source_is_observed_to_its_end(bench: Bench) -> None:
     assert bench.answer(StopRun()).refusal == "state"
 
 
-def test_a_pixel_of_the_newest_frame_can_be_asked(bench: Bench) -> None:
+def test_a_pixel_of_the_newest_frame_is_explained(bench: Bench) -> None:
     refused = bench.answer(ExplainPixel(3.0, 4.0))
     assert refused.refusal == "state"
     assert "no frame" in (refused.error or "")
@@ -76,7 +76,7 @@ def test_a_pixel_of_the_newest_frame_can_be_asked(bench: Bench) -> None:
     assert bench.answer(ExplainPixel(3.0, 4.0)).refusal == "state"
 
 
-def test_a_run_is_marked_until_it_is_stopped(bench: Bench) -> None:
+def test_observations_carry_the_run_id_until_it_is_stopped(bench: Bench) -> None:
     bench.value(opening("many", run_id="r1", segment=3))
     event = bench.wait(ObservationEvent)
     assert (event.run_id, event.line["segment"]) == ("r1", 3)
@@ -89,7 +89,7 @@ def test_a_run_is_marked_until_it_is_stopped(bench: Bench) -> None:
     bench.wait(ObservationEvent, lambda e: e.run_id is None)
 
 
-def test_a_looped_source_goes_on_in_segments_with_its_own_truth(bench: Bench) -> None:
+def test_a_looped_source_continues_in_new_segments_with_its_truth(bench: Bench) -> None:
     bench.truth = StandingTruth()
     bench.value(opening(loop=True))
     bench.wait(ObservationEvent, lambda e: e.line["frame"] == 11)
@@ -101,7 +101,7 @@ def test_a_looped_source_goes_on_in_segments_with_its_own_truth(bench: Bench) ->
     assert bench.state.has_truth
 
 
-def test_parameters_act_from_the_frame_that_is_named(bench: Bench) -> None:
+def test_parameters_apply_from_the_returned_frame(bench: Bench) -> None:
     bench.value(opening("many"))
     bench.wait(ObservationEvent, lambda e: e.sequence == 3)
     first = bench.value(SetParameters({"flow.residual_threshold_px": 2.5}, 7))
@@ -135,7 +135,7 @@ def test_refused_parameters_change_nothing(bench: Bench) -> None:
     assert bench.observers[0].revision == 1
 
 
-def test_pause_step_and_restart(bench: Bench) -> None:
+def test_playback_can_be_paused_stepped_and_restarted(bench: Bench) -> None:
     bench.value(opening("many", paused=True))
     time.sleep(0.3)
     assert bench.all(ObservationEvent) == []
@@ -153,7 +153,7 @@ def test_pause_step_and_restart(bench: Bench) -> None:
     assert bench.answer(SetPlayback(paused=True)).refusal == "state"
 
 
-def test_the_heart_beats_while_a_source_takes_long_to_open(bench: Bench) -> None:
+def test_heartbeats_continue_while_a_source_is_slow_to_open(bench: Bench) -> None:
     bench.open_gate = threading.Event()
     asked = bench.ask(opening())
     time.sleep(0.2)
@@ -168,7 +168,7 @@ def test_the_heart_beats_while_a_source_takes_long_to_open(bench: Bench) -> None
     assert event.line["parameters_revision"] == 5, "set while opening, so it must be in force"
 
 
-def test_an_opening_can_be_given_up(bench: Bench) -> None:
+def test_an_opening_can_be_cancelled(bench: Bench) -> None:
     bench.open_gate = threading.Event()
     asked = bench.ask(opening())
     bench.value(CloseSource())
@@ -183,7 +183,7 @@ def test_an_opening_can_be_given_up(bench: Bench) -> None:
     assert bench.state.source.frame_count == 10_000
 
 
-def test_the_heart_beats_between_slow_stages(bench: Bench) -> None:
+def test_heartbeats_continue_between_slow_stages(bench: Bench) -> None:
     bench.value(opening("many", paused=True))
     bench.observers[0].slow_stages = [0.1] * 15
     bench.forget()
@@ -194,7 +194,9 @@ def test_the_heart_beats_between_slow_stages(bench: Bench) -> None:
     assert max(b - a for a, b in itertools.pairwise(beats)) < 1.0
 
 
-def test_what_cannot_be_opened_is_refused_and_said(bench: Bench, numbered: Numbered) -> None:
+def test_a_source_that_cannot_be_opened_is_refused_with_a_reason(
+    bench: Bench, numbered: Numbered
+) -> None:
     reply = bench.answer(opening("nothing"))
     assert reply.refusal == "input"
     assert reply.error == "there is no nothing; give a name that exists"
@@ -212,7 +214,9 @@ def test_what_cannot_be_opened_is_refused_and_said(bench: Bench, numbered: Numbe
     assert bench.state.state is EngineState.PREVIEW
 
 
-def test_a_missing_or_unfit_calibration_is_one_sentence(bench: Bench, numbered: Numbered) -> None:
+def test_a_missing_or_unsuitable_calibration_is_refused_with_a_reason(
+    bench: Bench, numbered: Numbered
+) -> None:
     bench.sources["bare"] = numbered(5, own_calibration=None, spec="bare")
     reply = bench.answer(opening("bare"))
     assert reply.refusal == "input"
@@ -230,7 +234,7 @@ def test_a_missing_or_unfit_calibration_is_one_sentence(bench: Bench, numbered: 
     bench.value(opening("bare", calibration_yaml=fitting))
 
 
-def test_what_was_decided_about_the_own_calibration_is_told_while_it_is_used(
+def test_notes_on_the_sources_calibration_are_reported_while_it_is_used(
     bench: Bench, numbered: Numbered, caplog: pytest.LogCaptureFixture
 ) -> None:
     bench.calibration_notes = ("calibration.yaml: D1 was replaced",)
@@ -247,7 +251,9 @@ def test_what_was_decided_about_the_own_calibration_is_told_while_it_is_used(
     assert told not in caplog.messages
 
 
-def test_a_calibration_cannot_be_tried_without_an_image(bench: Bench, numbered: Numbered) -> None:
+def test_a_calibration_preview_is_refused_without_an_image(
+    bench: Bench, numbered: Numbered
+) -> None:
     text = calibration_text(numbered().own_calibration)
     assert bench.answer(PreviewCalibration(text)).refusal == "state"
     bench.value(opening("many", paused=True))
@@ -255,7 +261,7 @@ def test_a_calibration_cannot_be_tried_without_an_image(bench: Bench, numbered: 
     assert bench.answer(PreviewCalibration("nonsense")).refusal == "input"
 
 
-def test_a_stage_that_breaks_fails_the_session_not_the_engine(bench: Bench) -> None:
+def test_a_failing_stage_fails_the_session_not_the_engine(bench: Bench) -> None:
     bench.value(opening("many", paused=True, run_id="r2"))
     bench.observers[0].breaks_at = 1
     bench.value(SetPlayback(step=3))
@@ -268,9 +274,7 @@ def test_a_stage_that_breaks_fails_the_session_not_the_engine(bench: Bench) -> N
     bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
 
 
-def test_a_read_that_breaks_fails_the_session_not_the_engine(
-    bench: Bench, numbered: Numbered
-) -> None:
+def test_a_failing_read_fails_the_session_not_the_engine(bench: Bench, numbered: Numbered) -> None:
     source = bench.sources["fragile"] = numbered(10_000)
     bench.value(opening("fragile", paused=True))
 
@@ -297,7 +301,7 @@ def test_unreadable_frames_are_reported(bench: Bench, numbered: Numbered) -> Non
     ]
 
 
-def test_watching_reaches_the_publisher_and_shutdown_ends(bench: Bench) -> None:
+def test_watched_views_reach_the_publisher_and_shutdown_ends_the_loop(bench: Bench) -> None:
     bench.value(WatchViews(("left", "cloud")))
     assert bench.publisher.watched == ("left", "cloud")
     bench.value(opening("many"))

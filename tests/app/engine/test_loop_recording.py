@@ -87,7 +87,7 @@ class _Mapping:
         return OccupancyMap.of(cells, (0.0, 0.0), 0.1, (0.0, 0.0, 0.0), frame.received)
 
 
-def test_local_maps_are_told_and_recorded_beside_their_frames(
+def test_local_maps_are_sent_and_recorded_with_their_frames(
     numbered: Numbered, tmp_path: Path
 ) -> None:
     path = tmp_path / "recording.mcap"
@@ -109,7 +109,7 @@ def test_local_maps_are_told_and_recorded_beside_their_frames(
     assert events == []
 
 
-def test_a_frame_that_breaks_the_observer_is_recorded_with_why(
+def test_a_frame_that_crashes_the_observer_is_recorded_with_the_reason(
     bench: Bench, tmp_path: Path
 ) -> None:
     path = tmp_path / "recording.mcap"
@@ -126,14 +126,14 @@ def test_a_frame_that_breaks_the_observer_is_recorded_with_why(
         assert ["a stage broke" in i.sentence for i in recording.incidents()] == [True]
 
 
-def test_a_recording_without_room_refuses_the_run(bench: Bench, tmp_path: Path) -> None:
+def test_a_full_disk_refuses_the_run(bench: Bench, tmp_path: Path) -> None:
     order = RecordOrder(str(tmp_path / "r.mcap"), "jpeg", "a run", reserve_bytes=1 << 60)
     refused = bench.answer(opening(run_id="r1", record=order))
     assert refused.refusal == "full"
     assert bench.sources["numbers"].closed == 1
 
 
-def test_the_last_half_minute_of_a_live_source_can_be_had(
+def test_the_last_half_minute_of_a_live_source_can_be_saved(
     bench: Bench, numbered: Numbered, tmp_path: Path
 ) -> None:
     bench.sources["camera"] = numbered(8, live=True)
@@ -156,7 +156,7 @@ def test_the_last_half_minute_of_a_live_source_can_be_had(
     assert bench.answer(full).refusal == "full"
 
 
-def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
+def test_after_a_run_the_last_half_minute_is_buffered_again(
     bench: Bench, numbered: Numbered, tmp_path: Path
 ) -> None:
     bench.sources["camera"] = numbered(100_000, live=True)
@@ -179,7 +179,7 @@ def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
         assert not recording.unfinished
 
 
-def test_before_motion_capture_is_aligned_its_topics_say_why_they_are_empty(
+def test_unaligned_motion_capture_topics_state_why_they_are_empty(
     bench: Bench, numbered: Numbered, tmp_path: Path
 ) -> None:
     path = tmp_path / "recording.mcap"
@@ -220,7 +220,7 @@ class Cameras:
         return LiveReport((), self._source.at, 0, None, None, 0)
 
 
-def test_cameras_too_fast_for_the_computer_are_processed_less_and_the_run_says_so(
+def test_a_run_reports_reduced_processing_when_cameras_are_too_fast(
     bench: Bench, numbered: Numbered, tmp_path: Path
 ) -> None:
     path = tmp_path / "r1" / "recording.mcap"

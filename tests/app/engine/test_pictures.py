@@ -119,7 +119,7 @@ def near(image: np.ndarray[Any, Any], at: tuple[int, int], bgr: tuple[int, int, 
 
 
 @pytest.mark.parametrize("gray", [True, False])
-def test_the_left_view_shows_stars_flow_and_rectangle_on_a_copy(gray: bool) -> None:
+def test_the_left_view_draws_features_flow_and_boxes_on_a_copy(gray: bool) -> None:
     what = observed(gray=gray)
     before = what.trace["left"].copy()
     image = picture("left", what)
@@ -145,7 +145,7 @@ def test_only_dynamic_residuals_are_red() -> None:
     assert not near(image, (40, 40), (60, 60, 255))
 
 
-def test_the_plain_and_warped_views_are_the_images() -> None:
+def test_the_plain_and_warped_views_show_the_images() -> None:
     what = observed()
     for name, key in (("plain", "left"), ("warped", "warped_left")):
         difference = np.abs(picture(name, what)[..., 0] - what.trace[key].astype(int))
@@ -153,7 +153,7 @@ def test_the_plain_and_warped_views_are_the_images() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in VIEW_NAMES if name not in CAMERA_NAMES])
-def test_every_view_has_a_picture_also_of_a_first_frame(name: str) -> None:
+def test_every_view_has_an_image_even_for_a_first_frame(name: str) -> None:
     image = picture(name, observed(full=False))
     assert image.shape == (HEIGHT, WIDTH, 3)
     if name in ("warped", "disparity", "residual"):
@@ -161,7 +161,7 @@ def test_every_view_has_a_picture_also_of_a_first_frame(name: str) -> None:
         assert image.max() > 100
 
 
-def test_where_no_image_is_transformed_the_view_says_so_and_names_the_model() -> None:
+def test_a_warped_view_without_an_image_names_the_model() -> None:
     first = observed(full=False)
     pictures = []
     for model in ("rigid", "monocular", "affine"):
@@ -182,7 +182,7 @@ def rectified() -> StereoCalibration:
 
 
 @pytest.mark.parametrize("rows", [0, 3])
-def test_the_preview_measures_how_far_rows_are_apart(rows: int) -> None:
+def test_the_preview_measures_the_vertical_row_error(rows: int) -> None:
     left = scene()
     right = np.roll(np.roll(left, -8, axis=1), rows, axis=0)
     frame = StereoFrame(0, 0.0, left, right, received=0.0)
@@ -196,19 +196,19 @@ def test_the_preview_measures_how_far_rows_are_apart(rows: int) -> None:
     assert image.shape == (HEIGHT, 2 * WIDTH, 3)
 
 
-def test_nothing_to_match_has_no_error_instead_of_zero() -> None:
+def test_without_matches_the_error_is_none_instead_of_zero() -> None:
     empty = np.zeros((HEIGHT, WIDTH), np.uint8)
     assert vertical_error(empty, empty) == (None, 0)
 
 
-def test_a_preview_of_another_size_is_refused() -> None:
+def test_a_preview_with_a_different_image_size_is_refused() -> None:
     frame = StereoFrame(0, 0.0, scene(640, 480), scene(640, 480), received=0.0)
     with pytest.raises(CalibrationError, match="640x480"):
         preview_calibration(frame, calibration_text(rectified()), lambda: None)
 
 
 @pytest.mark.parametrize("shift_px", [0.0, 0.3, 1.2])
-def test_small_vertical_errors_are_measured_below_a_pixel(shift_px: float) -> None:
+def test_vertical_errors_are_measured_to_subpixel_accuracy(shift_px: float) -> None:
     noise = np.random.default_rng(3).integers(0, 256, (200, 320)).astype(np.uint8)
     left = np.asarray(cv2.GaussianBlur(noise, (0, 0), 2.0), np.uint8)
     left = np.asarray(cv2.normalize(left, None, 0, 255, cv2.NORM_MINMAX), np.uint8)
@@ -219,7 +219,7 @@ def test_small_vertical_errors_are_measured_below_a_pixel(shift_px: float) -> No
     assert error == pytest.approx(shift_px, abs=0.05)
 
 
-def test_the_rows_of_a_board_are_those_of_its_corners() -> None:
+def test_row_errors_of_a_board_come_from_its_corners() -> None:
     # The board's squares look alike, so its features are matched across them.
     world = World(load_scenario("calibration"), 0)
     frame = SimulatedSource(world).read()
@@ -233,7 +233,7 @@ def test_the_rows_of_a_board_are_those_of_its_corners() -> None:
     assert preview_calibration(frame, text, lambda: None, Board(rows=5)).matches != 54
 
 
-def test_the_left_view_hatches_where_motion_could_not_be_noticed() -> None:
+def test_the_left_view_hatches_unobservable_areas() -> None:
     seen = observed()
     rows = ("." * 20,) * 6 + ("." * 4 + "pp" + "." * 14,) + ("." * 20,) * 6
     unseen = Unseen(2 / 260, {"plain": 2 / 260}, 16, rows, hides_person=False)

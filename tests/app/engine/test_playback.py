@@ -51,7 +51,7 @@ def player(source: Any, **changes: Any) -> Player:
     return Player(source, **({"paused": False, "rate": 1.0, "loop": False} | changes))
 
 
-def test_frames_come_at_the_recorded_pace(numbered: Numbered) -> None:
+def test_frames_play_at_the_recorded_pace(numbered: Numbered) -> None:
     host = Host(player(numbered(5)))
     host.run(2.0)
     assert [round(at - 1000.0, 6) for at, _ in host.played] == [0.0, 0.1, 0.2, 0.3, 0.4]
@@ -69,7 +69,7 @@ def test_the_rate_scales_the_pace(numbered: Numbered, rate: float) -> None:
     assert host.played[9][0] - host.played[0][0] == pytest.approx(0.9 / rate)
 
 
-def test_a_changed_rate_acts_from_the_next_frame_on(numbered: Numbered) -> None:
+def test_a_changed_rate_applies_from_the_next_frame(numbered: Numbered) -> None:
     host = Host(player(numbered(100)))
     host.run(0.95)
     host.player.change(SetPlayback(rate=4.0))
@@ -78,7 +78,7 @@ def test_a_changed_rate_acts_from_the_next_frame_on(numbered: Numbered) -> None:
     assert [b - a for a, b in itertools.pairwise(later)] == pytest.approx([0.025] * 4)
 
 
-def test_pause_holds_and_resuming_neither_hurries_nor_skips(numbered: Numbered) -> None:
+def test_resuming_after_a_pause_neither_rushes_nor_skips(numbered: Numbered) -> None:
     host = Host(player(numbered(10)))
     host.run(0.25)
     host.player.change(SetPlayback(paused=True))
@@ -90,7 +90,7 @@ def test_pause_holds_and_resuming_neither_hurries_nor_skips(numbered: Numbered) 
     assert [b - a for a, b in itertools.pairwise(times)] == pytest.approx([0.1] * 3)
 
 
-def test_steps_show_just_so_many_frames(numbered: Numbered) -> None:
+def test_steps_show_exactly_as_many_frames(numbered: Numbered) -> None:
     host = Host(player(numbered(10), paused=True))
     assert host.run(1.0) == []
     host.player.change(SetPlayback(step=2))
@@ -124,7 +124,7 @@ def test_looping_continues_time_and_index_in_a_new_segment(numbered: Numbered) -
     assert [round(at - 1000, 6) for at, _ in host.played][:9] == [k / 10 for k in range(9)]
 
 
-def test_restart_begins_anew_with_time_going_on(numbered: Numbered) -> None:
+def test_restart_returns_to_the_start_while_time_continues(numbered: Numbered) -> None:
     host = Host(player(numbered(10)))
     host.run(0.35)
     host.player.change(SetPlayback(restart=True))
@@ -135,7 +135,7 @@ def test_restart_begins_anew_with_time_going_on(numbered: Numbered) -> None:
     assert [p.new_segment for p in again] == [True, False]
 
 
-def test_an_ended_source_goes_on_when_looped_or_restarted(numbered: Numbered) -> None:
+def test_an_ended_source_continues_when_looped_or_restarted(numbered: Numbered) -> None:
     host = Host(player(numbered(2)))
     host.run(1.0)
     assert host.player.ended
@@ -162,7 +162,7 @@ def test_a_slow_observer_slows_playback_and_loses_nothing(numbered: Numbered) ->
     )
 
 
-def test_a_single_late_frame_is_made_up_for(numbered: Numbered) -> None:
+def test_a_single_late_frame_is_caught_up(numbered: Numbered) -> None:
     host = Host(player(numbered(20)))
     host.run(0.45)
     host.now += 0.09
@@ -191,14 +191,14 @@ def test_unreadable_frames_are_reported_and_leave_a_gap(numbered: Numbered) -> N
 
 @pytest.mark.parametrize("loop", [True, False])
 @pytest.mark.parametrize(("count", "broken"), [(0, ()), (3, {0, 1, 2})])
-def test_a_source_without_any_frame_is_refused(
+def test_a_source_without_readable_frames_is_refused(
     numbered: Numbered, loop: bool, count: int, broken: Any
 ) -> None:
     with pytest.raises(SourceError, match="contains no readable frame"):
         Host(player(numbered(count, broken=broken), loop=loop)).run(1.0)
 
 
-def test_a_live_source_is_neither_held_nor_restamped(numbered: Numbered) -> None:
+def test_a_live_source_is_neither_paused_nor_restamped(numbered: Numbered) -> None:
     live = player(numbered(3, live=True), paused=True)
     live.read_ahead()
     assert live.wait_s(5.0) == 0.0
@@ -226,7 +226,7 @@ def test_rates_out_of_range_change_nothing(numbered: Numbered, rate: float) -> N
         max_size=12,
     )
 )
-def test_whatever_is_pressed_time_and_index_only_go_forward(
+def test_time_and_index_only_increase_for_any_commands(
     numbered: Numbered, commands: list[tuple[str, float]]
 ) -> None:
     host = Host(player(numbered(4, broken={2}), loop=True))
@@ -296,7 +296,7 @@ def positions(frames: list[PlayedFrame]) -> list[int]:
     return [played.position for played in frames]
 
 
-def test_a_recording_begins_anew_where_it_did_then(numbered: Numbered) -> None:
+def test_a_recording_starts_segments_where_they_were_recorded(numbered: Numbered) -> None:
     frames = Host(player(Recorded(numbered))).run(5.0)
     assert positions(frames) == list(range(10))
     assert [played.position for played in frames if played.new_segment] == [3, 6]
@@ -307,7 +307,7 @@ def test_a_recording_begins_anew_where_it_did_then(numbered: Numbered) -> None:
     assert frames[6].source_time == pytest.approx(100.0)
 
 
-def test_a_recording_goes_on_from_any_frame(numbered: Numbered) -> None:
+def test_a_recording_can_be_played_from_any_frame(numbered: Numbered) -> None:
     host = Host(player(Recorded(numbered)))
     assert positions(host.run(0.25)) == [0, 1, 2]
     host.player.change(SetPlayback(seek=8))
@@ -321,7 +321,7 @@ def test_a_recording_goes_on_from_any_frame(numbered: Numbered) -> None:
     assert all(b.index > a.index and b.time > a.time for a, b in itertools.pairwise(seen))
 
 
-def test_while_paused_the_frame_that_is_sought_is_shown(numbered: Numbered) -> None:
+def test_seeking_while_paused_shows_that_frame(numbered: Numbered) -> None:
     host = Host(player(Recorded(numbered), paused=True))
     host.run(0.1)
     for sought in (4, 2, 9):
@@ -332,7 +332,7 @@ def test_while_paused_the_frame_that_is_sought_is_shown(numbered: Numbered) -> N
     assert positions(host.run(1.0)) == [0, 1, 2]
 
 
-def test_damaged_frames_behind_what_is_sought_end_nothing(numbered: Numbered) -> None:
+def test_damaged_frames_after_a_seek_are_skipped(numbered: Numbered) -> None:
     host = Host(player(Recorded(numbered, broken=(8, 9))))
     host.run(0.1)
     host.player.change(SetPlayback(seek=8))
@@ -344,7 +344,7 @@ def test_damaged_frames_behind_what_is_sought_end_nothing(numbered: Numbered) ->
 
 
 @pytest.mark.parametrize("change", [{"seek": 10}, {"seek": -1}, {"seek": 2, "restart": True}])
-def test_what_cannot_be_sought_changes_nothing(numbered: Numbered, change: Any) -> None:
+def test_an_invalid_seek_changes_nothing(numbered: Numbered, change: Any) -> None:
     host = Host(player(Recorded(numbered)))
     host.run(0.15)
     with pytest.raises(InputError, match="seek must be a frame from 0 to 9"):
@@ -353,7 +353,7 @@ def test_what_cannot_be_sought_changes_nothing(numbered: Numbered, change: Any) 
     assert positions(host.run(0.1)) == [2]
 
 
-def test_only_a_recording_is_searched(numbered: Numbered) -> None:
+def test_only_a_recording_is_seekable(numbered: Numbered) -> None:
     plain = player(numbered(5))
     assert not plain.seekable
     with pytest.raises(InputError, match="only recordings"):

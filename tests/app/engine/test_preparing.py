@@ -16,7 +16,7 @@ from .bench import PATIENCE_S, Bench, Numbered, opening
 NOTE = "compiling, which takes a while"
 
 
-def test_a_source_waits_and_the_engine_does_not(numbered: Numbered) -> None:
+def test_a_source_waits_for_preparation_but_the_engine_does_not(numbered: Numbered) -> None:
     done = threading.Event()
 
     def compile_for_a_while(tell: Callable[[str], None]) -> None:
@@ -39,7 +39,7 @@ def test_a_source_waits_and_the_engine_does_not(numbered: Numbered) -> None:
         assert bench.state.preparing is None
 
 
-def test_what_fails_here_is_left_to_whoever_needs_it(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_failed_preparation_is_only_logged(caplog: pytest.LogCaptureFixture) -> None:
     def fail(_: Callable[[str], None]) -> None:
         raise OSError("no space left on device")
 

@@ -79,7 +79,7 @@ def bench() -> Iterator[Bench]:
         os.close(fd)
 
 
-def test_only_what_is_watched_is_written(bench: Bench) -> None:
+def test_only_watched_views_are_written(bench: Bench) -> None:
     publisher, readers = bench.publisher, bench.readers
     publisher.publish(observed(1))
     assert all(reader.read() is None for reader in readers.values())
@@ -100,7 +100,7 @@ def test_only_what_is_watched_is_written(bench: Bench) -> None:
         publisher.watch(("left", "front"))
 
 
-def test_a_cloud_is_made_where_the_method_makes_no_disparity(bench: Bench) -> None:
+def test_a_cloud_is_computed_when_the_method_gives_no_disparity(bench: Bench) -> None:
     bench.publisher.watch((CLOUD_NAME,))
     bench.publisher.publish(observed(4))
     latest = bench.wait_read(CLOUD_NAME)
@@ -117,7 +117,7 @@ def test_a_cloud_is_made_where_the_method_makes_no_disparity(bench: Bench) -> No
     assert bench.readers["disparity"].read() is None, "nobody watches it"
 
 
-def test_a_recording_keeps_a_cloud_a_second_though_nobody_looks(bench: Bench) -> None:
+def test_a_recording_gets_one_cloud_per_second_without_watchers(bench: Bench) -> None:
     kept: queue.SimpleQueue[tuple[Cloud, float]] = queue.SimpleQueue()
     for index in range(4):
         # One second apart, so that each cloud is due.
@@ -134,7 +134,7 @@ def test_a_recording_keeps_a_cloud_a_second_though_nobody_looks(bench: Bench) ->
     assert bench.told.empty()
 
 
-def test_a_cloud_that_is_due_is_kept_though_a_newer_frame_takes_its_place(bench: Bench) -> None:
+def test_a_due_cloud_is_recorded_despite_newer_frames(bench: Bench) -> None:
     kept: queue.SimpleQueue[float] = queue.SimpleQueue()
     busy, free = threading.Event(), threading.Event()
 
@@ -166,7 +166,7 @@ def test_a_later_watcher_gets_the_cloud_of_the_known_disparity(bench: Bench) -> 
     assert points[:, 2] == pytest.approx(200.0 * 0.1 / 10.0)
 
 
-def test_the_disparity_view_is_made_beside_the_loop_too(bench: Bench) -> None:
+def test_the_disparity_view_is_computed_outside_the_loop(bench: Bench) -> None:
     bench.publisher.watch(("disparity", "plain"))
     bench.publisher.publish(observed(3))
     plain = bench.readers["plain"].read()
@@ -180,7 +180,7 @@ def test_the_disparity_view_is_made_beside_the_loop_too(bench: Bench) -> None:
     assert bench.readers[CLOUD_NAME].read() is None
 
 
-def test_a_failure_is_told_by_name_and_the_next_pair_is_tried(bench: Bench) -> None:
+def test_a_failure_is_reported_and_the_next_pair_is_processed(bench: Bench) -> None:
     bench.publisher.watch((CLOUD_NAME,))
     bench.publisher.publish(observed(1, right=np.zeros((5, 5), np.uint8)))
     told = bench.next_told()
@@ -191,7 +191,7 @@ def test_a_failure_is_told_by_name_and_the_next_pair_is_tried(bench: Bench) -> N
     assert bench.wait_read(CLOUD_NAME).header["frame"] == 2
 
 
-def test_nothing_of_a_closed_source_is_written_later(
+def test_no_result_of_a_closed_source_is_written_later(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     at_work, go_on = threading.Event(), threading.Event()

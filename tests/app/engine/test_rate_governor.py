@@ -37,7 +37,7 @@ class Loop:
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-def test_nothing_is_reduced_while_there_is_time(share: float) -> None:
+def test_nothing_is_reduced_while_frames_are_in_time(share: float) -> None:
     loop = Loop(share * PERIOD_S)
     loop.run(60)
     assert loop.reduction is None
@@ -45,7 +45,7 @@ def test_nothing_is_reduced_while_there_is_time(share: float) -> None:
 
 
 @pytest.mark.parametrize(("share", "level"), [(1.02, 1), (1.2, 2), (5.0, 2)])
-def test_as_little_is_left_out_as_lets_the_frames_through(share: float, level: int) -> None:
+def test_the_smallest_sufficient_reduction_is_chosen(share: float, level: int) -> None:
     loop = Loop(share * PERIOD_S)
     loop.run(12)
     assert loop.reduction == REDUCTIONS[level - 1]
@@ -77,7 +77,7 @@ def test_processing_is_restored_step_by_step_once_the_load_is_gone() -> None:
     assert loop.reduction is None
 
 
-def test_a_camera_that_slows_down_in_the_dark_costs_nothing() -> None:
+def test_a_camera_that_slows_down_in_the_dark_causes_no_reduction() -> None:
     loop = Loop(1.5 * PERIOD_S)
     # Frames arrive only every third period.
     for _ in range(200):

@@ -111,7 +111,7 @@ def file_limit() -> Iterator[Callable[[int], None]]:
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_what_is_given_stands_in_the_file_in_order(tmp_path: Path) -> None:
+def test_everything_is_written_to_the_file_in_order(tmp_path: Path) -> None:
     path = tmp_path / "runs" / "r1" / "recording.mcap"
     recorder = begin(command(path))
     recorder.skipped(SkippedFrame(7, "frame 7 is damaged"))
@@ -133,7 +133,7 @@ def test_what_is_given_stands_in_the_file_in_order(tmp_path: Path) -> None:
         assert [i.kind for i in recording.incidents()] == ["failed"]
 
 
-def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
+def test_a_stalled_disk_costs_frames_not_time(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
     slow = SlowWriter(RecordingWriter(path, FACTS))
     recorder = RunRecorder(slow, order(path), most_bytes=3 * FRAME_BYTES)  # type: ignore[arg-type]
@@ -156,7 +156,7 @@ def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
         assert sum(int(each[1]) for each in lost if each is not None) == 97
 
 
-def test_a_full_disk_ends_the_recording_alone(
+def test_a_full_disk_ends_only_the_recording(
     tmp_path: Path, file_limit: Callable[[int], None]
 ) -> None:
     path = tmp_path / "recording.mcap"
@@ -179,7 +179,7 @@ def test_a_full_disk_ends_the_recording_alone(
     assert frames_in(path)[0] == 0
 
 
-def test_it_ends_before_the_disk_is_full(tmp_path: Path) -> None:
+def test_a_recording_ends_before_the_disk_is_full(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
     first = begin(command(path))
     ended(first)
@@ -196,7 +196,7 @@ def test_it_ends_before_the_disk_is_full(tmp_path: Path) -> None:
     ended(recorder)
 
 
-def test_no_room_refuses_a_run_that_begins_but_not_one_that_goes_on(tmp_path: Path) -> None:
+def test_a_full_disk_refuses_a_new_run_but_not_a_resumed_one(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
     with pytest.raises(RecordingError, match="reserved") as refused:
         begin(command(path, reserve_bytes=1 << 60))
@@ -209,7 +209,7 @@ def test_no_room_refuses_a_run_that_begins_but_not_one_that_goes_on(tmp_path: Pa
     assert not path.exists()
 
 
-def test_a_run_that_goes_on_is_recorded_in_the_same_file(tmp_path: Path) -> None:
+def test_a_resumed_run_is_recorded_in_the_same_file(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
     for segment in (0, 1):
         recorder = begin(command(path, segment))
@@ -224,7 +224,7 @@ def test_a_run_that_goes_on_is_recorded_in_the_same_file(tmp_path: Path) -> None
     assert path.with_suffix(".damaged.mcap").read_bytes() == b"no recording"
 
 
-def test_a_fault_in_what_is_recorded_ends_the_recording_with_a_sentence(tmp_path: Path) -> None:
+def test_invalid_data_ends_the_recording_and_states_the_error(tmp_path: Path) -> None:
     recorder = begin(command(tmp_path / "recording.mcap"))
     recorder.observation({"no": "line"}, time.monotonic(), None, [])
     eventually(lambda: recorder.facts().trouble)
@@ -232,7 +232,7 @@ def test_a_fault_in_what_is_recorded_ends_the_recording_with_a_sentence(tmp_path
     ended(recorder)
 
 
-def test_an_ended_recording_lets_go_of_its_last_half_minute(tmp_path: Path) -> None:
+def test_an_ended_recording_releases_its_last_half_minute(tmp_path: Path) -> None:
     """A page may keep its final state for long; the next run has a last half minute as well."""
     path, ring = tmp_path / "recording.mcap", Ring()
     writer = RecordingWriter(path, FACTS, ring=ring)

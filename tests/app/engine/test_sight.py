@@ -33,7 +33,7 @@ WORLD = "simulated:drive:x"
 
 
 class Slots:
-    """Both slots, and a clock that stands still."""
+    """Both slots, and a stopped clock."""
 
     def __init__(self) -> None:
         fds = [create_slot(1 << 16) for _ in (SIGHT_NAME, WHEELS_NAME)]
@@ -89,7 +89,7 @@ MOUNT = open_source("simulated:drive").source.info.mount
 GUARD = GuardParameters()
 
 
-def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
+def test_every_frame_is_written_with_its_world_and_status(slots: Slots) -> None:
     for observed in observed_frames(2):
         slots.writer.write(observed, MOUNT, WORLD, GUARD)
         sight = slots.read()
@@ -102,14 +102,14 @@ def test_every_frame_is_told_with_its_world_and_status(slots: Slots) -> None:
         assert sight.scan is None
 
 
-def test_free_floor_is_looked_for_while_a_robot_is_there(slots: Slots) -> None:
+def test_free_floor_is_searched_only_while_a_robot_is_connected(slots: Slots) -> None:
     observed = observed_frames(2)[1]
     slots.drive()
     slots.writer.write(observed, MOUNT, WORLD, GUARD)
     scan = slots.read().scan
     free = [b for a, b in zip(scan.known_from_m, scan.known_to_m, strict=True) if b > a]
     assert len(free) > 0.7 * len(scan.bearings)
-    # In a recording nobody drives; without a mount the floor is unknown.
+    # In a recording no robot is driven; without a mount the floor is unknown.
     slots.writer.write(observed, MOUNT, None, GUARD)
     assert slots.read().scan is None
     slots.writer.write(observed, None, WORLD, GUARD)
@@ -119,7 +119,7 @@ def test_free_floor_is_looked_for_while_a_robot_is_there(slots: Slots) -> None:
     assert slots.read().scan is None
 
 
-def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
+def test_a_covered_lens_is_reported_in_its_first_frame(slots: Slots) -> None:
     for observed in observed_frames(8, cover_from=6)[5:]:
         slots.drive()
         slots.writer.write(observed, MOUNT, WORLD, GUARD)
@@ -134,7 +134,7 @@ def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
         )
 
 
-def test_wheels_tell_where_the_robot_was_at_a_frame(slots: Slots) -> None:
+def test_odometry_is_interpolated_to_the_frame_time(slots: Slots) -> None:
     assert slots.feed.odometry(99.8) is None
     slots.drive()
     told = slots.feed.odometry(99.75)
@@ -152,7 +152,7 @@ def test_wheels_tell_where_the_robot_was_at_a_frame(slots: Slots) -> None:
     assert slots.feed.odometry(99.75) is None
 
 
-def test_a_yaw_that_jumps_by_a_turn_is_the_same_yaw(slots: Slots) -> None:
+def test_yaw_is_interpolated_across_the_wraparound(slots: Slots) -> None:
     slots.wheels.write({"observer": [[99.8, 0, 0, math.pi - 0.1], [99.9, 0, 0, 0.1 - math.pi]]})
     told = slots.feed.odometry(99.85)
     assert told is not None
@@ -201,7 +201,7 @@ def test_the_robots_of_a_world_are_served_while_it_is_observed(numbered: Any) ->
     assert (robots.served, robots.closed, source.closed) == (1, 1, 1)
 
 
-def test_what_cannot_be_served_is_closed(numbered: Any) -> None:
+def test_a_source_whose_robots_cannot_be_served_is_closed(numbered: Any) -> None:
     robots, source = Robots(SourceError("no port is free")), numbered()
     with pytest.raises(SourceError, match="no port is free"):
         session(source, robots)
@@ -218,7 +218,7 @@ def test_live_cameras_show_the_real_world_and_recordings_none(
     opened.close()
 
 
-def test_robots_go_with_a_source_that_is_handed_on(numbered: Any) -> None:
+def test_robots_stay_with_a_source_that_is_handed_over(numbered: Any) -> None:
     robots, source = Robots(), numbered()
     old = session(source, robots)
     for taken_over in (False, True):
@@ -233,7 +233,7 @@ def test_robots_go_with_a_source_that_is_handed_on(numbered: Any) -> None:
         assert (robots.closed, source.closed) == (taken_over, taken_over)
 
 
-def test_the_guards_parameters_change_nothing_that_is_observed() -> None:
+def test_guard_parameters_do_not_affect_observation() -> None:
     changed = AllParameters().changed({"guard.speed_max_mps": 1.5, "guard.step_m": 0.2})
     assert changed.vision == Parameters()
     results = []

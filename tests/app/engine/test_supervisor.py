@@ -108,7 +108,7 @@ def gone(pid: int) -> bool:
         return True
 
 
-async def test_it_starts_answers_observes_and_leaves_nothing() -> None:
+async def test_it_starts_answers_observes_and_leaks_no_descriptors() -> None:
     # Collect garbage of earlier tests first, or its descriptors would be counted.
     gc.collect()
     before = len(os.listdir("/dev/fd"))
@@ -135,7 +135,7 @@ async def test_it_starts_answers_observes_and_leaves_nothing() -> None:
     assert len(os.listdir("/dev/fd")) == before
 
 
-async def test_refusals_and_absence_are_told_apart() -> None:
+async def test_refusals_are_distinguished_from_unavailability() -> None:
     async with Watched(limits=ALONE) as watched:
         supervisor = watched.supervisor
         with pytest.raises(ProcessRefused, match="no run is in progress") as refused:
@@ -182,7 +182,7 @@ async def test_a_dead_or_hung_engine_is_replaced_in_time(number: signal.Signals)
         )
 
 
-async def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() -> None:
+async def test_a_hung_main_loop_is_replaced_although_its_threads_live() -> None:
     async with Watched() as watched:
         await watched.standby_ready()
         begin = time.monotonic()
@@ -194,7 +194,7 @@ async def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() ->
 
 
 @pytest.mark.patient
-async def test_an_engine_that_waits_for_a_processor_is_not_replaced() -> None:
+async def test_an_engine_starved_of_processor_time_is_not_replaced() -> None:
     longest = 0.0
     async with Watched(limits=ALONE) as watched:
         pid = watched.supervisor.health.pid
@@ -213,7 +213,7 @@ async def test_an_engine_that_waits_for_a_processor_is_not_replaced() -> None:
     assert longest > SupervisorLimits().hang_s
 
 
-async def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
+async def test_a_request_to_a_dying_engine_fails_immediately() -> None:
     async with Watched(limits=ALONE) as watched:
         begin = time.monotonic()
         with pytest.raises(
@@ -225,7 +225,7 @@ async def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
         assert "exit code 7" in watched.all(EngineLostEvent)[0].reason
 
 
-async def test_a_request_that_is_not_answered_times_out() -> None:
+async def test_an_unanswered_request_times_out() -> None:
     limits = SupervisorLimits(hang_s=30, standby_delay_s=None)
     async with Watched(limits=limits) as watched:
         pid = watched.supervisor.health.pid
@@ -254,7 +254,7 @@ async def test_a_repeatable_request_is_answered_by_the_next_engine(tmp_path: Pat
         assert (await supervisor.request(numbers(), repeatable=True)).state.state == "preview"
 
 
-async def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() -> None:
+async def test_an_engine_that_keeps_dying_is_restarted_with_backoff() -> None:
     limits = SupervisorLimits(standby_delay_s=0.0, backoff_s=0.2)
     async with Watched(limits=limits) as watched:
 
@@ -277,21 +277,21 @@ async def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() 
         assert pauses[2] >= 0.4
 
 
-async def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None:
+async def test_an_engine_that_never_starts_is_given_up_with_the_reason() -> None:
     dies = (sys.executable, "-c", "exit(3)")
     watched = Watched(dies, limits=SupervisorLimits(backoff_s=0.05))
     with pytest.raises(ProcessUnavailable, match="exit code 3, 3 times in a row"):
         await watched.supervisor.start()
 
 
-async def test_an_engine_that_never_says_a_word_is_given_up() -> None:
+async def test_a_silent_engine_is_given_up() -> None:
     silent = (sys.executable, "-c", "import time; time.sleep(3600)")
     watched = Watched(silent, limits=SupervisorLimits(start_s=0.4, backoff_s=0.05))
     with pytest.raises(ProcessUnavailable, match="did not respond"):
         await watched.supervisor.start()
 
 
-async def test_a_program_that_is_not_there_is_one_sentence() -> None:
+async def test_a_missing_program_is_reported() -> None:
     supervisor = EngineSupervisor(
         command=("/nowhere/python",), limits=SupervisorLimits(backoff_s=0.05)
     )
@@ -299,7 +299,7 @@ async def test_a_program_that_is_not_there_is_one_sentence() -> None:
         await supervisor.start()
 
 
-async def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
+async def test_a_blocked_event_loop_is_not_mistaken_for_a_hung_engine() -> None:
     async with Watched(limits=ALONE) as watched:
         await watched.supervisor.request(numbers())
         pid = watched.supervisor.health.pid
@@ -317,7 +317,7 @@ async def test_a_blocked_event_loop_is_not_taken_for_a_hung_engine() -> None:
         await watched.until(counted, "the count of what was lost")
 
 
-async def test_a_listener_that_fails_harms_nobody() -> None:
+async def test_a_failing_listener_does_not_affect_others() -> None:
     async with Watched(limits=ALONE) as watched:
 
         def failing(_: Any) -> None:
@@ -349,7 +349,7 @@ async def test_a_listener_that_fails_harms_nobody() -> None:
         ),
     ],
 )
-def test_the_end_of_the_parent_is_the_end_of_all(
+def test_engines_end_with_their_parent(
     number: signal.Signals, stopped: bool, behaviour: str
 ) -> None:
     parent = subprocess.Popen(
@@ -437,14 +437,14 @@ async def test_the_real_engine_plays_observes_and_draws_a_stereo_folder(
         assert preview.jpeg.startswith(b"\xff\xd8")
 
 
-async def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_folder: Path) -> None:
+async def test_the_real_engine_asks_for_a_missing_calibration(stereo_folder: Path) -> None:
     (stereo_folder / "calibration.yaml").unlink()
 
     async with Watched(REAL, limits=ALONE) as watched:
         with pytest.raises(ProcessRefused, match="calibration") as refused:
             await watched.supervisor.request(numbers(str(stereo_folder)))
         assert refused.value.refusal == "input"
-        with pytest.raises(ProcessRefused, match="there is no kind of source"):
+        with pytest.raises(ProcessRefused, match="unknown kind of source"):
             await watched.supervisor.request(numbers("nonsense:1"))
         failed = watched.all(StateEvent)[-1]
         assert failed.state is EngineState.FAILED

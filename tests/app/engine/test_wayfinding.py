@@ -66,7 +66,7 @@ def link() -> Iterator[Link]:
     made.close()
 
 
-def test_nothing_is_planned_without_an_errand(link: Link) -> None:
+def test_no_plan_is_made_without_an_errand(link: Link) -> None:
     assert link.look(errand=None) is None
 
 
@@ -80,7 +80,7 @@ def test_a_plan_leads_to_the_goal(link: Link) -> None:
     assert plan.reason == "Driving to the goal, 3.0 m away."
 
 
-def test_the_next_plan_uses_a_change_of_the_planner(link: Link) -> None:
+def test_the_next_plan_uses_changed_planner_parameters(link: Link) -> None:
     crossing = SeenObstacle(3, 1.4, 1.2, 0.0, -0.5, 0.3, 0.05, 0.1, False)
     sight = replace(SIGHT, obstacles=(crossing,))
     careful = PARAMETERS.changed({"navigation.detour_m": 20.0})
@@ -88,11 +88,11 @@ def test_the_next_plan_uses_a_change_of_the_planner(link: Link) -> None:
     assert [None if plan is None else plan.speed_mps for plan in plans] == [0.5, 0.0, 0.5]
 
 
-def test_a_frame_of_an_unknown_place_is_not_planned_by(link: Link) -> None:
+def test_a_frame_without_odometry_gives_no_plan(link: Link) -> None:
     assert link.look(replace(SIGHT, received=NOW - 5.0)) is None
 
 
-def test_a_planner_that_fails_tells_nothing(
+def test_a_failing_planner_gives_no_plan_and_is_logged_once(
     link: Link, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(*_: object) -> Plan:
@@ -106,7 +106,7 @@ def test_a_planner_that_fails_tells_nothing(
     assert link.look() is not None
 
 
-def test_a_local_map_is_told_twice_a_second_on_the_way_to_a_goal(link: Link) -> None:
+def test_a_local_map_is_made_twice_a_second_while_driving_to_a_goal(link: Link) -> None:
     received = [NOW - 0.9 + 0.1 * k for k in range(10)]
     maps = []
     for each in received:
@@ -122,7 +122,7 @@ def test_a_local_map_is_told_twice_a_second_on_the_way_to_a_goal(link: Link) -> 
     assert link.local_map is None
 
 
-def test_a_frame_in_which_little_is_seen_makes_no_local_map(link: Link) -> None:
+def test_a_degraded_frame_gives_no_local_map(link: Link) -> None:
     link.look(replace(SIGHT, status=Status.DEGRADED))
     assert link.local_map is None
     link.look()

@@ -28,7 +28,7 @@ def slot() -> Iterator[tuple[LatestWriter, WheelFeed]]:
     os.close(fd)
 
 
-def test_the_errand_is_read_as_it_was_written(slot: tuple[LatestWriter, WheelFeed]) -> None:
+def test_the_errand_is_read_back_unchanged(slot: tuple[LatestWriter, WheelFeed]) -> None:
     writer, feed = slot
     assert feed.errand(100.0) is None
     writer.write({"observer": [], "errand": ERRAND.facts()})
@@ -40,7 +40,9 @@ def test_the_errand_is_read_as_it_was_written(slot: tuple[LatestWriter, WheelFee
 
 
 @pytest.mark.parametrize("errand", [7, {}, {**ERRAND.facts(), "goal": None}, "x"])
-def test_what_is_no_errand_is_none(slot: tuple[LatestWriter, WheelFeed], errand: object) -> None:
+def test_an_invalid_errand_reads_as_none(
+    slot: tuple[LatestWriter, WheelFeed], errand: object
+) -> None:
     writer, feed = slot
     writer.write({"errand": ERRAND.facts()})
     assert feed.errand(100.0) == ERRAND

@@ -77,7 +77,7 @@ def images(content: bytes, **fields: str) -> dict[str, Any]:
 # --- the whole way --------------------------------------------------------------------------
 
 
-async def test_from_the_board_to_the_calibration_in_use(http: Any, peer: Any, quick: str) -> None:
+async def test_a_board_becomes_the_calibration_in_use(http: Any, peer: Any, quick: str) -> None:
     assert await facts(http) is None
     body = {**CAMERAS, "kind": "charuco", "columns": 7, "rows": 5, "square_mm": 30.5}
     started = await http.post("/api/calibrating", json=body)
@@ -135,7 +135,7 @@ async def test_from_the_board_to_the_calibration_in_use(http: Any, peer: Any, qu
     assert listed == used
 
 
-async def test_what_is_not_possible_is_a_sentence(http: Any, peer: Any) -> None:
+async def test_impossible_requests_are_refused_with_a_reason(http: Any, peer: Any) -> None:
     async def refused(method: str, path: str, body: Any, status: int) -> str:
         answer = await http.request(method, f"/api{path}", json=body)
         assert answer.status_code == status, (path, body, answer.text)
@@ -232,7 +232,7 @@ async def test_bad_values_change_nothing(http: Any, peer: Any) -> None:
 # --- images sent in -------------------------------------------------------------------------
 
 
-async def test_images_are_looked_through(http: Any) -> None:
+async def test_uploaded_images_are_examined(http: Any) -> None:
     sent = archive({**PAIR, "readme.txt": b"x"})
     answer = await http.post("/api/calibrating/images", **images(sent))
     assert answer.status_code == 200, answer.text
@@ -251,7 +251,7 @@ async def test_images_are_looked_through(http: Any) -> None:
     assert await facts(http) == told
 
 
-async def test_fields_beside_the_images_are_checked(http: Any) -> None:
+async def test_form_fields_with_the_images_are_validated(http: Any) -> None:
     bad = {
         "kind": ["circles", ""],
         "columns": ["2", "31", "9.5", "true", "nan", "1e999"],
@@ -296,7 +296,7 @@ HARMFUL: dict[str, Callable[[], bytes]] = {
 }
 
 
-async def test_harmful_archives_are_refused_at_once(http: Any) -> None:
+async def test_harmful_archives_are_refused_immediately(http: Any) -> None:
     children = psutil.Process().children()
     for name, make in HARMFUL.items():
         sent = make()
@@ -314,7 +314,7 @@ async def test_harmful_archives_are_refused_at_once(http: Any) -> None:
 
 
 @pytest.mark.parametrize("announced", [True, False])
-async def test_too_large_an_archive_costs_no_memory(
+async def test_an_oversized_archive_uses_little_memory(
     serve: Any, token: str, announced: bool
 ) -> None:
     async with serve(images_max_bytes=20 * 2**20) as served:
@@ -343,7 +343,7 @@ async def test_too_large_an_archive_costs_no_memory(
         assert (await served.http.get("/api/status")).is_success
 
 
-async def test_each_path_has_its_own_limit(serve: Any) -> None:
+async def test_each_path_has_its_own_size_limit(serve: Any) -> None:
     async with serve(
         images_max_bytes=1000000, calibration_max_bytes=300000, body_max_bytes=200000
     ) as served:
@@ -368,7 +368,7 @@ async def test_each_path_has_its_own_limit(serve: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", ["chessboard", "charuco"])
-async def test_boards_to_print(http: Any, kind: str) -> None:
+async def test_boards_are_served_for_printing(http: Any, kind: str) -> None:
     query = {"columns": 7, "rows": 5, "square_mm": 22.5, "paper": "Letter"}
     svg = await http.get(f"/api/boards/{kind}.svg", params=query)
     assert svg.headers["content-type"].startswith("image/svg+xml")
@@ -398,7 +398,7 @@ async def test_boards_that_cannot_be_printed_are_refused(http: Any) -> None:
         assert (await get(f"/api/boards/{path}")).status_code == 422
 
 
-async def test_devices_of_a_machine_without_cameras(
+async def test_devices_are_listed_on_a_machine_without_cameras(
     http: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer = await http.get("/api/devices")

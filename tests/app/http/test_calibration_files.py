@@ -83,7 +83,7 @@ def opencv(calibration: StereoCalibration = RIG) -> tuple[NamedFile, ...]:
 # --- in -------------------------------------------------------------------------------------
 
 
-async def test_every_format_comes_in_with_notes(served: Any) -> None:
+async def test_every_format_is_imported_with_notes(served: Any) -> None:
     ids: set[str] = set()
 
     for name, (files, told, width, baseline) in FORMATS.items():
@@ -107,7 +107,7 @@ async def test_every_format_comes_in_with_notes(served: Any) -> None:
     assert len(ids) >= len(FORMATS) - 2
 
 
-async def test_what_came_is_kept_as_it_came_unless_its_lengths_were_read_otherwise(
+async def test_an_uploaded_file_is_stored_unchanged_unless_rescaled(
     served: Any,
 ) -> None:
     (file,) = opencv()
@@ -120,7 +120,7 @@ async def test_what_came_is_kept_as_it_came_unless_its_lengths_were_read_otherwi
     assert read.json()["baseline_m"] == pytest.approx(0.12, abs=1e-4)
 
 
-async def test_a_unit_is_asked_for_by_its_field_and_may_be_a_square(served: Any) -> None:
+async def test_a_missing_unit_is_requested_and_may_be_a_square_size(served: Any) -> None:
     (file,) = opencv()
     squares = NamedFile("squares.yaml", file.content.replace(b"-0.12", b"-4.8"))
     asked = await send(served, [squares])
@@ -179,7 +179,7 @@ async def test_refusals_name_file_and_key(served: Any) -> None:
     assert (await served.http.get("/api/calibrations")).json() == []
 
 
-async def test_names_of_files_are_names_and_no_paths(served: Any) -> None:
+async def test_file_names_are_stripped_of_paths(served: Any) -> None:
     (file,) = opencv()
     for given, name in (
         ("../../etc/my cal.yaml", "my cal.yaml"),
@@ -195,7 +195,7 @@ async def test_names_of_files_are_names_and_no_paths(served: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", ["opencv", "ros", "kalibr"])
-async def test_what_goes_out_comes_in_again(served: Any, kind: str) -> None:
+async def test_exported_calibrations_can_be_imported_again(served: Any, kind: str) -> None:
     id = (await send(served, opencv())).json()["id"]
     out = await served.http.get(f"/api/calibrations/{id}/export/{kind}")
     assert out.status_code == 200
@@ -210,7 +210,7 @@ async def test_what_goes_out_comes_in_again(served: Any, kind: str) -> None:
     assert np.allclose(again.K1, RIG.K1)
 
 
-async def test_a_format_that_does_not_hold_it_says_so(served: Any) -> None:
+async def test_a_format_that_cannot_represent_a_calibration_is_refused(served: Any) -> None:
     id = (await send(served, opencv(FISHEYE))).json()["id"]
     for kind in ("opencv", "ros", "kalibr"):
         out = await served.http.get(f"/api/calibrations/{id}/export/{kind}")
@@ -224,7 +224,7 @@ async def test_a_format_that_does_not_hold_it_says_so(served: Any) -> None:
 # --- beside it ------------------------------------------------------------------------------
 
 
-async def test_renamed_used_and_not_deleted_meanwhile(http: Any, served: Any) -> None:
+async def test_a_calibration_in_use_can_be_renamed_but_not_deleted(http: Any, served: Any) -> None:
     entry = (await send(served, opencv())).json()
     path = f"/api/calibrations/{entry['id']}"
     assert (await http.post(f"{path}/activate")).is_success
@@ -244,7 +244,7 @@ async def test_renamed_used_and_not_deleted_meanwhile(http: Any, served: Any) ->
     assert (await http.delete(path)).status_code == 204
 
 
-async def test_a_tape_check_is_kept_beside_it_also_when_it_comes_again(
+async def test_tape_checks_are_stored_and_survive_another_upload(
     http: Any, served: Any, peer: Any
 ) -> None:
     entry = (await send(served, opencv())).json()
@@ -269,7 +269,7 @@ async def test_a_tape_check_is_kept_beside_it_also_when_it_comes_again(
     assert len(listed["tape_checks"]) == 2
 
 
-async def test_what_is_no_measurement_is_refused(http: Any, served: Any) -> None:
+async def test_an_invalid_measurement_is_refused(http: Any, served: Any) -> None:
     path = f"/api/calibrations/{(await send(served, opencv())).json()['id']}"
     plain = {"u": "1", "v": "1", "measured_m": "2.0"}
     for key in plain:
@@ -292,7 +292,7 @@ async def test_what_is_no_measurement_is_refused(http: Any, served: Any) -> None
     assert (await http.get(f"{missing}/depth?u=1&v=1")).status_code == 404
 
 
-async def test_refining_without_pictures_is_refused_and_replaces_nothing(http: Any) -> None:
+async def test_refining_without_images_is_refused_and_replaces_nothing(http: Any) -> None:
     answer = await http.post("/api/calibrations/refine")
     assert answer.status_code == 409
     assert "let the cameras run for a few seconds" in answer.json()["detail"]

@@ -67,9 +67,7 @@ BAD_CALIBRATIONS = {
 }
 
 
-async def test_a_run_keeps_the_calibration_that_came_with_its_source(
-    http: Any, calibration_yaml: Any
-) -> None:
+async def test_a_run_keeps_the_calibration_of_its_source(http: Any, calibration_yaml: Any) -> None:
     started = (await http.post("/api/runs", json={})).json()
     await http.post(f"/api/runs/{started['id']}/stop")
     kept = (await http.get(f"/api/runs/{started['id']}")).json()["calibration_id"]
@@ -81,7 +79,7 @@ async def test_a_run_keeps_the_calibration_that_came_with_its_source(
     assert (await http.post(f"/api/calibrations/{kept}/activate")).status_code == 404
 
 
-async def test_bad_calibrations_are_refused_in_one_sentence(http: Any) -> None:
+async def test_bad_calibrations_are_refused_with_a_short_reason(http: Any) -> None:
     for name, content in BAD_CALIBRATIONS.items():
         answer = await http.post("/api/calibrations", **upload(content))
         assert answer.status_code == 422, (name, answer.text)
@@ -91,7 +89,7 @@ async def test_bad_calibrations_are_refused_in_one_sentence(http: Any) -> None:
     assert (await http.get("/api/calibrations")).json() == []
 
 
-async def test_a_source_without_calibration_gets_one(
+async def test_a_source_without_calibration_can_be_opened_with_one(
     serve: Any, peer: Any, calibration_yaml: Any
 ) -> None:
     async with serve(source="uncalibrated") as served:
@@ -103,7 +101,7 @@ async def test_a_source_without_calibration_gets_one(
         assert peer.opened.source == "uncalibrated"
 
 
-async def test_a_calibration_can_be_activated_where_the_source_failed_for_want_of_one(
+async def test_activating_a_calibration_opens_a_source_that_lacked_one(
     serve: Any, peer: Any, calibration_yaml: Any
 ) -> None:
     async with serve(source="uncalibrated") as served:
@@ -113,9 +111,7 @@ async def test_a_calibration_can_be_activated_where_the_source_failed_for_want_o
         assert isinstance(peer.opened, OpenSource)
 
 
-async def test_what_was_decided_about_a_sources_own_calibration_is_told(
-    http: Any, peer: Any
-) -> None:
+async def test_notes_on_a_sources_calibration_are_warnings(http: Any, peer: Any) -> None:
     told = "calibration of a folder: calibration.yaml: D1 was replaced"
     peer.publish(peer.state(calibration_notes=(told,)))
     assert (await http.get("/api/status")).json()["warnings"] == [told]

@@ -72,7 +72,7 @@ def own_robot(free_port: int, peer: Any) -> Iterator[OwnRobot]:
     robot.close()
 
 
-async def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
+async def test_a_programme_file_is_driven_and_stopped_by_a_signal(
     own_robot: OwnRobot,
     peer: Any,
     storage: Any,

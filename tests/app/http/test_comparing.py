@@ -31,7 +31,7 @@ def _recording(folder: Path, run: str) -> Path:
     return folder / "runs" / run / "recording.mcap"
 
 
-async def test_both_methods_see_the_same_frames(http: Any, peer: Any, tmp_path: Path) -> None:
+async def test_both_methods_process_the_same_frames(http: Any, peer: Any, tmp_path: Path) -> None:
     facts = await _compared(http, source="simulated:people_across")
     assert facts["trouble"] is None
     paper, default = facts["runs"]
@@ -72,7 +72,9 @@ async def test_both_methods_see_the_same_frames(http: Any, peer: Any, tmp_path: 
     assert np.abs(grey.astype(int) - (left if left.ndim == 2 else left.mean(2))).mean() < 3
 
 
-async def test_what_the_worker_kept_is_what_the_command_makes(http: Any, tmp_path: Path) -> None:
+async def test_frames_cached_by_the_worker_match_those_of_the_command(
+    http: Any, tmp_path: Path
+) -> None:
     facts = await _compared(http, source="simulated:people_across")
     for id in facts["runs"]:
         kept = (await http.get(f"/api/runs/{id}/frames")).json()
@@ -108,7 +110,7 @@ async def test_a_comparison_can_be_cancelled(http: Any, tmp_path: Path) -> None:
         ({"seconds": 0.1}, "seconds", "at least 1"),
     ],
 )
-async def test_what_cannot_be_compared_is_refused(
+async def test_an_invalid_comparison_is_refused(
     http: Any, wanted: dict[str, Any], place: str, words: str
 ) -> None:
     answer = await http.post("/api/comparison", json=wanted)
@@ -119,14 +121,14 @@ async def test_what_cannot_be_compared_is_refused(
     assert (await http.get("/api/comparison")).json()["going"] is None
 
 
-async def test_a_source_that_is_not_there_is_told(http: Any) -> None:
+async def test_a_missing_source_is_reported(http: Any) -> None:
     facts = await _compared(http, source="simulated:nowhere")
     assert "nowhere" in facts["trouble"]
     assert facts["runs"] is None
     assert (await http.get("/api/runs")).json() == []
 
 
-async def test_an_armed_robot_goes_first(
+async def test_an_armed_robot_has_priority(
     serve: Any, peer: Any, drive: Any, eventually: Any
 ) -> None:
     peer.world = "simulated:lab/1"
@@ -140,7 +142,7 @@ async def test_an_armed_robot_goes_first(
         assert (await served.http.get("/api/comparison")).json()["going"] is None
 
 
-async def test_frames_that_are_not_there(http: Any) -> None:
+async def test_missing_frames_are_not_found(http: Any) -> None:
     for path in ("frames", "frames/0.jpg"):
         assert (await http.get(f"/api/runs/nothing/{path}")).status_code == 404
     run = (await http.post("/api/runs", json={})).json()

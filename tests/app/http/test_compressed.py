@@ -33,7 +33,7 @@ async def sent(client: Any, path: str, **headers: str) -> tuple[Any, bytes]:
 
 
 @pytest.mark.usefixtures("panel")
-async def test_text_shrinks_for_those_who_take_it_so(serve: Any) -> None:
+async def test_text_is_compressed_for_clients_that_accept_it(serve: Any) -> None:
     async with serve() as served:
         for path in ("/static/long.js", "/"):
             plain, whole = await sent(served.http, path, **{"accept-encoding": "identity"})
@@ -49,7 +49,7 @@ async def test_text_shrinks_for_those_who_take_it_so(serve: Any) -> None:
         assert refused == LONG.encode()
 
 
-async def test_what_would_not_shrink_is_sent_as_it_is(panel: Path, serve: Any) -> None:
+async def test_incompressible_content_is_sent_unchanged(panel: Path, serve: Any) -> None:
     async with serve() as served:
         for name in ("short.js", "picture.png"):
             answer, body = await sent(served.http, f"/static/{name}")
@@ -61,7 +61,7 @@ async def test_what_would_not_shrink_is_sent_as_it_is(panel: Path, serve: Any) -
         assert (head.status_code, head.content) == (200, b"")
 
 
-async def test_either_form_is_revalidated_and_a_changed_file_is_sent_again(
+async def test_both_encodings_are_revalidated_and_changed_files_resent(
     panel: Path, serve: Any
 ) -> None:
     async with serve() as served:

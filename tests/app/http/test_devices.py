@@ -18,7 +18,7 @@ from ...observer.sources.cameras.fake_v4l2 import FakeKernel
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="device files are Linux's")
 
 
-async def test_serial_ports_are_told_with_lasting_names_and_whether_they_may_be_opened(
+async def test_serial_ports_are_listed_with_stable_names_and_permissions(
     serve: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     files, kernel = FakeMachine(tmp_path), FakeKernel({})

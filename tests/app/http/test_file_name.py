@@ -19,7 +19,7 @@ from app.storage import Storage
         ("a\r\nb.csv", "attachment; filename*=utf-8''a%0D%0Ab.csv"),
     ],
 )
-def test_any_name_arrives_and_none_leaves_the_header(name: str, told: str) -> None:
+def test_any_file_name_is_encoded_safely_in_the_header(name: str, told: str) -> None:
     assert content_disposition(name) == told
 
 
@@ -31,7 +31,7 @@ def test_any_name_arrives_and_none_leaves_the_header(name: str, told: str) -> No
         ("x" * 200, "x" * 80),
     ],
 )
-def test_a_runs_name_becomes_that_of_a_file(storage: Storage, name: str, stem: str) -> None:
+def test_a_run_name_becomes_a_file_name(storage: Storage, name: str, stem: str) -> None:
     with storage:
         run = storage.create_run(name=name, source="b", parameters={}, versions={})
         assert file_stem(run) == stem

@@ -14,7 +14,7 @@ from observer.navigation.plan import RefusedPath
 
 
 @pytest.mark.usefixtures("served")
-async def test_a_goal_is_sent_told_and_given_up(http: Any, drive: Any) -> None:
+async def test_a_goal_is_started_shown_and_cancelled(http: Any, drive: Any) -> None:
     lease = await drive.request(TakeLease("observer", "Ann"))
     answer = await http.post("/api/goal", json={"ahead_m": 3, "left_m": -0.5, "lease": lease})
     assert answer.status_code == 200, answer.text
@@ -28,7 +28,7 @@ async def test_a_goal_is_sent_told_and_given_up(http: Any, drive: Any) -> None:
 
 
 @pytest.mark.usefixtures("served")
-async def test_what_is_refused_is_told_with_the_goal(http: Any, drive: Any) -> None:
+async def test_refused_paths_are_reported_with_the_goal(http: Any, drive: Any) -> None:
     lease = await drive.request(TakeLease("observer", "Ann"))
     await http.post("/api/goal", json={"ahead_m": 3, "lease": lease})
     refused = RefusedPath(0.0, 0.5, ((0.1, 0.0), (2.0, 0.0)), "risk", 0.04, 3, 1.2)
@@ -42,7 +42,7 @@ async def test_what_is_refused_is_told_with_the_goal(http: Any, drive: Any) -> N
 
 
 @pytest.mark.usefixtures("served")
-async def test_a_goal_without_a_risk_takes_the_parameter_in_force(http: Any, drive: Any) -> None:
+async def test_a_goal_without_a_risk_uses_the_current_parameter(http: Any, drive: Any) -> None:
     lease = await drive.request(TakeLease("observer", "Ann"))
     await http.patch("/api/parameters", json={"navigation.risk_per_metre": 0.01})
     for told, taken in (
@@ -67,7 +67,7 @@ async def test_a_goal_without_a_risk_takes_the_parameter_in_force(http: Any, dri
         ({"ahead_m": 1.0, "lease": "x", "y": 2.0}, "y"),
     ],
 )
-async def test_what_is_no_goal_is_refused_by_name(
+async def test_an_invalid_goal_is_refused_naming_the_field(
     http: Any, drive: Any, body: dict[str, Any], field: str
 ) -> None:
     answer = await http.post("/api/goal", json=body)

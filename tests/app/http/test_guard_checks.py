@@ -20,7 +20,7 @@ def world(peer: Any) -> None:
     peer.robots = (RobotPort("observer", "socket://127.0.0.1:5001", "amigo-sh", "amigo"),)
 
 
-async def test_a_check_goes_from_step_to_step_into_a_record(
+async def test_a_check_proceeds_step_by_step_to_a_record(
     http: Any, served: Any, drive: Any, eventually: Any, tmp_path: Path
 ) -> None:
     await eventually(lambda: drive.robots)
@@ -78,7 +78,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     assert [each["outcome"] for each in listed] == ["given_up", "incomplete"]
 
 
-async def test_what_cannot_be_is_refused_in_one_sentence(
+async def test_invalid_requests_are_refused_with_a_reason(
     http: Any, served: Any, drive: Any, eventually: Any, tmp_path: Path
 ) -> None:
     await eventually(lambda: drive.robots)

@@ -33,7 +33,7 @@ def build(folder: Path) -> None:
     (folder.parent / "secret.txt").write_text("not for readers")
 
 
-async def test_where_it_is_not_built_one_sentence_says_what_builds_it(
+async def test_missing_documentation_is_reported_with_how_to_build_it(
     built: Path, serve: Any
 ) -> None:
     async with serve() as served:
@@ -46,7 +46,7 @@ async def test_where_it_is_not_built_one_sentence_says_what_builds_it(
         assert (await served.http.get("/help/")).text == PAGE
 
 
-async def test_it_is_read_behind_sign_in(built: Path, serve: Any) -> None:
+async def test_help_requires_sign_in(built: Path, serve: Any) -> None:
     build(built)
     async with serve() as served:
         answer = await served.http.get("/help")
@@ -59,7 +59,7 @@ async def test_it_is_read_behind_sign_in(built: Path, serve: Any) -> None:
             assert answer.status_code == 404, path
 
 
-async def test_a_page_may_run_its_own_inline_scripts_alone(built: Path, serve: Any) -> None:
+async def test_a_page_may_run_only_its_own_inline_scripts(built: Path, serve: Any) -> None:
     build(built)
     digest = base64.b64encode(hashlib.sha256(INLINE.encode()).digest()).decode()
     async with serve() as served:

@@ -63,7 +63,7 @@ async def test_runs_are_found_described_and_deleted_with_undo(http: Any, served:
     assert (await http.post(f"/api/runs/{second}/recover")).status_code == 404
 
 
-async def test_the_run_that_is_going_takes_its_new_name_at_once(http: Any, peer: Any) -> None:
+async def test_renaming_the_current_run_takes_effect_immediately(http: Any, peer: Any) -> None:
     id = (await http.post("/api/runs", json={"name": "old"})).json()["id"]
     peer.observe()
     changed = await http.patch(f"/api/runs/{id}", json={"name": "new", "tags": ["x"]})

@@ -7,7 +7,7 @@ import json
 from typing import Any
 
 
-async def test_runs_and_refusals_are_logged_and_told(served: Any) -> None:
+async def test_runs_and_refusals_are_logged_and_sent_to_pages(served: Any) -> None:
     async with served.socket("/api/live") as socket:
 
         async def told(part: str) -> dict[str, Any]:
@@ -43,7 +43,7 @@ async def test_runs_and_refusals_are_logged_and_told(served: Any) -> None:
     assert rest == page[started["number"] :]
 
 
-async def test_what_only_reads_leaves_no_refusal(served: Any) -> None:
+async def test_a_refused_read_is_not_logged(served: Any) -> None:
     before = (await served.http.get("/api/log")).json()
     assert (await served.http.get("/api/runs/none")).status_code == 404
     assert (await served.http.get("/api/log")).json() == before

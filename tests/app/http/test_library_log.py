@@ -32,7 +32,9 @@ def log(clock: Clock) -> tuple[logging.Logger, io.StringIO]:
     return logger, told
 
 
-def test_what_repeats_is_counted(log: tuple[logging.Logger, io.StringIO], clock: Clock) -> None:
+def test_repeated_messages_are_counted(
+    log: tuple[logging.Logger, io.StringIO], clock: Clock
+) -> None:
     logger, told = log
     for _ in range(5000):
         logger.warning("Invalid HTTP request received.")
@@ -46,7 +48,7 @@ def test_what_repeats_is_counted(log: tuple[logging.Logger, io.StringIO], clock:
     ]
 
 
-def test_what_a_client_causes_has_no_traceback(log: tuple[logging.Logger, io.StringIO]) -> None:
+def test_client_errors_have_no_traceback(log: tuple[logging.Logger, io.StringIO]) -> None:
     logger, told = log
     for error in (ConnectionResetError("reset"), UnicodeDecodeError("utf-8", b"x", 0, 1, "bad")):
         try:
@@ -57,7 +59,7 @@ def test_what_a_client_causes_has_no_traceback(log: tuple[logging.Logger, io.Str
     assert "Traceback" not in told.getvalue()
 
 
-def test_a_fault_of_ours_keeps_its_traceback(log: tuple[logging.Logger, io.StringIO]) -> None:
+def test_a_server_error_keeps_its_traceback(log: tuple[logging.Logger, io.StringIO]) -> None:
     logger, told = log
     try:
         raise ValueError("ours")

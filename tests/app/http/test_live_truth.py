@@ -19,7 +19,9 @@ def opened(peer: Any) -> OpenSource:
     return found
 
 
-async def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventually: Any) -> None:
+async def test_live_truth_is_chosen_shown_and_restored_after_a_restart(
+    serve: Any, peer: Any, eventually: Any
+) -> None:
     async with serve() as served:
         assert (await served.http.get(PATH)).json() is None
         assert (await served.http.get("/api/status")).json()["truth"] is None
@@ -72,7 +74,7 @@ REFUSED: tuple[tuple[dict[str, Any], str, str], ...] = (
 )
 
 
-async def test_what_names_none_is_refused(http: Any, peer: Any) -> None:
+async def test_an_invalid_choice_is_refused(http: Any, peer: Any) -> None:
     for choice, field, sentence in REFUSED:
         answer = await http.put(PATH, json=choice)
         assert answer.status_code == 422, choice
@@ -82,6 +84,6 @@ async def test_what_names_none_is_refused(http: Any, peer: Any) -> None:
     assert not any(isinstance(each, SetTruth) for each in peer.commands)
 
 
-def test_the_command_line_says_what_it_takes() -> None:
+def test_an_invalid_truth_setting_names_the_expected_form() -> None:
     with pytest.raises(ValidationError, match=r"live motion capture is given as vrpn:HOST"):
         Settings(truth="mocap")

@@ -27,13 +27,13 @@ DESKTOP = {"DISPLAY": ":0", "HOME": "/home/ada"}
         ({**DESKTOP, "CI": "true"}, "linux", True, False),
     ],
 )
-def test_where_it_opens(
+def test_a_browser_opens_only_on_a_desktop(
     environment: dict[str, str], platform: str, terminal: bool, expected: bool
 ) -> None:
     assert has_desktop(environment, platform, terminal=terminal) is expected
 
 
-def test_no_browser_that_draws_in_the_terminal_is_started(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_text_mode_browser_is_started(monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
 
     class Drawing(webbrowser.GenericBrowser):

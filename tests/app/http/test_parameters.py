@@ -10,7 +10,7 @@ from app.contract.drive import SetGuard
 THRESHOLD = "ego_motion.ransac_threshold_px"
 
 
-async def test_parameters_reach_the_engine_and_outlive_the_server(
+async def test_parameters_reach_the_engine_and_survive_a_restart(
     serve: Any, peer: Any, storage: Any
 ) -> None:
     async with serve() as served:
@@ -35,7 +35,9 @@ async def test_parameters_reach_the_engine_and_outlive_the_server(
         assert change.difference == {THRESHOLD: 3.5, "stereo.matcher": "bm"}
 
 
-async def test_parameters_change_without_an_engine_and_reach_the_next(http: Any, peer: Any) -> None:
+async def test_parameters_changed_without_an_engine_reach_the_next_one(
+    http: Any, peer: Any
+) -> None:
     peer.lose()
     state = (await http.patch("/api/parameters", json={THRESHOLD: 4.0})).json()
     assert state["values"][THRESHOLD] == 4.0
@@ -68,7 +70,7 @@ async def test_presets_are_saved_used_and_deleted(http: Any) -> None:
     assert (await http.delete("/api/presets/paper")).status_code == 409
 
 
-async def test_values_keep_the_preset_that_they_come_from(serve: Any) -> None:
+async def test_values_remember_the_preset_they_are_based_on(serve: Any) -> None:
     async with serve() as served:
         http = served.http
 
@@ -103,7 +105,7 @@ async def test_values_keep_the_preset_that_they_come_from(serve: Any) -> None:
         assert (state["preset"], state["based_on"]) == (None, "paper")
 
 
-async def test_a_preset_is_replaced_on_purpose_only(http: Any) -> None:
+async def test_a_preset_is_replaced_only_on_request(http: Any) -> None:
     made = await http.post("/api/presets", json={"name": "mine", "help": "for the corridor"})
     assert made.status_code == 201
     await http.patch("/api/parameters", json={THRESHOLD: 2.5})
@@ -119,7 +121,7 @@ async def test_a_preset_is_replaced_on_purpose_only(http: Any) -> None:
     assert (await http.delete("/api/presets/hall%2Fwest")).status_code == 204
 
 
-async def test_a_presets_file_is_checked_as_any_change(http: Any) -> None:
+async def test_a_preset_file_is_validated_like_any_change(http: Any) -> None:
     file = {
         "format": "dynamic-observer preset",
         "name": "theirs",
@@ -157,7 +159,9 @@ async def test_the_schema_describes_every_parameter(served: Any) -> None:
     assert "basic" not in next(e for e in schema if e["name"] == "ego_motion.min_inliers")
 
 
-async def test_the_guard_has_a_revision_of_its_own(serve: Any, peer: Any, storage: Any) -> None:
+async def test_guard_parameters_have_their_own_revision(
+    serve: Any, peer: Any, storage: Any
+) -> None:
     async with serve() as served:
         http = served.http
         await http.patch("/api/parameters", json={THRESHOLD: 3.5})
@@ -176,7 +180,7 @@ async def test_the_guard_has_a_revision_of_its_own(serve: Any, peer: Any, storag
         assert storage.parameter_revisions(None)[-1].difference == {"guard.margin_m": 0.3}
 
 
-async def test_a_change_of_the_planner_reaches_the_engine_and_no_guard(
+async def test_planner_parameters_reach_the_engine_but_not_the_guard(
     serve: Any, peer: Any, drive: Any
 ) -> None:
     async with serve() as served:
@@ -196,7 +200,7 @@ async def test_a_change_of_the_planner_reaches_the_engine_and_no_guard(
         assert len(drive.of(SetGuard)) == told
 
 
-async def test_what_does_not_act_with_the_method_is_taken_with_a_note(served: Any) -> None:
+async def test_parameters_unused_by_the_method_are_accepted_with_a_note(served: Any) -> None:
     changes = {"tracking.gate": 4.0, THRESHOLD: 2.0, "stereo.matcher": "bm"}
     state = (await served.http.patch("/api/parameters", json=changes)).json()
     assert state["values"]["tracking.gate"] == 4.0
@@ -212,7 +216,7 @@ async def test_what_does_not_act_with_the_method_is_taken_with_a_note(served: An
     assert state["notes"] == []
 
 
-async def test_an_old_name_is_refused_with_the_new_one(served: Any) -> None:
+async def test_an_old_name_is_refused_naming_the_new_one(served: Any) -> None:
     changes = {"following.spacing_px": 20}
     refused = await served.http.patch("/api/parameters", json=changes)
     assert refused.status_code == 422

@@ -15,7 +15,7 @@ from app.settings import Settings
 
 
 @pytest.mark.patient
-async def test_views_outlive_a_killed_engine_and_the_numbering_goes_on(
+async def test_views_survive_a_killed_engine_and_numbering_continues(
     serve_app: Any, token: str, tmp_path: Path
 ) -> None:
     settings = Settings(data=tmp_path)

@@ -41,13 +41,13 @@ async def until(condition: Any, what: str) -> None:
 
 
 def zero_after(robot: Serving[EmulatedRobot], moment: float) -> float:
-    """Return the seconds from a moment to the first packet after which the robot stands."""
+    """Return the seconds from a moment to the first packet after which the robot is at rest."""
     first = robot.robot.log.first_standing(moment)
     assert first is not None
     return float(first.time - moment)
 
 
-async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
+async def test_a_stalled_event_loop_and_a_closed_page_stop_the_robot_in_time(
     tmp_path: Path,
     peer: Any,
     storage: Storage,

@@ -31,7 +31,9 @@ def real(tmp_path: Path, serve_app: Any, token: str) -> Any:
     return make
 
 
-async def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_path: Path) -> None:
+async def test_a_run_survives_its_engine_and_the_page_is_notified(
+    real: Any, tmp_path: Path
+) -> None:
     async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
         assert (await next_obstacle(live))["speed"] >= 0
         image = await served.http.get("/api/views/left.jpg")
@@ -77,7 +79,7 @@ async def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_pat
 
 
 @pytest.mark.patient
-async def test_a_run_asked_of_a_dying_engine_is_begun_by_the_next_one(real: Any) -> None:
+async def test_a_run_requested_from_a_dying_engine_is_started_by_the_next(real: Any) -> None:
     async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
         await message(live, lambda m: m["type"] == "observation")
         pid = (await served.http.get("/api/status")).json()["engine"]["pid"]
@@ -95,7 +97,9 @@ async def test_a_run_asked_of_a_dying_engine_is_begun_by_the_next_one(real: Any)
 
 
 @pytest.mark.patient
-async def test_a_calibration_is_tried_on_the_newest_pair(real: Any, calibration_yaml: Any) -> None:
+async def test_a_calibration_is_previewed_on_the_newest_pair(
+    real: Any, calibration_yaml: Any
+) -> None:
     async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
         await message(live, lambda m: m["type"] == "observation")
         good = await upload(served, calibration_yaml())
@@ -115,7 +119,7 @@ async def test_a_calibration_is_tried_on_the_newest_pair(real: Any, calibration_
 
 
 @pytest.mark.patient
-async def test_a_drifted_vergence_is_told_and_offered_as_a_calibration(real: Any) -> None:
+async def test_a_vergence_drift_is_reported_and_offered_as_a_calibration(real: Any) -> None:
     async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
         await open_source(served, "simulated:static_vergence")
         told = await message(live, lambda m: is_aged(m) and is_drifted(m["ageing"]["vergence"]))
@@ -135,7 +139,7 @@ async def test_a_drifted_vergence_is_told_and_offered_as_a_calibration(real: Any
 
 
 @pytest.mark.patient
-async def test_a_skew_that_nobody_told_is_told(real: Any) -> None:
+async def test_an_undeclared_exposure_skew_is_reported(real: Any) -> None:
     async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
         await open_source(served, "simulated:static_skew")
         told = await message(live, lambda m: is_aged(m) and m["ageing"]["exposure_skew"])

@@ -24,7 +24,7 @@ from observer.recording.source import RecordingSource
 
 
 @pytest.mark.slow
-async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles(
+async def test_a_recorded_run_opened_as_a_source_gives_the_same_obstacles(
     tmp_path: Path, serve_app: Any, token: str, eventually: Any
 ) -> None:
     settings = Settings(data=tmp_path / "data")

@@ -12,9 +12,7 @@ from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
 from observer.exporting.tables import TABLES
 
 
-async def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(
-    http: Any, peer: Any
-) -> None:
+async def test_metrics_give_the_status_figures_in_prometheus_format(http: Any, peer: Any) -> None:
     peer.observe()
     peer.publish(DenseStereoEvent(0, 0.0, 0.1, 0.05, 1, None))
     answer = await http.get("/metrics")
@@ -31,7 +29,7 @@ async def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(
 # --- pixels --------------------------------------------------------------------------------
 
 
-async def test_a_pixel_answers_with_its_figures(http: Any, peer: Any) -> None:
+async def test_a_pixel_is_explained_with_its_figures(http: Any, peer: Any) -> None:
     early = await http.get("/api/pixel?u=1&v=1")
     assert early.status_code == 409
     assert early.json()["detail"] == "no frame has been observed yet"
@@ -47,7 +45,7 @@ async def test_a_pixel_answers_with_its_figures(http: Any, peer: Any) -> None:
     assert (await http.get("/api/pixel?u=1&v=1")).status_code == 503
 
 
-async def test_what_is_no_pixel_is_refused_in_one_sentence(http: Any, peer: Any) -> None:
+async def test_an_invalid_pixel_is_refused_with_a_reason(http: Any, peer: Any) -> None:
     peer.observe()
     asked = len(peer.commands)
     for query in ("u=1", "v=1", "u=nan&v=1", "u=1&v=inf", "u=a&v=1", "u=1e9&v=1", ""):
@@ -61,7 +59,7 @@ async def test_what_is_no_pixel_is_refused_in_one_sentence(http: Any, peer: Any)
     assert "512 x 256" in problem["msg"]
 
 
-async def test_the_status_tells_how_the_camera_moved(http: Any, peer: Any) -> None:
+async def test_the_status_reports_the_camera_motion(http: Any, peer: Any) -> None:
     motion = EgoMotionStatus(
         model="affine",
         status="ok",
@@ -79,7 +77,7 @@ async def test_the_status_tells_how_the_camera_moved(http: Any, peer: Any) -> No
 # --- the description -----------------------------------------------------------------------
 
 
-async def test_the_description_is_whole_and_stays_on_this_machine(served: Any) -> None:
+async def test_the_api_description_is_complete_and_self_hosted(served: Any) -> None:
     schema = (await served.http.get("/openapi.json")).json()
     assert schema["openapi"].startswith("3.")
     for path, methods in schema["paths"].items():
@@ -99,7 +97,7 @@ async def test_the_description_is_whole_and_stays_on_this_machine(served: Any) -
     assert script.headers["content-type"].startswith("text/javascript")
 
 
-async def test_every_table_that_can_be_exported_can_be_asked_for(served: Any) -> None:
+async def test_every_exportable_table_can_be_requested(served: Any) -> None:
     schema = (await served.http.get("/openapi.json")).json()
     asked = schema["paths"]["/api/runs/{id}/export"]["get"]["parameters"]
     (table,) = (each["schema"] for each in asked if each["name"] == "table")
@@ -116,7 +114,7 @@ def find(value: Any, key: str) -> list[str]:
     return []
 
 
-async def test_status_is_what_is_promised(http: Any, peer: Any) -> None:
+async def test_status_reports_the_promised_values(http: Any, peer: Any) -> None:
     for _ in range(5):
         peer.observe()
     status = (await http.get("/api/status")).json()

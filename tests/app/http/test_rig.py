@@ -28,7 +28,9 @@ def opens(peer: Any) -> list[OpenSource]:
     return [command for command in peer.commands if isinstance(command, OpenSource)]
 
 
-async def test_typed_in_kept_and_observed_with(http: Any, peer: Any, tmp_path: Path) -> None:
+async def test_a_typed_rig_is_stored_and_used_by_the_engine(
+    http: Any, peer: Any, tmp_path: Path
+) -> None:
     before = (await http.get("/api/rig")).json()
     assert before["mount"] == {}
     assert before["file"] == str(tmp_path / "rig.yaml")
@@ -56,7 +58,7 @@ async def test_typed_in_kept_and_observed_with(http: Any, peer: Any, tmp_path: P
     assert 'filename="rig.yaml"' in file.headers["content-disposition"]
 
 
-async def test_a_file_sent_in_and_a_change_that_leaves_what_it_does_not_name(
+async def test_an_uploaded_file_is_stored_and_changed_only_where_named(
     http: Any, tmp_path: Path
 ) -> None:
     sent = await http.put("/api/rig/file", json={"text": FILE})
@@ -70,7 +72,9 @@ async def test_a_file_sent_in_and_a_change_that_leaves_what_it_does_not_name(
     assert kept.T_body_base["P3-DX"].translation.tolist() == [0.1, 0.0, -0.2]
 
 
-async def test_what_somebody_wrote_is_put_aside_and_told(serve: Any, tmp_path: Path) -> None:
+async def test_an_unreadable_rig_file_is_moved_aside_and_reported(
+    serve: Any, tmp_path: Path
+) -> None:
     (tmp_path / "rig.yaml").write_text("mount: {height: 3}\n")
 
     async with serve() as served:
@@ -133,7 +137,7 @@ async def test_bad_files_are_refused(http: Any, tmp_path: Path) -> None:
     assert not (tmp_path / "rig.yaml").exists()
 
 
-async def test_a_disk_that_is_full_is_answered_with_507(
+async def test_a_full_disk_is_answered_with_507(
     http: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_: int) -> None:
@@ -147,7 +151,7 @@ async def test_a_disk_that_is_full_is_answered_with_507(
     assert list(tmp_path.glob("*rig*")) == []
 
 
-async def test_not_while_a_run_is_going(http: Any, peer: Any, tmp_path: Path) -> None:
+async def test_the_rig_cannot_be_changed_during_a_run(http: Any, peer: Any, tmp_path: Path) -> None:
     assert (await http.post("/api/runs", json={})).status_code == 201
     before = len(opens(peer))
     mount = {"mount": {"height_m": {"value": 0.4}}}
@@ -159,7 +163,7 @@ async def test_not_while_a_run_is_going(http: Any, peer: Any, tmp_path: Path) ->
     assert not (tmp_path / "rig.yaml").exists()
 
 
-async def test_the_floor_tells_height_tilt_and_roll(http: Any, peer: Any) -> None:
+async def test_the_floor_gives_height_tilt_and_roll(http: Any, peer: Any) -> None:
     answer = await http.post("/api/rig/floor")
     assert answer.status_code == 200, answer.text
     told = answer.json()
@@ -176,17 +180,17 @@ async def test_the_floor_tells_height_tilt_and_roll(http: Any, peer: Any) -> Non
     assert (await http.post("/api/rig/floor")).status_code == 503
 
 
-async def test_without_a_source_there_is_no_floor(serve: Any) -> None:
+async def test_a_floor_estimate_needs_an_open_source(serve: Any) -> None:
     async with serve(source="missing") as served:
         answer = await served.http.post("/api/rig/floor")
         assert answer.status_code == 409
         assert "no source is open" in answer.json()["detail"]
 
 
-async def test_the_labs_floor_lies_where_it_does(
+async def test_the_real_engine_measures_the_labs_floor(
     serve_app: Any, token: str, tmp_path: Path
 ) -> None:
-    """With the real engine: the lab's camera stands 0.40 m above the floor, 5 degrees down."""
+    """With the real engine: the lab's camera is 0.40 m above the floor, tilted 5 degrees down."""
 
     settings = Settings(data=tmp_path)
     async with asyncio.timeout(100), serve_app(create_app(settings, token), settings) as served:

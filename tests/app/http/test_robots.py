@@ -54,7 +54,7 @@ async def connected(world: None, served: Any, drive: Any, eventually: Any) -> No
 
 
 @pytest.mark.usefixtures("connected")
-async def test_arming_stopping_and_resetting(http: Any, drive: Any) -> None:
+async def test_robots_are_armed_stopped_and_reset(http: Any, drive: Any) -> None:
     told = (await http.get("/api/robots")).json()
     TypeAdapter(RobotsNow).validate_python(told)
     assert told["world"] == "simulated:lab/1"
@@ -80,7 +80,7 @@ async def test_arming_stopping_and_resetting(http: Any, drive: Any) -> None:
     assert (len(drive.of(ArmRobot)), len(drive.of(ResetStop))) == (5, 1)
 
 
-async def test_refusals_of_the_process_have_their_status(http: Any, drive: Any) -> None:
+async def test_refusals_of_the_drive_process_map_to_http_statuses(http: Any, drive: Any) -> None:
     for refusal, status in (("state", 409), ("input", 422), ("failure", 503)):
         drive.refuse[ArmRobot] = (refusal, "it is not so")
         answer = await http.post("/api/robots/observer/arm")
@@ -105,7 +105,7 @@ async def test_refusals_of_the_process_have_their_status(http: Any, drive: Any) 
     assert (await http.post("/api/robots/stop", json={})).status_code == 200
 
 
-async def test_a_stop_waits_for_nobody_and_outlives_the_process(
+async def test_a_stop_does_not_wait_and_survives_the_process(
     http: Any, served: Any, drive: Any, peer: Any, eventually: Any
 ) -> None:
     # While something else holds the server's lock, and wrong tokens are counted.
@@ -142,7 +142,7 @@ async def test_a_stop_waits_for_nobody_and_outlives_the_process(
     assert (await http.get("/api/robots")).json()["process"]["restarts"] == 1
 
 
-async def test_a_key_is_kept_and_never_shown(
+async def test_a_key_is_stored_and_never_shown(
     serve: Any,
     drive: Any,
     peer: Any,
@@ -190,7 +190,7 @@ async def test_a_key_is_kept_and_never_shown(
     assert key not in told.out + told.err
 
 
-async def test_a_port_is_kept_and_changed_in_a_run(
+async def test_a_port_is_stored_and_can_be_changed_during_a_run(
     serve: Any, drive: Any, peer: Any, tmp_path: Path, eventually: Any
 ) -> None:
     peer.world = "real"
@@ -227,7 +227,7 @@ async def test_a_port_is_kept_and_changed_in_a_run(
         assert [c for c in peer.commands if isinstance(c, OpenSource)] == opened
 
 
-async def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
+async def test_concurrent_changes_of_port_and_mount_are_both_stored(
     http: Any, served: Any, tmp_path: Path
 ) -> None:
     async with served.server.shared.lock:
@@ -247,7 +247,7 @@ async def test_a_port_and_a_mount_that_are_changed_at_once_are_both_kept(
 
 
 @pytest.mark.usefixtures("connected")
-async def test_programmes_are_listed_kept_driven_and_forgotten(
+async def test_programmes_are_listed_stored_driven_and_deleted(
     http: Any, drive: Any, tmp_path: Path
 ) -> None:
     listed = (await http.get("/api/programmes")).json()
@@ -291,7 +291,7 @@ async def test_programmes_are_listed_kept_driven_and_forgotten(
 
 
 @pytest.mark.usefixtures("connected")
-async def test_a_run_begins_and_ends_with_its_programme(http: Any, served: Any, drive: Any) -> None:
+async def test_a_run_starts_and_ends_with_its_programme(http: Any, served: Any, drive: Any) -> None:
     wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
     assert (await http.post("/api/runs", json=wanted)).status_code == 404
     assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
@@ -333,7 +333,7 @@ async def test_a_run_begins_and_ends_with_its_programme(http: Any, served: Any, 
 
 
 @pytest.mark.usefixtures("connected")
-async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_armed_again(
+async def test_a_run_restarts_a_simulated_world_and_rearms_its_robots(
     http: Any, served: Any, drive: Any, peer: Any
 ) -> None:
     assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
@@ -359,7 +359,7 @@ async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_arm
 
 
 @pytest.mark.usefixtures("connected")
-async def test_wheels_are_kept_with_a_run_and_told_to_pages(
+async def test_wheel_speeds_are_stored_with_a_run_and_sent_to_pages(
     http: Any, served: Any, drive: Any, peer: Any
 ) -> None:
     async with served.socket("/api/live") as live:
@@ -401,14 +401,14 @@ async def test_wheels_are_kept_with_a_run_and_told_to_pages(
         ("commanded", 0.1),
     ]
     assert {row["role"] for row in wheels} == {"observer"}
-    # The command from the ground truth is for the obstacle, which nobody drives.
+    # The command from the ground truth is for the obstacle, which is not driven.
     scripted = [row for row in rows if row["source"] == "commanded" and row["track_id"]]
     assert [row["role"] for row in scripted] == ["obstacle", "obstacle"]
     csv = (await http.get(f"/api/runs/{started['id']}/speeds?format=csv")).text
     assert ",observer,encoder,,0.18,,0" in csv
 
 
-async def test_metrics_tell_of_driving(http: Any, drive: Any) -> None:
+async def test_metrics_include_driving(http: Any, drive: Any) -> None:
     text = (await http.get("/metrics")).text
     assert "dynamic_observer_drive_alive 1.0" in text
     assert "dynamic_observer_drive_late_p99_ms 0.4" in text
@@ -419,7 +419,7 @@ async def test_metrics_tell_of_driving(http: Any, drive: Any) -> None:
     assert "dynamic_observer_drive_late_p99_ms" not in text
 
 
-async def test_without_a_drive_process_the_rest_goes_on(serve: Any, drive: Any) -> None:
+async def test_without_a_drive_process_everything_else_works(serve: Any, drive: Any) -> None:
     drive.cannot_start = True
 
     async with serve() as served:

@@ -19,7 +19,7 @@ from observer.types import Odometry
 CONTENT = b"\x89MCAP0\r\n and so on"
 
 
-async def test_a_run_is_recorded_and_its_recording_can_be_had(
+async def test_a_run_is_recorded_and_its_recording_is_downloadable(
     http: Any, peer: Any, tmp_path: Path
 ) -> None:
     started = (await http.post("/api/runs", json={"record": "lossless"})).json()
@@ -73,7 +73,7 @@ async def test_a_full_disk_is_answered_with_507(http: Any, peer: Any) -> None:
     assert peer.opened.source == "simulated:lab"
 
 
-async def test_a_run_goes_on_in_its_recording_with_another_engine(
+async def test_a_run_continues_its_recording_with_the_next_engine(
     served: Any, peer: Any, eventually: Any
 ) -> None:
     await served.http.post("/api/runs", json={})
@@ -85,7 +85,7 @@ async def test_a_run_goes_on_in_its_recording_with_another_engine(
     await eventually(lambda: served.server.source.state.state is EngineState.RUNNING)
 
 
-async def test_robots_are_told_of_in_the_recording(
+async def test_robot_data_are_sent_for_the_recording(
     served: Any, peer: Any, drive: Any, eventually: Any
 ) -> None:
     await served.http.post("/api/runs", json={})
@@ -123,7 +123,7 @@ async def test_robots_are_told_of_in_the_recording(
     assert [(i.kind, i.received) for i in command.incidents] == [("guard", 7.0)]
 
 
-async def test_the_last_half_minute_is_saved_beside_the_run(
+async def test_the_last_half_minute_is_saved_with_the_run(
     http: Any, peer: Any, tmp_path: Path
 ) -> None:
     refused = await http.post("/api/recording/ring")
@@ -141,7 +141,9 @@ async def test_the_last_half_minute_is_saved_beside_the_run(
     }  # fmt: skip
 
 
-async def test_saved_half_minutes_are_listed_had_and_deleted(served: Any, tmp_path: Path) -> None:
+async def test_saved_half_minutes_are_listed_downloaded_and_deleted(
+    served: Any, tmp_path: Path
+) -> None:
     alone = "ring-20261121-235959-000001"
     of_a_run = "ring-20261122-081500-123456"
     for place, name in (
@@ -174,7 +176,7 @@ async def test_saved_half_minutes_are_listed_had_and_deleted(served: Any, tmp_pa
 
 
 @pytest.mark.parametrize("automatic", [True, False])
-async def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
+async def test_a_guard_stop_saves_the_last_half_minute_once(
     serve: Any, peer: Any, drive: Any, eventually: Any, monkeypatch: Any, automatic: bool
 ) -> None:
     monkeypatch.setattr(rings, "_BEHIND_STOP_S", 0.05)

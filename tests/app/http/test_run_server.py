@@ -78,7 +78,9 @@ def wait_until_ready(link: str) -> None:
         pytest.param(signal.SIGKILL, marks=pytest.mark.patient),
     ],
 )
-def test_it_ends_when_told_and_leaves_no_process(tmp_path: Path, how: signal.Signals) -> None:
+def test_the_server_ends_on_a_signal_and_leaves_no_process(
+    tmp_path: Path, how: signal.Signals
+) -> None:
     with server(tmp_path) as (process, link):
         wait_until_ready(link)
         children = engines(psutil.Process(process.pid))
@@ -95,7 +97,7 @@ def test_it_ends_when_told_and_leaves_no_process(tmp_path: Path, how: signal.Sig
         assert "Traceback" not in out + err
 
 
-def test_a_busy_port_is_said_in_one_sentence(tmp_path: Path) -> None:
+def test_a_busy_port_is_reported(tmp_path: Path) -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -105,7 +107,7 @@ def test_a_busy_port_is_said_in_one_sentence(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_is_one_servers_and_free_behind_its_end_however_it_ended(tmp_path: Path) -> None:
+def test_a_data_folder_is_exclusive_and_free_after_any_exit(tmp_path: Path) -> None:
     for _ in range(2):
         # The second server follows one that was killed.
         with (
@@ -115,7 +117,7 @@ def test_a_folder_is_one_servers_and_free_behind_its_end_however_it_ended(tmp_pa
             run(Settings(port=0, data=tmp_path))
 
 
-def test_a_database_is_one_servers_whatever_their_folders(tmp_path: Path) -> None:
+def test_a_database_is_exclusive_across_data_folders(tmp_path: Path) -> None:
     database = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     with (
         occupied(tmp_path / "one", database),
@@ -124,21 +126,21 @@ def test_a_database_is_one_servers_whatever_their_folders(tmp_path: Path) -> Non
         run(Settings(port=0, data=tmp_path / "other", database=database))
 
 
-def test_a_database_that_cannot_be_used_is_said(tmp_path: Path) -> None:
+def test_an_unusable_database_is_reported(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
     with pytest.raises(StorageError, match="choose a folder"):
         run(Settings(port=0, data=blocked / "data"))
 
 
-def test_an_address_that_is_not_ours_is_said(tmp_path: Path) -> None:
+def test_an_address_of_another_machine_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--host"):
         _bind(Settings(host="192.0.2.1", port=0, data=tmp_path))
     with pytest.raises(InputError, match="--host"):
         _bind(Settings(host="no such host", port=0, data=tmp_path))
 
 
-def test_a_bad_certificate_is_said(tmp_path: Path) -> None:
+def test_a_bad_certificate_is_reported(tmp_path: Path) -> None:
     cert = tmp_path / "cert.pem"
     cert.write_text("nothing of the kind")
     for key in (cert, tmp_path / "missing.pem"):
@@ -146,7 +148,7 @@ def test_a_bad_certificate_is_said(tmp_path: Path) -> None:
             run(Settings(port=0, data=tmp_path / "data", tls_cert=cert, tls_key=key))
 
 
-def test_what_is_logged_onto_a_full_disk_is_lost_and_disturbs_nothing() -> None:
+def test_logging_to_a_full_disk_loses_messages_without_errors() -> None:
     # Linux's full disk; closing it tries to write the rest of its buffer.
     full = Path("/dev/full").open("w", buffering=1)  # noqa: SIM115
     try:

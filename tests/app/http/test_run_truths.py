@@ -49,7 +49,7 @@ async def planted_again(job: Rerun, *_: Any) -> Rerunned:
     return Rerunned(390, 1, 0.0, DURATION_S, file.stat().st_size, 0)
 
 
-async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
+async def test_truth_is_aligned_with_a_run_and_shown_in_its_chart(
     http: Any, served: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     id = await planted(served)
@@ -138,7 +138,7 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
     assert work_folders(tmp_path) == []
 
 
-async def test_what_was_heard_live_is_laid_over_a_run_when_it_has_ended(
+async def test_live_motion_capture_is_aligned_when_the_run_ends(
     served: Any, eventually: Any
 ) -> None:
     server = served.server
@@ -152,9 +152,7 @@ async def test_what_was_heard_live_is_laid_over_a_run_when_it_has_ended(
     assert {row.body for row in server.storage.speeds(id)} == {"cart"}
 
 
-async def test_angles_that_can_be_read_in_two_ways_are_asked_for(
-    served: Any, tmp_path: Path
-) -> None:
+async def test_ambiguous_angle_conventions_must_be_chosen(served: Any, tmp_path: Path) -> None:
     rows = [
         "Objects", "100", ",,Global Angle A:A,,,,,,",
         "Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ", ",,rad,rad,rad,mm,mm,mm",
@@ -181,7 +179,7 @@ async def test_angles_that_can_be_read_in_two_ways_are_asked_for(
     assert work_folders(tmp_path) == []
 
 
-async def test_files_are_made_and_what_is_not_there_is_said(
+async def test_exports_are_generated_and_missing_parts_are_named(
     http: Any, served: Any, tmp_path: Path
 ) -> None:
     id = await planted(served)
@@ -200,7 +198,7 @@ async def test_files_are_made_and_what_is_not_there_is_said(
     assert work_folders(tmp_path) == []
 
 
-async def test_a_command_ends_with_the_client_that_wanted_it(
+async def test_a_command_ends_when_its_client_disconnects(
     served: Any, tmp_path: Path, eventually: Any
 ) -> None:
     def children() -> list[psutil.Process]:
@@ -220,7 +218,7 @@ async def test_a_command_ends_with_the_client_that_wanted_it(
     assert (await served.http.get(f"/api/runs/{id}/chart")).is_success
 
 
-async def test_a_run_is_observed_again_with_other_parameters(
+async def test_a_run_is_reprocessed_with_other_parameters(
     http: Any, served: Any, peer: Any
 ) -> None:
     values = {"ego_motion.ransac_threshold_px": 2.0, "guard.stop_margin_m": 0.5}

@@ -30,7 +30,7 @@ async def test_a_locked_database_is_answered_with_503(http: Any, peer: Any, tmp_
     assert (await http.post("/api/runs", json={})).status_code == 201
 
 
-async def test_choosing_a_source(http: Any, peer: Any) -> None:
+async def test_a_source_is_listed_chosen_and_remembered(http: Any, peer: Any) -> None:
     assert peer.opened.source == "simulated:lab"
     sources = (await http.get("/api/sources")).json()
     assert sources[0]["spec"] == "simulated:lab"
@@ -53,7 +53,7 @@ async def test_choosing_a_source(http: Any, peer: Any) -> None:
     assert all(entry["spec"] != "missing" for entry in (await http.get("/api/sources")).json())
 
 
-async def test_playback(http: Any, peer: Any) -> None:
+async def test_playback_commands_reach_the_engine(http: Any, peer: Any) -> None:
     answer = await http.post("/api/playback", json={"paused": True, "step": 2})
     assert answer.json()["paused"] is True
     assert peer.commands[-1] == SetPlayback(paused=True, step=2)
@@ -107,7 +107,7 @@ async def test_a_run_from_start_to_csv(http: Any, peer: Any) -> None:
     assert (await http.delete(f"/api/runs/{id}")).status_code == 404
 
 
-async def test_a_run_whose_source_is_refused_was_never_there(http: Any, peer: Any) -> None:
+async def test_a_run_whose_source_is_refused_is_not_stored(http: Any, peer: Any) -> None:
     answer = await http.post("/api/runs", json={"source": "missing"})
     assert answer.status_code == 422
     assert (await http.get("/api/runs")).json() == []

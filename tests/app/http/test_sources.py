@@ -14,7 +14,7 @@ from app.server.source.thumbnails import Thumbnails
 PICTURE = "/api/sources/picture.jpg?spec=simulated:lab"
 
 
-async def test_a_picture_is_kept_by_the_browser_and_whoever_leaves_ends_its_making(
+async def test_a_picture_is_cacheable_and_cancelled_when_its_client_leaves(
     serve: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     started, ended, let = asyncio.Event(), asyncio.Event(), asyncio.Event()

@@ -20,7 +20,7 @@ def _numbers(step: dict[str, Any]) -> dict[str, float | None]:
     return {number["name"]: number["value"] for number in step["numbers"]}
 
 
-async def test_nine_steps_of_one_pair(http: Any, peer: Any) -> None:
+async def test_one_pair_gives_nine_steps(http: Any, peer: Any) -> None:
     opened = len(peer.commands)
     answer = await http.get("/api/steps", params=_LAB, timeout=90)
     assert answer.status_code == 200, answer.text
@@ -60,7 +60,7 @@ async def test_a_parameter_changes_the_numbers_and_the_picture(http: Any) -> Non
     assert pictures[0].content == pictures[2].content
 
 
-async def test_every_step_has_its_files(http: Any) -> None:
+async def test_every_step_can_be_exported(http: Any) -> None:
     for number in range(1, 10):
         answer = await http.get(f"/api/steps/{number}.csv", params=_LAB, timeout=90)
         assert answer.headers["content-type"].startswith("text/csv")
@@ -82,7 +82,7 @@ async def test_every_step_has_its_files(http: Any) -> None:
     assert b"9. Obstacles" in labelled.content
 
 
-async def test_without_a_choice_it_is_the_open_source(http: Any) -> None:
+async def test_the_open_source_is_the_default(http: Any) -> None:
     told = (await http.get("/api/steps", timeout=90)).json()
     assert told["source"] == "simulated:lab"
     assert 0 < told["frame"] < told["frame_count"]
@@ -95,7 +95,7 @@ async def test_without_a_choice_it_is_the_open_source(http: Any) -> None:
     [
         ({"source": "camera:0,1"}, "source", "record a run"),
         ({"source": "coppeliasim:localhost:23000"}, "source", "record a run"),
-        ({"source": "/etc"}, "source", "was not opened here before"),
+        ({"source": "/etc"}, "source", "has not been opened on this server yet"),
         ({"source": "simulated:nowhere"}, "source", "nowhere"),
         ({"source": "run:none"}, "source", "no run none"),
         ({"frame": 99_999}, "frame", "its frames are 0 to"),
@@ -110,7 +110,7 @@ async def test_without_a_choice_it_is_the_open_source(http: Any) -> None:
         ({"p.guard.enabled": "true"}, "guard.enabled", ""),
     ],
 )
-async def test_what_cannot_be_shown_is_refused_in_a_sentence(
+async def test_an_invalid_choice_is_refused_with_a_reason(
     http: Any, choice: dict[str, Any], place: str, words: str
 ) -> None:
     answer = await http.get("/api/steps", params=choice, timeout=90)
@@ -120,12 +120,12 @@ async def test_what_cannot_be_shown_is_refused_in_a_sentence(
     assert words in problem["msg"]
 
 
-async def test_steps_and_formats_that_are_not_there(http: Any) -> None:
+async def test_unknown_steps_and_formats_are_refused(http: Any) -> None:
     for file in ("0.png", "10.png", "4.gif"):
         assert (await http.get(f"/api/steps/{file}", params=_LAB)).status_code == 422
 
 
-async def test_an_armed_robot_goes_first(
+async def test_an_armed_robot_has_priority(
     serve: Any, peer: Any, drive: Any, eventually: Any
 ) -> None:
     peer.world = "simulated:lab/1"
@@ -141,7 +141,7 @@ async def test_an_armed_robot_goes_first(
         assert "disarm" in refused.json()["detail"]
 
 
-async def test_the_process_ends_when_nobody_needs_it_and_starts_again(
+async def test_the_process_ends_when_idle_and_restarts(
     served: Any, eventually: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.server.steps.manager._IDLE_S", 0.1)

@@ -1,4 +1,4 @@
-"""Live images: only the newest, drawn only while somebody watches."""
+"""Live images: only the newest, drawn only while someone watches."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ async def image(socket: Any) -> tuple[int, float, bytes]:
     return sequence, age_ms, data[16:]
 
 
-async def test_images_come_as_they_are_acknowledged(
+async def test_images_are_sent_as_they_are_acknowledged(
     served: Any, peer: Any, eventually: Any
 ) -> None:
     async with served.socket("/api/views/left") as socket:
@@ -41,7 +41,7 @@ async def test_images_come_as_they_are_acknowledged(
     await eventually(lambda: peer.watched == ())
 
 
-async def test_only_what_is_watched_is_drawn(served: Any, peer: Any, eventually: Any) -> None:
+async def test_only_watched_views_are_drawn(served: Any, peer: Any, eventually: Any) -> None:
     assert peer.watched == ()
     async with served.socket("/api/views/left") as one, served.socket("/api/views/left") as two:
         await image(one)
@@ -58,7 +58,7 @@ async def test_only_what_is_watched_is_drawn(served: Any, peer: Any, eventually:
         assert peer.watched == ("left",)
 
 
-async def test_a_new_engine_is_told_who_watches(served: Any, peer: Any, eventually: Any) -> None:
+async def test_a_new_engine_gets_the_watched_views(served: Any, peer: Any, eventually: Any) -> None:
     async with served.socket("/api/views/left") as socket:
         await image(socket)
         peer.lose()
@@ -69,7 +69,7 @@ async def test_a_new_engine_is_told_who_watches(served: Any, peer: Any, eventual
         assert await image(socket)
 
 
-async def test_snapshots(http: Any, peer: Any, eventually: Any) -> None:
+async def test_snapshots_are_served_while_current(http: Any, peer: Any, eventually: Any) -> None:
     names = (await http.get("/api/views")).json()
     assert names == list(VIEW_NAMES)
     for name in names:
@@ -83,7 +83,7 @@ async def test_snapshots(http: Any, peer: Any, eventually: Any) -> None:
     assert (await http.get("/api/views/left.jpg")).status_code == 503
 
 
-async def test_unknown_views_and_garbage(served: Any) -> None:
+async def test_unknown_views_and_garbage_are_refused(served: Any) -> None:
     for name in ("none", "cloud", "..", "left.jpg"):
         with pytest.raises(InvalidStatus) as refused:
             async with served.socket(f"/api/views/{name}"):

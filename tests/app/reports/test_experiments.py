@@ -42,7 +42,7 @@ def experiment(recording: Path) -> Experiment:
     return Experiment("Late in the run", frames[4].received, frames[-1].received + 1.0)
 
 
-def test_only_what_belongs_to_an_experiment_is_judged(
+def test_only_data_within_the_experiment_are_judged(
     recording: Path, report: Report, experiment: Experiment
 ) -> None:
     part = judged(recording, report.gathered, experiment, "rigid")
@@ -57,7 +57,7 @@ def test_only_what_belongs_to_an_experiment_is_judged(
     assert during(report.gathered, 100.0, 200.0).seen == ()
 
 
-def test_the_same_frames_are_observed_by_the_method_as_published(
+def test_the_published_method_processes_the_same_frames(
     report: Report, both: Report, tmp_path: Path
 ) -> None:
     own, published = both.judged
@@ -82,7 +82,7 @@ def test_the_same_frames_are_observed_by_the_method_as_published(
     assert np.array(times) == pytest.approx(own.gathered.true[0].times)
 
 
-def test_a_reproduction_has_each_experiment_by_both_methods(
+def test_a_reproduction_shows_each_experiment_with_both_methods(
     recording: Path,
     both: Report,
     tmp_path: Path,

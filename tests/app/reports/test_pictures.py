@@ -35,7 +35,7 @@ def own(recording: Path, report: Report) -> Iterator[Moment]:
     source.close()
 
 
-def test_figure_12_tells_the_depth_that_the_run_found(own: Moment) -> None:
+def test_figure_12_states_the_depth_found_in_the_run(own: Moment) -> None:
     obstacle = most_significant(own.line)
     assert obstacle is not None
     found = triangulated(own, obstacle)
@@ -56,7 +56,7 @@ def test_figure_12_tells_the_depth_that_the_run_found(own: Moment) -> None:
     assert f"{found.depth_m:.2f} m" in plan.get_title()
 
 
-def test_one_camera_has_neither_stereo_nor_cloud(own: Moment) -> None:
+def test_one_camera_gives_neither_stereo_nor_cloud(own: Moment) -> None:
     parameters = own.parameters.changed({"ego_motion.model": "monocular"})
     one = replace(own, parameters=parameters)
     for make in (pictures._stereo, pictures._cloud):
@@ -65,7 +65,7 @@ def test_one_camera_has_neither_stereo_nor_cloud(own: Moment) -> None:
         assert "used only the left camera" in missing
 
 
-def test_a_real_environment_is_that_of_the_other_figures(
+def test_figures_of_the_other_environment_are_explained_as_missing(
     report: Report, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = {number: ("words", Figure(), "") for number in pictures._TITLES}
@@ -78,7 +78,7 @@ def test_a_real_environment_is_that_of_the_other_figures(
     }
 
 
-def test_without_images_the_obstacle_is_in_a_recorded_cloud(tmp_path: Path) -> None:
+def test_without_images_the_obstacle_is_shown_in_a_recorded_cloud(tmp_path: Path) -> None:
     path = record(tmp_path / "r.mcap", images="none", clouds=True)
     with Recording(path) as recording:
         gathered, facts = gather(recording), recording.facts

@@ -52,7 +52,7 @@ def html(report: Report) -> str:
     return report_html(report)
 
 
-def test_every_figure_is_made(report: Report) -> None:
+def test_every_figure_is_generated(report: Report) -> None:
     assert [each.number for each in report.figures] == [str(n) for n in range(9, 18)]
     assert {each.number: each.missing for each in report.figures if each.missing} == {
         "10": "The source of this run, simulated:lab, is a simulator: figure 9 shows it.",
@@ -66,7 +66,7 @@ def test_every_figure_is_made(report: Report) -> None:
     assert report.gathered.commanded[0].speeds == pytest.approx(0.4)
 
 
-def test_a_robot_that_nobody_drove_was_commanded_by_its_scenario(tmp_path: Path) -> None:
+def test_an_undriven_robot_has_the_commands_of_its_scenario(tmp_path: Path) -> None:
     path = record(tmp_path / "r.mcap", images="none", frames=4, sent=(0.0, "disarmed"))
     with Recording(path) as recording:
         (commanded,) = gather(recording).commanded
@@ -74,7 +74,7 @@ def test_a_robot_that_nobody_drove_was_commanded_by_its_scenario(tmp_path: Path)
     assert commanded.speeds.max() > 0.3
 
 
-def test_the_errors_are_those_of_the_run(report: Report) -> None:
+def test_errors_are_computed_from_the_run(report: Report) -> None:
     whole = report.errors[0]
     assert whole.samples > 5
     assert whole.rmse_mps is not None
@@ -83,7 +83,7 @@ def test_the_errors_are_those_of_the_run(report: Report) -> None:
     assert report.changes == {"P3-DX": 0}
 
 
-def test_the_page_stands_alone_and_says_what_a_reader_needs(html: str) -> None:
+def test_the_page_is_self_contained_and_complete(html: str) -> None:
     page = _Page()
     page.feed(html)
     page.close()
@@ -106,7 +106,7 @@ def test_the_page_stands_alone_and_says_what_a_reader_needs(html: str) -> None:
     assert re.search(r"<td>2</td><td>9</td><td>flow\.residual_threshold_px</td>", html)
 
 
-def test_what_was_not_recorded_is_said(bare: Path, tmp_path: Path) -> None:
+def test_missing_recordings_are_stated(bare: Path, tmp_path: Path) -> None:
     made = make_report(bare, lambda _done, _of: None)
     html = report_html(made)
     assert html.count("Not shown: recording.mcap was recorded without images") == 8
@@ -120,7 +120,7 @@ def test_what_was_not_recorded_is_said(bare: Path, tmp_path: Path) -> None:
     assert (tmp_path / "figures" / "figure17.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_the_data_are_those_of_the_figures(report: Report, tmp_path: Path) -> None:
+def test_exported_data_match_the_figures(report: Report, tmp_path: Path) -> None:
     charts = Report(**{**vars(report), "figures": report.figures[-1:]})
     write_figures(charts, tmp_path / "a")
     with (tmp_path / "a" / "speeds.csv").open() as file:
@@ -136,7 +136,7 @@ def test_the_data_are_those_of_the_figures(report: Report, tmp_path: Path) -> No
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
 
 
-def test_the_command_refuses_what_is_no_run(
+def test_the_command_refuses_a_missing_run(
     tmp_path: Path, bare: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from observer.errors import InputError

@@ -45,12 +45,12 @@ class Laboratory(ScriptedServer):
 
     @property
     def drives(self) -> int:
-        """Return how many drives were begun."""
+        """Return how many drives were started."""
         return self.calls.count(("POST", "/robots/programme"))
 
     def facts(self) -> dict[str, Any]:
         self.looks += 1
-        # As if the machine was busy at first, but no longer when somebody looks for the reason.
+        # As if the machine was busy at first, but no longer once its load is checked.
         return {
             **super().facts(),
             "sight": {"age_s": 0.3 if self.looks < 5 else 0.04},
@@ -115,7 +115,7 @@ def mine() -> MotionProfile:
     return profile_from_text(MINE)
 
 
-def test_both_are_driven_anew_where_the_robots_were_stopped(
+def test_both_experiments_are_repeated_when_the_robots_were_stopped(
     laboratory: Laboratory, mine: MotionProfile, tmp_path: Path
 ) -> None:
     laboratory.late = {0, 2}
@@ -143,7 +143,7 @@ def test_both_are_driven_anew_where_the_robots_were_stopped(
     assert arms == [*alone, *both, *alone, *both, *both, *alone, *both, *both]
 
 
-def test_a_later_drive_that_had_hardly_begun_begins_again_where_it_is(
+def test_a_later_drive_stopped_early_restarts_in_place(
     laboratory: Laboratory, mine: MotionProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Everything that is driven in this test counts as the gesture.
@@ -157,7 +157,7 @@ def test_a_later_drive_that_had_hardly_begun_begins_again_where_it_is(
     assert second.began - first.ended > 0.2
 
 
-def test_it_ends_after_so_many_attempts(
+def test_a_reproduction_gives_up_after_the_maximum_attempts(
     laboratory: Laboratory, mine: MotionProfile, tmp_path: Path
 ) -> None:
     laboratory.late = range(99)
@@ -168,7 +168,7 @@ def test_it_ends_after_so_many_attempts(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_written_is_told_before_anything_is_driven(
+def test_an_unwritable_folder_is_reported_before_driving(
     laboratory: Laboratory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("in the way")

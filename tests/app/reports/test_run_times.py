@@ -50,7 +50,7 @@ def _go_on(path: Path) -> None:
     ("slower", "engines", "length"),
     [(11.0, 1, (FRAMES - 1) * STEP), (1.0, 2, (2 * FRAMES - 1) * STEP)],
 )
-def test_report_chart_and_csv_have_one_length(
+def test_report_chart_and_csv_agree_on_the_length(
     tmp_path: Path, slower: float, engines: int, length: float
 ) -> None:
     path = record(tmp_path / "r.mcap", images="none", frames=FRAMES, slower=slower)

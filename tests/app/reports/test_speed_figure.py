@@ -49,7 +49,7 @@ def test_gaps_break_lines() -> None:
     assert len(broken(TIMES, np.ones(40))[0]) == 40
 
 
-def test_identities_are_drawn_apart_and_truth_has_its_gap(gathered: Gathered) -> None:
+def test_identities_are_drawn_separately_and_truth_has_its_gap(gathered: Gathered) -> None:
     (axes,) = speed_figure([("an experiment", gathered)]).axes
     drawn = _lines(axes)
     assert set(drawn) >= {"estimate", "cart, ground truth", "commanded"}
@@ -71,7 +71,7 @@ def test_unmatched_tracks_are_labelled(gathered: Gathered) -> None:
     assert {"estimate", "unmatched track"} <= set(labels)
 
 
-def test_a_chart_takes_its_colours_from_the_page(gathered: Gathered) -> None:
+def test_a_chart_inherits_its_colours_from_the_page(gathered: Gathered) -> None:
     figure = speed_figure([("x", gathered)])
     svg = themed_svg(figure, "figure17")
     assert svg.startswith("<svg")
@@ -93,7 +93,7 @@ def _line(number: int, id_: int, x: float, state: str = "confirmed") -> dict[str
     }  # fmt: skip
 
 
-def test_tracks_are_matched_by_place_and_coasting_ones_left_out() -> None:
+def test_tracks_are_matched_by_position_and_coasting_ones_omitted() -> None:
     def body(id_: int, name: str, x: float) -> TrueBody:
         return TrueBody(id_, name, "obstacle", np.array([x, 0, 3.2]), np.array([0.3, 0, 0]),
                         np.array([0.4, 0.4, 0.3]), np.pi / 2, 1.0, None)  # fmt: skip

@@ -52,13 +52,13 @@ def told(program: str) -> list[float]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the memory is read from /proc")
-def test_threads_share_what_they_have_freed() -> None:
+def test_memory_freed_by_threads_is_shared() -> None:
     (kept,) = told(SHARED)
     assert kept < 30
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the memory is read from /proc")
-def test_what_is_free_between_blocks_that_stay_is_returned() -> None:
+def test_free_memory_between_live_blocks_is_returned() -> None:
     left, kept = told(RETURNED)
     assert left > 60
     assert kept < 10

@@ -40,7 +40,7 @@ def slot() -> Iterator[int]:
     os.close(fd)
 
 
-def test_nothing_written_reads_as_none(slot: int) -> None:
+def test_an_empty_slot_reads_as_none(slot: int) -> None:
     assert LatestReader(slot).read() is None
 
 
@@ -66,7 +66,7 @@ def test_newest_value_wins_and_is_read_once(slot: int) -> None:
         max_size=5,
     )
 )
-def test_what_is_written_is_read(values: list[tuple[dict[str, object], list[bytes]]]) -> None:
+def test_written_values_are_read_back(values: list[tuple[dict[str, object], list[bytes]]]) -> None:
     fd = create_slot(4096)
     try:
         writer, reader = LatestWriter(fd), LatestReader(fd)
@@ -82,7 +82,7 @@ def test_what_is_written_is_read(values: list[tuple[dict[str, object], list[byte
         os.close(fd)
 
 
-def test_arrays_are_joined_as_their_bytes(slot: int) -> None:
+def test_arrays_are_concatenated_as_bytes(slot: int) -> None:
     points = np.arange(12, dtype=np.float32).reshape(4, 3)
     colors = np.arange(12, dtype=np.uint8).reshape(4, 3)
     LatestWriter(slot).write({"count": 4}, points.data, colors.data)
@@ -91,7 +91,7 @@ def test_arrays_are_joined_as_their_bytes(slot: int) -> None:
     assert latest.payload == points.tobytes() + colors.tobytes()
 
 
-def test_too_large_a_value_is_refused_and_the_old_one_stays(slot: int) -> None:
+def test_an_oversized_value_is_refused_and_the_old_one_stays(slot: int) -> None:
     writer, reader = LatestWriter(slot), LatestReader(slot)
     writer.write({"kept": True}, b"old")
     with pytest.raises(ChannelError, match=r"200014 bytes does not fit .* 200000 bytes"):
@@ -107,7 +107,7 @@ def test_a_successor_continues_the_sequence(slot: int) -> None:
     assert LatestWriter(slot).write({}, b"second") == 2
 
 
-def test_a_writer_that_died_halfway_leaves_the_value_before(slot: int) -> None:
+def test_a_writer_killed_mid_write_leaves_the_previous_value(slot: int) -> None:
     writer, reader = LatestWriter(slot), LatestReader(slot)
     writer.write({}, b"whole")
     # What a kill -9 in the middle of the next write leaves: its buffer marked as being written.
@@ -118,7 +118,7 @@ def test_a_writer_that_died_halfway_leaves_the_value_before(slot: int) -> None:
     assert latest.payload == b"whole"
 
 
-def test_a_damaged_value_is_not_handed_out(slot: int) -> None:
+def test_a_damaged_value_is_not_returned(slot: int) -> None:
     writer, reader = LatestWriter(slot), LatestReader(slot)
     writer.write({}, b"x" * 1000)
     raw = writer._bytes
@@ -127,14 +127,14 @@ def test_a_damaged_value_is_not_handed_out(slot: int) -> None:
     assert reader.read() is None
 
 
-def test_a_descriptor_that_is_no_slot_is_refused(tmp_path: Path) -> None:
+def test_a_descriptor_that_is_not_a_slot_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other"
     path.write_bytes(bytes(4096))
     with path.open("r+b") as file, pytest.raises(ChannelError, match="no latest-value slot"):
         LatestReader(file.fileno())
 
 
-def test_values_are_whole_under_a_hammering_writer() -> None:
+def test_values_are_never_torn_under_a_continuous_writer() -> None:
     size = 150_000
     fd = create_slot(size + 100)
     process = subprocess.Popen(
@@ -174,7 +174,7 @@ def test_values_are_whole_under_a_hammering_writer() -> None:
     os.close(fd)
 
 
-def test_the_stress_would_notice_a_reader_without_checks() -> None:
+def test_the_stress_test_detects_a_reader_without_checks() -> None:
     """The same stress on the raw memory does find mixtures, so the test above can fail."""
     size = 150_000
     fd = create_slot(size + 100)

@@ -74,7 +74,7 @@ def test_messages_arrive_whole_and_in_order(pair: tuple[socket.socket, socket.so
 @given(
     texts=st.lists(st.text(max_size=200), max_size=6), cuts=st.lists(st.integers(1, 50), min_size=1)
 )
-async def test_the_asynchronous_reader_takes_any_fragmentation(
+async def test_the_asynchronous_reader_accepts_any_fragmentation(
     texts: list[str], cuts: list[int]
 ) -> None:
     wire = b"".join(encode(text) for text in texts)
@@ -97,7 +97,7 @@ async def test_the_asynchronous_reader_takes_any_fragmentation(
     assert messages == texts
 
 
-def test_the_end_in_the_middle_of_a_message_is_the_end(
+def test_a_truncated_message_counts_as_the_end(
     pair: tuple[socket.socket, socket.socket],
 ) -> None:
     here, there = pair
@@ -113,7 +113,7 @@ def test_an_absurd_length_is_refused(pair: tuple[socket.socket, socket.socket]) 
         load_message(there.makefile("rb"))
 
 
-def test_a_slow_reader_costs_observations_and_nothing_else(
+def test_a_slow_reader_loses_only_observations(
     pair: tuple[socket.socket, socket.socket],
 ) -> None:
     here, there = pair
@@ -147,7 +147,7 @@ def test_a_slow_reader_costs_observations_and_nothing_else(
     assert len(heartbeats) < 100, "waiting heartbeats must not pile up"
 
 
-def test_skipped_frames_share_the_bound(pair: tuple[socket.socket, socket.socket]) -> None:
+def test_skipped_frame_events_are_bounded(pair: tuple[socket.socket, socket.socket]) -> None:
     here, there = pair
     sender = engine_sender(here, backlog=4)
     for number in range(3000):
@@ -163,7 +163,7 @@ def test_skipped_frames_share_the_bound(pair: tuple[socket.socket, socket.socket
     assert received[-1].index == 2999
 
 
-def test_close_ends_even_if_nobody_reads(pair: tuple[socket.socket, socket.socket]) -> None:
+def test_close_returns_even_without_a_reader(pair: tuple[socket.socket, socket.socket]) -> None:
     here, _ = pair
     sender = engine_sender(here)
     for number in range(50):
@@ -174,7 +174,7 @@ def test_close_ends_even_if_nobody_reads(pair: tuple[socket.socket, socket.socke
     assert not sender._thread.is_alive()
 
 
-def test_sending_after_the_other_end_is_gone_is_harmless(
+def test_sending_after_the_peer_is_gone_is_harmless(
     pair: tuple[socket.socket, socket.socket],
 ) -> None:
     here, there = pair
@@ -187,7 +187,7 @@ def test_sending_after_the_other_end_is_gone_is_harmless(
     assert not sender._thread.is_alive()
 
 
-def test_an_answer_that_is_too_large_becomes_a_refusal(
+def test_an_oversized_reply_becomes_a_refusal(
     pair: tuple[socket.socket, socket.socket], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     here, there = pair

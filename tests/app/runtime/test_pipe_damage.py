@@ -78,7 +78,7 @@ READERS = pytest.mark.parametrize("read", [blocking, asynchronous])
 @READERS
 @examples(60)
 @given(damaged([WIRE, *map(encode, SENT)], PIECES) | hostile_bytes((WIRE, *PIECES)))
-def test_whatever_was_damaged_is_never_taken_for_a_message(
+def test_damaged_bytes_are_never_taken_for_a_message(
     read: Callable[[bytes], list[Any]], wire: bytes
 ) -> None:
     messages = read_or_refused(lambda: read(wire), ChannelError)
@@ -88,7 +88,7 @@ def test_whatever_was_damaged_is_never_taken_for_a_message(
 @READERS
 @given(at=st.integers(0, len(WIRE) - 1), flipped=st.integers(1, 255))
 @examples(60)
-def test_one_wrong_byte_is_found_wherever_it_is(
+def test_one_wrong_byte_is_detected_anywhere(
     read: Callable[[bytes], list[Any]], at: int, flipped: int
 ) -> None:
     wire = WIRE[:at] + bytes((WIRE[at] ^ flipped,)) + WIRE[at + 1 :]
@@ -132,7 +132,7 @@ def _raise(error: type[BaseException]) -> None:
     ],
     ids=lambda body: repr(body[:24]),
 )
-def test_a_whole_message_that_cannot_be_loaded_is_refused(
+def test_a_complete_message_that_cannot_be_unpickled_is_refused(
     read: Callable[[bytes], list[Any]], body: bytes
 ) -> None:
     with pytest.raises(ChannelError, match="cannot be loaded") as refused:
@@ -143,7 +143,7 @@ def test_a_whole_message_that_cannot_be_loaded_is_refused(
 # ---------------------------------------------------------------------- what hears it
 
 
-def test_a_process_that_cannot_hear_its_parent_any_more_leaves(
+def test_a_process_exits_when_it_can_no_longer_read_its_parent(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     here, there = socket.socketpair()
@@ -191,14 +191,14 @@ def garbling(tmp_path: Path, repository: Path) -> Worker:
     return Worker("garbling", 0, {"PYTHONPATH": f"{repository}:{tmp_path}"})
 
 
-async def test_a_job_whose_worker_sends_garbage_fails_in_a_sentence(garbling: Worker) -> None:
+async def test_a_job_whose_worker_sends_garbage_fails_with_a_short_reason(garbling: Worker) -> None:
     with pytest.raises(JobFailed, match="was lost: a message of 4 bytes") as failed:
         await garbling.do("a job", lambda _: None)
     assert_one_sentence(str(failed.value))
     assert psutil.Process().children() == []
 
 
-def test_a_lasting_worker_that_sends_garbage_is_let_go(
+def test_a_lasting_worker_that_sends_garbage_is_ended(
     garbling: Worker, caplog: pytest.LogCaptureFixture
 ) -> None:
     worker = LastingWorker(garbling, longest_s=30)

@@ -43,24 +43,24 @@ def usable(pid: int, seconds: float, looks: int = 10) -> float:
 SPINS = "print(flush=True)\nwhile True: pass"
 
 
-def test_a_sleeping_process_could_have_gone_on_all_the_time() -> None:
+def test_a_sleeping_process_could_use_all_the_time() -> None:
     with program("import time; print(flush=True); time.sleep(60)") as pid:
         assert usable(pid, 1.0) > 0.95
 
 
-def test_a_spinning_process_is_given_its_time() -> None:
+def test_a_spinning_process_gets_its_time() -> None:
     with program(SPINS) as pid:
         assert usable(pid, 1.0) > 0.3
 
 
 @pytest.mark.patient
-def test_a_process_waiting_for_a_processor_could_not_go_on() -> None:
+def test_a_starved_process_could_use_little_time() -> None:
     with program(SPINS) as pid, others_at_work(pid):
         # The first look has no earlier one to compare with.
         assert usable(pid, 3.0, looks=30) < 0.1 + 1.0
 
 
-def test_a_process_that_is_gone_counts_as_silent() -> None:
+def test_a_process_that_is_gone_counts_as_able_to_run() -> None:
     with program(SPINS) as pid:
         processor = ProcessorTime(pid)
         processor.could_use(0.1)

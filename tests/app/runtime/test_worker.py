@@ -50,7 +50,7 @@ def process() -> psutil.Process:
     return child
 
 
-def test_one_that_is_killed_is_told_of_and_replaced(
+def test_a_killed_worker_is_logged_and_replaced(
     echo: LastingWorker, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert echo.do(LARGE, bytes) == LARGE
@@ -68,7 +68,7 @@ def test_one_that_is_killed_is_told_of_and_replaced(
 
 # With LARGE it hangs while the job is written, with small while the answer is awaited.
 @pytest.mark.parametrize("job", [LARGE, b"small"])
-def test_one_that_stands_still_is_given_up(echo: LastingWorker, job: bytes) -> None:
+def test_a_suspended_worker_is_given_up(echo: LastingWorker, job: bytes) -> None:
     assert echo.do(job, bytes) == job
     process().suspend()
     began = time.monotonic()
@@ -78,7 +78,7 @@ def test_one_that_stands_still_is_given_up(echo: LastingWorker, job: bytes) -> N
     assert echo.do(job, bytes) == job
 
 
-def test_one_that_cannot_be_started_is_told_of(
+def test_a_worker_that_cannot_be_started_is_logged(
     echo: LastingWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     with monkeypatch.context() as patch:
@@ -88,7 +88,7 @@ def test_one_that_cannot_be_started_is_told_of(
     assert echo.do("a job", str) == "a job"
 
 
-def test_one_that_was_ended_is_not_replaced(
+def test_an_ended_worker_is_not_replaced(
     echo: LastingWorker, caplog: pytest.LogCaptureFixture
 ) -> None:
     assert echo.do("a job", str) == "a job"
@@ -98,9 +98,7 @@ def test_one_that_was_ended_is_not_replaced(
     assert caplog.records == []
 
 
-async def test_a_process_stands_still_as_long_as_it_is_held(
-    tmp_path: Path, repository: Path
-) -> None:
+async def test_a_job_pauses_while_it_is_held(tmp_path: Path, repository: Path) -> None:
     (tmp_path / "counting.py").write_text(COUNTING)
     paths = os.pathsep.join((str(repository), str(tmp_path)))
     heard: list[float] = []
@@ -124,7 +122,7 @@ async def test_a_process_stands_still_as_long_as_it_is_held(
     assert len(heard) == 60
 
 
-async def test_a_process_that_is_held_can_be_cancelled(tmp_path: Path, repository: Path) -> None:
+async def test_a_held_job_can_be_cancelled(tmp_path: Path, repository: Path) -> None:
     (tmp_path / "counting.py").write_text(COUNTING)
     paths = os.pathsep.join((str(repository), str(tmp_path)))
     worker = Worker("counting", 5, {"PYTHONPATH": paths})

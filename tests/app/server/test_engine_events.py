@@ -16,7 +16,7 @@ from app.storage import RunState
 from .servers import begin, opens, until
 
 
-async def test_a_lost_engine_is_given_the_source_again(peer: Any, server: Server) -> None:
+async def test_the_next_engine_reopens_the_source(peer: Any, server: Server) -> None:
     await server.source.open("a/folder", None)
     peer.lose("the engine did not respond for 1.5 s")
     assert server.source.state.state is EngineState.FAILED
@@ -28,7 +28,7 @@ async def test_a_lost_engine_is_given_the_source_again(peer: Any, server: Server
     assert [o.source for o in opens(peer)] == ["simulated:lab", "a/folder", "a/folder"]
 
 
-async def test_a_run_goes_on_as_a_new_segment(peer: Any, server: Server) -> None:
+async def test_a_run_continues_as_a_new_segment(peer: Any, server: Server) -> None:
     record = await begin(server)
     for _ in range(5):
         peer.observe()
@@ -66,7 +66,7 @@ async def test_a_run_that_kills_every_engine_is_given_up(peer: Any, server: Serv
     assert server.source.state.state is EngineState.PREVIEW
 
 
-async def test_parameters_in_force_go_with_the_source(peer: Any, server: Server) -> None:
+async def test_current_parameters_are_sent_with_the_source(peer: Any, server: Server) -> None:
     await server.parameters.change({"flow.window_px": 21})
     peer.lose()
     peer.start_process()
@@ -75,9 +75,7 @@ async def test_parameters_in_force_go_with_the_source(peer: Any, server: Server)
     assert peer.opened.parameters_revision == 1
 
 
-async def test_without_an_engine_requests_are_refused_for_the_moment(
-    peer: Any, server: Server
-) -> None:
+async def test_requests_are_refused_while_there_is_no_engine(peer: Any, server: Server) -> None:
     peer.lose()
     with pytest.raises(NotAvailable):
         await server.source.open("x", None)
@@ -110,7 +108,7 @@ async def test_a_source_that_does_not_open_is_given_up(
         await server.source.open("a/folder", None)
 
 
-async def test_an_engine_that_prepares_itself_may_take_longer(
+async def test_a_preparing_engine_gets_more_time(
     peer: Any, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow = SlowOpening(peer, monkeypatch)

@@ -22,13 +22,13 @@ def texts(journal: Journal, after: int = 0) -> list[str]:
     return [entry.text for entry in journal.since(after)]
 
 
-async def test_the_start_and_the_source_are_noted(journal: Journal) -> None:
+async def test_start_and_source_are_logged(journal: Journal) -> None:
     assert texts(journal)[0] == "Server started."
     assert "Source simulated:lab was opened." in texts(journal)
     assert {entry.time for entry in journal.since(0)} == {1_700_000_000.0}
 
 
-async def test_a_lost_engine_is_noted_once(journal: Journal, peer: Any) -> None:
+async def test_a_lost_engine_is_logged_once(journal: Journal, peer: Any) -> None:
     before = journal.newest
     peer.lose("the engine ended with exit code 1")
     failed = [entry for entry in journal.since(before) if entry.severity == "error"]
@@ -39,7 +39,9 @@ async def test_a_lost_engine_is_noted_once(journal: Journal, peer: Any) -> None:
     assert len([e for e in journal.since(before) if e.severity == "error"]) == 1
 
 
-async def test_a_warning_whose_figures_move_is_noted_once(journal: Journal, server: Server) -> None:
+async def test_a_warning_with_changing_figures_is_logged_once(
+    journal: Journal, server: Server
+) -> None:
     before = journal.newest
     server.shared.warnings.append("the disk has 3.2 MB left")
     journal.status_changed()
@@ -54,7 +56,7 @@ async def test_a_warning_whose_figures_move_is_noted_once(journal: Journal, serv
     assert texts(journal, before)[-1] == "The disk has 1.0 MB left."
 
 
-async def test_only_the_newest_are_kept_and_numbers_go_on(journal: Journal) -> None:
+async def test_only_the_newest_entries_are_kept_and_numbering_continues(journal: Journal) -> None:
     calls: list[int] = []
     journal.changed = lambda: calls.append(journal.newest)
     for number in range(100):

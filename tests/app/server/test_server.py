@@ -14,7 +14,7 @@ from app.storage import RunState, Storage
 from .servers import begin, started
 
 
-async def test_a_first_source_that_cannot_be_opened_leaves_the_server_up(
+async def test_the_server_survives_a_first_source_that_cannot_be_opened(
     peer: Any, storage: Storage
 ) -> None:
     async with started(peer, storage, "missing") as server:
@@ -24,7 +24,7 @@ async def test_a_first_source_that_cannot_be_opened_leaves_the_server_up(
         assert server.source.state.state is EngineState.PREVIEW
 
 
-async def test_stopping_the_server_marks_the_run(
+async def test_stopping_the_server_marks_the_run_as_interrupted(
     peer: Any, storage: Storage, tmp_path: Path
 ) -> None:
     async with started(peer, storage) as server:
@@ -45,7 +45,7 @@ async def test_runs_of_a_killed_server_are_interrupted(peer: Any, storage: Stora
         assert record.state is RunState.INTERRUPTED
 
 
-async def test_what_was_left_is_found_again(
+async def test_saved_parameters_and_calibration_are_restored(
     peer: Any, storage: Storage, calibration_yaml: Any
 ) -> None:
     with storage:
@@ -61,7 +61,7 @@ async def test_what_was_left_is_found_again(
         assert peer.opened.calibration_yaml == calibration_yaml()
 
 
-async def test_a_calibration_that_no_longer_fits_is_left_out_and_said(
+async def test_a_calibration_that_no_longer_fits_is_dropped_with_a_warning(
     peer: Any, storage: Storage, calibration_yaml: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with storage:

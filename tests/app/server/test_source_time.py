@@ -41,7 +41,7 @@ def busy_frames(seed: int, seconds: float) -> list[Any]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_what_robots_told_rises_on_a_busy_machine(seed: int) -> None:
+def test_robot_times_increase_on_a_busy_machine(seed: int) -> None:
     source, rising = SourceTime(), RisingTimes()
     rng = np.random.default_rng(seed + 100)
     told: list[tuple[float, float]] = []
@@ -61,7 +61,7 @@ def test_what_robots_told_rises_on_a_busy_machine(seed: int) -> None:
     assert np.abs(times - (host - _OFFSET_S))[host > host[0] + 2].max() < 0.02
 
 
-def test_where_no_frame_comes_the_time_is_unknown() -> None:
+def test_without_frames_the_time_is_unknown() -> None:
     source = SourceTime()
     assert source.at(_OFFSET_S) is None
     for number in (*range(30), *range(45, 60)):
@@ -78,7 +78,7 @@ def test_where_no_frame_comes_the_time_is_unknown() -> None:
     assert source.at(_OFFSET_S - 1.0) is None
 
 
-def test_a_slow_source_goes_on_between_its_frames() -> None:
+def test_a_slow_sources_time_continues_between_frames() -> None:
     source = SourceTime()
     for number in range(5):
         source.observed(Seen(_OFFSET_S + number, {"time": float(number), "segment": 0}))  # type: ignore[arg-type]
@@ -86,7 +86,7 @@ def test_a_slow_source_goes_on_between_its_frames() -> None:
     assert source.at(_OFFSET_S + 8.0) is None
 
 
-def test_a_source_that_begins_again_has_another_clock() -> None:
+def test_a_restarted_source_has_a_new_clock() -> None:
     source, rising = SourceTime(), RisingTimes()
     for number in range(30):
         source.observed(frame(number, 0.0))
@@ -101,7 +101,7 @@ def test_a_source_that_begins_again_has_another_clock() -> None:
     assert source.at(_OFFSET_S + 2.1) is None
 
 
-def test_what_is_told_twice_is_taken_once() -> None:
+def test_a_repeated_sample_is_taken_once() -> None:
     source, log = SourceTime(), WheelLog()
     source.observed(frame(3, 0.0, segment=2))
     event = WheelSpeedEvent("observer", _OFFSET_S + 0.25, 0.3, 0.25)

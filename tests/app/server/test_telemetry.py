@@ -53,7 +53,7 @@ def test_clouds_have_a_rate_and_an_age() -> None:
     assert telemetry.dense(6.0).age_s is None
 
 
-async def test_what_fails_in_dense_stereo_is_a_warning_until_it_works_again(
+async def test_a_dense_stereo_failure_is_a_warning_until_it_recovers(
     peer: Any, server: Server
 ) -> None:
     peer.publish(dense(1, 0.1, "dense stereo failed: error: no sense"))
@@ -64,7 +64,7 @@ async def test_what_fails_in_dense_stereo_is_a_warning_until_it_works_again(
     assert status(server).warnings == []
 
 
-def test_percentiles_are_of_the_last_samples() -> None:
+def test_percentiles_cover_the_last_samples() -> None:
     telemetry = Telemetry()
     for ms in range(1, 101):
         telemetry.painted(ms / 1000)
@@ -72,7 +72,7 @@ def test_percentiles_are_of_the_last_samples() -> None:
     assert (latency.median, latency.p95, latency.count) == (50.5, 95.0, 100)
 
 
-async def test_skipped_frames_are_told(peer: Any, server: Server) -> None:
+async def test_skipped_frames_are_reported(peer: Any, server: Server) -> None:
     for index in range(8):
         peer.publish(SkippedFrameEvent(index, "left/0.png is truncated"))
     shown = status(server).skipped

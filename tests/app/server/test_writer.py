@@ -18,7 +18,7 @@ from app.storage import RunState, Storage, StorageBusy, StorageError
 from .servers import begin, until
 
 
-async def test_a_locked_database_holds_nothing_up(
+async def test_a_locked_database_blocks_nothing(
     peer: Any, storage: Storage, tmp_path: Path, server: Server
 ) -> None:
     record = await begin(server)

@@ -116,7 +116,7 @@ def kept(kept_once: tuple[Path, str], tmp_path: Path) -> tuple[Path, str]:
 
 
 @pytest.mark.parametrize("name", ["kept.zip", "kept.tar"])
-def test_all_comes_back_from_either_database_into_either(
+def test_everything_is_restored_between_either_kind_of_database(
     location: str | Path, opened: Callable[[], Storage], tmp_path: Path, name: str
 ) -> None:
     told: list[tuple[int, int | None]] = []
@@ -154,7 +154,7 @@ def test_all_comes_back_from_either_database_into_either(
         assert contents(storage, run_id) == after
 
 
-def test_a_backup_while_a_server_writes_is_of_one_moment(
+def test_a_backup_during_writes_is_a_consistent_snapshot(
     location: str | Path, opened: Callable[[], Storage], tmp_path: Path
 ) -> None:
     with opened() as storage:
@@ -191,7 +191,7 @@ def test_a_backup_while_a_server_writes_is_of_one_moment(
     assert seen[-1] > seen[0]
 
 
-def test_recordings_are_left_out_and_stay_where_they_are(
+def test_recordings_can_be_excluded_and_stay_in_place(
     kept: tuple[Path, str], tmp_path: Path
 ) -> None:
     _, run_id = kept
@@ -221,7 +221,7 @@ def listing(folder: Path) -> dict[str, bytes]:
 
 
 def refused(source: Path, data: Path, match: str, **given: Any) -> None:
-    """Assert that a restoration is refused in one sentence and changes nothing."""
+    """Assert that a restoration is refused with a one-line error and changes nothing."""
     before = listing(data) if data.exists() else None
     with pytest.raises((BackupError, StorageError), match=match) as caught:
         restore_backup(source, data, data / "observer.sqlite", **{"replace": True, **given})
@@ -229,7 +229,7 @@ def refused(source: Path, data: Path, match: str, **given: Any) -> None:
     assert (listing(data) or None if data.exists() else None) == (before or None)
 
 
-def test_a_server_that_has_it_open_is_not_robbed_of_it(kept: tuple[Path, str]) -> None:
+def test_restoring_is_refused_while_a_server_uses_the_database(kept: tuple[Path, str]) -> None:
     source, run_id = kept
     data = source.parent / "first"
     with Storage(data / "observer.sqlite") as storage:
@@ -238,7 +238,7 @@ def test_a_server_that_has_it_open_is_not_robbed_of_it(kept: tuple[Path, str]) -
     restore_backup(source, data, data / "observer.sqlite", replace=True)
 
 
-def test_damage_anywhere_is_found_before_anything_is_touched(kept: tuple[Path, str]) -> None:
+def test_damage_anywhere_is_detected_before_any_change(kept: tuple[Path, str]) -> None:
     source, run_id = kept
     data = source.parent / "first"
     whole = source.read_bytes()
@@ -320,7 +320,7 @@ def of_version(number: int) -> Callable[[dict[str, bytes]], None]:
         (of_version(2), "newer version"),
     ],
 )
-def test_what_is_no_backup_of_ours_is_refused(
+def test_an_invalid_or_forged_backup_is_refused(
     kept: tuple[Path, str], change: Callable[[dict[str, bytes]], None], match: str
 ) -> None:
     source, _ = kept
@@ -349,7 +349,7 @@ def test_links_in_a_tar_are_refused(tmp_path: Path) -> None:
     refused(tmp_path / "evil.tar", tmp_path / "data", "entries other than files")
 
 
-def test_a_swap_that_fails_half_way_is_undone(
+def test_a_swap_that_fails_halfway_is_rolled_back(
     kept: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source, _ = kept
@@ -407,7 +407,7 @@ def test_rows_that_a_server_refuses_change_nothing(
         assert [run.id for run in storage.list_runs()] == [run_id]
 
 
-def test_what_cannot_be_backed_up_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+def test_a_failed_backup_is_reported_and_leaves_nothing(tmp_path: Path) -> None:
     def back_up_of(data: Path, target: Path) -> None:
         write_backup(target, data, data / "observer.sqlite", recordings=True, application="1")
 
@@ -432,7 +432,7 @@ def test_what_cannot_be_backed_up_is_told_and_leaves_nothing(tmp_path: Path) -> 
     assert [each.name for each in tmp_path.iterdir()] == ["data"]
 
 
-def test_too_little_space_is_told_before(
+def test_too_little_space_is_reported_beforehand(
     kept: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source, _ = kept
@@ -440,7 +440,7 @@ def test_too_little_space_is_told_before(
     refused(source, source.parent / "new", "MB are free", replace=False)
 
 
-def test_a_restored_run_that_was_going_is_interrupted_at_the_next_start(
+def test_a_restored_running_run_is_interrupted_at_the_next_start(
     tmp_path: Path,
 ) -> None:
     first, second = tmp_path / "first", tmp_path / "second"

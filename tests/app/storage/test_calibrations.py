@@ -11,7 +11,7 @@ from observer.calibration.formats.opencv_file import calibration_id
 TEXT = "%YAML:1.0\n---\nimage_width: 512 # Größe\n"
 
 
-def test_a_calibration_is_known_by_its_content(opened: Callable[[], Storage]) -> None:
+def test_a_calibration_is_identified_by_its_content(opened: Callable[[], Storage]) -> None:
     with opened() as storage:
         made = storage.save_calibration(TEXT, name="lab.yaml", info={"width": 512})
         assert made.id == hashlib.sha256(TEXT.encode()).hexdigest() == calibration_id(TEXT)
@@ -26,7 +26,7 @@ def test_a_calibration_is_known_by_its_content(opened: Callable[[], Storage]) ->
         ]
 
 
-def test_active_calibration(storage: Storage) -> None:
+def test_a_calibration_can_be_activated_and_deactivated(storage: Storage) -> None:
     made = storage.save_calibration(TEXT, name="lab.yaml")
     assert storage.active_calibration() is None
     storage.activate_calibration(made.id)
@@ -63,7 +63,7 @@ def test_a_run_keeps_the_text_of_a_deleted_calibration(storage: Storage) -> None
     assert storage.save_calibration(TEXT, name="lab.yaml").listed is True
 
 
-def test_a_sources_own_calibration_is_kept_unlisted(storage: Storage) -> None:
+def test_a_sources_own_calibration_is_stored_unlisted(storage: Storage) -> None:
     hidden = storage.save_calibration(TEXT, name="of kitti", listed=False)
     assert storage.list_calibrations() == []
     assert storage.get_calibration(hidden.id) == hidden

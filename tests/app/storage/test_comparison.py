@@ -20,7 +20,7 @@ def laid(storage: Storage, run: RunRecord, truth_id: str | None, **kept: object)
     return found
 
 
-def test_a_file_is_read_as_it_was_when_it_was_laid_over_the_run(
+def test_a_truth_file_is_reread_with_its_original_options(
     storage: Storage, run: RunRecord, tmp_path: Path
 ) -> None:
     file = tmp_path / "take.csv"
@@ -45,9 +45,7 @@ def test_a_file_is_read_as_it_was_when_it_was_laid_over_the_run(
         kept_comparison(record, storage)
 
 
-def test_motion_capture_that_was_heard_live_is_in_a_recording(
-    storage: Storage, run: RunRecord
-) -> None:
+def test_live_motion_capture_is_read_from_a_recording(storage: Storage, run: RunRecord) -> None:
     assert kept_comparison(laid(storage, run, None), storage)["truth"] is None
     other = storage.create_run(name="o", source="s", parameters={}, versions={})
     record = laid(storage, run, None, heard_by=other.id)

@@ -78,7 +78,9 @@ def restored(path: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["zip", "tar"])
-def test_what_is_written_is_read_back(folder: Path, wholes: tuple[bytes, ...], which: int) -> None:
+def test_a_backup_is_read_back_unchanged(
+    folder: Path, wholes: tuple[bytes, ...], which: int
+) -> None:
     (folder / "whole").write_bytes(wholes[which])
     assert restored(folder / "whole") == FILES
 
@@ -86,7 +88,7 @@ def test_what_is_written_is_read_back(folder: Path, wholes: tuple[bytes, ...], w
 @pytest.mark.parametrize("which", [0, 1], ids=["zip", "tar"])
 @examples(60)
 @given(data=st.data())
-def test_a_damaged_backup_is_refused_or_whole(
+def test_a_damaged_backup_is_refused_or_intact(
     folder: Path, wholes: tuple[bytes, ...], which: int, data: st.DataObject
 ) -> None:
     path = folder / "damaged"
@@ -99,7 +101,7 @@ def test_a_damaged_backup_is_refused_or_whole(
 @examples(40)
 @given(hostile_bytes((b"PK\x03\x04", b"PK\x05\x06", b"ustar\x0000")))
 @example(tarfile.TarInfo("manifest.json").tobuf() + bytes(1024))
-def test_what_is_no_backup_is_refused(folder: Path, content: bytes) -> None:
+def test_an_invalid_backup_is_refused(folder: Path, content: bytes) -> None:
     path = folder / "none"
     path.write_bytes(content)
     with pytest.raises(BackupError):
@@ -108,7 +110,7 @@ def test_what_is_no_backup_is_refused(folder: Path, content: bytes) -> None:
 
 @examples(40)
 @given(data=st.data())
-def test_a_damaged_list_of_files_is_refused_or_whole(folder: Path, data: st.DataObject) -> None:
+def test_a_damaged_file_list_is_refused_or_intact(folder: Path, data: st.DataObject) -> None:
     whole = {
         "kind": "dynamic-observer backup", "version": 1, "made_at": "2026", "application": "0.1",
         "revision": "0001", "recordings": False,
@@ -184,7 +186,7 @@ PLACES: dict[str, tuple[str, Any]] = {
 @pytest.mark.parametrize("place", PLACES)
 @examples(8)
 @given(data=st.data())
-def test_damaged_rows_stop_neither_the_start_nor_a_list(
+def test_damaged_rows_break_neither_startup_nor_listing(
     storage: Storage, engine: PeerEngine, place: str, data: st.DataObject
 ) -> None:
     where, whole = PLACES[place]
@@ -199,7 +201,7 @@ def test_damaged_rows_stop_neither_the_start_nor_a_list(
 
 @pytest.mark.parametrize("place", ["preset", "parameters"])
 @pytest.mark.parametrize("content", [b"{", b"\xff", b"[]", b"5", b"[" * 100_000])
-def test_what_is_left_out_is_told_of(
+def test_skipped_values_are_reported(
     storage: Storage, engine: PeerEngine, place: str, content: bytes
 ) -> None:
     where, whole = PLACES[place]
@@ -219,7 +221,7 @@ def test_a_run_of_an_unknown_state_is_listed_as_failed(storage: Storage) -> None
     try:
         (run,) = storage.list_runs()
         assert run.state is RunState.FAILED
-        assert run.reason == "the state of this run is damaged in the database and unknown"
+        assert run.reason == "the state of this run is damaged in the database and cannot be read"
     finally:
         put(storage, "runs SET state = ?", b"running")
 

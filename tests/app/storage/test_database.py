@@ -32,14 +32,14 @@ def fill(file: Path, rows: int = 2000) -> str:
     return run.id
 
 
-def test_the_write_ahead_log_and_foreign_keys_are_on(file: Path, storage: Storage) -> None:
+def test_the_write_ahead_log_is_enabled(file: Path, storage: Storage) -> None:
     storage.set_setting("a", 1)
     with closing(sqlite3.connect(file)) as connection:
         assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
     assert file.with_name(file.name + "-wal").exists()
 
 
-def test_a_path_and_a_url_are_the_same_database(tmp_path: Path) -> None:
+def test_a_path_and_a_url_open_the_same_database(tmp_path: Path) -> None:
     file = tmp_path / "a folder" / "data 100%.sqlite"
     with Storage(file) as storage:
         storage.set_setting("a", 1)
@@ -52,13 +52,13 @@ def test_a_path_and_a_url_are_the_same_database(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "location", [":memory:", "sqlite://", "sqlite:///:memory:", "://", "x://y"]
 )
-def test_locations_that_cannot_serve(location: str) -> None:
+def test_unusable_locations_are_refused(location: str) -> None:
     with pytest.raises(StorageError) as caught:
         Storage(location).open()
     assert str(caught.value).count("\n") == 0
 
 
-def test_open_and_close_twice(file: Path) -> None:
+def test_storage_can_be_opened_and_closed_repeatedly(file: Path) -> None:
     storage = Storage(file)
     assert storage.open() is storage.open()
     storage.close()
@@ -105,7 +105,7 @@ def test_a_damaged_database_is_moved_aside(file: Path, damage: Callable[[Path], 
 
 
 @pytest.mark.parametrize("empty", [True, False])
-def test_a_database_without_the_runs_of_its_folder_is_told(tmp_path: Path, empty: bool) -> None:
+def test_a_database_lacking_the_folders_runs_gives_a_warning(tmp_path: Path, empty: bool) -> None:
     (tmp_path / "runs" / "20260101-120000-abcdef").mkdir(parents=True)
     if empty:
         (tmp_path / "observer.sqlite").touch()
@@ -116,7 +116,7 @@ def test_a_database_without_the_runs_of_its_folder_is_told(tmp_path: Path, empty
         assert storage.warnings == ()
 
 
-def test_the_log_of_a_damaged_database_does_not_reach_the_new_one(file: Path) -> None:
+def test_the_wal_of_a_damaged_database_is_not_applied_to_the_new_one(file: Path) -> None:
     storage = Storage(file).open()
     storage.set_setting("old", 1)
     wal = file.with_name(file.name + "-wal")
@@ -129,7 +129,7 @@ def test_the_log_of_a_damaged_database_does_not_reach_the_new_one(file: Path) ->
         assert len(storage.warnings) == 1
 
 
-def test_another_programs_database_is_left_alone(file: Path) -> None:
+def test_another_programs_database_is_unchanged(file: Path) -> None:
     with closing(sqlite3.connect(file)) as connection:
         connection.execute("CREATE TABLE recipes (name TEXT)")
         connection.commit()
@@ -139,7 +139,7 @@ def test_another_programs_database_is_left_alone(file: Path) -> None:
     assert file.read_bytes() == before
 
 
-def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="choose a folder"):
         Storage(tmp_path / "file" / "observer.sqlite").open()
@@ -156,7 +156,7 @@ def locked(file: Path) -> Iterator[None]:
         other.execute("ROLLBACK")
 
 
-def test_a_locked_database_says_busy_and_works_afterwards(file: Path) -> None:
+def test_a_locked_database_is_busy_and_works_afterwards(file: Path) -> None:
     fill(file, rows=1)
     with Storage(file, busy_timeout_s=0.2) as storage:
         with locked(file):
@@ -168,7 +168,7 @@ def test_a_locked_database_says_busy_and_works_afterwards(file: Path) -> None:
         assert storage.get_setting("a") == 2
 
 
-def test_a_lock_while_opening(file: Path) -> None:
+def test_a_database_locked_while_opening_is_busy(file: Path) -> None:
     fill(file, rows=1)
     with closing(sqlite3.connect(file, isolation_level=None)) as other:
         # In this mode not even readers get in.
@@ -200,7 +200,7 @@ FILL_THE_DISK = """
 """
 
 
-def test_a_write_beyond_the_files_limit_is_an_error_of_ours(file: Path) -> None:
+def test_a_write_beyond_the_file_size_limit_is_a_storage_error(file: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(FILL_THE_DISK), str(file)],
         capture_output=True,
@@ -214,7 +214,7 @@ def test_a_write_beyond_the_files_limit_is_an_error_of_ours(file: Path) -> None:
         assert storage.get_setting("before") == 1
 
 
-def test_a_full_disk(storage: Storage) -> None:
+def test_a_full_disk_is_reported_and_loses_nothing(storage: Storage) -> None:
     storage.set_setting("before", 1)
     # A page limit gives the very error that a full disk gives, without filling one.
     with storage._writing() as session:
@@ -246,7 +246,7 @@ WRITE_FOR_EVER = """
 
 
 @pytest.mark.parametrize("batches", [1, 3, 20])
-def test_a_killed_writer_loses_nothing_that_was_kept(file: Path, batches: int) -> None:
+def test_a_killed_writer_loses_nothing_committed(file: Path, batches: int) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(WRITE_FOR_EVER), str(file)],
         stdout=subprocess.PIPE,
@@ -274,7 +274,7 @@ def test_a_killed_writer_loses_nothing_that_was_kept(file: Path, batches: int) -
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
-def test_a_writer_killed_before_its_first_transaction_ended(file: Path) -> None:
+def test_a_writer_killed_in_its_first_transaction_leaves_a_usable_file(file: Path) -> None:
     script = """
         import os, sys
         from app.storage import Storage

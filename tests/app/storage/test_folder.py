@@ -38,13 +38,13 @@ def test_a_database_elsewhere_counts_with_its_log(tmp_path: Path) -> None:
     assert 2 * BIG <= DataFolder(tmp_path / "data").disk_use(database).total < 2.5 * BIG
 
 
-def test_nothing_takes_nothing(tmp_path: Path) -> None:
+def test_a_missing_folder_uses_no_space(tmp_path: Path) -> None:
     use = DataFolder(tmp_path / "not yet" / "made").disk_use(None)
     assert use.total == 0
     assert use.free > 0
 
 
 @pytest.mark.parametrize("id", ["", ".", "..", "../x", "a/b", "a\0", "a" * 101, ".deleted-a"])
-def test_no_id_leads_out_of_the_folder(tmp_path: Path, id: str) -> None:
+def test_no_id_escapes_the_folder(tmp_path: Path, id: str) -> None:
     with pytest.raises(StorageMissing):
         DataFolder(tmp_path).run(id)

@@ -1,4 +1,4 @@
-"""Runs found again, annotated, laid over truth, deleted with undo."""
+"""Runs found again, annotated, aligned with truth, deleted with undo."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def names(storage: Storage, text: str = "", **given: object) -> list[str]:
     return [run.name for run in found.runs]
 
 
-def test_all_that_belongs_to_a_run_is_found_again(opened: Callable[[], Storage]) -> None:
+def test_all_fields_of_a_run_are_stored(opened: Callable[[], Storage]) -> None:
     with opened() as storage:
         made = begin(
             storage, "r", rig="mount: {}\n", record="lossless", tags=["b", " a ", "b", ""],
@@ -46,7 +46,7 @@ def test_all_that_belongs_to_a_run_is_found_again(opened: Callable[[], Storage])
         assert (made.rerun_of, made.aligned) == ("of before", False)
 
 
-def test_search_by_words_in_name_notes_and_tags(storage: Storage) -> None:
+def test_runs_are_searched_by_words_in_name_notes_and_tags(storage: Storage) -> None:
     first = begin(storage, "Fahrt an der Größe vorbei")
     storage.annotate_run(first.id, notes="boden NASS\nzweiter Versuch", tags=["Vicon", "100% ok"])
     begin(storage, "drive_2")
@@ -64,7 +64,7 @@ def test_search_by_words_in_name_notes_and_tags(storage: Storage) -> None:
     assert names(storage, "anders vicon") == ["anders"]
 
 
-def test_search_by_tag_in_pages(storage: Storage) -> None:
+def test_runs_are_searched_by_tag_in_pages(storage: Storage) -> None:
     for i in range(5):
         begin(storage, str(i), tags=["all", "even" if i % 2 == 0 else "odd"])
     assert names(storage, tags=["even"]) == ["4", "2", "0"]
@@ -76,7 +76,7 @@ def test_search_by_tag_in_pages(storage: Storage) -> None:
     assert ([run.name for run in page.runs], page.total) == (["3", "2"], 5)
 
 
-def test_annotations_are_no_sign_of_life(storage: Storage, run: RunRecord) -> None:
+def test_annotations_do_not_count_as_a_heartbeat(storage: Storage, run: RunRecord) -> None:
     changed = storage.annotate_run(run.id, name="other", tags=["x"], notes="n")
     assert changed == replace(run, name="other", tags=("x",), notes="n")
     assert storage.annotate_run(run.id) == changed
@@ -87,7 +87,7 @@ def test_annotations_are_no_sign_of_life(storage: Storage, run: RunRecord) -> No
         storage.annotate_run("nothing", notes="n")
 
 
-def test_a_deleted_run_can_be_had_back_for_a_week(storage: Storage, run: RunRecord) -> None:
+def test_a_deleted_run_can_be_recovered_for_a_week(storage: Storage, run: RunRecord) -> None:
     kept = begin(storage, "kept")
     recording = run_folder(storage, run.id) / "recording.mcap"
     recording.write_bytes(b"x")
@@ -109,7 +109,7 @@ def test_a_deleted_run_can_be_had_back_for_a_week(storage: Storage, run: RunReco
         storage.recover_run(run.id)
 
 
-def test_deleting_for_good_takes_tags_and_files_with_it(storage: Storage) -> None:
+def test_permanent_deletion_removes_tags_and_files(storage: Storage) -> None:
     run = begin(storage, "r", tags=["a"])
     storage.append_speeds([SpeedRow(run.id, 0.0, "obstacle", "estimate", 1, 0.5, 0.1, 0)])
     (run_folder(storage, run.id) / "recording.mcap").write_bytes(b"x" * 10_000)
@@ -123,13 +123,13 @@ def test_deleting_for_good_takes_tags_and_files_with_it(storage: Storage) -> Non
     assert list((storage.folder.path / "runs").iterdir()) == []
 
 
-def test_an_interrupted_run_tells_how_much_was_recorded(storage: Storage, run: RunRecord) -> None:
+def test_an_interrupted_run_has_its_recording_size(storage: Storage, run: RunRecord) -> None:
     (run_folder(storage, run.id) / "recording.mcap").write_bytes(b"x" * 1234)
     (interrupted,) = storage.mark_interrupted_runs()
     assert (interrupted.state, interrupted.recording_bytes) == (RunState.INTERRUPTED, 1234)
 
 
-def test_a_run_is_laid_over_its_truth_again(
+def test_a_run_can_be_realigned_with_truth(
     storage: Storage, run: RunRecord, tmp_path: Path
 ) -> None:
     def row(time: float, source: str = "truth", body: str | None = "Cart") -> SpeedRow:

@@ -53,7 +53,7 @@ def engine_of(file: Path) -> Engine:
     return make_engine(database_url(file), 1.0)
 
 
-def test_the_migrations_make_the_tables_of_the_models(file: Path) -> None:
+def test_migrations_create_the_tables_of_the_models(file: Path) -> None:
     with Storage(file):
         pass
     engine = create_engine(f"sqlite:///{file}")
@@ -64,9 +64,7 @@ def test_the_migrations_make_the_tables_of_the_models(file: Path) -> None:
     assert differences == []
 
 
-def test_incidents_of_before_stops_were_measured_stay_without_any(
-    file: Path, tmp_path: Path
-) -> None:
+def test_old_incidents_have_no_measured_stops(file: Path, tmp_path: Path) -> None:
     engine = engine_of(file)
     upgrade(engine, file, earlier_migrations(tmp_path, 2))
     engine.dispose()
@@ -107,7 +105,7 @@ def test_the_file_is_copied_before_a_migration(file: Path, later: Callable[[str]
         assert connection.execute("SELECT count(*) FROM more").fetchone() == (0,)
 
 
-def test_a_migration_that_fails_half_way_changes_nothing(
+def test_a_migration_that_fails_halfway_changes_nothing(
     file: Path, later: Callable[[str], Path]
 ) -> None:
     with Storage(file) as storage:
@@ -134,7 +132,7 @@ def test_a_database_of_a_newer_version_is_refused(file: Path, later: Callable[[s
         Storage(file).open()
 
 
-def test_runs_of_before_the_history_keep_all_their_rows(file: Path, tmp_path: Path) -> None:
+def test_runs_from_before_the_history_keep_all_their_rows(file: Path, tmp_path: Path) -> None:
     engine = engine_of(file)
     upgrade(engine, file, earlier_migrations(tmp_path, 3))
     engine.dispose()
@@ -155,7 +153,7 @@ def test_runs_of_before_the_history_keep_all_their_rows(file: Path, tmp_path: Pa
         assert storage.speeds("a") == [SpeedRow("a", 0.5, "obstacle", "truth", None, 0.25, None, 0)]
 
 
-def test_every_migration_can_be_taken_back(file: Path) -> None:
+def test_every_migration_can_be_reverted(file: Path) -> None:
     with Storage(file):
         pass
     config = Config()

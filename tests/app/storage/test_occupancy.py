@@ -26,7 +26,7 @@ NewDatabase = Callable[[], str]
 HERE = f"process {os.getpid()} on {socket.gethostname()}"
 
 
-def test_a_folder_is_held_once(tmp_path: Path) -> None:
+def test_a_folder_is_locked_by_one_server(tmp_path: Path) -> None:
     refusal = rf"another server \(process {os.getpid()}\) is using the folder .* --data$"
     with occupied(tmp_path), pytest.raises(InputError, match=refusal), occupied(tmp_path):
         pytest.fail("held twice")
@@ -34,13 +34,13 @@ def test_a_folder_is_held_once(tmp_path: Path) -> None:
         pass
 
 
-def test_where_no_lock_can_be_had_nothing_is_held(tmp_path: Path) -> None:
+def test_nothing_is_locked_when_locking_is_impossible(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with occupied(tmp_path / "file"), occupied(tmp_path / "file"):
         pass
 
 
-def test_another_file_is_held_once_whatever_the_folders(tmp_path: Path) -> None:
+def test_a_separate_database_file_is_locked_across_folders(tmp_path: Path) -> None:
     shared = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     beside = f"sqlite:///{tmp_path / 'beside.sqlite'}"
     with occupied(tmp_path / "a", shared):
@@ -55,7 +55,7 @@ def test_another_file_is_held_once_whatever_the_folders(tmp_path: Path) -> None:
         pass
 
 
-def test_a_database_server_has_each_database_held_once(
+def test_each_database_on_a_server_is_locked_separately(
     new_database: NewDatabase, tmp_path: Path
 ) -> None:
     url = new_database()
@@ -72,7 +72,7 @@ def test_a_database_server_has_each_database_held_once(
         pass
 
 
-def test_a_killed_server_holds_nothing(new_database: NewDatabase) -> None:
+def test_a_killed_server_leaves_no_lock(new_database: NewDatabase) -> None:
     url = new_database()
     context = multiprocessing.get_context("spawn")
     held = context.Event()
@@ -95,7 +95,7 @@ def hold(url: str, held: Event) -> None:
         time.sleep(60)
 
 
-def test_it_is_taken_again_where_the_connection_was_lost(
+def test_the_lock_is_reacquired_after_a_lost_connection(
     new_database: NewDatabase, server: PrivateServer
 ) -> None:
     url = new_database()
@@ -116,7 +116,7 @@ def connections(url: str) -> str:
     return f"SELECT {{}} FROM pg_stat_activity WHERE datname = '{database_url(url).database}'"
 
 
-def test_a_server_replaced_meanwhile_says_so_once(
+def test_losing_the_lock_to_another_server_is_logged_once(
     new_database: NewDatabase, server: PrivateServer
 ) -> None:
     url = new_database()
@@ -128,7 +128,7 @@ def test_a_server_replaced_meanwhile_says_so_once(
     assert [each["event"] for each in said].count("database_served_by_another") == 1
 
 
-def test_a_server_that_is_not_there_is_said_and_one_that_goes_is_waited_for(
+def test_a_missing_database_server_is_reported_and_a_lost_one_awaited(
     tmp_path: Path, server: PrivateServer
 ) -> None:
     del server

@@ -9,7 +9,7 @@ from app.storage import RunRecord, Storage, StorageExists
 from app.storage.records import SavedParameters
 
 
-def test_parameters_are_found_again_as_they_were_left(opened: Callable[[], Storage]) -> None:
+def test_parameters_are_restored_unchanged(opened: Callable[[], Storage]) -> None:
     values = {"ego_motion.ransac_threshold_px": 0.1 + 0.2, "features.detector": "fast", "a": None}
     with opened() as storage:
         assert storage.load_parameters() is None
@@ -19,14 +19,14 @@ def test_parameters_are_found_again_as_they_were_left(opened: Callable[[], Stora
         assert storage.load_parameters() == SavedParameters(2, values, None, "mine")
 
 
-def test_values_that_json_cannot_carry_are_refused_and_the_old_stay(storage: Storage) -> None:
+def test_values_not_representable_in_json_are_refused(storage: Storage) -> None:
     storage.save_parameters(1, {"a": 1.0}, None)
     with pytest.raises(Exception, match="not JSON compliant"):
         storage.save_parameters(2, {"a": math.nan}, None)
     assert storage.load_parameters() == SavedParameters(1, {"a": 1.0}, None)
 
 
-def test_revisions_of_a_run_and_outside_of_any(storage: Storage, run: RunRecord) -> None:
+def test_revisions_inside_and_outside_runs_are_separate(storage: Storage, run: RunRecord) -> None:
     first = storage.record_parameter_revision(run.id, 10, 1, {"tracking.gate": 2.5})
     second = storage.record_parameter_revision(run.id, 11, 2, {"tracking.gate": 3.0})
     outside = storage.record_parameter_revision(None, None, 3, {"tracking.gate": 3.5})
@@ -34,7 +34,7 @@ def test_revisions_of_a_run_and_outside_of_any(storage: Storage, run: RunRecord)
     assert storage.parameter_revisions(None) == [outside]
 
 
-def test_presets_have_one_name_each(storage: Storage) -> None:
+def test_preset_names_are_unique(storage: Storage) -> None:
     made = storage.save_preset("mine", {"a": 1}, help="for the corridor")
     assert storage.list_presets() == [made]
     with pytest.raises(StorageExists, match='"mine"'):
@@ -50,7 +50,7 @@ def test_presets_have_one_name_each(storage: Storage) -> None:
     assert [preset.name for preset in storage.list_presets()] == ["before"]
 
 
-def test_settings(storage: Storage) -> None:
+def test_settings_are_stored_and_replaced(storage: Storage) -> None:
     assert storage.get_setting("theme", "light") == "light"
     storage.set_setting("theme", {"name": "dark"})
     storage.set_setting("theme", {"name": "darker"})
@@ -59,7 +59,7 @@ def test_settings(storage: Storage) -> None:
     assert storage.get_setting("theme") is None
 
 
-def test_what_was_stored_under_old_names_is_read_under_those_of_today(
+def test_values_stored_under_old_names_are_read_under_current_ones(
     storage: Storage, run: RunRecord
 ) -> None:
     old = {"ego_motion.model": "one_camera", "following.growth_noise": 0.2, "tracking.gate": 1.0}

@@ -26,7 +26,7 @@ from .test_migration import earlier_migrations
 NewDatabase = Callable[[], str]
 
 
-def test_the_migrations_make_the_tables_of_the_models(
+def test_migrations_create_the_tables_of_the_models(
     new_database: NewDatabase, tmp_path: Path
 ) -> None:
     url = new_database()
@@ -72,7 +72,7 @@ def test_the_database_is_copied_before_a_migration(
         assert [row.time for row in old.speeds("a")] == [i / 10 for i in range(1, 5001)]
 
 
-def test_two_servers_that_begin_at_once_migrate_once(
+def test_two_servers_starting_together_migrate_without_conflict(
     new_database: NewDatabase, tmp_path: Path
 ) -> None:
     url = new_database()
@@ -92,7 +92,7 @@ def test_two_servers_that_begin_at_once_migrate_once(
     assert problems == []
 
 
-def test_another_programs_database_is_left_alone(
+def test_another_programs_database_is_refused(
     new_database: NewDatabase, tmp_path: Path, server: PrivateServer
 ) -> None:
     url = new_database()
@@ -101,7 +101,7 @@ def test_another_programs_database_is_left_alone(
         Storage(url, folder=tmp_path).open()
 
 
-def test_what_another_program_locks_is_busy_and_works_afterwards(
+def test_a_locked_table_is_busy_and_works_afterwards(
     new_database: NewDatabase, tmp_path: Path
 ) -> None:
     url = new_database()
@@ -118,7 +118,7 @@ def test_what_another_program_locks_is_busy_and_works_afterwards(
         assert storage.get_setting("a") == 3
 
 
-def test_a_server_that_goes_and_comes_again(tmp_path: Path, server: PrivateServer) -> None:
+def test_a_restarted_database_server_is_used_again(tmp_path: Path, server: PrivateServer) -> None:
     del server
     with private_server() as mine:
         mine.run("CREATE DATABASE kept")
@@ -144,7 +144,7 @@ def stop(server: PrivateServer) -> None:
     server.process.wait(10)
 
 
-def test_what_a_person_may_mistype(
+def test_a_wrong_url_gives_one_line_without_the_password(
     new_database: NewDatabase, tmp_path: Path, server: PrivateServer
 ) -> None:
     for url in (server.url("nothing"), new_database().replace("observer@", "nobody:secret@")):
@@ -157,7 +157,7 @@ def test_what_a_person_may_mistype(
 
 
 @pytest.mark.parametrize(("count", "problem"), [(0, StorageMissing), (201, StorageError)])
-def test_what_the_server_refuses_is_an_error_of_ours(
+def test_an_error_of_the_database_server_becomes_a_storage_error(
     new_database: NewDatabase, tmp_path: Path, count: int, problem: type[Exception]
 ) -> None:
     with Storage(new_database(), folder=tmp_path) as storage:
@@ -167,7 +167,7 @@ def test_what_the_server_refuses_is_an_error_of_ours(
         assert storage.list_runs() == []
 
 
-def test_the_doctor_looks_at_the_server_and_changes_nothing(
+def test_the_doctor_examines_the_server_without_changes(
     new_database: NewDatabase, tmp_path: Path, server: PrivateServer
 ) -> None:
     url = new_database()

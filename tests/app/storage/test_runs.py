@@ -24,7 +24,7 @@ def speed(run_id: str, time: float = 0.0, **changes: object) -> SpeedRow:
     return replace(row, **changes)  # type: ignore[arg-type]
 
 
-def test_a_run_is_found_again_after_reopening(opened: Callable[[], Storage]) -> None:
+def test_a_run_is_stored_across_reopening(opened: Callable[[], Storage]) -> None:
     with opened() as storage:
         made = storage.create_run(
             name="Fahrt Ä",
@@ -39,12 +39,12 @@ def test_a_run_is_found_again_after_reopening(opened: Callable[[], Storage]) -> 
         assert storage.list_runs() == [made]
 
 
-def test_times_are_utc_with_their_offset(run: RunRecord) -> None:
+def test_times_are_utc_with_offset(run: RunRecord) -> None:
     assert datetime.fromisoformat(run.started_at).utcoffset() == timedelta(0)
     assert len(run.started_at) == 32
 
 
-def test_runs_come_newest_first_and_in_pages(storage: Storage) -> None:
+def test_runs_are_listed_newest_first_and_in_pages(storage: Storage) -> None:
     made = [
         storage.create_run(name=f"run {i}", source="s", parameters={}, versions={})
         for i in range(4)
@@ -64,7 +64,7 @@ def test_update_changes_only_what_is_given(storage: Storage, run: RunRecord) -> 
     assert storage.get_run(run.id) == ended
 
 
-def test_an_unknown_run(storage: Storage) -> None:
+def test_an_unknown_run_is_missing_or_refused(storage: Storage) -> None:
     assert storage.get_run("nothing") is None
     assert storage.delete_run("nothing") is False
     assert storage.speeds("nothing") == []
@@ -84,7 +84,7 @@ def test_a_run_needs_a_saved_calibration(storage: Storage) -> None:
     assert storage.list_runs() == []
 
 
-def test_running_runs_are_interrupted_at_their_last_sign_of_life(storage: Storage) -> None:
+def test_running_runs_are_interrupted_at_their_last_heartbeat(storage: Storage) -> None:
     finished, running = (
         storage.create_run(name=name, source="s", parameters={}, versions={})
         for name in ("finished", "running")
@@ -123,13 +123,13 @@ def test_unknown_speeds_are_gaps_and_unknown_times_are_refused() -> None:
         speed("r", math.nan)
 
 
-def test_a_refused_batch_leaves_nothing(storage: Storage, run: RunRecord) -> None:
+def test_a_refused_batch_stores_nothing(storage: Storage, run: RunRecord) -> None:
     with pytest.raises(StorageMissing):
         storage.append_speeds([speed(run.id), speed("nothing")])
     assert storage.speeds(run.id) == []
 
 
-def test_deleting_a_run_takes_its_speeds_and_revisions(storage: Storage, run: RunRecord) -> None:
+def test_deleting_a_run_deletes_its_speeds_and_revisions(storage: Storage, run: RunRecord) -> None:
     other = storage.create_run(name="other", source="s", parameters={}, versions={})
     for each in (run, other):
         storage.append_speeds([speed(each.id)])
@@ -140,7 +140,7 @@ def test_deleting_a_run_takes_its_speeds_and_revisions(storage: Storage, run: Ru
     assert len(storage.speeds(other.id)) == len(storage.parameter_revisions(other.id)) == 1
 
 
-def test_threads_write_and_read_at_once(storage: Storage, run: RunRecord) -> None:
+def test_threads_write_and_read_concurrently(storage: Storage, run: RunRecord) -> None:
     problems: list[Exception] = []
 
     def write(track: int) -> None:
@@ -164,5 +164,5 @@ def test_threads_write_and_read_at_once(storage: Storage, run: RunRecord) -> Non
     assert times == {track: [i / 10 for i in range(20)] for track in range(8)}
 
 
-def test_a_record_is_data_that_json_can_carry(run: RunRecord) -> None:
+def test_a_record_is_json_serialisable(run: RunRecord) -> None:
     assert json.loads(json.dumps(vars(run)))["state"] == "running"

@@ -22,7 +22,7 @@ def take(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_truth_is_known_by_its_content(opened: Callable[[], Storage], take: Path) -> None:
+def test_a_truth_is_identified_by_its_content(opened: Callable[[], Storage], take: Path) -> None:
     with opened() as storage:
         made = storage.save_truth(
             take, name="Take 1.CSV", format="nexus", info={"bodies": ["Wagen", "Größe"]}
@@ -38,7 +38,7 @@ def test_a_truth_is_known_by_its_content(opened: Callable[[], Storage], take: Pa
         assert [each.name for each in (storage.folder.path / "truths").iterdir()] == [made.file]
 
 
-def test_the_file_goes_with_the_last_run_that_needs_it(storage: Storage, take: Path) -> None:
+def test_the_file_is_deleted_with_the_last_run_that_needs_it(storage: Storage, take: Path) -> None:
     truth = storage.save_truth(take, name="take.c3d", format="c3d")
     run = storage.create_run(name="r", source="s", parameters={}, versions={}, truth_id=truth.id)
     assert storage.delete_truth(truth.id) is True
@@ -53,7 +53,7 @@ def test_the_file_goes_with_the_last_run_that_needs_it(storage: Storage, take: P
     assert storage.get_truth(truth.id) is None
 
 
-def test_a_truth_without_runs_goes_at_once(storage: Storage, take: Path) -> None:
+def test_a_truth_without_runs_is_deleted_immediately(storage: Storage, take: Path) -> None:
     truth = storage.save_truth(take, name="take.csv", format="plain")
     file = storage.truth_file(truth.id)
     assert storage.delete_truth(truth.id) is True
@@ -62,20 +62,20 @@ def test_a_truth_without_runs_goes_at_once(storage: Storage, take: Path) -> None
         storage.truth_file(truth.id)
 
 
-def test_no_name_leads_out_of_the_folder(storage: Storage, take: Path) -> None:
+def test_no_name_escapes_the_folder(storage: Storage, take: Path) -> None:
     truth = storage.save_truth(take, name="../../evil/./..", format="plain")
     assert truth.file == truth.id
     assert storage.truth_file(truth.id).parent == storage.folder.path / "truths"
 
 
-def test_a_truth_whose_file_is_gone_is_told(storage: Storage, take: Path) -> None:
+def test_a_truth_with_a_missing_file_is_reported(storage: Storage, take: Path) -> None:
     truth = storage.save_truth(take, name="take.csv", format="plain")
     storage.truth_file(truth.id).unlink()
     with pytest.raises(StorageMissing, match="is missing"):
         storage.truth_file(truth.id)
 
 
-def test_a_file_that_cannot_be_kept_leaves_nothing(storage: Storage, tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_stored_leaves_nothing(storage: Storage, tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="cannot be stored"):
         storage.save_truth(tmp_path / "nothing", name="take.csv", format="plain")
     assert storage.list_truths() == []

@@ -26,7 +26,7 @@ def local_map(cells: NDArray[np.uint8]) -> OccupancyMap:
 
 @settings(deadline=None)
 @given(CELLS, PLACE, PLACE)
-def test_the_middle_of_each_cell_is_drawn_where_it_is(
+def test_the_centre_of_each_cell_is_drawn_in_place(
     cells: NDArray[np.uint8], x: float, y: float
 ) -> None:
     local = local_map(cells)
@@ -51,7 +51,7 @@ def test_the_middle_of_each_cell_is_drawn_where_it_is(
         assert -0.01 < in_picture[2] < 0.0
 
 
-def test_without_a_map_or_a_place_nothing_is_drawn() -> None:
+def test_without_a_map_or_pose_nothing_is_drawn() -> None:
     cells = np.ones((_SIZE, _SIZE), np.uint8)
     assert map_tiles(None) is map_tiles(LocalMapEvent(None, None)) is None
     assert map_tiles(LocalMapEvent(local_map(cells), None)) is None

@@ -76,7 +76,7 @@ def test_a_tilted_camera_sees_the_floor_at_zero(height: float, tilt: float) -> N
     np.testing.assert_allclose(at, [height / math.tan(tilt), 0, 0], atol=1e-9)
 
 
-def test_the_rig_stands_on_the_floor_below_a_tilted_camera_wherever_it_drives() -> None:
+def test_the_rig_is_on_the_floor_below_a_tilted_camera() -> None:
     mount = CameraMount(0.4, 0.3, 0.1, 0.06, roll_rad=0.05)
     display = level_pose(mount)
     # Straight ahead by a metre, in display axes.
@@ -100,7 +100,7 @@ def test_the_floor_is_a_square_grid_through_the_origin() -> None:
     assert crossing[0][0] @ crossing[1][0] == 0
 
 
-def test_an_unknown_mount_is_level_and_on_no_floor() -> None:
+def test_an_unknown_mount_is_drawn_level() -> None:
     np.testing.assert_allclose(level_pose(None).apply([0, 0, 1]), [1, 0, 0])
 
 
@@ -117,7 +117,7 @@ def test_a_box_has_twelve_edges_along_its_axes() -> None:
 
 @settings(deadline=None, max_examples=50)
 @given(ANGLES, st.floats(0, 0.5))
-def test_bodies_stand_upright_and_face_their_heading(yaw: float, tilt: float) -> None:
+def test_bodies_are_upright_and_face_their_heading(yaw: float, tilt: float) -> None:
     T = level_pose(CameraMount(0.4, tilt))
     up = T.rotation.T @ np.array([0.0, 0.0, 1.0])
     axes = upright_rotation(yaw, up)
@@ -137,7 +137,7 @@ def test_padding_repeats_and_thinning_spreads() -> None:
     assert list(range(10)[thinned(10, 5)]) == [0, 2, 4, 6, 8]
 
 
-def test_the_scene_follows_only_a_robot_that_leaves() -> None:
+def test_the_scene_follows_a_robot_only_beyond_the_radius() -> None:
     follower = Follower(radius_m=4)
     np.testing.assert_allclose(follower.offset(np.array([3.9, 0, 1])), 0)
     np.testing.assert_allclose(follower.offset(np.array([10.0, 0, 1])), [-6, 0, 0])
@@ -147,7 +147,7 @@ def test_the_scene_follows_only_a_robot_that_leaves() -> None:
     np.testing.assert_allclose(follower.offset(np.zeros(3)), 0)
 
 
-def test_trails_keep_what_moved() -> None:
+def test_trails_keep_only_moved_points() -> None:
     trails = Trails()
     for k in range(5):
         trails.add_camera(np.array([0.0, 0.0, 0.1 * k]))
@@ -172,7 +172,7 @@ def observed(peer: Any) -> Any:
     return peer
 
 
-def test_a_picture_of_one_obstacle(observed: Any) -> None:
+def test_a_picture_contains_one_obstacle(observed: Any) -> None:
     event = observed.observe()
     picture = make_picture(event, observed.state(), 1, event.received + 0.1)
     assert picture.segment == (1, 0)
@@ -189,7 +189,7 @@ def test_a_picture_of_one_obstacle(observed: Any) -> None:
 
 @pytest.mark.parametrize("tilt", [-0.2, 0.0, 0.3])
 @pytest.mark.parametrize(("foot", "drawn"), [(0.1, 0.0), (0.6, 0.6), (-0.05, -0.05)])
-def test_a_box_stands_upright_around_the_body_however_the_camera_is_tilted(
+def test_a_box_is_upright_around_the_body_for_any_camera_tilt(
     observed: Any, tilt: float, foot: float, drawn: float
 ) -> None:
     """A person of 1.7 m, seen from ``foot`` upwards; the part missing at the feet is added."""
@@ -211,7 +211,7 @@ def test_a_box_stands_upright_around_the_body_however_the_camera_is_tilted(
     assert np.ptp(unknown.boxes[0].reshape(-1, 3)[:, 1]) == pytest.approx(height)
 
 
-def test_what_is_old_is_known_as_such(observed: Any) -> None:
+def test_old_data_are_marked_stale(observed: Any) -> None:
     event = observed.observe()
     state = observed.state()
     old = make_picture(event, state, 1, event.received + 3.2)
@@ -228,7 +228,7 @@ def test_what_is_old_is_known_as_such(observed: Any) -> None:
     assert none.boxes.shape == (0, 12, 2, 3)
 
 
-def test_what_has_no_place_in_the_world_is_not_drawn(observed: Any) -> None:
+def test_objects_without_a_world_pose_are_not_drawn(observed: Any) -> None:
     event = observed.observe()
     event.line["pose"] = None
     for name in ("position", "velocity", "orientation_wxyz"):
@@ -238,7 +238,7 @@ def test_what_has_no_place_in_the_world_is_not_drawn(observed: Any) -> None:
     assert len(picture.boxes) == len(picture.arrows) == len(picture.tags) == 0
 
 
-def test_clouds_are_read_as_they_are_written(observed: Any) -> None:
+def test_clouds_are_read_back_as_written(observed: Any) -> None:
     observed.draw_cloud(40)
     value = observed.cloud.read(0)
     assert isinstance(value, Latest)
@@ -298,7 +298,7 @@ def _in_base(lines: Any, T_world_camera: Pose) -> Any:
     return T_base_world.apply(np.reshape(lines, (-1, 3))).reshape(-1, 2, 3)
 
 
-def test_zones_and_outline_lie_on_the_floor_around_the_robot_wherever_it_is() -> None:
+def test_zones_and_outline_are_on_the_floor_around_the_robot() -> None:
     T = Pose.from_rotvec([0.0, 0.4, 0.0], [1.0, 0.0, 2.0])
     marks = robot_marks(_ROBOT, _MOUNT, T)
     assert marks is not None
@@ -314,7 +314,7 @@ def test_zones_and_outline_lie_on_the_floor_around_the_robot_wherever_it_is() ->
     assert (marks.level, marks.text) == ("slow", "slowed: obstacle 3 is 1.2 m ahead")
 
 
-def test_only_echoes_that_are_new_are_drawn_at_their_distance() -> None:
+def test_only_recent_echoes_are_drawn_at_their_distance() -> None:
     marks = robot_marks(_ROBOT, _MOUNT, Pose.identity())
     assert marks is not None
     ends = _in_base(marks.sonar, Pose.identity())
@@ -322,7 +322,7 @@ def test_only_echoes_that_are_new_are_drawn_at_their_distance() -> None:
     np.testing.assert_allclose(np.linalg.norm(ends[..., :2] - (0.1, 0.0), axis=-1), 1.4)
 
 
-def test_a_robot_of_which_little_is_known_is_drawn_as_far_as_it_is() -> None:
+def test_a_partly_known_robot_is_drawn_as_far_as_known() -> None:
     assert robot_marks(_ROBOT, None, Pose.identity()) is None
     assert robot_marks(_ROBOT, _MOUNT, None) is None
     assert robot_marks(None, _MOUNT, Pose.identity()) is None
@@ -339,7 +339,7 @@ def test_a_robot_of_which_little_is_known_is_drawn_as_far_as_it_is() -> None:
     assert 30 < len(circle.stop_zone) <= MOST_ZONE_LINES
 
 
-def test_the_goal_and_the_path_there_lie_on_the_floor_while_it_is_driven_to() -> None:
+def test_goal_and_path_are_on_the_floor_while_driving_there() -> None:
     T = Pose.from_rotvec([0.0, 0.4, 0.0], [1.0, 0.0, 2.0])
     marks = robot_marks(_ROBOT, _MOUNT, T, _GOAL)
     assert marks is not None
@@ -366,7 +366,7 @@ def test_the_goal_and_the_path_there_lie_on_the_floor_while_it_is_driven_to() ->
             assert len(nothing.refused) == len(nothing.meeting) == 0
 
 
-def test_refused_paths_and_the_predicted_meeting_lie_on_the_floor() -> None:
+def test_refused_paths_and_the_predicted_meeting_are_on_the_floor() -> None:
     T = Pose.from_rotvec([0.0, 0.4, 0.0], [1.0, 0.0, 2.0])
     marks = robot_marks(_ROBOT, _MOUNT, T, _GOAL)
     assert marks is not None
@@ -385,7 +385,7 @@ def test_refused_paths_and_the_predicted_meeting_lie_on_the_floor() -> None:
     assert len(crowded.refused) <= MOST_REFUSED_LINES
 
 
-def test_of_a_long_path_its_end_is_kept() -> None:
+def test_a_long_path_keeps_its_end() -> None:
     places = [(0.01 * k, 0.0) for k in range(250)]
     marks = robot_marks(_ROBOT, _MOUNT, Pose.identity(), replace(_GOAL, path=places))
     assert marks is not None
@@ -405,7 +405,7 @@ def test_of_a_long_path_its_end_is_kept() -> None:
         ("clear", None, None),
     ],
 )
-def test_one_reason_is_told_in_the_scene(level: Any, waits_for: Any, text: str | None) -> None:
+def test_one_reason_is_shown_in_the_scene(level: Any, waits_for: Any, text: str | None) -> None:
     robot = replace(_ROBOT, guard=replace(_GUARD, level=level))
     goal = replace(_GOAL, waits_for=waits_for)
     marks = robot_marks(robot, _MOUNT, Pose.identity(), goal)
@@ -416,7 +416,7 @@ def test_one_reason_is_told_in_the_scene(level: Any, waits_for: Any, text: str |
     assert unguarded.text == (None if waits_for is None else goal.sentence)
 
 
-def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> None:
+def test_the_robot_comes_from_the_drive_process(observed: Any) -> None:
     event, state = observed.observe(), observed.state()
     robots: Any = {"observer": _ROBOT, "obstacle": None}
     told = RobotsNow(
@@ -438,7 +438,7 @@ def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> Non
 # --- viser's nodes --------------------------------------------------------------------------
 
 
-async def test_the_scene_reuses_its_nodes_and_hides_the_place_of_a_robot_that_is_old(
+async def test_the_scene_reuses_its_nodes_and_hides_a_stale_robot_pose(
     peer: Any, drive: Any, storage: Storage, capsys: Any
 ) -> None:
     async def watch(viewer: ViserViewer) -> None:

@@ -18,14 +18,12 @@ from observer.opening import exclusive_world, live_devices, shown_spec
         (":23002", "127.0.0.1", 23002),
     ],
 )
-def test_what_is_left_out_is_this_machine_and_the_usual_port(
-    text: str, host: str, port: int
-) -> None:
+def test_missing_host_and_port_get_defaults(text: str, host: str, port: int) -> None:
     assert parse_address(text) == Address(host, port)
 
 
 @pytest.mark.parametrize("text", ["pc:0", "pc:65536", "pc:x", "a b:1", "a/b:1", "::1:23000"])
-def test_what_is_no_address_is_told_what_one_looks_like(text: str) -> None:
+def test_an_invalid_address_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(SourceError, match=r"coppeliasim:127\.0\.0\.1:23000"):
         parse_address(text)
 
@@ -38,7 +36,7 @@ def test_a_robot_is_named_by_its_path() -> None:
             parse_robot(wrong)
 
 
-def test_one_simulator_takes_one_source_at_a_time() -> None:
+def test_one_simulator_is_one_exclusive_world() -> None:
     assert exclusive_world("coppeliasim:") == exclusive_world("CoppeliaSim:127.0.0.1:23000")
     assert exclusive_world("coppeliasim:a:1") != exclusive_world("coppeliasim:a:2")
     for other in ("simulated:lab", "/tmp/folder", "camera:0,1", "coppeliasim:a:b"):

@@ -29,7 +29,7 @@ _MOST_S = 2.5
 
 
 @contextmanager
-def _told_soon(match: str) -> Iterator[None]:
+def _fails_soon(match: str) -> Iterator[None]:
     """Expect a one-sentence error in time, and no hang."""
     started = time.monotonic()
     with pytest.raises(CoppeliaSimError, match=match) as told:
@@ -71,22 +71,22 @@ def _replying(reply: Callable[[dict[str, Any]], bytes | None]) -> Iterator[Addre
         context.term()
 
 
-def test_nobody_there(free_port: int) -> None:
-    with _told_soon(r"nothing listens at 127\.0\.0\.1:\d+ \(connection refused\); start"):
+def test_a_refused_connection_is_reported(free_port: int) -> None:
+    with _fails_soon(r"nothing listens at 127\.0\.0\.1:\d+ \(connection refused\); start"):
         Connection(Address("127.0.0.1", free_port))
 
 
-def test_something_that_accepts_and_never_speaks() -> None:
+def test_a_silent_listener_times_out() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        with _told_soon("did not answer the first call within 1 s"):
+        with _fails_soon("did not answer the first call within 1 s"):
             Connection(Address("127.0.0.1", port))
 
 
-def test_a_server_that_takes_a_request_and_never_answers() -> None:
+def test_a_server_that_never_replies_times_out() -> None:
     with (
         _replying(lambda _: None) as address,
-        _told_soon("did not answer the first call within 1 s"),
+        _fails_soon("did not answer the first call within 1 s"),
     ):
         Connection(address)
 
@@ -96,15 +96,15 @@ def test_a_server_that_takes_a_request_and_never_answers() -> None:
     [b"\xff\xff\xff", b"", {"success": True}, {"ret": 5}, [], "text", {"ret": [1]}],
     ids=str,
 )
-def test_answers_that_are_not_the_protocol(reply: Any) -> None:
+def test_replies_outside_the_protocol_are_refused(reply: Any) -> None:
     import cbor
 
     encoded = reply if isinstance(reply, bytes) else cbor.dumps(reply)
-    with _replying(lambda _: encoded) as address, _told_soon("does not answer the first call as"):
+    with _replying(lambda _: encoded) as address, _fails_soon("does not answer the first call as"):
         Connection(address)
 
 
-def test_a_server_cannot_have_functions_of_the_main_program_run(
+def test_a_server_cannot_call_functions_of_the_main_program(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     import cbor
@@ -112,12 +112,12 @@ def test_a_server_cannot_have_functions_of_the_main_program_run(
     called: list[object] = []
     monkeypatch.setattr(sys.modules["__main__"], "harmless", called.append, raising=False)
     asked = cbor.dumps({"func": "harmless", "args": [1]})
-    with _replying(lambda _: asked) as address, _told_soon("does not answer the first call as"):
+    with _replying(lambda _: asked) as address, _fails_soon("does not answer the first call as"):
         Connection(address)
     assert called == []
 
 
-def test_the_protocol_of_the_stand_in(shared: Any) -> None:
+def test_the_stand_in_speaks_the_documented_protocol(shared: Any) -> None:
     """The documented facts about the real server, checked without its client."""
     import cbor
     import zmq
@@ -143,24 +143,24 @@ def test_the_protocol_of_the_stand_in(shared: Any) -> None:
         assert ask(func="_*end*_", args=[], uuid="raw") == {}
 
 
-def test_a_refused_call_is_one_sentence_and_the_conversation_goes_on(shared: Any) -> None:
+def test_a_refused_call_is_reported_and_the_connection_stays_open(shared: Any) -> None:
     with shared.connected() as connection:
-        with _told_soon(
+        with _fails_soon(
             r"^CoppeliaSim at \S+ refused sim.getObject: "
             r"Object does not exist. \(in function 'sim.getObject'\)$"
         ):
             connection.call("getObject", "/Nothing")
-        with _told_soon("has no function sim.fly"):
+        with _fails_soon("has no function sim.fly"):
             connection.call("fly")
         assert connection.call("getObject", "/PioneerP3DX") >= 0
 
 
-def test_the_main_program_is_left_alone(shared: Any) -> None:
+def test_the_main_module_is_not_modified(shared: Any) -> None:
     with shared.connected():
         assert not hasattr(sys.modules["__main__"], "require")
 
 
-def test_calls_from_many_threads_are_one_conversation(shared: Any) -> None:
+def test_calls_from_many_threads_get_their_own_replies(shared: Any) -> None:
     answers: list[str] = []
     with shared.connected() as connection:
         handles = [connection.call("getObject", f"/{n}") for n in ("leftCamera", "rightCamera")]
@@ -186,14 +186,14 @@ def test_requests_are_repeated_when_the_server_is_busy(own: Any) -> None:
             assert connection.call("getSimulationTimeStep") == 0.05
 
 
-def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(bare: Any) -> None:
+def test_a_hung_server_closes_the_connection_and_a_new_one_works(bare: Any) -> None:
     connection = Connection(bare.address)
     os.kill(bare.process.pid, signal.SIGSTOP)
     try:
-        with _told_soon("did not answer sim.getSimulationTime within 1 s"):
+        with _fails_soon("did not answer sim.getSimulationTime within 1 s"):
             connection.call("getSimulationTime")
         assert connection.closed
-        with _told_soon("is closed; reopen it"):
+        with _fails_soon("is closed; reopen it"):
             connection.call("getSimulationTime")
     finally:
         os.kill(bare.process.pid, signal.SIGCONT)
@@ -201,7 +201,7 @@ def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(bare: An
         assert again.call("getSimulationTime") == 0.0
 
 
-def test_a_server_that_dies_in_mid_call(own: Any) -> None:
+def test_a_server_that_dies_during_a_call_is_reported(own: Any) -> None:
     running = own("--scene", "empty")
     with running.connected() as connection:
         # A step that another client holds up never ends by itself.
@@ -210,12 +210,14 @@ def test_a_server_that_dies_in_mid_call(own: Any) -> None:
         connection.call("setStepping", True)
         connection.call("startSimulation")
         threading.Timer(0.2, running.process.kill).start()
-        with _told_soon("did not answer sim.step"):
+        with _fails_soon("did not answer sim.step"):
             connection.call("step")
         other._abandon()
 
 
-def test_without_the_extra_the_command_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_install_command_is_given_when_the_extra_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util,

@@ -30,7 +30,7 @@ def test_turning_in_place_and_going_back() -> None:
     assert (back.x, back.y) == pytest.approx((1.0, 0.0))
 
 
-def test_joints_that_are_put_back_are_no_way() -> None:
+def test_rebasing_after_a_joint_reset_adds_no_distance() -> None:
     odometry = WheelOdometry(RADIUS, TRACK)
     odometry.add(0.0, 0.0)
     place = odometry.add(10.0, 10.0)

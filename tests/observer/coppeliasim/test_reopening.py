@@ -59,7 +59,7 @@ def desk() -> Iterator[Desk]:
     desk.current.close()
 
 
-def test_opened_again_it_is_closed_first_and_begins_anew(shared: Any, desk: Desk) -> None:
+def test_reopening_closes_the_source_first_and_restarts_it(shared: Any, desk: Desk) -> None:
     for _ in range(2):
         reply = desk.open(shared.spec)
         assert reply is not None
@@ -69,7 +69,7 @@ def test_opened_again_it_is_closed_first_and_begins_anew(shared: Any, desk: Desk
         assert desk.play(3) == pytest.approx([0.0, 0.05, 0.1])
 
 
-def test_what_is_refused_leaves_open_what_was(shared: Any, desk: Desk) -> None:
+def test_a_refused_request_leaves_the_previous_source_open(shared: Any, desk: Desk) -> None:
     desk.open(shared.spec)
     refused = desk.open(shared.spec, calibration="nothing of the kind")
     assert refused is not None

@@ -74,7 +74,7 @@ def _targets(connection: Connection, path: str) -> tuple[float, float]:
     return left, right
 
 
-def test_driven_by_its_wheels_it_moves_the_camera(shared: Any) -> None:
+def test_driving_the_wheels_moves_the_camera(shared: Any) -> None:
     opened = open_source(shared.spec)
     try:
         ports = {port.role: port.port for port in opened.robots.serve()}
@@ -110,7 +110,7 @@ def test_driven_by_its_wheels_it_moves_the_camera(shared: Any) -> None:
         opened.source.close()
 
 
-def test_it_stops_when_nobody_repeats_and_takes_nothing_unless_enabled(shared: Any) -> None:
+def test_it_stops_without_repeated_commands_and_moves_only_if_enabled(shared: Any) -> None:
     path = "/PioneerP3DX[1]"
     with shared.connected() as other, _robot(shared, path) as robot:
         assert robot.drive(0.4, 0.0).speed_mps == 0.0
@@ -146,7 +146,7 @@ def test_it_stops_when_nobody_repeats_and_takes_nothing_unless_enabled(shared: A
         assert _targets(other, path) == (0.0, 0.0)
 
 
-def test_it_tells_what_it_hears(bare: Any) -> None:
+def test_sonars_and_warnings_are_reported(bare: Any) -> None:
     with bare.connected() as other:
         handle = other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
         # So that the sensor looking 10 degrees left is 0.5 m from the front wall at x = 5.4 m.
@@ -163,7 +163,7 @@ def test_it_tells_what_it_hears(bare: Any) -> None:
             assert "has a script of its own" in robot.report().warnings[0]
 
 
-def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -> None:
+def test_a_hung_simulator_is_a_fault_and_blocks_no_call(bare: Any) -> None:
     with bare.connected() as other:
         other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
     with _robot(bare, "/PioneerP3DX") as robot:
@@ -207,7 +207,7 @@ def test_a_simulator_that_hangs_is_a_fault_and_keeps_nobody_waiting(bare: Any) -
         (RuntimeError("a mistake in the driver"), RobotPhase.REFUSED),
     ],
 )
-def test_whatever_ends_a_conversation_leaves_its_wheels_at_rest(
+def test_any_error_in_the_driver_stops_the_wheels(
     shared: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, phase: RobotPhase
 ) -> None:
     path, failing, read = "/PioneerP3DX[1]", threading.Event(), robot_module._Drive._read
@@ -232,15 +232,15 @@ def test_whatever_ends_a_conversation_leaves_its_wheels_at_rest(
         assert not report.motors_enabled
 
 
-def test_what_is_not_there_is_told_and_waited_for(bare: Any, free_port: int) -> None:
+def test_a_missing_simulator_or_robot_is_reported_and_awaited(bare: Any, free_port: int) -> None:
     with pytest.raises(InputError, match="are driven as model p3dx-sh, not amigo"):
         open_coppelia_robot("coppeliasim:127.0.0.1:1/PioneerP3DX", "amigo")
-    nobody = open_coppelia_robot(f"coppeliasim:127.0.0.1:{free_port}/PioneerP3DX")
-    assert _eventually(lambda: nobody.report().phase is RobotPhase.WAITING)
-    report = nobody.report()
+    unreachable = open_coppelia_robot(f"coppeliasim:127.0.0.1:{free_port}/PioneerP3DX")
+    assert _eventually(lambda: unreachable.report().phase is RobotPhase.WAITING)
+    report = unreachable.report()
     assert "nothing listens" in report.trouble
     assert report.fault is None
-    nobody.close()
+    unreachable.close()
     robot = open_coppelia_robot(f"{bare.spec}/PioneerP3DX")
     try:
         assert _eventually(lambda: robot.report().trouble is not None)

@@ -26,15 +26,15 @@ def _observe(spec: str, frames: int) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
-def test_built_twice_it_is_one_scene_in_which_the_crossing_robot_is_found(
+def test_a_rebuilt_scene_is_the_same_and_its_crossing_robot_is_detected(
     bare: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = []
+    outputs = []
     for _ in range(2):
         coppelia_scene(str(bare.address))
-        told.append(capsys.readouterr().out)
-    assert told[0] == told[1]
-    assert f"next: dynamic-observer serve {bare.spec}" in told[0]
+        outputs.append(capsys.readouterr().out)
+    assert outputs[0] == outputs[1]
+    assert f"next: dynamic-observer serve {bare.spec}" in outputs[0]
     with bare.connected() as other:
         scene = other.constant("handle_scene")
         names = [
@@ -81,7 +81,7 @@ def test_built_twice_it_is_one_scene_in_which_the_crossing_robot_is_found(
     assert sorted(speeds)[len(speeds) // 2] == pytest.approx(0.4, abs=0.05)
 
 
-def test_a_running_simulation_and_a_missing_model_are_told(bare: Any) -> None:
+def test_a_running_simulation_and_a_missing_model_are_reported(bare: Any) -> None:
     with bare.connected() as other:
         other.call("startSimulation")
         with pytest.raises(

@@ -42,7 +42,7 @@ def _opened(running: Any) -> Iterator[OpenedSource]:
 
 
 @contextmanager
-def _told_soon(match: str) -> Iterator[None]:
+def _fails_soon(match: str) -> Iterator[None]:
     started = time.monotonic()
     with pytest.raises(SourceError, match=match) as told:
         yield
@@ -72,7 +72,7 @@ def _redness(image: Image, px: Float64Array) -> float:
     return float((patch[..., 2] - patch[..., 1]).mean())
 
 
-def test_what_it_says_of_itself(shared: Any) -> None:
+def test_source_info_describes_the_scene(shared: Any) -> None:
     with _opened(shared) as opened:
         info = opened.source.info
         assert (info.kind, info.spec, info.live, info.frame_count) == (
@@ -86,7 +86,7 @@ def test_what_it_says_of_itself(shared: Any) -> None:
         assert info.mount_left_m == pytest.approx(0.06, abs=1e-9)
 
 
-def test_the_calibration_is_of_the_sensors_own_numbers(shared: Any) -> None:
+def test_the_calibration_follows_from_the_sensors(shared: Any) -> None:
     with _opened(shared) as opened:
         c = opened.source.calibration
         assert c is not None
@@ -97,7 +97,7 @@ def test_the_calibration_is_of_the_sensors_own_numbers(shared: Any) -> None:
         assert c.T.tolist() == pytest.approx([-0.12, 0, 0], abs=1e-9)
 
 
-def test_the_robots_are_told_with_their_roles(shared: Any) -> None:
+def test_robots_are_listed_with_their_roles(shared: Any) -> None:
     with _opened(shared) as opened:
         assert opened.robots is not None
         assert opened.robots.world == shared.spec
@@ -132,7 +132,7 @@ def test_truth_images_and_calibration_agree(shared: Any) -> None:
         assert _redness(frame.left, np.array([155.0, 30.0])) < 0
 
 
-def test_everything_of_a_frame_is_of_one_instant(shared: Any) -> None:
+def test_frame_truth_and_odometry_share_one_instant(shared: Any) -> None:
     with shared.connected() as other, _opened(shared) as opened:
         _roll(other, "/PioneerP3DX[1]", 4.0, 6.0)
         _roll(other, "/PioneerP3DX", 1.0, 1.0)
@@ -163,7 +163,7 @@ def test_everything_of_a_frame_is_of_one_instant(shared: Any) -> None:
         assert obstacle.yaw < math.pi / 2
 
 
-def test_time_stands_still_until_the_next_frame_however_long_that_is(shared: Any) -> None:
+def test_simulation_time_does_not_advance_between_frames(shared: Any) -> None:
     """Longer than the simulator remembers a silent client."""
     with _opened(shared) as opened:
         before = frame_of(opened).time
@@ -171,7 +171,7 @@ def test_time_stands_still_until_the_next_frame_however_long_that_is(shared: Any
         assert frame_of(opened).time == pytest.approx(before + DT)
 
 
-def test_a_simulator_that_forgot_us_is_held_again(shared: Any) -> None:
+def test_stepping_resumes_after_the_simulator_forgot_the_client(shared: Any) -> None:
     with _opened(shared) as opened:
         opened.source.read()
         before = frame_of(opened).time
@@ -182,7 +182,7 @@ def test_a_simulator_that_forgot_us_is_held_again(shared: Any) -> None:
         assert np.diff(times) == pytest.approx([DT] * 3)
 
 
-def test_a_scene_at_rest_does_not_look_like_a_frozen_camera(shared: Any) -> None:
+def test_a_still_scene_does_not_look_like_a_frozen_camera(shared: Any) -> None:
     """Rendered images of it are identical to the last pixel, so camera noise is added."""
     with _opened(shared) as opened:
         first = frame_of(opened)
@@ -195,7 +195,7 @@ def test_a_scene_at_rest_does_not_look_like_a_frozen_camera(shared: Any) -> None
     assert change.max() < 12
 
 
-def test_rewound_it_begins_anew(shared: Any) -> None:
+def test_rewinding_restarts_the_scene(shared: Any) -> None:
     with shared.connected() as other, _opened(shared) as opened:
         first = frame_of(opened)
         _roll(other, "/PioneerP3DX[1]", 5.0, 5.0)
@@ -209,7 +209,7 @@ def test_rewound_it_begins_anew(shared: Any) -> None:
         assert not np.array_equal(again.left, last.left)
 
 
-def test_what_was_started_is_stopped_and_what_ran_goes_on(shared: Any) -> None:
+def test_closing_stops_only_a_simulation_that_the_source_started(shared: Any) -> None:
     with shared.connected() as other:
         with _opened(shared) as opened:
             opened.source.read()
@@ -226,7 +226,7 @@ def test_what_was_started_is_stopped_and_what_ran_goes_on(shared: Any) -> None:
         _wait_until_stopped(other)
 
 
-def test_one_that_died_while_stepping_holds_nobody_up_for_long(shared: Any) -> None:
+def test_a_dead_stepping_client_does_not_block_for_long(shared: Any) -> None:
     dead = Connection(shared.address)
     dead.call("setStepping", True)
     dead._abandon()
@@ -235,19 +235,21 @@ def test_one_that_died_while_stepping_holds_nobody_up_for_long(shared: Any) -> N
     assert np.diff(times) == pytest.approx([DT] * 2)
 
 
-def test_somebody_stops_pauses_or_holds_the_simulation(shared: Any) -> None:
+def test_a_stopped_or_paused_simulation_is_reported(shared: Any) -> None:
     with shared.connected() as other:
         for what in ("stopSimulation", "pauseSimulation"):
             with _opened(shared) as opened:
                 opened.source.read()
                 other.call(what)
                 time.sleep(0.05)
-                with _told_soon("does not advance beyond .* as if it had been stopped or paused"):
+                with _fails_soon("does not advance beyond .* as if it had been stopped or paused"):
                     opened.source.read()
         other.call("stopSimulation")
 
 
-def test_a_second_program_that_steps_is_told(shared: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_stepping_program_is_reported(
+    shared: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from coppeliasim_zmqremoteapi_client import RemoteAPIClient
 
     with _opened(shared) as opened:
@@ -259,7 +261,7 @@ def test_a_second_program_that_steps_is_told(shared: Any, monkeypatch: pytest.Mo
         try:
             sim = program.require("sim")
             sim.setStepping(True)
-            with _told_soon(r"did not answer sim.step .* such as a second program that steps it"):
+            with _fails_soon(r"did not answer sim.step .* such as a second program that steps it"):
                 opened.source.read()
             sim.setStepping(False)
             sim.stopSimulation()
@@ -268,8 +270,8 @@ def test_a_second_program_that_steps_is_told(shared: Any, monkeypatch: pytest.Mo
             program.context.term()
 
 
-def test_without_sensors_a_pair_is_put_onto_the_robot_and_found_again(bare: Any) -> None:
-    with _told_soon("neither two vision sensors side by side nor a P3-DX .* coppelia-scene 127"):
+def test_a_missing_sensor_pair_is_added_to_the_robot_and_found_again(bare: Any) -> None:
+    with _fails_soon("neither two vision sensors side by side nor a P3-DX .* coppelia-scene 127"):
         open_source(bare.spec)
     with bare.connected() as other:
         other.call("loadModel", _MODEL)
@@ -288,7 +290,7 @@ def test_without_sensors_a_pair_is_put_onto_the_robot_and_found_again(bare: Any)
         assert len(other.call("getObjectsInTree", scene, kind, 0)) == 2
 
 
-def test_sensors_are_found_by_where_they_are_and_told_when_they_do_not_fit(bare: Any) -> None:
+def test_sensors_are_found_by_position_and_mismatches_are_reported(bare: Any) -> None:
     with bare.connected() as other:
         other.call("loadModel", _MODEL)
         open_source(bare.spec).source.close()
@@ -302,7 +304,7 @@ def test_sensors_are_found_by_where_they_are_and_told_when_they_do_not_fit(bare:
             assert opened.source.calibration.T[0] == pytest.approx(-0.12)
             opened.source.read()
             other.call("setObjectInt32Param", right, width, 640)
-            with _told_soon(
+            with _fails_soon(
                 r"returned 491520 bytes \(reported size \[640, 256\]\), not a 512x256 colour"
             ):
                 opened.source.read()
@@ -310,21 +312,21 @@ def test_sensors_are_found_by_where_they_are_and_told_when_they_do_not_fit(bare:
         # Swapped.
         for handle, name in zip((right, left), _CAMERAS, strict=True):
             other.call("setObjectAlias", handle, name)
-        with _told_soon("are not a stereo camera: T places the right camera 0.12 m to the left"):
+        with _fails_soon("are not a stereo camera: T places the right camera 0.12 m to the left"):
             open_source(bare.spec)
         other.call("setObjectInt32Param", right, width, 640)
-        with _told_soon(r"differ: \S+ 640x256 at 60 degrees and \S+ 512x256 at 60 degrees; give"):
+        with _fails_soon(r"differ: \S+ 640x256 at 60 degrees and \S+ 512x256 at 60 degrees; give"):
             open_source(bare.spec)
 
 
-def test_a_simulator_that_hangs_or_loses_an_object_is_told(bare: Any) -> None:
+def test_a_hung_simulator_or_a_lost_object_is_reported(bare: Any) -> None:
     with bare.connected() as other:
         other.call("loadModel", _MODEL)
     with _opened(bare) as opened:
         opened.source.read()
         os.kill(bare.process.pid, signal.SIGSTOP)
         try:
-            with _told_soon("did not answer"):
+            with _fails_soon("did not answer"):
                 opened.source.read()
         finally:
             os.kill(bare.process.pid, signal.SIGCONT)
@@ -332,5 +334,5 @@ def test_a_simulator_that_hangs_or_loses_an_object_is_told(bare: Any) -> None:
         opened.source.read()
         other.call("removeObjects", [other.call("getObject", "/leftCamera")])
         for _ in range(2):
-            with _told_soon("refused sim.handleVisionSensor: Object does not exist"):
+            with _fails_soon("refused sim.handleVisionSensor: Object does not exist"):
                 opened.source.read()

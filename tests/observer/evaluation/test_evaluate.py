@@ -427,7 +427,7 @@ def test_file_is_read_with_all_extra_fields(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "tracks.jsonl holds no lines"),
+        ("", "tracks.jsonl contains no lines"),
         ("{}\n", "line 1, frame is missing"),
         ("nonsense\n", "tracks.jsonl line 1 is not valid JSON"),
         ("[1]\n", "line 1, the line"),

@@ -56,7 +56,7 @@ def ask(made: PointEvidence, px: tuple[float, float] = HERE) -> PixelAnswer:
     return explain_pixel({"ego_motion": EGO, "evidence": made}, CAMERA, PARAMETERS, px)
 
 
-def test_what_stands_out_is_dynamic_with_its_figures() -> None:
+def test_significant_motion_is_dynamic_with_its_figures() -> None:
     answer = ask(evidence([9.0] * 4 + [1.0]))
     assert answer.verdict is PixelVerdict.DYNAMIC
     assert "obstacle 3" in answer.sentence
@@ -79,7 +79,7 @@ def test_what_stands_out_is_dynamic_with_its_figures() -> None:
     assert "not yet part of an obstacle" in loose.sentence
 
 
-def test_the_majority_of_the_nearest_speaks() -> None:
+def test_the_majority_of_the_nearest_features_decides() -> None:
     assert ask(evidence([1.0, 9.0, 9.0])).verdict is PixelVerdict.DYNAMIC
     assert ask(evidence([9.0, 1.0, 1.0])).verdict is PixelVerdict.STATIC
     # Of two, the nearer one decides; features beyond the radius do not count.
@@ -89,7 +89,7 @@ def test_the_majority_of_the_nearest_speaks() -> None:
     assert ask(far).verdict is PixelVerdict.STATIC
 
 
-def test_what_is_noise_is_static_and_says_what_would_be_seen() -> None:
+def test_noise_is_static_and_the_least_detectable_speed_is_stated() -> None:
     answer = ask(evidence([0.5, 1.0, 1.5]))
     assert answer.verdict is PixelVerdict.STATIC
     assert answer.numbers["significance"] == 1.0
@@ -102,20 +102,20 @@ def test_between_noise_and_the_threshold_it_is_undecided() -> None:
     assert ask(evidence(3.3)).verdict is PixelVerdict.STATIC
 
 
-def test_young_features_are_undecided_until_the_time_that_is_told() -> None:
+def test_young_features_are_undecided_until_the_stated_time() -> None:
     answer = ask(evidence([1.0], age_s=np.array([0.07])))
     assert answer.verdict is PixelVerdict.UNDECIDED
     assert "0.13 s more" in answer.would_change
     assert ask(evidence([1.0], age_s=np.array([0.07 + 0.14]))).verdict is PixelVerdict.STATIC
 
 
-def test_features_that_are_not_judged_yet_are_undecided() -> None:
+def test_unjudged_features_are_undecided() -> None:
     answer = ask(evidence(0.0, age_s=np.array([0.4])))
     assert answer.verdict is PixelVerdict.UNDECIDED
     assert "evidence.min_sightings" in answer.would_change
 
 
-def test_too_few_that_agree_are_undecided() -> None:
+def test_too_few_agreeing_features_are_undecided() -> None:
     alone = evidence(9.0, neighbours=np.array([1]), dynamic=np.array([False]))
     answer = ask(alone)
     assert answer.verdict is PixelVerdict.UNDECIDED
@@ -123,7 +123,7 @@ def test_too_few_that_agree_are_undecided() -> None:
     assert "evidence.min_points at 1" in answer.would_change
 
 
-def test_depth_decides_only_over_what_does_not_move() -> None:
+def test_a_feature_without_depth_is_undecided_unless_it_moves() -> None:
     nowhere = np.array([np.nan])
     standing = ask(evidence(1.0, depth=nowhere))
     assert standing.verdict is PixelVerdict.UNDECIDED
@@ -131,7 +131,7 @@ def test_depth_decides_only_over_what_does_not_move() -> None:
     assert ask(evidence(9.0, depth=nowhere)).verdict is PixelVerdict.DYNAMIC
 
 
-def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
+def test_it_is_too_far_where_a_slow_walk_is_undetectable() -> None:
     # The noise of a velocity grows with the depth squared.
     def at(depth: float, age: float = 0.6, length: float = 1.0) -> PixelAnswer:
         std = np.array([0.3 * (depth / 20.0) ** 2])
@@ -157,7 +157,7 @@ def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
     assert explain_pixel(trace, CAMERA, cut, HERE).verdict is PixelVerdict.STATIC
 
 
-def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() -> None:
+def test_obstacle_features_are_dynamic_while_the_obstacle_is_tracked() -> None:
     seen = ask(evidence([6.0] * 5 + [1.0]))
     assert "as long as it is tracked" in seen.would_change
     assert "obstacles.min_points at 6 or above (now 3)" in seen.would_change
@@ -169,7 +169,7 @@ def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() ->
     assert "obstacle 3 would not be seen" in stopped.would_change
 
 
-def test_an_obstacle_that_is_not_confirmed_yet_has_no_number_to_tell() -> None:
+def test_an_unconfirmed_obstacle_is_mentioned_without_a_number() -> None:
     made = evidence(9.0, dynamic=np.array([True]), obstacle_id=np.array([-2]))
     answer = ask(made)
     assert "an unconfirmed obstacle" in answer.sentence
@@ -177,14 +177,14 @@ def test_an_obstacle_that_is_not_confirmed_yet_has_no_number_to_tell() -> None:
     assert "-2" not in answer.sentence + answer.would_change
 
 
-def test_features_that_are_not_judged_have_no_speed() -> None:
+def test_unjudged_features_have_no_speed() -> None:
     answer = ask(evidence(0.0, age_s=np.array([0.07])))
     assert answer.numbers["speed_mps"] is None
     assert answer.numbers["speed_std_mps"] is None
     assert answer.numbers["least_speed_mps"] is None
 
 
-def test_the_nearest_speaks_where_features_are_meant_to_lie_apart() -> None:
+def test_the_nearest_feature_decides_within_the_tracking_spacing() -> None:
     """One is tracked per square of ``klt_tracking.spacing_px`` and speaks for pixels around it."""
     lonely = ask(evidence([9.0, 1.0, 1.0]), (HERE[0] - 17, HERE[1]))
     assert lonely.verdict is PixelVerdict.DYNAMIC
@@ -192,7 +192,7 @@ def test_the_nearest_speaks_where_features_are_meant_to_lie_apart() -> None:
     assert ask(evidence(9.0), (HERE[0] - 19, HERE[1])).verdict is PixelVerdict.TOO_FEW_FEATURES
 
 
-def test_without_a_feature_near_there_are_too_few() -> None:
+def test_without_a_nearby_feature_there_are_too_few() -> None:
     answer = ask(evidence(1.0), (HERE[0] + 40, HERE[1]))
     assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
     assert answer.numbers["nearest_feature_px"] == 40
@@ -201,7 +201,7 @@ def test_without_a_feature_near_there_are_too_few() -> None:
     assert nothing.numbers["nearest_feature_px"] is None
 
 
-def test_without_a_feature_the_texture_says_what_would_give_one() -> None:
+def test_without_a_feature_the_texture_determines_the_advice() -> None:
     plain = np.full((256, 512), 90, np.uint8)
     noise = np.random.default_rng(0).integers(0, 256, (256, 512)).astype(np.uint8)
     faint = (90 + (noise.astype(float) - 128) / 128).astype(np.uint8)
@@ -223,7 +223,7 @@ def test_without_a_feature_the_texture_says_what_would_give_one() -> None:
 
 
 @pytest.mark.parametrize("length", [3.5, 4.0, THRESHOLD - 0.01, THRESHOLD + 0.01, 6.0])
-def test_the_promised_rate_of_false_alarms_gives_the_other_answer(length: float) -> None:
+def test_the_stated_rate_of_false_alarms_changes_the_verdict(length: float) -> None:
     def answer(rate: float) -> PixelAnswer:
         threshold = float(np.sqrt(chi2.isf(rate / TESTS, df=3)))
         dynamic, free = np.atleast_1d(length > threshold), np.array([-1])
@@ -243,20 +243,20 @@ def test_the_promised_rate_of_false_alarms_gives_the_other_answer(length: float)
         assert (answer(nearly).verdict is PixelVerdict.DYNAMIC) == moves
 
 
-def test_where_no_rate_reaches_it_says_so() -> None:
+def test_it_is_stated_if_no_rate_of_false_alarms_would_change_the_verdict() -> None:
     for length, words in ((1.0, "would make it dynamic"), (30.0, "would change it")):
         change = ask(evidence(length, obstacle_id=np.array([-1]))).would_change
         assert "No value of evidence.false_alarms_per_frame" in change
         assert words in change
 
 
-def test_what_slides_along_an_edge_is_told() -> None:
+def test_features_on_a_straight_edge_are_undecided() -> None:
     answer = ask(evidence([0.0] * 4, cornered=np.zeros(4, np.bool_)))
     assert answer.verdict is PixelVerdict.UNDECIDED
     assert "straight edge" in answer.sentence
 
 
-def test_what_lies_on_an_outline_is_its_obstacles() -> None:
+def test_features_on_an_outline_belong_to_its_obstacle() -> None:
     moving = np.ones(4, np.bool_)
     changed = {"dynamic": moving, "on_outline": moving, "obstacle_id": np.full(4, 3)}
     answer = ask(evidence([1.0] * 4, **changed))
@@ -265,7 +265,7 @@ def test_what_lies_on_an_outline_is_its_obstacles() -> None:
     assert "is separate in depth" in answer.would_change
 
 
-def test_where_motion_could_not_be_noticed_the_cause_is_told_first() -> None:
+def test_the_cause_of_undetectable_motion_is_stated_first() -> None:
     """The cell at 256, 64 is plain; features still speak for their own surroundings."""
     rows = ("." * 32,) * 4 + ("." * 16 + "p" * 16,) + ("." * 32,) * 11
     unseen = Unseen(16 / 512, {"plain": 16 / 512}, 16, rows, hides_person=False)

@@ -28,12 +28,12 @@ def test_outside_the_image(px: tuple[float, float]) -> None:
     assert "from 0 to 511" in answer.would_change
 
 
-def test_what_is_no_number_is_refused() -> None:
+def test_a_non_finite_pixel_is_refused() -> None:
     with pytest.raises(ValueError, match="finite"):
         explain_pixel({}, CAMERA, Parameters(), (math.nan, 3.0))
 
 
-def test_the_first_frame_can_be_compared_with_nothing() -> None:
+def test_the_first_frame_is_undecided() -> None:
     answer = explain_pixel({"left": np.zeros((256, 512))}, CAMERA, Parameters(), (5.0, 5.0))
     assert answer.verdict is PixelVerdict.UNDECIDED
     assert "no earlier frame" in answer.sentence
@@ -49,7 +49,7 @@ def _lost(count: int, parameters: Parameters, *, follow: bool) -> dict[str, Any]
     return {"ego_motion": ego, "matches": matches}
 
 
-def test_with_too_few_matches_the_motion_is_lost_until_the_promised_value() -> None:
+def test_ego_motion_is_lost_with_too_few_matches_until_the_stated_value() -> None:
     parameters = Parameters().changed({"ego_motion.model": "affine"})
     answer = explain_pixel(_lost(7, parameters, follow=True), CAMERA, parameters, (5.0, 5.0))
     assert answer.verdict is PixelVerdict.EGO_MOTION_LOST
@@ -60,7 +60,7 @@ def test_with_too_few_matches_the_motion_is_lost_until_the_promised_value() -> N
     assert ego.status.value != "lost"
 
 
-def test_a_motion_lost_otherwise_says_why() -> None:
+def test_other_causes_of_lost_ego_motion_are_stated() -> None:
     parameters = Parameters().changed({"ego_motion.model": "affine"})
     scattered = explain_pixel(_lost(60, parameters, follow=False), CAMERA, parameters, (5.0, 5.0))
     assert scattered.verdict is PixelVerdict.EGO_MOTION_LOST

@@ -106,7 +106,7 @@ def at_residual_end(px: tuple[float, float]) -> tuple[float, float]:
     return px[0] + 6, px[1]
 
 
-def test_what_moves_is_dynamic_with_its_figures() -> None:
+def test_a_moving_feature_is_dynamic_with_its_figures() -> None:
     answer = Scene().ask(at_residual_end(MOVED))
     assert answer.verdict is PixelVerdict.DYNAMIC
     # 6 px at 3 m and 443 px focal length, in 2/15 s.
@@ -119,7 +119,7 @@ def test_what_moves_is_dynamic_with_its_figures() -> None:
 
 
 @pytest.mark.parametrize("residual", [2.01, 3.0, 6.0, 29.0])
-def test_dynamic_ends_at_the_promised_value(residual: float) -> None:
+def test_a_moving_feature_is_dynamic_up_to_the_stated_value(residual: float) -> None:
     scene = Scene(residual=residual)
     at = (MOVED[0] + residual, MOVED[1])
     answer = scene.ask(at)
@@ -139,7 +139,7 @@ def test_a_motion_beyond_every_flow_threshold_names_another_parameter() -> None:
 
 
 @pytest.mark.parametrize("noise", [1.9, 1.3, 0.4])
-def test_what_stands_is_static_and_moves_below_the_promised_threshold(noise: float) -> None:
+def test_a_still_feature_is_static_down_to_the_stated_threshold(noise: float) -> None:
     scene = Scene(noise=noise)
     answer = scene.ask(STOOD)
     assert answer.verdict is PixelVerdict.STATIC
@@ -159,7 +159,7 @@ def test_no_threshold_makes_a_residual_below_its_range_dynamic() -> None:
     assert "No value of flow.residual_threshold_px" in answer.would_change
 
 
-def test_a_motion_that_does_not_stand_out_is_undecided() -> None:
+def test_insignificant_motion_is_undecided() -> None:
     scene = Scene(residual=2.5)
     at = (MOVED[0] + 2.5, MOVED[1])
     noisy = {"motion__pixel_sigma_px": 3.0, "motion__noise_correlation": 1.0}
@@ -194,7 +194,7 @@ def test_beyond_the_farthest_depth_is_too_far() -> None:
     assert "No setting reaches that far" in Scene(depth=250.0).ask(STOOD).would_change
 
 
-def test_a_motion_without_depth_is_undecided_and_standing_needs_none() -> None:
+def test_without_depth_motion_is_undecided_but_a_still_feature_is_static() -> None:
     scene = Scene(depth=float("nan"))
     moved, stood = scene.ask(at_residual_end(MOVED)), scene.ask(STOOD)
     assert moved.verdict is PixelVerdict.UNDECIDED
@@ -214,7 +214,7 @@ def test_nearer_than_the_nearest_depth_is_undecided() -> None:
     assert changed.verdict is PixelVerdict.DYNAMIC
 
 
-def test_where_nothing_is_there_are_too_few_features() -> None:
+def test_a_blank_area_has_too_few_features() -> None:
     answer = Scene().ask(BLANK)
     assert answer.verdict is PixelVerdict.TOO_FEW_FEATURES
     assert answer.numbers["features_near"] == 0
@@ -259,7 +259,7 @@ def _observed(**changes: Any) -> PixelAnswer:
     return explain_pixel(*_traced(changes), _FAINT)
 
 
-def test_what_is_said_to_give_a_feature_gives_one() -> None:
+def test_the_stated_changes_give_a_feature() -> None:
     """Doing only what the answer says, a feature is first found and then tracked."""
     changes: dict[str, Any] = {"ego_motion__model": "affine", "features__detector": "fast"}
     answer = _observed(**changes)
@@ -285,7 +285,7 @@ def test_what_is_said_to_give_a_feature_gives_one() -> None:
 
 
 @pytest.mark.parametrize("detector", ["shi_tomasi", "harris"])
-def test_the_quality_that_is_said_to_give_a_corner_gives_one(detector: str) -> None:
+def test_the_stated_quality_gives_a_corner(detector: str) -> None:
     changes: dict[str, Any] = {"ego_motion__model": "affine", "features__detector": detector}
     # All corners are kept; only their quality decides.
     changes |= {"features__max_count": 4000, "features__quality": 0.5}
@@ -298,7 +298,7 @@ def test_the_quality_that_is_said_to_give_a_corner_gives_one(detector: str) -> N
     assert found.verdict is PixelVerdict.STATIC
 
 
-def test_the_features_are_where_the_newest_image_shows_them() -> None:
+def test_features_are_located_in_the_newest_image() -> None:
     """The camera's motion shifted the image by 5 px; a click refers to the newest image."""
     trace = Scene().trace(Parameters())
     shown = map_pixels(SHIFT, trace["flow_observed_px"])

@@ -45,7 +45,7 @@ def encoders() -> list[str | None]:
 
 
 @pytest.mark.parametrize("ffmpeg", encoders())
-def test_pictures_come_at_their_times_and_gaps_are_filled(
+def test_video_frames_follow_their_times_and_gaps_are_filled(
     tmp_path: Path, ffmpeg: str | None
 ) -> None:
     path = tmp_path / "a %20 video.mp4.part"
@@ -64,7 +64,7 @@ def test_pictures_come_at_their_times_and_gaps_are_filled(
 
 
 @pytest.mark.parametrize("ffmpeg", encoders())
-def test_a_video_that_cannot_be_written_says_so(tmp_path: Path, ffmpeg: str | None) -> None:
+def test_a_video_that_cannot_be_written_is_reported(tmp_path: Path, ffmpeg: str | None) -> None:
     video = OverlayVideo(tmp_path / "none" / "v.mp4", 10.0, ffmpeg=ffmpeg)
 
     def write() -> None:
@@ -125,7 +125,7 @@ def read_ply(data: bytes) -> np.ndarray:
     return found
 
 
-def test_a_recorded_cloud_is_taken_and_another_is_computed(recorded: dict[str, Path]) -> None:
+def test_a_recorded_cloud_is_used_and_a_missing_one_is_computed(recorded: dict[str, Path]) -> None:
     with Recording(recorded["jpeg"]) as recording:
         kept = cloud_at(recording, 5)
         assert kept.source == "recorded"
@@ -159,7 +159,7 @@ def test_ply_holds_every_point() -> None:
     assert np.array_equal(np.stack([read[c] for c in names], axis=1), colors)
 
 
-def test_the_archive_holds_all_and_says_what_is_missing(
+def test_the_archive_holds_everything_and_names_what_is_missing(
     recorded: dict[str, Path], tmp_path: Path
 ) -> None:
     for images in ("jpeg", "none"):
@@ -184,7 +184,18 @@ def test_the_archive_holds_all_and_says_what_is_missing(
     assert sorted(each.name for each in tmp_path.iterdir()) == ["jpeg.zip", "none.zip"]
 
 
-def test_nothing_is_replaced_unasked_nor_by_half(tmp_path: Path) -> None:
+def test_an_archive_may_hold_more_lines_than_fit_into_a_plain_zip(
+    recorded: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zipfile, "ZIP64_LIMIT", 1000)
+    with Recording(recorded["none"]) as recording:
+        write_archive(recording, tmp_path / "run.zip")
+        expected = len(list(recording.lines()))
+    with zipfile.ZipFile(tmp_path / "run.zip") as archive:
+        assert len(archive.read("observations.jsonl").splitlines()) == expected
+
+
+def test_a_file_is_replaced_only_on_request_and_only_as_a_whole(tmp_path: Path) -> None:
     path = tmp_path / "f.csv"
     path.write_text("before")
     with pytest.raises(ExportError, match="--overwrite"), whole_output(path):

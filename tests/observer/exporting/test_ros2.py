@@ -126,7 +126,7 @@ def _check_cloud(told: tuple[int, str, Any], at: int) -> None:
     assert rows[0, 12:].tolist() == [7, 8, 9, 0]
 
 
-def test_transforms_make_one_tree_and_late_subscribers_get_the_fixed_ones(
+def test_transforms_form_one_tree_and_static_ones_are_latched(
     recorded: dict[str, Path], tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"

@@ -43,7 +43,7 @@ def test_every_number_has_its_unit() -> None:
             assert _UNITS.search(column.name) or bare in _WITHOUT, column.name
 
 
-def test_a_row_for_each_obstacle_and_frame_to_the_last_digit(recorded: dict[str, Path]) -> None:
+def test_each_obstacle_has_a_row_per_frame_with_full_precision(recorded: dict[str, Path]) -> None:
     with Recording(recorded["none"]) as recording:
         entries = [(line, each) for line in recording.lines() for each in line["obstacles"]]
         rows = read_csv("obstacles", recording)
@@ -94,7 +94,7 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
         assert values["ego_motion.model"] == '"rigid"'
 
 
-def test_parquet_holds_the_same_with_types_and_help(recorded: dict[str, Path]) -> None:
+def test_parquet_holds_the_same_rows_with_types_and_help(recorded: dict[str, Path]) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow, of the extra parquet")
     with Recording(recorded["none"]) as recording:
         for name in ("obstacles", "truth", "goal", "map", "parameters"):
@@ -116,6 +116,6 @@ def test_without_the_package_the_extra_is_named(
     assert "dynamic-observer[parquet]" in str(refused.value)
 
 
-def test_an_unknown_table_is_answered_with_those_there_are() -> None:
+def test_an_unknown_table_is_refused_with_the_available_ones() -> None:
     with pytest.raises(ExportError, match="obstacles, frames, truth"):
         find_table("obstacle")

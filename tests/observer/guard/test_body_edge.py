@@ -45,7 +45,7 @@ def observation(*obstacles: Obstacle) -> Observation:
     return Observation(3, 1.0, 100.0, 0, Status.OK, (), 0, HERE, obstacles)
 
 
-def told(one: Obstacle) -> SeenObstacle:
+def seen_from(one: Obstacle) -> SeenObstacle:
     (seen,) = seen_obstacles(observation(one), CAMERA, MOUNT)
     return seen
 
@@ -63,8 +63,8 @@ def corners(x: float, y: float, yaw: float) -> Float64Array:
 
 
 @pytest.mark.parametrize("y", [-1.0, 0.0, 0.6])
-def test_the_whole_box_counts_however_the_body_is_turned(y: float) -> None:
-    seen = told(obstacle(2.0, y))
+def test_the_whole_box_counts_for_any_yaw_of_the_body(y: float) -> None:
+    seen = seen_from(obstacle(2.0, y))
     for yaw in np.linspace(0, math.pi, 13):
         edge = np.hypot(*corners(2.0, y, yaw).T).min()
         assert nearest(seen) <= edge
@@ -72,7 +72,7 @@ def test_the_whole_box_counts_however_the_body_is_turned(y: float) -> None:
     assert nearest(seen) == pytest.approx(math.hypot(2.0, y) - 0.3, abs=0.01)
 
 
-def test_what_is_left_before_a_stopped_robot_ends_at_the_body_s_edge() -> None:
+def test_separation_of_a_stopped_robot_ends_at_the_body_edge() -> None:
     sight = sight_of_observation(observation(obstacle(2.0, 0.0)), CAMERA, MOUNT, "real", None, 1.0)
     left = separation(sight, ROBOT, 0.0, 1.0)
     assert left is not None
@@ -82,31 +82,33 @@ def test_what_is_left_before_a_stopped_robot_ends_at_the_body_s_edge() -> None:
 @pytest.mark.parametrize("state", list(TrackState))
 def test_a_fragment_of_a_few_points_counts_as_a_person(state: TrackState) -> None:
     # At the edge of a person whose middle is 0.25 m to the side.
-    seen = told(obstacle(2.0, 0.25, size=np.full(3, 0.05), state=state))
+    seen = seen_from(obstacle(2.0, 0.25, size=np.full(3, 0.05), state=state))
     assert math.hypot(seen.x - 2.0, seen.y) <= seen.radius_m
     assert nearest(seen) <= 1.85
 
 
 @pytest.mark.parametrize(("x", "y"), [(2.0, 0.0), (3.0, 0.7), (3.0, -0.7)])
-def test_the_silhouette_counts_where_points_show_less_of_a_body(x: float, y: float) -> None:
+def test_the_silhouette_sets_the_radius_when_points_cover_only_part_of_a_body(
+    x: float, y: float
+) -> None:
     """A cart is 1.4 m wide: only its right third has points, but its silhouette is complete."""
     one = obstacle(x, y - 0.45, size=np.array([0.4, 0.8, 0.4]))
     edges = MOUNT.T_base_camera.inverse().apply(
         np.array([[x, y + side, height] for side in (-0.7, 0.7) for height in (0.1, 0.9)])
     )
     px, _ = CAMERA.project(edges)
-    bare = told(one)
-    seen = told(obstacle(x, y - 0.45, size=one.size, silhouette=(px[[0, 1, 3, 2]],)))
+    bare = seen_from(one)
+    seen = seen_from(obstacle(x, y - 0.45, size=one.size, silhouette=(px[[0, 1, 3, 2]],)))
     assert seen.radius_m == pytest.approx(0.7 + 0.45, abs=1e-6)
     assert bare.radius_m == pytest.approx(0.3)
     assert (seen.x, seen.y) == (bare.x, bare.y)
 
 
-def test_a_body_found_by_its_outline_is_told_to_its_nearest_edge() -> None:
+def test_a_body_found_by_its_outline_covers_its_nearest_edge() -> None:
     view = SolidView()
     for _ in range(4):
         view.step(ROOM)
-    seconds, told_edges = 0, []
+    seconds, margins_m = 0, []
     for k in range(25):
         solid = person(2.6, -1.0 + 0.08 * k)
         tracks = view.step([*ROOM, solid])
@@ -122,13 +124,13 @@ def test_a_body_found_by_its_outline_is_told_to_its_nearest_edge() -> None:
         assert np.hypot(*(near - (one.x, one.y)).T).max() <= one.radius_m + 2 * (
             one.position_sigma_m or 0.0
         )
-        told_edges.append(np.hypot(*near.T).min() - nearest(one))
+        margins_m.append(np.hypot(*near.T).min() - nearest(one))
     assert seconds > 10
     # Cautious, but not so much that no robot could pass.
-    assert np.median(told_edges) < 0.35
+    assert np.median(margins_m) < 0.35
 
 
-def test_the_robot_must_stop_before_the_edge_and_its_uncertainty() -> None:
+def test_the_robot_stops_before_the_edge_and_its_uncertainty() -> None:
     """The robot stops at the same distance as for a point at the body's edge."""
     p, outline, speed = GuardParameters(), Outline.of(0.5, 0.4, None), (0.4, 0.0)
     sigma = 0.1
@@ -141,7 +143,7 @@ def test_the_robot_must_stop_before_the_edge_and_its_uncertainty() -> None:
         return is_stopped(SeenObstacle(1, where, 0.0, 0.0, 0.0, radius, sigma, 0.0, False))
 
     for x in np.arange(0.6, 2.0, 0.05):
-        body = told(obstacle(float(x), 0.0, position_cov=cov))
+        body = seen_from(obstacle(float(x), 0.0, position_cov=cov))
         assert is_stopped(body) == first(x - body.radius_m, 0.0)
         if is_stopped(body) and not first(float(x), 0.0):
             break

@@ -25,7 +25,7 @@ from .closed_loop import (
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
-def test_driving_over_free_floor_is_not_held_up(speed: float) -> None:
+def test_driving_over_free_floor_is_not_restricted(speed: float) -> None:
     lab = drive(Lab(x=-1.0), steady(speed), 5.0)
     assert share(lab, "stop") == 0
     assert share(lab, "clear") > 0.95
@@ -34,7 +34,9 @@ def test_driving_over_free_floor_is_not_held_up(speed: float) -> None:
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
 @pytest.mark.parametrize("ahead", ["wall", "box"])
-def test_what_stands_ahead_is_not_touched_and_come_near_to(speed: float, ahead: str) -> None:
+def test_the_robot_stops_close_to_an_obstacle_ahead_without_contact(
+    speed: float, ahead: str
+) -> None:
     boxes = () if ahead == "wall" else (Outline.of_box(2.0, 0.1, 0.3, 0.4, 0.35),)
     lab = drive(Lab(boxes, x=4.0 if ahead == "wall" else 1.0), steady(speed), 12.0)
     assert lab.touched_mps == []
@@ -43,18 +45,18 @@ def test_what_stands_ahead_is_not_touched_and_come_near_to(speed: float, ahead: 
 
 
 @pytest.mark.parametrize("speed", [-0.1, -0.3])
-def test_backing_stops_before_a_wall_that_only_sonar_hears(speed: float) -> None:
+def test_reversing_stops_before_a_wall_detected_only_by_sonar(speed: float) -> None:
     lab = drive(Lab(x=-2.2), steady(speed), 8.0)
     assert lab.touched_mps == []
     assert lab.driven_m > 0.2
 
 
-def test_without_sonar_no_way_leads_into_ground_that_is_not_seen() -> None:
+def test_the_robot_does_not_move_into_unseen_ground_without_sonar() -> None:
     for wish in (steady(0.3), steady(-0.3), steady(0.0, 0.5)):
         assert drive(Lab(), wish, 2.0, sonar=False).driven_m == 0
 
 
-def test_a_robot_that_crosses_is_not_run_into() -> None:
+def test_a_crossing_robot_is_not_hit() -> None:
     touched, driven = [], []
     for seed in range(SEEDS or 6):
         rng = random.Random(seed)
@@ -86,7 +88,7 @@ def from_the_side(seed: int) -> tuple[float, Lab, float]:
     return speed, Lab((), crosser, x=x), begins + takes + 1.0
 
 
-def test_one_who_comes_from_the_side_finds_the_robot_standing() -> None:
+def test_the_robot_usually_stops_for_someone_approaching_from_the_side() -> None:
     touched, reasons = [], set[str]()
     for seed in range(SEEDS or 10):
         speed, lab, seconds = from_the_side(seed)
@@ -101,7 +103,7 @@ def test_one_who_comes_from_the_side_finds_the_robot_standing() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.15, 0.4])
-def test_boxes_and_a_door_frame_beside_the_way_do_not_come_nearer(speed: float) -> None:
+def test_boxes_and_a_door_frame_beside_the_path_do_not_count_as_approaching(speed: float) -> None:
     boxes = [Outline.of_box(x, y, x, 0.4, 0.3) for x, y in ((-1.3, 0.75), (-0.7, -0.7))]
     frame = [Outline.of_box(0.4, s * 1.55, 0.0, 0.12, 2.0) for s in (1, -1)]
     lab = drive(Lab((*boxes, *frame), x=-2.5), steady(speed), 7.0)
@@ -110,7 +112,7 @@ def test_boxes_and_a_door_frame_beside_the_way_do_not_come_nearer(speed: float) 
     assert share(lab, "stop") == 0
 
 
-def test_wandering_touches_nothing_and_is_seldom_stopped_in_a_room_with_space() -> None:
+def test_wandering_touches_nothing_and_is_rarely_stopped_in_an_open_room() -> None:
     touched, stops, ticks = [], 0, 0
     for seed in range(SEEDS or 6):
         rng = random.Random(100 + seed)

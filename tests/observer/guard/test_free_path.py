@@ -100,7 +100,7 @@ def _arrays(scan: FreeScan) -> tuple[Float64Array, ...]:
 
 
 @pytest.mark.parametrize("name", ["drive", "lab", "toward", "low_texture_flicker"])
-def test_ground_that_is_called_free_is_free_and_most_of_it_is_seen(name: str) -> None:
+def test_ground_reported_free_is_free_and_most_directions_are_covered(name: str) -> None:
     beyond: list[float] = []
     known, short, count = 0, 0, 0
     for seed in range(SEEDS or 1):
@@ -124,7 +124,7 @@ def test_ground_that_is_called_free_is_free_and_most_of_it_is_seen(name: str) ->
     assert short < 0.15 * count
 
 
-def test_below_the_view_nothing_is_known(drive: Scene) -> None:
+def test_nothing_is_known_below_the_field_of_view(drive: Scene) -> None:
     scene = drive
     _, begins, ends, _ = _arrays(scene.finder.scan(*scene.pair(1.0)))
     down = scene.mount.tilt_rad + math.atan(scene.camera.height / 2 / scene.camera.fy)
@@ -134,7 +134,7 @@ def test_below_the_view_nothing_is_known(drive: Scene) -> None:
     assert begins[free].min() > edge
 
 
-def test_the_robot_in_front_is_a_surface() -> None:
+def test_a_robot_in_front_is_a_surface() -> None:
     scene = Scene("toward", 0)
     for time in (4.0, 8.0):
         bearings, _, _, blocked = _arrays(scene.finder.scan(*scene.pair(time)))
@@ -147,7 +147,7 @@ def test_the_robot_in_front_is_a_surface() -> None:
 
 
 @pytest.mark.parametrize("covered", ["both", "left", "right", "grey", "shifted"])
-def test_images_that_tell_nothing_leave_everything_unknown(drive: Scene, covered: str) -> None:
+def test_uninformative_images_leave_everything_unknown(drive: Scene, covered: str) -> None:
     left, right = drive.pair(1.0)
     rng = np.random.default_rng(0)
     dark = [rng.integers(0, 12, left.shape).astype(np.uint8) for _ in range(2)]
@@ -166,7 +166,7 @@ def test_images_that_tell_nothing_leave_everything_unknown(drive: Scene, covered
     assert np.mean(ends > begins) <= (0.15 if covered == "shifted" else 0.0)
 
 
-def test_a_thing_on_the_floor_ends_what_is_free() -> None:
+def test_an_object_on_the_floor_ends_the_free_ground() -> None:
     """A textured plane and a textured box, drawn from their disparities alone."""
     camera = StereoCamera(512, 256, 443.4, 443.4, 255.5, 127.5, 0.12)
     mount = CameraMount(0.4, math.radians(5), 0.0, 0.0)

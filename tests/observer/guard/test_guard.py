@@ -75,7 +75,7 @@ class Loop:
         return verdict
 
 
-def test_a_sight_is_troubled_in_one_sentence() -> None:
+def test_problems_with_a_sight_are_explained() -> None:
     now = 50.0
     cases = {
         "no camera source": None,
@@ -97,12 +97,12 @@ def test_a_sight_is_troubled_in_one_sentence() -> None:
     assert SIGHT_FRESH_S == DRIVE_FRESH_S
 
 
-def test_a_sight_survives_its_way_as_plain_values() -> None:
+def test_a_sight_survives_conversion_to_plain_values() -> None:
     one = sight(1.0, obstacles=(SeenObstacle(1, 1, 2, 3, 4, 0.2, None, 0.1, True),))
     assert sight_of(one.facts()) == one
 
 
-def test_a_blind_observer_stands_and_is_never_clear() -> None:
+def test_a_blind_observer_is_stopped_and_never_clear() -> None:
     guard = Guard(P)
     for wanted in ((0.3, 0.0), (0.0, 0.0), (-0.3, 0.0)):
         verdict = guard.limit(
@@ -113,7 +113,7 @@ def test_a_blind_observer_stands_and_is_never_clear() -> None:
 
 
 @pytest.mark.parametrize("wanted", [(0.3, 0.0), (0.3, 0.4), (-0.2, 0.0), (0.0, 0.8)])
-def test_over_ground_that_is_seen_or_heard_to_be_free_it_drives_as_asked(
+def test_a_command_passes_unchanged_over_ground_known_to_be_free(
     wanted: tuple[float, float],
 ) -> None:
     verdict = Loop().ask(wanted, times=3)
@@ -135,7 +135,7 @@ def test_unknown_ground_is_never_clear(wanted: tuple[float, float]) -> None:
     assert Loop().ask((0.3, 0.0), nothing_seen, sonar=False).level == "stop"
 
 
-def test_old_sonar_is_no_sonar() -> None:
+def test_outdated_sonar_readings_are_ignored() -> None:
     loop = Loop()
     loop.now += 0.02
     verdict = loop.guard.limit(
@@ -145,7 +145,7 @@ def test_old_sonar_is_no_sonar() -> None:
     assert verdict.level == "stop"
 
 
-def test_a_surface_ahead_slows_and_stops_whatever_sonar_says() -> None:
+def test_a_surface_ahead_slows_and_stops_regardless_of_sonar() -> None:
     limits = [Loop().ask((0.5, 0.0), scan(blocked)) for blocked in (3.0, 1.0, 0.7, 0.5, 0.3)]
     speeds = [verdict.speed_mps for verdict in limits]
     assert speeds[0] == 0.5
@@ -159,14 +159,14 @@ def test_a_surface_ahead_slows_and_stops_whatever_sonar_says() -> None:
     assert Loop().ask((0.0, 0.5), scan(0.35)).level == "clear"
 
 
-def test_an_echo_near_ahead_stops_whatever_is_seen() -> None:
+def test_a_near_echo_ahead_stops_regardless_of_vision() -> None:
     verdict = Loop().ask((0.3, 0.0), echo=0.15, only=[2])
     assert (verdict.level, verdict.reason) == ("stop", "sonar 2 has an echo within 0.20 m")
     assert Loop().ask((0.3, 0.0), echo=0.15, only=[6, 7]).level == "clear"
     assert Loop().ask((-0.3, 0.0), echo=0.15, only=[6, 7]).level == "stop"
 
 
-def test_an_echo_that_sight_shows_to_be_beside_the_way_does_not_stop() -> None:
+def test_an_echo_that_vision_places_beside_the_path_does_not_stop() -> None:
     # At 0.6 m in a 30 degree cone it may be ahead, but the near floor is seen to be free.
     near = scan(begins=0.3)
     assert Loop().ask((0.3, 0.0), near, echo=0.6, only=[2]).level == "clear"
@@ -174,7 +174,7 @@ def test_an_echo_that_sight_shows_to_be_beside_the_way_does_not_stop() -> None:
     assert unseen.level in ("slow", "stop")
 
 
-def test_a_turn_on_the_spot_needs_its_circle() -> None:
+def test_turning_on_the_spot_requires_a_clear_circle() -> None:
     assert Loop().ask((0.0, 0.5)).level == "clear"
     front_only = tuple(one for one in sonars(100.0) if one.index < 6)
     loop = Loop()
@@ -195,7 +195,7 @@ def test_speed_and_turn_rate_are_scaled_together() -> None:
     assert slowed.turn_rate_radps / slowed.speed_mps == pytest.approx(0.4)
 
 
-def test_a_limit_is_loosened_only_after_a_while() -> None:
+def test_a_limit_is_released_only_after_a_delay() -> None:
     loop = Loop()
     held = loop.ask((0.4, 0.0), scan(0.7))
     assert held.level == "slow"
@@ -219,7 +219,7 @@ def test_a_tracked_obstacle_slows_and_is_named() -> None:
     assert Loop().ask((0.3, 0.0), obstacles=(passed,)).level == "clear"
 
 
-def test_what_was_seen_free_a_moment_ago_counts_as_far_as_nothing_can_have_come_in() -> None:
+def test_ground_recently_seen_free_counts_until_the_memory_expires() -> None:
     def after(outage_s: float, p: GuardParameters) -> Verdict:
         loop = Loop(p=p)
         wide = FreeScan((-math.pi, math.pi), (None, None), (0.0, 0.0), (3.0, 3.0))
@@ -233,7 +233,7 @@ def test_what_was_seen_free_a_moment_ago_counts_as_far_as_nothing_can_have_come_
     assert after(0.3, P.model_copy(update={"memory_s": 0.0})).level == "stop"
 
 
-def test_the_robots_own_way_since_the_frame_is_taken_off() -> None:
+def test_the_distance_driven_since_the_frame_is_subtracted() -> None:
     def at(speed: float) -> float:
         loop = Loop()
         loop.ask((0.5, 0.0), scan(0.8), measured=(speed, 0.0), times=5)
@@ -243,7 +243,7 @@ def test_the_robots_own_way_since_the_frame_is_taken_off() -> None:
     assert at(2.0) < at(0.0)
 
 
-def test_the_obstacle_robot_goes_by_its_sonar_alone() -> None:
+def test_the_obstacle_robot_relies_on_sonar_alone() -> None:
     loop = Loop("obstacle")
     assert loop.ask((0.4, 0.0), scan(0.3)).level == "clear"
     assert loop.ask((0.4, 0.0), sonar=False).level == "clear"
@@ -254,7 +254,7 @@ def test_the_obstacle_robot_goes_by_its_sonar_alone() -> None:
     assert (blind.level, blind.blind) == ("clear", False)
 
 
-def test_the_zones_lie_along_the_arc() -> None:
+def test_the_zones_follow_the_arc() -> None:
     straight, bend = Loop().ask((0.5, 0.0)), Loop().ask((0.5, 0.6))
     assert max(x for x, _ in straight.stop_zone) == pytest.approx(
         AMIGO.length_m / 2 + P.margin_m + 1.1 * (0.5 * P.reaction_s + 0.25), abs=1e-3
@@ -266,7 +266,7 @@ def test_the_zones_lie_along_the_arc() -> None:
     assert len(standing.stop_zone) == 4
 
 
-def test_new_parameters_hold_from_the_next_tick_on() -> None:
+def test_new_parameters_apply_from_the_next_tick() -> None:
     loop = Loop()
     assert loop.ask((0.5, 0.0)).speed_mps == 0.5
     loop.guard.use(P.model_copy(update={"speed_max_mps": 0.2}))
@@ -275,7 +275,7 @@ def test_new_parameters_hold_from_the_next_tick_on() -> None:
     assert loop.ask((0.5, 0.0)).speed_mps == pytest.approx(0.2)
 
 
-def test_zones_are_drawn_anew_for_new_parameters() -> None:
+def test_zones_are_redrawn_for_new_parameters() -> None:
     loop = Loop()
     before = loop.ask((0.3, 0.6)).stop_zone
     for name, value in (("sigmas", 5.0), ("turn_acceleration_radps2", 0.2)):
@@ -283,7 +283,7 @@ def test_zones_are_drawn_anew_for_new_parameters() -> None:
         assert loop.ask((0.3, 0.6)).stop_zone != before
 
 
-def test_a_verdict_takes_little_of_a_tick() -> None:
+def test_a_verdict_takes_a_small_part_of_a_tick() -> None:
     loop = Loop()
     crowd = tuple(
         SeenObstacle(k, 2.5, 1.0 - 0.4 * k, 0, -0.3, 0.2, 0.05, 0.05, False) for k in range(4)

@@ -27,7 +27,7 @@ LEFT, RIGHT = 0, 5
 EVERY_S = 0.3
 
 
-def told(*ranges: float | None, index: int = LEFT) -> list[tuple[int, list[SeenObstacle]]]:
+def predictions(*ranges: float | None, index: int = LEFT) -> list[tuple[int, list[SeenObstacle]]]:
     """Return the approaching objects reported for these readings of a standing robot."""
     watch, past, pose = SonarWatch(), DeadReckoning(), AMIGO.sonars[index]
     now = 10.0
@@ -40,8 +40,8 @@ def told(*ranges: float | None, index: int = LEFT) -> list[tuple[int, list[SeenO
 
 
 @pytest.mark.parametrize("index", [LEFT, RIGHT])
-def test_a_thing_that_comes_nearer_is_predicted(index: int) -> None:
-    ((number, places),) = told(1.5, 1.5, 1.35, 1.2, index=index)
+def test_an_approaching_object_is_predicted(index: int) -> None:
+    ((number, places),) = predictions(1.5, 1.5, 1.35, 1.2, index=index)
     assert number == index
     sign = 1 if index == LEFT else -1
     middle = places[2]
@@ -70,8 +70,10 @@ def test_a_thing_that_comes_nearer_is_predicted(index: int) -> None:
         (1.5, 1.5, 1.3, 1.1, 1.1),
     ],
 )
-def test_what_stands_goes_away_or_is_wild_does_not_come(ranges: tuple[float | None, ...]) -> None:
-    assert told(*ranges) == []
+def test_static_receding_or_erratic_echoes_are_not_intruders(
+    ranges: tuple[float | None, ...],
+) -> None:
+    assert predictions(*ranges) == []
 
 
 def drive_past(around: Surroundings, speed: float, turn: float = 0.0, seconds: float = 6.0) -> int:
@@ -110,13 +112,13 @@ def _frame(x: float) -> tuple[Outline, Outline]:
     ],
     ids=["wall", "door", "box"],
 )
-def test_driving_past_what_stands_is_seldom_taken_for_something_that_comes(
+def test_driving_past_static_objects_rarely_reports_an_intruder(
     around: Surroundings, speed: float
 ) -> None:
     assert drive_past(around, speed, seconds=4.0) <= 8
 
 
-def test_turning_on_the_spot_makes_nothing_come() -> None:
+def test_turning_on_the_spot_reports_no_intruder() -> None:
     assert drive_past(Surroundings((-1.0, 1.5, -0.8, 0.9)), 0.0, 0.5, 4.0) == 0
 
 
@@ -147,7 +149,7 @@ def verdicts(
     return levels
 
 
-def test_it_limits_the_robot_while_it_comes_and_not_one_that_stands() -> None:
+def test_only_an_approaching_intruder_limits_the_robot_and_only_while_driving() -> None:
     def coming(time: float) -> float:
         return 1.7 - 0.6 * time
 

@@ -114,7 +114,7 @@ def heedless(lab: Lab, speed: float, seconds: float) -> Lab:
 
 
 @pytest.mark.parametrize("seed", range(SEEDS or 1))
-def test_one_who_crosses_in_view_is_seen_and_not_run_into(seed: int) -> None:
+def test_a_body_crossing_in_view_is_seen_and_not_hit(seed: int) -> None:
     touched = heedless(*crossing(seed)).touched_mps
     assert max(touched, default=0.0) > 0.1
     lab, speed, seconds = crossing(seed)

@@ -34,7 +34,7 @@ def observation(*obstacles: Obstacle) -> Observation:
     return Observation(3, 1.0, 100.0, 0, Status.OK, (), 0, None, obstacles)
 
 
-def test_places_and_velocities_are_in_the_robots_frame() -> None:
+def test_positions_and_velocities_are_in_the_robot_frame() -> None:
     (seen,) = seen_obstacles(observation(obstacle()), CAMERA, MOUNT)
     assert (seen.x, seen.y) == pytest.approx((2.0, -0.5))
     assert (seen.vx, seen.vy) == pytest.approx((0.1, 0.4))
@@ -45,7 +45,7 @@ def test_places_and_velocities_are_in_the_robots_frame() -> None:
     assert not seen.coasting
 
 
-def test_what_is_unknown_stays_unknown() -> None:
+def test_unknown_uncertainties_stay_unknown() -> None:
     (seen,) = seen_obstacles(
         observation(obstacle(position_cov=None, velocity_cov=None)), CAMERA, MOUNT
     )
@@ -62,16 +62,14 @@ def test_what_is_unknown_stays_unknown() -> None:
         ({"state": TrackState.TENTATIVE, "significance": 9.0, "velocity_cov": None}, False),
     ],
 )
-def test_tentative_tracks_count_when_they_are_sure_enough(
-    changes: dict[str, Any], counts: bool
-) -> None:
+def test_tentative_tracks_count_when_certain_enough(changes: dict[str, Any], counts: bool) -> None:
     seen = seen_obstacles(observation(obstacle(**changes)), CAMERA, MOUNT)
     assert len(seen) == counts
     if counts:
         assert seen[0].coasting == (changes.get("state") is TrackState.COASTING)
 
 
-def test_without_a_mount_there_are_no_places() -> None:
+def test_no_obstacles_are_placed_without_a_mount() -> None:
     sight = sight_of_observation(observation(obstacle()), CAMERA, None, "real", None, 100.1)
     assert not sight.mount_known
     assert sight.obstacles == ()
@@ -96,7 +94,7 @@ def test_unseen_regions_alone_do_not_make_a_frame_unfit_for_driving(
     assert (sight.status, sight.reasons) == (status, others)
 
 
-def test_a_frame_that_is_degraded_for_other_reasons_stays_so() -> None:
+def test_a_frame_degraded_for_other_reasons_stays_degraded() -> None:
     seen = replace(observation(), status=Status.DEGRADED, reasons=("the right image is blurred",))
     sight = sight_of_observation(seen, CAMERA, MOUNT, "real", None, 100.1)
     assert sight.status is Status.DEGRADED

@@ -28,9 +28,7 @@ def thing(
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
 @pytest.mark.parametrize("wanted", [(0.5, 0.0), (-0.2, 0.3), (0.0, 1.0)])
-def test_the_share_that_stops_within_a_way_is_the_inverse_of_the_way(
-    share: float, wanted: tuple[float, float]
-) -> None:
+def test_share_within_inverts_way_s(share: float, wanted: tuple[float, float]) -> None:
     stopping = Stopping.of(*wanted, P)
     assert stopping.share_within(stopping.way_s(share)) == pytest.approx(share)
     end = np.array([[P.reaction_s + share * stopping.braking_s]])
@@ -39,13 +37,13 @@ def test_the_share_that_stops_within_a_way_is_the_inverse_of_the_way(
     assert stopping.share_within(100.0) == 1.0
 
 
-def test_an_arc_is_a_circle_of_speed_over_turn_rate() -> None:
+def test_the_radius_of_an_arc_is_speed_over_turn_rate() -> None:
     quarter = poses_along(0.5, 0.25, np.array([math.pi / 0.5]))[0]
     assert quarter == pytest.approx([2.0, 2.0, math.pi / 2])
     assert poses_along(0.3, 0.0, np.array([2.0]))[0] == pytest.approx([0.6, 0.0, 0.0])
 
 
-def test_what_stands_ahead_limits_by_the_protective_distance() -> None:
+def test_a_static_obstacle_ahead_limits_by_the_protective_distance() -> None:
     # From the front to the thing's side: what S_p needs at 0.5 m/s, and 2 cm more or less.
     # Braking takes 1 s: reaction, braking, margin, and 5 % of the path at two standard deviations.
     needed = 0.15 + 0.25 + 0.1 + 2 * 0.05 * 0.4
@@ -56,7 +54,7 @@ def test_what_stands_ahead_limits_by_the_protective_distance() -> None:
     assert short.stopper == 7
 
 
-def test_the_time_to_contact_counts_the_obstacles_own_motion() -> None:
+def test_the_time_to_contact_includes_the_obstacles_own_motion() -> None:
     # 1.2 m between the sides, less a 0.1 m margin; 0.3 and 0.4 m/s towards each other.
     meets = approach([thing(1.6, vx=-0.4)], HERE, 0.0, (0.3, 0.0), BODY, P)
     assert meets.contact_s == pytest.approx(1.1 / 0.7, abs=0.1)
@@ -65,14 +63,14 @@ def test_the_time_to_contact_counts_the_obstacles_own_motion() -> None:
     assert (leads.stop_share, leads.contact_s) == (1.0, None)
 
 
-def test_one_who_crosses_far_enough_ahead_does_not_stop_the_robot() -> None:
+def test_an_obstacle_leaving_the_path_sideways_does_not_stop_the_robot() -> None:
     late = approach([thing(1.0, 0.9, vy=0.6)], HERE, 0.0, (0.3, 0.0), BODY, P)
     assert (late.stop_share, late.contact_s) == (1.0, None)
     into = approach([thing(1.0, 0.9, vy=-0.6)], HERE, 0.0, (0.3, 0.0), BODY, P)
     assert into.contact_s is not None
 
 
-def test_uncertainty_keeps_further_off() -> None:
+def test_more_uncertainty_lowers_the_stop_share() -> None:
     shares = [
         approach([thing(0.9, sigma=s)], HERE, 0.0, (0.5, 0.0), BODY, P).stop_share
         for s in (0.0, 0.05, 0.1)
@@ -80,7 +78,7 @@ def test_uncertainty_keeps_further_off() -> None:
     assert shares[0] > shares[1] > shares[2]
 
 
-def test_an_old_sight_is_carried_on_by_both_motions() -> None:
+def test_an_old_sight_is_extrapolated_by_both_motions() -> None:
     # Seen 0.2 s ago from 0.1 m further back: by now it is where the fresh one is.
     fresh = approach([thing(1.2, vx=-0.5)], HERE, 0.0, (0.3, 0.0), BODY, P)
     old = approach([thing(1.4, vx=-0.5)], (-0.1, 0.0, 0.0), 0.2, (0.3, 0.0), BODY, P)
@@ -92,7 +90,7 @@ def test_an_old_sight_is_carried_on_by_both_motions() -> None:
 
 
 @pytest.mark.parametrize("speed", [-0.3, 0.3])
-def test_making_way_is_never_forbidden(speed: float) -> None:
+def test_moving_away_is_always_allowed(speed: float) -> None:
     # Already inside the margin.
     near = approach([thing(-math.copysign(0.45, speed))], HERE, 0.0, (speed, 0.0), BODY, P)
     assert (near.stop_share, near.contact_s) == (1.0, None)

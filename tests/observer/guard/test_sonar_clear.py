@@ -32,7 +32,7 @@ def clear(point: tuple[float, float], *readings: SonarReading) -> bool:
     return view is not None and bool(clear_by_sonar(np.array([point]), view, P)[0])
 
 
-def test_a_cone_is_clear_up_to_its_echo_or_its_reach() -> None:
+def test_a_cone_is_clear_up_to_its_echo_or_range() -> None:
     assert clear((1.0, 0.0), ahead(1.5))
     assert clear((1.0, 0.2), ahead(1.5))
     assert not clear((1.0, 0.3), ahead(1.5))
@@ -42,19 +42,19 @@ def test_a_cone_is_clear_up_to_its_echo_or_its_reach() -> None:
     assert not clear((-0.3, 0.0), ahead(None))
 
 
-def test_an_old_reading_is_worth_less_and_then_nothing() -> None:
+def test_a_reading_clears_less_with_age_and_then_expires() -> None:
     assert clear((1.4, 0.0), ahead(1.5))
     assert not clear((1.4, 0.0), ahead(1.5, NOW - 0.4))
     assert not clear((0.5, 0.0), ahead(1.5, NOW - P.sonar_fresh_s - 0.01))
     assert fresh_sonar((), NOW, standing(), P) is None
 
 
-def test_a_reading_that_comes_while_it_is_asked_for_counts() -> None:
+def test_a_reading_newer_than_the_query_counts() -> None:
     assert clear((1.4, 0.0), ahead(1.5, NOW + 0.003))
     assert not clear((1.6, 0.0), ahead(1.5, NOW + 0.003))
 
 
-def test_between_two_cones_nothing_wide_can_stand_unnoticed() -> None:
+def test_a_narrow_gap_between_two_cones_is_clear() -> None:
     pair = [
         SonarReading(k, 0.1, 0.0, math.radians(sign * 30), None, NOW)
         for k, sign in enumerate((1, -1))
@@ -68,7 +68,7 @@ def test_between_two_cones_nothing_wide_can_stand_unnoticed() -> None:
     assert not clear((0.6, 0.0), *pair, ahead(0.4))
 
 
-def test_a_reading_is_carried_along_as_the_robot_drives() -> None:
+def test_a_reading_is_shifted_by_the_robots_motion() -> None:
     past = DeadReckoning()
     for k in range(11):
         past.advance(NOW - 0.2 + 0.02 * k, 0.5, 0.0)

@@ -65,7 +65,7 @@ def bmp(width: int, height: int) -> bytes:
 @example(bmp(30_000, 30_000), False)
 @example(bmp(-2147483648, -2147483648), False)
 @example(b"II*\0\x08\0\0\0\0\0", False)
-def test_damage_is_refused_or_leaves_an_image(content: bytes, grey: bool) -> None:
+def test_a_damaged_file_is_refused_or_gives_an_image(content: bytes, grey: bool) -> None:
     image = read_or_refused(
         lambda: decoded_image(content, name="left/1.png", grey=grey), SourceError
     )
@@ -77,7 +77,7 @@ def test_damage_is_refused_or_leaves_an_image(content: bytes, grey: bool) -> Non
 
 @pytest.mark.parametrize("image", [GREY, COLOUR], ids=["grey", "colour"])
 @pytest.mark.parametrize("extension", [".png", ".bmp", ".tif", ".webp"])
-def test_what_is_written_without_loss_is_read(extension: str, image: np.ndarray) -> None:
+def test_losslessly_written_images_are_read_unchanged(extension: str, image: np.ndarray) -> None:
     options = [cv2.IMWRITE_WEBP_QUALITY, 101] if extension == ".webp" else []
     ok, content = cv2.imencode(extension, image, options)
     assert ok
@@ -97,14 +97,14 @@ def test_times_are_finite_plain_numbers_or_refused(
     times = read_or_refused(lambda: read_times(path), SourceError)
     if times is not None:
         assert np.isfinite(times).all()
-        # Python parses underscores in numbers, but nobody writes them in a file.
+        # Python parses underscores in numbers, but files do not contain them.
         told = [each for each in content.splitlines() if not each.strip().startswith(b"#")]
         assert b"_" not in b"".join(told)
 
 
 @examples(24)
 @given(st.lists(st.floats(0, 1e6), max_size=20))
-def test_times_come_back_to_the_last_digit(
+def test_times_are_read_back_with_full_precision(
     tmp_path_factory: pytest.TempPathFactory, times: list[float]
 ) -> None:
     path: Path = tmp_path_factory.getbasetemp() / "written.txt"

@@ -26,7 +26,7 @@ def encoded(extension: str, image: np.ndarray = NOISE, options: list[int] | None
 
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])
 @pytest.mark.parametrize("grey", [True, False])
-def test_of_sixteen_bits_those_in_use_count(bits: int, grey: bool) -> None:
+def test_sixteen_bit_images_are_scaled_by_the_bits_in_use(bits: int, grey: bool) -> None:
     deep = NOISE.astype(np.uint16) << (bits - 8)
     deep[0, 0] = (1 << bits) - 1
     content = cv2.imencode(".png", deep)[1].tobytes()
@@ -35,7 +35,7 @@ def test_of_sixteen_bits_those_in_use_count(bits: int, grey: bool) -> None:
     assert np.array_equal(read[1:], NOISE[1:])
 
 
-def test_a_dark_image_is_as_dark_as_the_source_s_others() -> None:
+def test_a_dark_image_is_scaled_like_earlier_bright_ones() -> None:
     depth, bright = BitDepth(), np.full((4, 5), 4000, np.uint16)
     assert depth.reduced(bright)[0, 0] == 250
     assert depth.reduced(bright // 16)[0, 0] == 15
@@ -44,7 +44,7 @@ def test_a_dark_image_is_as_dark_as_the_source_s_others() -> None:
 
 @pytest.mark.parametrize("extension", [".png", ".pgm", ".bmp"])
 @pytest.mark.parametrize("channels", [1, 3])
-def test_reads_what_was_written(extension: str, channels: int, tmp_path: Path) -> None:
+def test_a_written_image_is_read_back(extension: str, channels: int, tmp_path: Path) -> None:
     image = NOISE if channels == 1 else np.dstack([NOISE, NOISE[::-1], 255 - NOISE])
     path = tmp_path / ("a.ppm" if (extension, channels) == (".pgm", 3) else f"a{extension}")
     assert cv2.imwrite(str(path), image)
@@ -54,14 +54,14 @@ def test_reads_what_was_written(extension: str, channels: int, tmp_path: Path) -
     assert np.array_equal(read if read.ndim == image.ndim else read[..., 0], image)
 
 
-def test_sixteen_bits_keep_the_upper_eight(tmp_path: Path) -> None:
+def test_sixteen_bit_images_keep_their_upper_eight_bits(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "deep.png"), NOISE.astype(np.uint16) * 256 + 7)
     assert np.array_equal(read_image(tmp_path / "deep.png"), NOISE)
 
 
 @pytest.mark.parametrize("extension", FORMATS)
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 0.7, 0.99])
-def test_a_cut_off_file_is_refused(extension: str, share: float, tmp_path: Path) -> None:
+def test_a_truncated_file_is_refused(extension: str, share: float, tmp_path: Path) -> None:
     whole = encoded(extension)
     path = tmp_path / "left" / f"000003{extension}"
     path.parent.mkdir()
@@ -74,7 +74,7 @@ def test_a_cut_off_file_is_refused(extension: str, share: float, tmp_path: Path)
 @pytest.mark.parametrize("options", [[], PROGRESSIVE])
 @given(length=st.integers(3, 3000))
 @settings(deadline=None, max_examples=60)
-def test_no_cut_of_a_jpeg_goes_unnoticed(options: list[int], length: int) -> None:
+def test_any_truncation_of_a_jpeg_is_noticed(options: list[int], length: int) -> None:
     whole = encoded(".jpg", options=options)
     assert damage(whole) is None
     if length < len(whole) - 1:
@@ -83,13 +83,13 @@ def test_no_cut_of_a_jpeg_goes_unnoticed(options: list[int], length: int) -> Non
 
 @given(position=st.integers(8, 2000), value=st.integers(1, 255))
 @settings(deadline=None, max_examples=100)
-def test_no_changed_byte_of_a_png_goes_unnoticed(position: int, value: int) -> None:
+def test_any_changed_byte_of_a_png_is_noticed(position: int, value: int) -> None:
     content = bytearray(encoded(".png"))
     content[min(position, len(content) - 1)] ^= value
     assert damage(bytes(content))
 
 
-def test_what_follows_the_end_is_no_damage() -> None:
+def test_trailing_bytes_are_not_damage() -> None:
     for extension in FORMATS:
         assert damage(encoded(extension) + b"\0" * 40) is None
 
@@ -98,12 +98,12 @@ def test_what_follows_the_end_is_no_damage() -> None:
        | st.builds(lambda b: b"\x89PNG\r\n\x1a\n" + b, st.binary(max_size=60))
        | st.builds(lambda b: b"P5 " + b, st.binary(max_size=60)))  # fmt: skip
 @settings(deadline=None, max_examples=200)
-def test_damage_answers_for_any_bytes(content: bytes) -> None:
+def test_damage_accepts_any_bytes(content: bytes) -> None:
     problem = damage(content)
     assert problem is None or problem.startswith("is ")
 
 
-def test_names_what_is_no_image(tmp_path: Path) -> None:
+def test_an_unreadable_image_is_named(tmp_path: Path) -> None:
     (tmp_path / "note.png").write_text("this is no image at all")
     with pytest.raises(SourceError, match=r"note\.png is damaged or not an image"):
         read_image(tmp_path / "note.png")

@@ -28,7 +28,7 @@ def same(found: oracle.Modes, wanted: oracle.Modes) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_modes_are_mixed_as_by_numpy(seed: int) -> None:
+def test_mixed_modes_match_numpy(seed: int) -> None:
     mean, covariance = mixed(*modes_of(seed))
     wanted = oracle.mixed(modes_of(seed))
     np.testing.assert_allclose(mean, wanted[0], rtol=1e-12, atol=1e-14)
@@ -37,7 +37,7 @@ def test_modes_are_mixed_as_by_numpy(seed: int) -> None:
 
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize("seed", range(10))
-def test_it_predicts_as_numpy_does(seed: int, known: bool) -> None:
+def test_prediction_matches_numpy(seed: int, known: bool) -> None:
     rng = np.random.default_rng(seed)
     modes, dt, yaw = modes_of(seed), float(rng.uniform(0.01, 0.5)), rng.uniform(-3, 3)
     if seed % 2:
@@ -52,7 +52,7 @@ def test_it_predicts_as_numpy_does(seed: int, known: bool) -> None:
 @pytest.mark.parametrize("which", [(0, 1, 2, 6), (0, 1, 2), (3, 4, 5)])
 @pytest.mark.parametrize("sigma", [1e-3, 0.1, 10.0])
 @pytest.mark.parametrize("seed", range(6))
-def test_it_updates_as_numpy_does(seed: int, sigma: float, which: tuple[int, ...]) -> None:
+def test_update_matches_numpy(seed: int, sigma: float, which: tuple[int, ...]) -> None:
     rng = np.random.default_rng(seed)
     modes = modes_of(seed)
     measured = modes[0].mean(axis=0)[list(which)] + rng.normal(0.0, sigma, len(which))
@@ -64,7 +64,7 @@ def test_it_updates_as_numpy_does(seed: int, sigma: float, which: tuple[int, ...
     )
 
 
-def test_of_a_surprise_no_mode_becomes_impossible() -> None:
+def test_no_mode_becomes_impossible_after_a_surprise() -> None:
     modes = modes_of(0, 1e-3)
     modes[0][1] = 50.0
     _, _, probabilities = update(*modes, np.arange(3), modes[0][0, :3].copy(), 1e-6 * np.eye(3))
@@ -73,7 +73,7 @@ def test_of_a_surprise_no_mode_becomes_impossible() -> None:
 
 @pytest.mark.parametrize("first", [0, 3])
 @pytest.mark.parametrize("seed", range(6))
-def test_gaps_are_as_long_as_by_numpy(seed: int, first: int) -> None:
+def test_squared_gap_matches_numpy(seed: int, first: int) -> None:
     rng = np.random.default_rng(seed)
     _, covariance = oracle.mixed(modes_of(seed))
     factor, gap = rng.normal(0.0, 0.3, (3, 3)), rng.normal(0.0, 1.0, 3)
@@ -84,7 +84,7 @@ def test_gaps_are_as_long_as_by_numpy(seed: int, first: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_centre_moves_as_by_numpy(seed: int) -> None:
+def test_velocity_at_centre_matches_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     mean, covariance = oracle.mixed(modes_of(seed))
     arm, lasting, doubt_m = rng.normal(0.0, 1.0, 3), rng.uniform(0, 1, 3), float(rng.uniform(0, 1))

@@ -21,7 +21,7 @@ def positive(rng: np.random.Generator, count: int, sigma: float) -> Float64Array
 
 @pytest.mark.parametrize("count", [0, 1, 25])
 @pytest.mark.parametrize("seed", range(5))
-def test_members_are_placed_as_by_numpy(seed: int, count: int) -> None:
+def test_placed_members_match_numpy(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     information = positive(rng, count, 50.0) * (rng.random(count) < 0.7)[:, None, None]
     arguments = (
@@ -39,7 +39,7 @@ def test_members_are_placed_as_by_numpy(seed: int, count: int) -> None:
 @pytest.mark.parametrize("off", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize("count", [1, 3, 4, 40])
 @pytest.mark.parametrize("seed", range(8))
-def test_the_pose_is_as_by_numpy(seed: int, count: int, off: float) -> None:
+def test_the_pose_matches_numpy(seed: int, count: int, off: float) -> None:
     rng = np.random.default_rng(seed)
     truth = np.array([0.4, 0.1, 3.0, rng.uniform(-3, 3)])
     place = rng.uniform(-0.4, 0.4, (count, 3))

@@ -42,7 +42,7 @@ def files(folder: Path) -> set[Path]:
 
 
 @COMPILED
-def test_what_was_compiled_is_loaded_next_time(folder: Path) -> None:
+def test_a_compiled_kernel_is_loaded_next_time(folder: Path) -> None:
     first = Kernel(doubled, (REALS1,))
     assert not first.load()
     np.testing.assert_array_equal(first(np.arange(3.0)), [0, 2, 4])
@@ -56,7 +56,7 @@ def test_what_was_compiled_is_loaded_next_time(folder: Path) -> None:
 
 @COMPILED
 @pytest.mark.usefixtures("folder")
-def test_another_processor_compiles_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_of_another_processor_is_not_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     Kernel(doubled, (REALS1,)).ready()
     assert Kernel(doubled, (REALS1,)).load()
     monkeypatch.setattr(cache.KernelCache, "_index_key", lambda *_: ("another processor",))
@@ -65,13 +65,13 @@ def test_another_processor_compiles_anew(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @COMPILED
 @pytest.mark.usefixtures("folder")
-def test_a_changed_source_is_stale(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_is_stale_when_its_source_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     Kernel(doubled, (REALS1,)).ready()
     monkeypatch.setattr(cache, "_sources", lambda _: "another text")
     assert not Kernel(doubled, (REALS1,)).load()
 
 
-def test_a_kernel_is_stale_when_what_it_imports_from_changes(
+def test_a_kernel_is_stale_when_a_module_it_imports_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cache, "_ROOT", tmp_path)
@@ -95,7 +95,7 @@ def test_a_kernel_is_stale_when_what_it_imports_from_changes(
 
 
 @COMPILED
-def test_where_nothing_can_be_written_it_works_all_the_same(
+def test_a_kernel_works_without_a_writable_cache(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(**_: object) -> None:
@@ -114,15 +114,15 @@ def test_other_types_are_refused_rather_than_compiled() -> None:
         linked(np.zeros((1, 2)), np.ones(2, np.bool_))  # type: ignore[arg-type]
 
 
-def test_all_kernels_are_found_and_made_ready() -> None:
+def test_all_kernels_are_found_and_compiled() -> None:
     assert {"pose_fit.fit_pose", "motion_test.pooled", "neighbourhoods.linked"} <= set(
         every_kernel()
     )
-    told: list[str] = []
-    make_ready(told.append)
-    told.clear()
-    make_ready(told.append)
-    assert told == []
+    messages: list[str] = []
+    make_ready(messages.append)
+    messages.clear()
+    make_ready(messages.append)
+    assert messages == []
     assert all(kernel.load() for kernel in every_kernel().values())
 
 
@@ -131,23 +131,23 @@ def test_all_kernels_are_found_and_made_ready() -> None:
 @pytest.mark.slow
 @pytest.mark.patient
 @pytest.mark.timeout(600)
-def test_a_processor_without_a_cache_is_told_and_compiles_once(tmp_path: Path) -> None:
+def test_compilation_without_a_cache_is_reported_and_done_once(tmp_path: Path) -> None:
     program = (
         "from observer.kernels.building import make_ready, every_kernel\n"
-        "told = []\n"
-        "make_ready(told.append)\n"
+        "messages = []\n"
+        "make_ready(messages.append)\n"
         "assert all(kernel.load() for kernel in every_kernel().values())\n"
-        "print(len(told))\n"
+        "print(len(messages))\n"
     )
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    told = [
+    messages = [
         subprocess.run(
             [sys.executable, "-c", program], env=environment, check=True, capture_output=True,
             text=True, timeout=300,
         ).stdout.strip()
         for _ in range(2)
     ]  # fmt: skip
-    assert told == ["1", "0"]
+    assert messages == ["1", "0"]
     assert len(files(tmp_path)) >= len(every_kernel())
     ended = subprocess.run(
         [sys.executable, "-m", "observer.kernels"], env=environment, check=True,
@@ -159,7 +159,7 @@ def test_a_processor_without_a_cache_is_told_and_compiles_once(tmp_path: Path) -
 @COMPILED
 @pytest.mark.slow
 @pytest.mark.timeout(120)
-def test_compiling_ends_with_the_process_that_asked_for_it(tmp_path: Path) -> None:
+def test_compilation_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
     program = "from observer.kernels.building import make_ready; make_ready(print)"
     asker = psutil.Popen(
         [sys.executable, "-c", program], stdout=subprocess.DEVNULL,

@@ -23,7 +23,7 @@ def cells(seed: int, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("turns", [1, 2, 3])
-def test_points_are_wanted_where_none_is(seed: int, turns: int) -> None:
+def test_wanted_cells_match_numpy(seed: int, turns: int) -> None:
     rows, columns = 1 + seed % 5, 2 + seed % 7
     taken, marked = cells(seed, rows, columns)
     arguments = taken, marked, FINER, seed, turns
@@ -32,7 +32,7 @@ def test_points_are_wanted_where_none_is(seed: int, turns: int) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize(("spacing", "levels"), [(7, 1000), (16, 1000), (25, 1000), (16, 3)])
-def test_the_strongest_of_each_cell_is_what_numpy_finds(
+def test_the_strongest_pixel_of_each_cell_matches_numpy(
     seed: int, spacing: int, levels: int
 ) -> None:
     """Few levels of strength cause ties."""
@@ -50,7 +50,7 @@ def test_the_strongest_of_each_cell_is_what_numpy_finds(
         )
 
 
-def test_no_pixel_without_strength_is_chosen_and_none_beyond_the_margins() -> None:
+def test_no_pixel_without_strength_or_beyond_the_margins_is_chosen() -> None:
     marked, wanted = np.zeros((4, 4), np.bool_), np.ones((8, 8), np.bool_)
     flat, steep = np.zeros((30, 30), np.float32), np.ones((30, 30), np.float32)
     step, nothing = np.float32(0.25), np.float32(0.0)
@@ -63,7 +63,7 @@ def test_no_pixel_without_strength_is_chosen_and_none_beyond_the_margins() -> No
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_edges_are_told_from_corners_as_by_numpy(seed: int) -> None:
+def test_distinguishing_corners_from_edges_matches_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     height, width = int(rng.integers(4, 30)), int(rng.integers(4, 30))
     angle = rng.uniform(0, np.pi)
@@ -78,7 +78,7 @@ def test_edges_are_told_from_corners_as_by_numpy(seed: int) -> None:
     np.testing.assert_array_equal(is_cornered(*arguments), expected)
 
 
-def test_the_largest_gradients_do_not_overflow_and_flat_ones_are_no_edge() -> None:
+def test_largest_gradients_do_not_overflow_and_flat_areas_are_not_edges() -> None:
     steep = np.full((20, 20), -1020, np.int16)
     px = np.array([[10.0, 10.0], [39.0, 0.0]], np.float32)
     assert not is_cornered(steep, steep, px, 2, 7, 0.05).any()

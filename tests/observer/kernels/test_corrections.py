@@ -14,7 +14,7 @@ from .oracles import corrections as oracle
 
 @pytest.mark.parametrize("reduction", [2, 3])
 @pytest.mark.parametrize("bias_px", [0.0, 0.37, -1.2])
-def test_a_bias_is_added_as_by_numpy(reduction: int, bias_px: float) -> None:
+def test_adding_a_bias_matches_numpy(reduction: int, bias_px: float) -> None:
     camera = StereoCamera(64 * reduction, 40 * reduction, 90.0, 91.0, 61.2, 39.8, 0.12)
     grid = Grid(camera, reduction, 64, 40)
     disparity = np.random.default_rng(0).uniform(0, 40, grid.shape).astype(np.float32)

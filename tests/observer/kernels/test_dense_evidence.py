@@ -42,7 +42,7 @@ def depths(grid: Grid, rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 @each_case
-def test_evidence_is_that_of_numpy(seed: int, grid: Grid, motion: Pose) -> None:
+def test_evidence_matches_numpy(seed: int, grid: Grid, motion: Pose) -> None:
     rng = np.random.default_rng(seed)
     disparity = depths(grid, rng)
     other = DepthFrame(0.0, depths(grid, rng), Pose.identity())
@@ -63,7 +63,7 @@ def test_evidence_is_that_of_numpy(seed: int, grid: Grid, motion: Pose) -> None:
 
 
 @each_case
-def test_cells_are_found_in_another_frame_as_by_numpy(seed: int, grid: Grid, motion: Pose) -> None:
+def test_cells_found_in_another_frame_match_numpy(seed: int, grid: Grid, motion: Pose) -> None:
     rng = np.random.default_rng(seed)
     disparity = depths(grid, rng)
     other = DepthFrame(0.0, depths(grid, rng), Pose.identity())
@@ -86,7 +86,7 @@ def test_cells_are_found_in_another_frame_as_by_numpy(seed: int, grid: Grid, mot
 
 @pytest.mark.parametrize("gain", [0.6, 1.0, 1.7])
 @pytest.mark.parametrize("limit", [4.0, 30.5])
-def test_what_differs_differs_by_numpy(gain: float, limit: float) -> None:
+def test_grey_differences_match_numpy(gain: float, limit: float) -> None:
     """Every grey value against all ranges of darkest and brightest from a few values."""
     levels = np.arange(256, dtype=np.uint8)
     ends = np.array([0, 2, 3, 60, 61, 140, 249, 250, 255], np.uint8)

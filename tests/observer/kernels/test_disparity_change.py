@@ -30,7 +30,7 @@ def seen(seed: int, count: int, known: float) -> tuple[Reals, Reals, Reals, Real
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize(("count", "known"), [(300, 1.0), (301, 0.9), (60, 0.7), (12, 1.0)])
-def test_the_fit_is_that_of_numpy(seed: int, count: int, known: float) -> None:
+def test_the_fit_matches_numpy(seed: int, count: int, known: float) -> None:
     points = seen(seed, count, known)
     constant, sigma, flow = disparity_change(*points, CAMERA.numbers, 1.0)
     expected = oracle.disparity_change(*points, CAMERA, 1.0)
@@ -40,7 +40,7 @@ def test_the_fit_is_that_of_numpy(seed: int, count: int, known: float) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 20])
-def test_what_no_point_tells_is_told_to_no_accuracy(count: int) -> None:
+def test_the_uncertainty_is_infinite_without_disparities(count: int) -> None:
     before, now, disparity, after = seen(0, count, 1.0)
     _, sigma, flow = disparity_change(
         before, now, np.full_like(disparity, np.nan), after, CAMERA.numbers, 1.0

@@ -37,9 +37,7 @@ def seen_ground(rng: np.random.Generator, plane: Float64Array, other: float) -> 
 
 @each_seed
 @pytest.mark.parametrize(("top", "half", "step"), [(15, 4, 2), (0, 1, 1), (16, 3, 3), (50, 4, 2)])
-def test_cells_that_come_nearer_are_those_of_numpy(
-    seed: int, top: int, half: int, step: int
-) -> None:
+def test_cells_nearer_downwards_match_numpy(seed: int, top: int, half: int, step: int) -> None:
     rng = np.random.default_rng(seed)
     disparity = seen_ground(rng, ground_below(0.4, 0.2, 0.0), 0.3).astype(np.float32)
     found = nearer_downwards(disparity, top, half, step, np.float32(0.3))
@@ -63,7 +61,7 @@ def by_kernel(
 @pytest.mark.parametrize("other", [0.0, 0.3, 0.45, 0.9])
 @pytest.mark.parametrize("pose", [(0.4, 0.2, 0.0), (1.0, 0.5, 0.1), (0.3, 0.1, 0.8), (9.0, 0.2, 0)])
 @pytest.mark.parametrize("known", [False, True])
-def test_the_ground_is_that_of_numpy(
+def test_the_ground_matches_numpy(
     seed: int, other: float, pose: tuple[float, float, float], *, known: bool
 ) -> None:
     """Also if too little is ground, or a similar plane is tilted or too far below."""
@@ -86,7 +84,7 @@ def test_the_ground_is_that_of_numpy(
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-10)
 
 
-def test_it_is_found_despite_what_hides_it() -> None:
+def test_the_ground_is_found_despite_occluders() -> None:
     rng = np.random.default_rng(0)
     disparity = seen_ground(rng, ground_below(0.4, 0.2, 0.05), 0.3).ravel()
     at = rng.choice(np.flatnonzero(np.isfinite(disparity)), 600)
@@ -94,7 +92,7 @@ def test_it_is_found_despite_what_hides_it() -> None:
     assert 1 / np.linalg.norm(normal) == pytest.approx(0.4, rel=0.05)
 
 
-def test_cells_in_a_line_have_no_plane() -> None:
+def test_collinear_cells_have_no_plane() -> None:
     at = np.full(300, 40 * GRID.width) + np.arange(300) % GRID.width
     seen = np.full(300, 10.0)
     triples = np.random.default_rng(0).integers(0, 300, (40, 3))
@@ -104,7 +102,7 @@ def test_cells_in_a_line_have_no_plane() -> None:
 
 @each_seed
 @pytest.mark.parametrize("pose", [(0.4, 0.2, 0.0), (1.0, 0.5, 0.3), (0.3, -0.4, 0.0)])
-def test_what_stands_out_is_that_of_numpy(seed: int, pose: tuple[float, float, float]) -> None:
+def test_cells_that_stand_out_match_numpy(seed: int, pose: tuple[float, float, float]) -> None:
     rng = np.random.default_rng(seed)
     plane = ground_below(*pose)
     disparity = seen_ground(rng, plane, 0.3).astype(np.float32)

@@ -20,7 +20,7 @@ def positive(rng: np.random.Generator, count: int, sigma: float) -> Float64Array
 @pytest.mark.parametrize("instants", [0, 1, 16])
 @pytest.mark.parametrize("count", [0, 1, 30])
 @pytest.mark.parametrize("seed", range(6))
-def test_points_are_compared_as_by_numpy(seed: int, count: int, instants: int) -> None:
+def test_point_comparison_matches_numpy(seed: int, count: int, instants: int) -> None:
     rng = np.random.default_rng(seed)
     state = rng.normal(0.0, 0.5, 8)
     if seed == 0:
@@ -39,7 +39,7 @@ def test_points_are_compared_as_by_numpy(seed: int, count: int, instants: int) -
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_one_thing_is_compared_as_by_numpy(seed: int) -> None:
+def test_single_comparison_matches_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     velocity, gap = rng.normal(0.0, 0.5, (2, 3))
     body_cov, rest_cov = positive(rng, 2, 0.2)
@@ -51,7 +51,7 @@ def test_one_thing_is_compared_as_by_numpy(seed: int) -> None:
 @pytest.mark.parametrize("rate", [0.0, 0.8])
 @pytest.mark.parametrize("count", [0, 1, 20])
 @pytest.mark.parametrize("seed", range(4))
-def test_points_are_placed_as_by_numpy(seed: int, count: int, rate: float) -> None:
+def test_point_placement_matches_numpy(seed: int, count: int, rate: float) -> None:
     rng = np.random.default_rng(seed)
     state = rng.normal(0.0, 1.0, 8)
     state[7] = rate

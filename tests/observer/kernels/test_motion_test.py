@@ -51,7 +51,7 @@ def tracked(seed: int, now: CameraStep, count: int = 250) -> TrackedPoints:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_points_by_themselves_and_pooled_are_those_of_numpy(seed: int) -> None:
+def test_own_and_pooled_motion_match_numpy(seed: int) -> None:
     now = step(seed)
     points = tracked(seed, now)
     parameters = EvidenceParameters()
@@ -83,7 +83,7 @@ def test_points_by_themselves_and_pooled_are_those_of_numpy(seed: int) -> None:
     np.testing.assert_array_equal(found.neighbours[own.ready], neighbours[own.ready])
 
 
-def test_more_pairs_than_expected_are_all_found() -> None:
+def test_all_pairs_are_found_when_there_are_more_than_expected() -> None:
     now = step(0)
     points = tracked(1, now, count=600)
     crowd = np.full((600, 2), 100, np.float32) + np.arange(600, dtype=np.float32)[:, None] * 0.01
@@ -96,7 +96,7 @@ def test_more_pairs_than_expected_are_all_found() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_lasting_errors_are_those_of_numpy(seed: int) -> None:
+def test_lasting_errors_match_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     now = step(seed)
     # A third of the points lie behind the camera, where nothing is seen.

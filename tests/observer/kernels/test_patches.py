@@ -13,7 +13,7 @@ from .oracles import patches as oracle
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.4, 0.9, 1.0])
 @pytest.mark.parametrize("seed", range(5))
-def test_patches_are_described_as_by_numpy(seed: int, share: float) -> None:
+def test_patch_descriptions_match_numpy(seed: int, share: float) -> None:
     rng = np.random.default_rng(seed)
     changed = (rng.random((24, 31)) < share).astype(np.uint8)
     disparity = rng.uniform(1.0, 60.0, changed.shape).astype(np.float32)

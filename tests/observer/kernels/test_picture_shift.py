@@ -48,7 +48,7 @@ def compare(
 
 @pytest.mark.parametrize("contrast", [0.0, 3.0, 25.0])
 @pytest.mark.parametrize("seed", range(10))
-def test_it_finds_what_numpy_finds(seed: int, contrast: float) -> None:
+def test_the_shift_matches_numpy(seed: int, contrast: float) -> None:
     rng = np.random.default_rng(seed)
     shift = rng.uniform(-3, 3, 2)
     before, after = pictures(seed, shift, contrast)
@@ -65,7 +65,7 @@ def test_it_finds_what_numpy_finds(seed: int, contrast: float) -> None:
 
 
 @pytest.mark.parametrize("column", [-40.0, -3.0, 1.0, 12.0, WIDTH - 13.0, WIDTH + 2.0])
-def test_it_finds_as_little_as_numpy_at_the_border(column: float) -> None:
+def test_the_shift_at_the_border_matches_numpy(column: float) -> None:
     before, after = pictures(0, np.zeros(2), 20.0)
     rows, columns = np.mgrid[20:34, 30:46]
     view = View(before, np.stack([columns.ravel(), rows.ravel()]))
@@ -73,7 +73,7 @@ def test_it_finds_as_little_as_numpy_at_the_border(column: float) -> None:
     compare(view, after, expected, np.array([WIDTH * 2.0, 30.0]), 1.0, 2)
 
 
-def test_of_an_image_without_any_contrast_the_place_stays() -> None:
+def test_the_shift_without_contrast_matches_numpy() -> None:
     plain = np.full((HEIGHT, WIDTH), 90, np.uint8)
     rows, columns = np.mgrid[20:34, 30:46]
     view = View(plain, np.stack([columns.ravel(), rows.ravel()]))

@@ -55,7 +55,7 @@ def by_kernel(
 @pytest.mark.parametrize(
     ("moving", "deep"), [(0.0, 1.0), (0.3, 0.9), (0.6, 0.5), (0.0, 0.0), (0.3, 0.01)]
 )
-def test_it_finds_what_numpy_finds(seed: int, moving: float, deep: float) -> None:
+def test_the_fitted_pose_matches_numpy(seed: int, moving: float, deep: float) -> None:
     points = seen_points(seed, moving=moving, deep=deep)
     share = np.random.default_rng(seed).uniform(0.2, 1.0, len(points.known))
     parameters = EgoMotionParameters(ransac_iterations=96)
@@ -68,7 +68,7 @@ def test_it_finds_what_numpy_finds(seed: int, moving: float, deep: float) -> Non
     np.testing.assert_allclose(found, information, rtol=1e-6, atol=1e-3)
 
 
-def test_nothing_before_the_camera_leaves_the_expected_pose() -> None:
+def test_the_expected_pose_is_returned_when_all_points_are_behind_the_camera() -> None:
     points = seen_points(0, moving=0.0, deep=1.0, count=20)
     points.place[2] = -5.0
     R, t, length, inliers, _ = by_kernel(points, np.ones(20), EgoMotionParameters(), 0)

@@ -31,7 +31,7 @@ def pair(seed: int, count: int, levels: int, period: int) -> tuple[np.ndarray, n
     ("count", "levels", "period"),
     [(24, 63, 400), (24, 2, 400), (48, 63, 7), (1, 63, 400), (0, 9, 9)],
 )
-def test_it_finds_what_numpy_finds(seed: int, count: int, levels: int, period: int) -> None:
+def test_the_row_search_matches_numpy(seed: int, count: int, levels: int, period: int) -> None:
     first, second = pair(seed, count, levels, period)
     rng = np.random.default_rng(seed)
     px = rng.uniform((0, 0), (2 * WIDTH - 1, 2 * HEIGHT - 1), (60, 2)).astype(np.float32)
@@ -42,7 +42,7 @@ def test_it_finds_what_numpy_finds(seed: int, count: int, levels: int, period: i
     np.testing.assert_array_equal(search_rows(*arguments), oracle.search_rows(*arguments))
 
 
-def test_equal_images_have_no_disparity_and_no_points_none() -> None:
+def test_flat_images_and_empty_input_give_no_disparity() -> None:
     flat = np.full((HEIGHT + SIDE - 1, WIDTH + SIDE - 1), 31, np.uint8)
     wide = np.full((HEIGHT + SIDE - 1, WIDTH + SIDE - 1 + 24), 31, np.uint8)
     px = np.array([[50.0, 20.0], [119.0, 79.0]], np.float32)

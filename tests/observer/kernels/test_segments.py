@@ -55,7 +55,7 @@ def by_kernel(
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("disparity", [9.0, 20.2, 33.0, 60.0])
 @pytest.mark.parametrize("holes", [0.0, 0.03, 0.3])
-def test_what_hangs_together_is_that_of_opencv(seed: int, disparity: float, holes: float) -> None:
+def test_connected_cells_match_opencv(seed: int, disparity: float, holes: float) -> None:
     rng, scene = np.random.default_rng(seed), a_scene(seed)
     free = rng.random(SHAPE) >= holes
     of_seed = patches(rng, [0.0, 1.0], 3, 4) > 0
@@ -69,9 +69,7 @@ def test_what_hangs_together_is_that_of_opencv(seed: int, disparity: float, hole
 
 @pytest.mark.parametrize("rows", [slice(0, 3), slice(33, 36), slice(0, 36), slice(9, 10)])
 @pytest.mark.parametrize("columns", [slice(0, 3), slice(51, 54), slice(0, 54), slice(20, 21)])
-def test_bars_at_the_border_and_thin_ones_are_opened_as_by_opencv(
-    rows: slice, columns: slice
-) -> None:
+def test_opening_of_border_bars_and_thin_bars_matches_opencv(rows: slice, columns: slice) -> None:
     scene, ones = a_scene(0), np.ones(SHAPE, np.bool_)
     scene.disparity[:] = 9.0
     scene.disparity[rows, columns] = 20.0
@@ -98,7 +96,7 @@ def masks(seed: int) -> list[oracle.Mask]:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_segments_are_described_as_by_numpy(seed: int) -> None:
+def test_segment_descriptions_match_numpy(seed: int) -> None:
     scene = a_scene(seed)
     for mask in masks(seed):
         rows, columns = oracle.window_of(mask)

@@ -20,7 +20,7 @@ def somewhere(seed: int) -> Pose:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_what_is_seen_is_placed_as_by_numpy(seed: int) -> None:
+def test_placed_sightings_match_numpy(seed: int) -> None:
     rng, pose = np.random.default_rng(seed), somewhere(seed)
     u, v, disparity = rng.uniform([-50.0, -50.0, 0.5], [560.0, 300.0, 60.0]).tolist()
     across, down, along = rng.uniform(0.01, 30.0, 3).tolist()
@@ -35,7 +35,7 @@ def test_what_is_seen_is_placed_as_by_numpy(seed: int) -> None:
 
 
 @pytest.mark.parametrize("disparity", [0.0, -1.0, np.nan])
-def test_without_a_disparity_nothing_is_placed(disparity: float) -> None:
+def test_no_position_is_given_without_a_disparity(disparity: float) -> None:
     pose = somewhere(0)
     assert np.isnan(
         place_of(10.0, 10.0, disparity, pose.rotation, pose.translation, CAMERA.numbers)
@@ -43,7 +43,7 @@ def test_without_a_disparity_nothing_is_placed(disparity: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_places_are_projected_as_by_numpy(seed: int) -> None:
+def test_projected_positions_match_numpy(seed: int) -> None:
     place, pose = np.random.default_rng(seed).normal(0.0, 3.0, 3), somewhere(seed)
     px, disparity = CAMERA.project(pose.apply(place))
     found = view_of(place, pose.rotation, pose.translation, CAMERA.numbers)

@@ -32,7 +32,7 @@ def some(rng: np.random.Generator, values: np.ndarray, known: float = 0.8) -> np
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("skew_s", [None, 0.0, 0.004])
 @pytest.mark.parametrize("bias_px", [0.0, 0.7])
-def test_points_seen_again_are_measured_as_by_numpy(
+def test_measurements_of_points_seen_again_match_numpy(
     seed: int, skew_s: float | None, bias_px: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -60,7 +60,7 @@ def test_points_seen_again_are_measured_as_by_numpy(
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_points_are_placed_in_the_world_as_by_numpy(seed: int) -> None:
+def test_world_positions_of_points_match_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     px = pixels(rng)
     disparity = rng.uniform(0.25, 40, COUNT)
@@ -84,7 +84,7 @@ def test_points_are_placed_in_the_world_as_by_numpy(seed: int) -> None:
     np.testing.assert_array_equal(information, information.transpose(0, 2, 1))
 
 
-def test_no_points_give_none() -> None:
+def test_no_points_give_empty_arrays() -> None:
     single, real = np.zeros((0, 2), np.float32), np.zeros((0, 3))
     position, information = placed_in_world(
         single, np.zeros(0), real, real, POSE.rotation, POSE.translation, CAMERA.numbers

@@ -33,7 +33,7 @@ def flow(rng: np.random.Generator, px: np.ndarray, noise: float = 0.4) -> Flow:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_there_and_back_is_checked_as_by_numpy(seed: int) -> None:
+def test_the_forward_backward_check_matches_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     end, found = pixels(rng), rng.random(COUNT) < 0.5
     difference, texture = rng.uniform(0, 9, (2, COUNT)).astype(np.float32)
@@ -56,7 +56,7 @@ def test_there_and_back_is_checked_as_by_numpy(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_matches_off_the_row_are_none_as_by_numpy(seed: int) -> None:
+def test_the_row_check_matches_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     px = pixels(rng)
     disparity = rng.uniform(0, 9, COUNT).astype(np.float32)
@@ -72,7 +72,7 @@ def test_matches_off_the_row_are_none_as_by_numpy(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_both_ways_to_the_right_image_are_compared_as_by_numpy(seed: int) -> None:
+def test_comparison_of_both_paths_to_the_right_image_matches_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     difference, texture = rng.uniform(0, 20, (2, COUNT)).astype(np.float32)
     texture[::9] = 0.0

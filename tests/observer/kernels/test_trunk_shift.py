@@ -12,7 +12,7 @@ from .oracles import trunk_shift as oracle
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 9, 40])
 @pytest.mark.parametrize("seed", range(12))
-def test_it_tells_what_numpy_tells(seed: int, count: int) -> None:
+def test_the_trunk_shift_matches_numpy(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     ahead = rng.normal(0.0, 1.0, 3)
     ahead /= np.linalg.norm(ahead)
@@ -35,7 +35,7 @@ def test_it_tells_what_numpy_tells(seed: int, count: int) -> None:
     np.testing.assert_allclose([moved, moved_variance], wanted[2:], rtol=1e-6, atol=1e-9)
 
 
-def test_no_points_tell_nothing() -> None:
+def test_the_variance_is_infinite_without_points() -> None:
     none, empty = np.zeros(0, np.int64), np.zeros((0, 3))
     variance, which, _, moved_variance = trunk_shift(
         none, empty, np.zeros((0, 3, 3)), np.zeros(3), np.array([0.0, 0.0, 1.0]),

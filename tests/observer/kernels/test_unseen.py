@@ -33,7 +33,7 @@ def blobs(rng: np.random.Generator, shape: tuple[int, int], share: float) -> ora
 
 @pytest.mark.parametrize("shape", [(16, 24), (17, 31), (5, 3), (120, 160)])
 @pytest.mark.parametrize("side", [8, 4])
-def test_means_are_those_of_opencv(shape: tuple[int, int], side: int) -> None:
+def test_cell_means_match_opencv(shape: tuple[int, int], side: int) -> None:
     values = np.random.default_rng(0).integers(0, 256, shape).astype(np.uint8)
     np.testing.assert_array_equal(cell_means(values, side), oracle.cell_means(values, side))
 
@@ -41,7 +41,7 @@ def test_means_are_those_of_opencv(shape: tuple[int, int], side: int) -> None:
 @each_seed
 @each_shape
 @pytest.mark.parametrize("count", [0, 5, 200])
-def test_points_tell_what_they_tell_by_numpy(seed: int, shape: tuple[int, int], count: int) -> None:
+def test_evidence_from_points_matches_numpy(seed: int, shape: tuple[int, int], count: int) -> None:
     rng = np.random.default_rng(seed)
     known, stands, moves = (shares(rng, shape, 0.5) for _ in range(3))
     # Some points lie a little outside.
@@ -59,7 +59,7 @@ def test_points_tell_what_they_tell_by_numpy(seed: int, shape: tuple[int, int], 
 @each_seed
 @each_shape
 @pytest.mark.parametrize("share", [0.0, 0.4, 0.8, 1.1])
-def test_the_background_is_that_of_numpy(seed: int, shape: tuple[int, int], share: float) -> None:
+def test_the_background_matches_numpy(seed: int, shape: tuple[int, int], share: float) -> None:
     rng = np.random.default_rng(seed)
     plain = blobs(rng, shape, share)
     stands = shares(rng, shape, 0.2)
@@ -73,9 +73,7 @@ def test_the_background_is_that_of_numpy(seed: int, shape: tuple[int, int], shar
 @each_seed
 @each_shape
 @pytest.mark.parametrize("fits", [(6, 3), (1, 1), (40, 40)])
-def test_it_fills_what_it_fills_by_numpy(
-    seed: int, shape: tuple[int, int], fits: tuple[int, int]
-) -> None:
+def test_fills_matches_numpy(seed: int, shape: tuple[int, int], fits: tuple[int, int]) -> None:
     cells = blobs(np.random.default_rng(seed), shape, 0.3)
     for share in (0.25, 0.5, 1.0):
         assert fills(cells, *fits, share) == oracle.fills(cells, fits, share)

@@ -26,7 +26,7 @@ WORDS = (
 
 @examples(60)
 @given(damaged_text(FILES, WORDS) | hostile_text(WORDS))
-def test_damage_is_refused_or_leaves_a_programme(text: str) -> None:
+def test_a_damaged_programme_is_refused_or_valid(text: str) -> None:
     made = read_or_refused(lambda: profile_from_text(text, "mine"), InputError)
     if made is None:
         return

@@ -38,14 +38,14 @@ def path_of(programme: MotionProfile, role: Role) -> list[tuple[float, float, fl
     return path
 
 
-def test_those_that_others_count_on_are_there() -> None:
+def test_the_required_programmes_exist() -> None:
     assert set(profile_names()) >= {
         "figure17_a", "figure17_b", "square_observer", "square_obstacle", "rig_turn", "rig_drive",
     }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", profile_names())
-def test_each_has_words_ends_standing_and_survives_being_written(name: str) -> None:
+def test_each_programme_is_described_ends_at_rest_and_round_trips(name: str) -> None:
     programme = load_profile(name)
     assert programme.name == name
     assert len(programme.title) > 5
@@ -60,7 +60,7 @@ def test_each_has_words_ends_standing_and_survives_being_written(name: str) -> N
 
 
 @pytest.mark.parametrize("name", profile_names())
-def test_each_is_gentle_beyond_its_gesture(name: str) -> None:
+def test_each_programme_accelerates_gently_after_its_gesture(name: str) -> None:
     programme = load_profile(name)
     start = duration_s(programme) - max(
         sum(step.seconds for step in steps) for steps in programme.steps.values()
@@ -75,7 +75,7 @@ def test_each_is_gentle_beyond_its_gesture(name: str) -> None:
             assert abs(now[1] - before[1]) <= GENTLE_RADPS2 * TICK_S
 
 
-def test_the_two_experiments_of_figure_17_move_both_robots_the_obstacle_in_two_directions() -> None:
+def test_figure_17_programmes_move_the_obstacle_in_opposite_directions() -> None:
     a, b = load_profile("figure17_a"), load_profile("figure17_b")
     for programme in (a, b):
         assert programme.roles == ("observer", "obstacle")
@@ -86,14 +86,14 @@ def test_the_two_experiments_of_figure_17_move_both_robots_the_obstacle_in_two_d
 
 
 @pytest.mark.parametrize("role", ["observer", "obstacle"])
-def test_the_square_is_one_of_2_m_and_closes(role: Role) -> None:
+def test_the_square_has_sides_of_2_m_and_closes(role: Role) -> None:
     path = path_of(load_profile(f"square_{role}"), role)
     assert path[-1] == pytest.approx((0, 0, 2 * math.pi), abs=1e-9)
     xs, ys = [p[0] for p in path], [p[1] for p in path]
     assert (min(xs), max(xs), min(ys), max(ys)) == pytest.approx((0, 2, 0, 2), abs=1e-9)
 
 
-def test_the_rigs_estimate_gets_what_it_asks_for() -> None:
+def test_the_rig_programmes_turn_60_degrees_and_drive_1_2_m() -> None:
     turn = path_of(load_profile("rig_turn"), "observer")
     assert max(p[2] for p in turn) == pytest.approx(math.radians(60))
     assert min(p[2] for p in turn) == pytest.approx(math.radians(-60))
@@ -102,7 +102,7 @@ def test_the_rigs_estimate_gets_what_it_asks_for() -> None:
     assert drive[-1] == pytest.approx((1.2, 0, 0), abs=1e-9)
 
 
-def test_a_name_is_never_taken_for_a_path(tmp_path: Path) -> None:
+def test_a_name_is_never_treated_as_a_path(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("steps: {observer: [{seconds: 1, speed_mps: 0.1}]}")
     paths = (str(file), "../library/figure17_a", "figure17_a.yaml", "", "x/../figure17_a")
@@ -112,7 +112,7 @@ def test_a_name_is_never_taken_for_a_path(tmp_path: Path) -> None:
     assert read_profile(file).name == "mine"
 
 
-def test_a_file_that_cannot_be_read_is_said_to_be(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_refused_with_the_reason(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no programme file"):
         read_profile(tmp_path / "none.yaml")
     with pytest.raises(InputError, match="cannot be read"):

@@ -46,7 +46,7 @@ def pose_after(
     return x, y, yaw
 
 
-def test_steps_hold_and_ramps_rise_evenly_from_the_velocity_before() -> None:
+def test_steps_hold_their_velocity_and_ramps_are_linear() -> None:
     played = programme(Step(2, 0.4, ramp=True), Step(1, 0.4, 0.5), Step(2, 0.0, 0.0, ramp=True))
     assert velocity_at(played, "obstacle", 0.0) == (0.0, 0.0)
     assert velocity_at(played, "obstacle", 1.0) == pytest.approx((0.2, 0.0))
@@ -56,7 +56,7 @@ def test_steps_hold_and_ramps_rise_evenly_from_the_velocity_before() -> None:
     assert velocity_at(played, "obstacle", 5.0) is None
 
 
-def test_a_robot_stands_before_the_beginning_and_while_only_the_other_drives() -> None:
+def test_a_robot_is_still_before_the_start_and_while_only_the_other_drives() -> None:
     played = programme(Step(1, 0.3), observer=(Step(4, 0.1),))
     assert duration_s(played) == 4
     assert velocity_at(played, "obstacle", -0.1) == (0.0, 0.0)
@@ -67,12 +67,12 @@ def test_a_robot_stands_before_the_beginning_and_while_only_the_other_drives() -
     assert velocity_at(alone, "observer", 1.5) is None
 
 
-def test_an_elapsed_time_that_is_no_number_ends_it() -> None:
+def test_a_non_finite_elapsed_time_ends_the_programme() -> None:
     assert velocity_at(programme(Step(1, 0.3)), "obstacle", math.nan) is None
     assert velocity_at(programme(Step(1, 0.3)), "obstacle", math.inf) is None
 
 
-def test_rounds_follow_each_other_and_the_gesture_is_played_once() -> None:
+def test_rounds_repeat_and_the_gesture_is_played_once() -> None:
     played = programme(Step(1, 0.3), Step(1, -0.2), gesture=True)
     assert duration_s(played, 3) == GESTURE_S + 6
     assert velocity_at(played, "obstacle", 0.1, repeat=3) == (GESTURE_SPEED_MPS, 0.0)
@@ -89,7 +89,7 @@ def test_rounds_follow_each_other_and_the_gesture_is_played_once() -> None:
 
 
 @pytest.mark.parametrize("repeat", [0, -1, 1001])
-def test_a_number_of_rounds_that_makes_no_sense_is_refused(repeat: int) -> None:
+def test_an_invalid_number_of_rounds_is_refused(repeat: int) -> None:
     with pytest.raises(InputError, match="1 to 1000 times"):
         velocity_at(programme(Step(1, 0.3)), "obstacle", 0, repeat=repeat)
 
@@ -108,7 +108,7 @@ steps = st.lists(
 
 
 @given(steps, steps)
-def test_the_way_back_undoes_the_way_there(mine: tuple[Step, ...], other: tuple[Step, ...]) -> None:
+def test_the_return_path_ends_at_the_start(mine: tuple[Step, ...], other: tuple[Step, ...]) -> None:
     played = programme(*mine, observer=other)
     for role in played.roles:
         there = pose_after(played, role)
@@ -119,7 +119,7 @@ def test_the_way_back_undoes_the_way_there(mine: tuple[Step, ...], other: tuple[
         assert (x, y, there[2] + back[2]) == pytest.approx((0, 0, 0), abs=1e-6)
 
 
-def test_the_way_back_of_a_robot_that_was_done_sooner_begins_later() -> None:
+def test_the_return_of_a_robot_that_finished_earlier_starts_later() -> None:
     played = programme(Step(1, 0.3), observer=(Step(4, 0.1),))
     assert velocity_at(played, "obstacle", 0.5, reverse=True) == (0.0, 0.0)
     assert velocity_at(played, "obstacle", 3.5, reverse=True) == (-0.3, 0.0)
@@ -160,7 +160,7 @@ def test_the_gestures_autocorrelation_has_one_sharp_peak(
     assert correlation[np.abs(lags) > PULSE_S / 2 + SAMPLE_S].max() <= 0.5
 
 
-def test_no_other_pattern_of_pulses_would_do_as_well_by_chance() -> None:
+def test_evenly_spaced_pulses_have_a_second_peak() -> None:
     """Evenly spaced pulses have a second peak almost as high, so the check above can fail."""
     record = np.zeros(600)
     for start in (0, 150, 300, 450):

@@ -24,7 +24,7 @@ def with_step(step: str) -> str:
     return f"name: a\nsteps: {{obstacle: [{{seconds: 1}}, {step}]}}\n"
 
 
-def test_a_text_is_read_in_peoples_units() -> None:
+def test_a_text_is_read_with_degrees_converted() -> None:
     programme = profile_from_text(
         """
         name: to-and-fro
@@ -92,7 +92,7 @@ programmes = st.builds(
 
 
 @given(programmes)
-def test_what_is_written_is_read_back(programme: MotionProfile) -> None:
+def test_a_written_programme_is_read_back(programme: MotionProfile) -> None:
     text = profile_text(programme)
     read = profile_from_text(text)
     assert (read.name, read.title, read.help, read.gesture) == (
@@ -117,7 +117,7 @@ def test_whole_degrees_stay_whole() -> None:
 
 
 @given(st.text(max_size=200))
-def test_no_text_does_more_than_be_refused(text: str) -> None:
+def test_any_text_is_read_or_refused_in_one_line(text: str) -> None:
     for each in (text, MINIMAL + text, f"steps: {text}"):
         try:
             profile_from_text(each, "x")
@@ -150,7 +150,7 @@ def test_no_text_does_more_than_be_refused(text: str) -> None:
         (with_step("{seconds: 1, seconds: 2}"), "appears twice"),
         (with_step("3"), "must be written as"),
         ("name: a\nsteps: {}", "moves no robot"),
-        ("name: a\nsteps: [1]", "steps must hold a list of steps for observer or obstacle"),
+        ("name: a\nsteps: [1]", "steps must contain a list of steps for observer or obstacle"),
         ("name: a\nsteps: {observer: {seconds: 1}}", "must be a list of steps"),
         ("name: ../etc\nsteps: {observer: [{seconds: 1}]}", "is not a valid programme name"),
         ('name: "a\\0"\nsteps: {observer: [{seconds: 1}]}', "is not a valid programme name"),
@@ -163,7 +163,7 @@ def test_no_text_does_more_than_be_refused(text: str) -> None:
         (MINIMAL + "---\n" + MINIMAL, "more than one YAML document"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_in_one_sentence(text: str, sentence: str) -> None:
+def test_a_mistake_is_refused_with_a_specific_message(text: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as refused:
         profile_from_text(text)
     assert "calibration" not in str(refused.value)
@@ -176,7 +176,7 @@ def test_too_many_steps_are_refused() -> None:
         profile_from_text(text)
 
 
-def test_an_alias_bomb_and_a_large_text_are_refused_before_they_are_built() -> None:
+def test_alias_bombs_large_and_deeply_nested_texts_are_refused() -> None:
     bomb = "name: a\nsteps: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
         f"s{i}: &{chr(98 + i)} [" + ", ".join([f"*{chr(97 + i)}"] * 9) + "]\n" for i in range(20)
     )

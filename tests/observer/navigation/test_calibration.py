@@ -32,7 +32,7 @@ def came_to(instant: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 @pytest.mark.parametrize("instant", [0, 1])
-def test_an_honest_prediction_holds_as_often_as_it_says(instant: int) -> None:
+def test_a_calibrated_prediction_has_its_nominal_coverage(instant: int) -> None:
     ranked = ranks(predicted(), instant, came_to(instant), np.random.default_rng(1))
     assert ranked.shape == (COUNT,)
     # 600 draws: one standard deviation is 0.9 % here and 2 % at the median.
@@ -41,12 +41,14 @@ def test_an_honest_prediction_holds_as_often_as_it_says(instant: int) -> None:
 
 
 @pytest.mark.parametrize(("stretch", "low", "high"), [(0.5, 0.4, 0.7), (3.0, 0.99, 1.0)])
-def test_a_spread_told_too_small_or_large_shows(stretch: float, low: float, high: float) -> None:
+def test_too_small_or_too_large_a_spread_shows_in_the_coverage(
+    stretch: float, low: float, high: float
+) -> None:
     ranked = ranks(predicted(stretch), 1, came_to(1), np.random.default_rng(1))
     share = coverage(ranked)
     assert share is not None
     assert low <= share <= high
 
 
-def test_nobody_has_no_coverage() -> None:
+def test_no_ranks_give_no_coverage() -> None:
     assert coverage([]) is None

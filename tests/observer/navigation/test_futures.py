@@ -18,12 +18,12 @@ TIMES = np.array([0.5, 1.0, 2.0])
 WALKER = SeenObstacle(7, 1.0, 2.0, 1.2, 0.0, 0.3, 0.05, 0.1, False)
 
 
-def test_a_person_who_goes_on_keeps_their_velocity() -> None:
+def test_predicted_means_follow_each_manoeuvre() -> None:
     made = futures([WALKER], np.array([PRIOR]), TIMES, NOISE)
     assert made.ids == (7,)
     assert made.mean[0, 0] == pytest.approx(np.stack([1.0 + 1.2 * TIMES, [2.0] * 3], axis=1))
     stops = made.mean[0, 1]
-    # The distance covered by somebody who halves the speed every 0.35 s.
+    # The distance covered by a person who halves the speed every 0.35 s.
     assert stops[-1, 0] == pytest.approx(1.0 + 1.2 * 0.35 / math.log(2), abs=0.02)
     left, right = made.mean[0, 2], made.mean[0, 3]
     assert left[:, 0] == pytest.approx(right[:, 0])
@@ -39,7 +39,7 @@ def test_turning_keeps_the_length_of_the_path() -> None:
         assert steps.sum() == pytest.approx(fine[-1] - fine[0], rel=1e-3)
 
 
-def test_uncertainty_grows_and_is_stated_where_unknown() -> None:
+def test_uncertainty_grows_and_unknown_sigmas_increase_it() -> None:
     sure = futures([WALKER], np.array([PRIOR]), TIMES, NOISE).sigma[0, 0]
     assert (np.diff(sure) > 0).all()
     assert sure[0] >= math.hypot(0.05, 0.05)
@@ -47,11 +47,11 @@ def test_uncertainty_grows_and_is_stated_where_unknown() -> None:
     assert (futures([unknown], np.array([PRIOR]), TIMES, NOISE).sigma[0, 0] > sure).all()
 
 
-def test_nobody_is_no_future() -> None:
+def test_no_people_give_no_futures() -> None:
     assert len(futures([], np.zeros((0, len(PRIOR))), TIMES, NOISE)) == 0
 
 
-def test_habits_follow_what_somebody_does() -> None:
+def test_habits_follow_observed_behaviour() -> None:
     habits = Habits()
     assert habits.weights([WALKER], 0.0, PRIOR)[0] == pytest.approx(PRIOR)
     turning = WALKER

@@ -58,7 +58,7 @@ def test_a_wall_is_where_it_was_seen(pose: tuple[float, float, float]) -> None:
     assert local.blocked(0.1).sum() < 60
 
 
-def test_what_is_seen_free_is_blocked_no_more() -> None:
+def test_cells_seen_free_are_unblocked() -> None:
     local = LocalMap()
     look(local, wall(2.0))
     assert local.blocked(0.1).any()
@@ -68,14 +68,14 @@ def test_what_is_seen_free_is_blocked_no_more() -> None:
     assert clearance(local, 2.0, 0.0) > 0.9
 
 
-def test_a_surface_that_stands_is_forgotten_after_a_while() -> None:
+def test_a_static_surface_expires() -> None:
     local = LocalMap()
     look(local, wall(2.0))
     assert local.blocked(9.9).any()
     assert not local.blocked(10.1).any()
 
 
-def test_what_was_seen_for_a_moment_only_leaves_nothing_behind() -> None:
+def test_a_briefly_seen_object_leaves_no_surface_behind() -> None:
     local = LocalMap()
     for k in range(8):
         # An untracked person walks past, 0.15 m per frame.
@@ -111,7 +111,7 @@ def test_the_map_follows_the_robot() -> None:
     assert not local.blocked(0.1).any()
 
 
-def test_near_echoes_count_for_a_second_where_they_stand() -> None:
+def test_repeated_near_echoes_block_their_cell_for_about_a_second() -> None:
     readings = [
         SonarReading(0, 0.1, 0.0, 0.0, 0.9, 5.0),
         SonarReading(1, 0.0, 0.1, math.pi / 2, 2.5, 5.0),
@@ -133,7 +133,9 @@ def test_near_echoes_count_for_a_second_where_they_stand() -> None:
     st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3),
     st.floats(0.0, 20.0),
 )
-def test_no_place_breaks_it(first: list[float], second: list[float], far: float) -> None:
+def test_clearance_is_finite_for_any_pose(
+    first: list[float], second: list[float], far: float
+) -> None:
     local = LocalMap()
     for pose in (first, second):
         local.move_to(pose[0], pose[1])
@@ -153,7 +155,7 @@ def snapshot_corner(local: LocalMap) -> Float64Array:
     return np.array([made.x, made.y])
 
 
-def test_free_ground_is_known_apart_from_what_was_never_seen() -> None:
+def test_free_ground_is_distinguished_from_unseen_ground() -> None:
     local = LocalMap()
     look(local, wall(2.0))
     assert state(local, 1.25, 0.05) == FREE
@@ -163,14 +165,14 @@ def test_free_ground_is_known_apart_from_what_was_never_seen() -> None:
     assert local.snapshot(np.array([0.2, -0.1, 0.5]), 0.1).robot == (0.2, -0.1, 0.5)
 
 
-def test_free_ground_is_forgotten_by_age() -> None:
+def test_free_ground_expires_with_age() -> None:
     local = LocalMap()
     local.see(wall(None), (), HERE, 0.0)
     assert state(local, 2.0, 0.05, 9.9) == FREE
     assert state(local, 2.0, 0.05, 10.1) == UNKNOWN
 
 
-def test_where_something_came_the_ground_is_unknown_until_it_stands() -> None:
+def test_newly_occupied_ground_is_unknown_until_the_object_is_static() -> None:
     local = LocalMap()
     local.see(wall(None), (), HERE, -1.0)
     local.see(wall(2.0), (), HERE, -0.7)
@@ -184,7 +186,7 @@ def test_where_something_came_the_ground_is_unknown_until_it_stands() -> None:
 
 @settings(deadline=None)
 @given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0))
-def test_what_is_known_stays_in_place_while_the_robot_drives(x: float, y: float) -> None:
+def test_known_cells_stay_in_place_while_the_robot_drives(x: float, y: float) -> None:
     local = LocalMap()
     local.move_to(x, y)
     look(local, wall(2.0), pose=np.array([x, y, 0.0]))

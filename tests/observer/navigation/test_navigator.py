@@ -60,21 +60,21 @@ def test_a_free_path_is_driven_straight_and_fast() -> None:
     assert made.risk_per_metre == 0.0
 
 
-def test_it_turns_towards_a_goal_behind_it() -> None:
+def test_the_robot_turns_towards_a_goal_behind_it() -> None:
     made = plan(errand=replace(ERRAND, goal=Goal(1, -3.0, 0.5, 1e-3), speed_mps=0.0))
     assert made.speed_mps == pytest.approx(0.0, abs=0.02)
     assert made.turn_rate_radps > 0.5
     assert made.reason == "Turning towards the goal."
 
 
-def test_at_the_goal_it_stands() -> None:
+def test_the_robot_stops_at_the_goal() -> None:
     made = plan(errand=replace(ERRAND, x=4.9))
     assert (made.speed_mps, made.turn_rate_radps, made.path) == (0.0, 0.0, ())
     assert made.reason == "The goal is reached."
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_somebody_who_crosses_close_by_is_let_pass(side: float) -> None:
+def test_a_person_crossing_close_by_has_right_of_way(side: float) -> None:
     made = plan(person(1.0, 1.0 * side, 0.0, -1.2 * side))
     straight = made.speed_mps > 0.4 and abs(made.turn_rate_radps) < 0.1
     assert not straight
@@ -84,13 +84,13 @@ def test_somebody_who_crosses_close_by_is_let_pass(side: float) -> None:
     assert 0 < made.meets_s < 3
 
 
-def test_somebody_who_walks_away_decides_nothing() -> None:
+def test_a_person_walking_away_does_not_affect_the_plan() -> None:
     made = plan(person(2.5, 1.5, 0.0, 1.3))
     assert made.speed_mps == pytest.approx(LIMITS.speed_max_mps)
     assert made.waits_for is None
 
 
-def test_more_risk_permits_no_less() -> None:
+def test_the_plan_stays_within_the_permitted_risk() -> None:
     crossing = person(1.6, 1.5, 0.0, -1.2)
     plans = [
         plan(crossing, errand=replace(ERRAND, goal=replace(ERRAND.goal, risk_per_metre=risk)))
@@ -100,7 +100,7 @@ def test_more_risk_permits_no_less() -> None:
         assert made.risk_per_metre <= risk
 
 
-def test_somebody_who_stands_in_the_way_is_driven_around() -> None:
+def test_the_robot_drives_around_a_person_standing_in_its_path() -> None:
     made = plan(person(1.9, 0.0))
     assert abs(made.turn_rate_radps) > 0.1
     assert made.path
@@ -109,7 +109,7 @@ def test_somebody_who_stands_in_the_way_is_driven_around() -> None:
     assert made.reason == "Driving around obstacle 3."
 
 
-def test_a_person_who_left_the_view_is_still_avoided_for_a_while() -> None:
+def test_a_person_who_left_the_view_is_avoided_for_a_while() -> None:
     navigator = Navigator(LIMITS, PLANNER)
     navigator.see(sight(person(0.9, 0.5, 0.0, -0.4)), np.zeros(3))
     navigator.see(sight(time=10.1), np.zeros(3))
@@ -119,7 +119,7 @@ def test_a_person_who_left_the_view_is_still_avoided_for_a_while() -> None:
     assert navigator.plan(later, 13.05).waits_for is None
 
 
-def test_a_box_in_the_way_is_driven_around() -> None:
+def test_the_robot_drives_around_a_box_in_its_path() -> None:
     blocked = tuple(2.0 if abs(each) < 0.15 else None for each in BEARINGS)
     scan = FreeScan(
         BEARINGS, blocked, (0.3,) * 21, tuple(5.0 if far is None else far for far in blocked)
@@ -133,7 +133,7 @@ def test_a_box_in_the_way_is_driven_around() -> None:
     assert min(gaps) > 0.26
 
 
-def test_it_asks_the_guard_before_it_plans() -> None:
+def test_the_planner_respects_the_guard_and_reports_its_reason() -> None:
     """It does not drive over unseen ground, and reports the guard's reason."""
     unseen = FreeScan(BEARINGS, (None,) * 21, (1.0,) * 21, (1.0,) * 21)
     made = plan(scan=unseen, errand=replace(ERRAND, speed_mps=0.0, sonars=()))
@@ -151,13 +151,13 @@ def test_it_asks_the_guard_before_it_plans() -> None:
         ({"received": 9.5}, "a camera frame"),
     ],
 )
-def test_without_sight_it_stands_and_says_why(more: dict[str, object], reason: str) -> None:
+def test_the_robot_waits_with_a_reason_without_sight(more: dict[str, object], reason: str) -> None:
     made = plan(**more)  # type: ignore[arg-type]
     assert (made.speed_mps, made.turn_rate_radps, made.path) == (0.0, 0.0, ())
     assert reason in made.reason
 
 
-def test_a_new_goal_forgets_nobody() -> None:
+def test_people_are_remembered_after_a_goal_change() -> None:
     navigator = Navigator(LIMITS, PLANNER)
     navigator.see(sight(person(0.9, 0.5, 0.0, -0.4)), np.zeros(3))
     navigator.plan(ERRAND, 10.05)
@@ -172,7 +172,7 @@ _NUMBER = st.floats(-50.0, 50.0)
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(_NUMBER, _NUMBER, _NUMBER, _NUMBER), max_size=4), _NUMBER, _NUMBER)
-def test_whatever_is_seen_the_plan_is_within_the_limits(
+def test_the_plan_stays_within_the_limits_for_any_people(
     people: list[tuple[float, float, float, float]], x: float, y: float
 ) -> None:
     seen = [person(*values, number=k) for k, values in enumerate(people)]
@@ -184,7 +184,7 @@ def test_whatever_is_seen_the_plan_is_within_the_limits(
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
-def test_impossible_values_let_it_stand(value: float) -> None:
+def test_impossible_values_stop_the_robot(value: float) -> None:
     errands = [
         *(replace(ERRAND, **{name: value}) for name in ("x", "y", "yaw", "speed_mps")),  # type: ignore[arg-type]
         replace(ERRAND, turn_rate_radps=value),
@@ -206,7 +206,7 @@ def test_impossible_values_let_it_stand(value: float) -> None:
         assert made.reason == "Waiting: the camera frame contains impossible values."
 
 
-def test_a_person_unseen_where_sonar_hears_nothing_is_forgotten() -> None:
+def test_an_unseen_person_is_forgotten_when_sonar_has_no_echo() -> None:
     navigator = Navigator(LIMITS, PLANNER)
     # Sonar would hear the person at the predicted place.
     navigator.see(sight(person(1.2, 0.0, -0.1)), np.zeros(3))

@@ -40,11 +40,11 @@ def second_plan(planner: NavigationParameters, seen: SeenObstacle, at: Errand) -
     return navigator.plan(replace(at, time=10.5), 10.55)
 
 
-def test_people_do_by_default_what_they_did_before_it_was_a_parameter() -> None:
+def test_the_default_prior_is_unchanged() -> None:
     assert PLANNER.prior == (0.82, 0.08, 0.05, 0.05)
 
 
-def test_whatever_is_set_leaves_some_probability_for_going_on() -> None:
+def test_going_straight_on_always_has_some_probability() -> None:
     names = ("navigation.stop_probability", "navigation.turn_probability")
     most = AllParameters().changed(
         {name: AllParameters.declaration(name)["maximum"] for name in names}
@@ -63,13 +63,13 @@ def test_whatever_is_set_leaves_some_probability_for_going_on() -> None:
         ("berht_m", 0.3, "there is no such parameter; did you mean navigation.berth_m?"),
     ],
 )
-def test_a_refusal_is_one_sentence(name: str, value: object, sentence: str) -> None:
+def test_a_refused_value_is_explained(name: str, value: object, sentence: str) -> None:
     with pytest.raises(ParameterError) as refused:
         AllParameters().changed({f"navigation.{name}": value})
     assert refused.value.problems == {f"navigation.{name}": sentence}
 
 
-def test_a_change_leaves_vision_and_guard_equal() -> None:
+def test_a_change_does_not_affect_vision_and_guard() -> None:
     before = AllParameters()
     after = before.changed({"navigation.berth_m": 0.3})
     assert (after.vision, after.guard) == (before.vision, before.guard)
@@ -91,7 +91,7 @@ def test_a_change_leaves_vision_and_guard_equal() -> None:
         {"turn_probability": 0.45},
     ],
 )
-def test_the_next_plan_uses_a_change(changes: dict[str, float]) -> None:
+def test_a_change_applies_to_the_next_plan(changes: dict[str, float]) -> None:
     changed = PLANNER.model_copy(update=changes)
     assert any(
         second_plan(changed, seen, ERRAND) != second_plan(PLANNER, seen, ERRAND) for seen in PEOPLE

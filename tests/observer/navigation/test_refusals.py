@@ -1,4 +1,4 @@
-"""Refused paths: really refused, in different directions, and each with a reason."""
+"""Rejected paths: really refused, in different directions, and each with a reason."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ class Room:
         return int(way)
 
 
-def test_a_free_robot_refuses_nothing() -> None:
+def test_no_path_is_refused_in_free_space() -> None:
     assert Room().refused == ()
     assert Room(person(-2.0, 0.0, -1.0)).refused == ()
 
 
-def test_paths_that_meet_somebody_are_refused_and_say_whom_and_when() -> None:
+def test_paths_meeting_a_person_are_refused_with_track_and_time() -> None:
     room = Room(person(1.0, 1.0, 0.0, -1.2), person(4.0, 4.0, 1.0, 1.0, number=8))
     straight = room.refused[0]
     assert straight.direction == pytest.approx(0.0, abs=0.02)
@@ -84,7 +84,7 @@ def test_paths_that_meet_somebody_are_refused_and_say_whom_and_when() -> None:
             assert room.choice.cost[way] > room.choice.cost[room.choice.best]
 
 
-def test_the_guards_sentence_stands_where_it_refuses() -> None:
+def test_paths_refused_by_the_guard_carry_its_reason() -> None:
     sentence = "an obstruction ahead is within the stopping distance"
     room = Room(share=0.0, sentence=sentence)
     assert room.choice.is_standstill
@@ -103,7 +103,7 @@ _PEOPLE = st.lists(st.tuples(_PLACE, _PLACE, _SPEED, _SPEED), max_size=5)
 
 @settings(max_examples=60, deadline=None)
 @given(_PEOPLE, st.sampled_from([0.0, 0.5, 1.0]))
-def test_whatever_is_refused_is_not_taken_and_lies_apart(
+def test_refused_paths_are_not_taken_and_differ_in_direction(
     people: list[tuple[float, float, float, float]], share: float
 ) -> None:
     room = Room(*(person(*one, number=k) for k, one in enumerate(people)), share=share)
@@ -143,14 +143,14 @@ _REFUSED = st.builds(
 
 
 @given(st.lists(_REFUSED, max_size=MOST_REFUSED).map(tuple), st.none() | _PAIRS)
-def test_a_plan_passes_unchanged_as_json(
+def test_a_plan_survives_a_json_round_trip(
     refused: tuple[RefusedPath, ...], meets_at: tuple[float, float] | None
 ) -> None:
     made = Plan(1, 2.0, 0.3, 0.1, ((0.1, 0.0),), 1e-4, "On.", 3, 1.4, meets_at, refused)
     assert plan_of(json.loads(json.dumps(made.facts()))) == made
 
 
-def test_a_plan_stays_small() -> None:
+def test_an_encoded_plan_stays_small() -> None:
     crowd = [person(0.9 + 0.2 * k, (-1.0) ** k, 0.0, -((-1.0) ** k), number=k) for k in range(9)]
     room = Room(*crowd)
     assert room.refused

@@ -44,7 +44,7 @@ def test_the_bound_holds_at_every_instant(place: tuple[float, float], sigma: flo
         assert whole.each[way, 0] >= true - 0.015
 
 
-def test_weights_and_shares_count() -> None:
+def test_weights_and_speed_shares_scale_the_risk() -> None:
     near, far = np.array([[0.6, 0.0], [50.0, 0.0]]), np.ones(ways().speed.shape)
     half = risk_of(ways(), people(near, 0.05, (0.5, 0.5)), 0.35, far)
     assert half.each[1, 0] == pytest.approx(0.5, abs=0.01)
@@ -54,13 +54,13 @@ def test_weights_and_shares_count() -> None:
     ] == pytest.approx(0.25, abs=0.01)
 
 
-def test_it_tells_when_they_would_meet() -> None:
+def test_the_time_of_contact_is_estimated() -> None:
     risk = risk_of(ways(), people(np.array([[1.2, 0.0]]), 0.05), 0.35, np.ones(ways().speed.shape))
     # From 0.3 m/s the straight path comes within the radii after about 1.5 s.
     assert 1.2 <= risk.when_s[1, 0] <= 4.0
 
 
-def test_ways_keep_to_the_limits_and_end_at_the_goal() -> None:
+def test_rollouts_respect_the_limits_and_end_at_the_goal() -> None:
     now = Motion(0.0, 0.0, 1.0, 0.3, 0.4)
     driven = rollouts(now, 0.0, 0.8, TIMES, LIMITS)
     before = np.concatenate([np.full((len(driven.speed), 1), 0.3), driven.speed], axis=1)
@@ -74,7 +74,7 @@ def test_ways_keep_to_the_limits_and_end_at_the_goal() -> None:
     assert driven.speed[STANDING, -1] == 0.0
 
 
-def test_braking_ends_at_a_stand() -> None:
+def test_braking_ends_at_a_standstill() -> None:
     stopped = braked(ways(), 2, LIMITS)
     assert (stopped.speed[:, -1] == 0).all()
     assert np.array_equal(stopped.poses[:, :2], ways().poses[:, :2])

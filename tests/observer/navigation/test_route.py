@@ -27,7 +27,7 @@ def with_wall(half_width_m: float, ahead_m: float = 2.0) -> LocalMap:
 
 
 @pytest.mark.parametrize("goal", [(3.0, 0.0), (0.0, -2.0), (-2.0, 2.5), (9.0, 4.0)])
-def test_nothing_in_the_way_is_the_beeline(goal: tuple[float, float]) -> None:
+def test_the_route_is_straight_through_free_space(goal: tuple[float, float]) -> None:
     way = route(LocalMap(), goal, RADIUS_M, 0.1)
     straight = math.hypot(*goal)
     # Along the grid's eight directions it is up to 8 % longer.
@@ -36,7 +36,7 @@ def test_nothing_in_the_way_is_the_beeline(goal: tuple[float, float]) -> None:
     assert abs(off) < 0.4
 
 
-def test_it_leads_around_a_wall() -> None:
+def test_the_route_leads_around_a_wall() -> None:
     narrow, wide = with_wall(0.5), with_wall(1.2)
     free = float(route(LocalMap(), (4.0, 0.0), RADIUS_M, 0.1).distance(np.zeros(2)))
     around = [
@@ -49,7 +49,7 @@ def test_it_leads_around_a_wall() -> None:
     assert 0.15 < abs(math.remainder(way.heading(0.8, 0.0, 0.8), math.tau)) < 1.6
 
 
-def test_a_wall_far_beside_the_path_changes_nothing() -> None:
+def test_a_wall_far_from_the_path_changes_nothing() -> None:
     local = LocalMap()
     far = (2.0,) * 9
     bearings = tuple(np.linspace(1.2, 1.6, 9).tolist())

@@ -88,7 +88,7 @@ def test_a_run_is_analysed_against_truth(
     assert len(figures.get_fignums()) == 2
 
 
-def test_tracks_are_the_lines_as_arrays_and_replay_gives_them_again(recorded_run: Path) -> None:
+def test_tracks_match_the_lines_and_observing_again_reproduces_them(recorded_run: Path) -> None:
     with observer.load(recorded_run) as run:
         rows = [(line, entry) for line in run for entry in line["obstacles"]]
         assert rows

@@ -68,7 +68,7 @@ def test_a_parameter_acts_with_the_methods_it_names(model: str, group: str) -> N
     ("which", "detector", "kind"),
     [(0, "shi_tomasi", {}), (-1, "harris", {"skewed": True, "mounted": False})],
 )
-def test_what_does_not_name_a_method_changes_nothing_of_it(
+def test_parameters_do_not_affect_methods_they_do_not_name(
     model: str, which: int, detector: str, kind: dict[str, bool]
 ) -> None:
     base = basis(model).changed({"features.detector": detector})
@@ -80,7 +80,7 @@ def test_what_does_not_name_a_method_changes_nothing_of_it(
 
 
 @pytest.mark.parametrize("name", [e["name"] for e in DECLARED.values() if e.get("cloud")])
-def test_what_acts_on_the_cloud_changes_it(name: str) -> None:
+def test_a_cloud_parameter_changes_the_cloud(name: str) -> None:
     entry = DECLARED[name]
     now = cloud(StereoParameters())
     for value in far_values(entry, entry["default"]):

@@ -12,7 +12,7 @@ from observer.parameters.reductions import REDUCTIONS, Reduction, reduced, reduc
 
 
 @pytest.mark.parametrize("reduction", REDUCTIONS)
-def test_only_the_rate_of_depth_and_the_spacing_change(reduction: Reduction) -> None:
+def test_only_the_depth_rate_and_the_spacing_change(reduction: Reduction) -> None:
     full = AllParameters()
     changed = full.difference(reduced(full, reduction))
     assert changed.pop("klt_tracking.spacing_px") == reduction.spacing_px
@@ -23,7 +23,7 @@ def test_only_the_rate_of_depth_and_the_spacing_change(reduction: Reduction) -> 
     assert not changed
 
 
-def test_what_is_already_set_to_less_stays() -> None:
+def test_settings_already_below_the_reduction_are_unchanged() -> None:
     sparse = Parameters().changed({"dense.rate_hz": 0.0, "klt_tracking.spacing_px": 64})
     for reduction in REDUCTIONS:
         assert reduced(sparse, reduction) == sparse

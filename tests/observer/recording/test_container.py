@@ -78,7 +78,7 @@ WHOLE, ENDS = small_file(finish=True)
 
 @settings(max_examples=150, deadline=None)
 @given(st.integers(8, len(WHOLE)))
-def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_chunk(length: int) -> None:
+def test_a_truncated_file_is_read_up_to_its_last_whole_chunk(length: int) -> None:
     cut = WHOLE[:length]
     # A chunk counts once it is complete, even if its indexes are cut off.
     at_least = sum(end <= length for end in ENDS) * PER_CHUNK
@@ -89,7 +89,7 @@ def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_chunk(length: int) -> 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(300, len(WHOLE)))
-def test_a_cut_file_goes_on_and_is_then_as_good_as_any(length: int) -> None:
+def test_a_truncated_file_can_be_resumed_and_is_then_complete(length: int) -> None:
     kept = len(numbers(WHOLE[:length]))
     file = BytesIO(WHOLE[:length])
     container = Container(file, "small", resume=True)
@@ -108,7 +108,7 @@ def test_a_cut_file_goes_on_and_is_then_as_good_as_any(length: int) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(200, len(WHOLE) - 1))
-def test_a_full_disk_ends_it_with_one_sentence_and_leaves_what_was_written(room: int) -> None:
+def test_a_full_disk_ends_the_file_and_leaves_what_was_written(room: int) -> None:
     file = CutFile(room)
     container = Container(file, "small")
 
@@ -138,7 +138,7 @@ def test_a_full_disk_ends_it_with_one_sentence_and_leaves_what_was_written(room:
 
 @settings(max_examples=200, deadline=None)
 @given(st.integers(8, len(WHOLE) - 1), st.integers(0, 255))
-def test_a_damaged_byte_is_told_or_harmless(at: int, value: int) -> None:
+def test_a_damaged_byte_is_reported_or_harmless(at: int, value: int) -> None:
     data = bytearray(WHOLE)
     data[at] = value
     try:
@@ -148,7 +148,7 @@ def test_a_damaged_byte_is_told_or_harmless(at: int, value: int) -> None:
     assert set(found) <= set(range(MESSAGES))
 
 
-def test_a_real_limit_of_size_ends_it_in_the_same_way(
+def test_a_file_size_limit_ends_a_recording_like_a_full_disk(
     tmp_path: Path, facts: Callable[..., RunFacts]
 ) -> None:
     path = tmp_path / "recording.mcap"
@@ -178,7 +178,7 @@ def test_a_real_limit_of_size_ends_it_in_the_same_way(
 
 
 @pytest.mark.parametrize("images", ["jpeg", "lossless", "none"])
-def test_the_mcap_librarys_reader_reads_all_of_it(
+def test_the_mcap_library_reads_every_message(
     images: str, write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
 ) -> None:
     path = write_run(tmp_path / "recording.mcap", images)
@@ -199,7 +199,7 @@ def test_the_mcap_librarys_reader_reads_all_of_it(
         assert count.get(topics.RIGHT_RAW.name, 0) == expected
 
 
-def test_an_unfinished_file_is_left_as_it_is_by_reading_and_completed_on_demand(
+def test_an_unfinished_file_is_unchanged_by_reading_and_completed_on_demand(
     write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
 ) -> None:
     path = write_run(tmp_path / "recording.mcap", finish=False)
@@ -217,7 +217,7 @@ def test_an_unfinished_file_is_left_as_it_is_by_reading_and_completed_on_demand(
         assert make_reader(file).get_summary() is not None
 
 
-def test_a_run_goes_on_in_the_same_file_after_its_writer_was_killed(
+def test_a_run_is_resumed_in_its_unfinished_file(
     write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
 ) -> None:
     path = write_run(tmp_path / "recording.mcap", finish=False)
@@ -281,7 +281,7 @@ while True:
 
 
 @pytest.mark.parametrize("kept", [0.6, 0.9, 0.97])
-def test_a_run_goes_on_wherever_its_file_was_cut(
+def test_a_run_is_resumed_wherever_its_file_was_truncated(
     kept: float, write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
 ) -> None:
     """This includes topics that were declared after the last whole chunk."""
@@ -304,7 +304,7 @@ def test_a_run_goes_on_wherever_its_file_was_cut(
         assert topics_read.count(topics.FRAME.name) == count
 
 
-def test_what_is_no_recording_is_refused_in_one_sentence(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_recording_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     with pytest.raises(SourceError, match=r"x\.mcap cannot be read: No such file"):
         Recording(path)
@@ -319,7 +319,7 @@ def test_what_is_no_recording_is_refused_in_one_sentence(tmp_path: Path) -> None
             RecordingSource(path)
 
 
-def test_a_recording_without_images_says_so_when_it_is_to_be_played(
+def test_playing_a_recording_without_images_is_refused(
     write_run: Callable[..., Path], tmp_path: Path
 ) -> None:
     path = write_run(tmp_path / "recording.mcap", "none")

@@ -90,7 +90,7 @@ def read_all(path: Path) -> None:
 
 @examples(60)
 @given(data=st.data())
-def test_messages_of_another_shape_are_refused_or_read(path: Path, data: st.DataObject) -> None:
+def test_malformed_messages_are_refused_or_read(path: Path, data: st.DataObject) -> None:
     items = dict(_ITEMS)
     which = data.draw(st.sampled_from(list(items)))
     items[which] = data.draw(damaged([items[which]], (b"null", b"[]", b"{}")))
@@ -141,7 +141,7 @@ RAW = (
 @given(damaged([RAW]) | hostile_bytes((b"\x08", b"\xff\xff\xff\xff\xff")))
 @example(b"\xff" * 100_000)
 @example(bytes((2 << 3,)) + b"\xff" * 300_000 + b"\x01")
-def test_a_damaged_image_message_is_refused_or_an_image(content: bytes) -> None:
+def test_a_damaged_image_message_is_refused_or_gives_an_image(content: bytes) -> None:
     message = memoryview(content)
     read_or_refused(lambda: message_fields(message), SourceError)
     for read in (raw_pixels, jpeg_pixels):
@@ -149,5 +149,5 @@ def test_a_damaged_image_message_is_refused_or_an_image(content: bytes) -> None:
         assert image is None or image.dtype == np.uint8
 
 
-def test_the_whole_image_message_is_read() -> None:
+def test_an_intact_image_message_is_read() -> None:
     assert raw_pixels(memoryview(RAW)).shape == (2, 4)

@@ -38,7 +38,7 @@ def poses(message: Any) -> dict[tuple[str, str], Pose]:
     return found
 
 
-def test_a_point_in_the_camera_frame_lies_in_both_images_as_taken_where_the_messages_say() -> None:
+def test_camera_points_project_where_the_calibration_messages_say() -> None:
     opened = open_source("simulated:distorted_tilted")
     calibration = opened.source.calibration
     opened.source.close()
@@ -94,7 +94,7 @@ def test_the_level_frame_has_the_floor_at_zero_and_the_base_on_it() -> None:
     assert ("world", "camera") not in lost
 
 
-def test_a_dashed_box_has_the_truths_size_and_heads_where_it_drives() -> None:
+def test_a_dashed_box_has_the_size_and_heading_of_the_truth() -> None:
     body = MatchedBody(
         id=1, name="cart", role="obstacle", position=[1.0, 0.0, 4.0],
         velocity=[0.5, 0.0, 0.0], speed=0.5, size=[2.0, 0.4, 1.0], yaw=np.pi / 2,
@@ -109,7 +109,7 @@ def test_a_dashed_box_has_the_truths_size_and_heads_where_it_drives() -> None:
     assert len(points) == 12 * 2 * foxglove._DASHES
 
 
-def test_the_edges_of_a_box_are_points_for_tools_that_show_no_boxes() -> None:
+def test_the_edges_of_a_box_are_published_as_points() -> None:
     size, place, quarter = (0.6, 1.6, 0.4), (1.0, -0.8, 3.0), (0.5**0.5, 0.0, 0.5**0.5, 0.0)
     body = DrawnBody(
         "obstacle", 3, "3", place, quarter, size, (0.0, 0.0, 0.0), (1.0, 0.5, 0.0, 0.4), "#3"

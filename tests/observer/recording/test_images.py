@@ -20,7 +20,7 @@ def test_a_field_of_any_size_is_read_back(number: int, size: int) -> None:
 
 
 @pytest.mark.parametrize("shape", [(480, 640, 3), (480, 640), (3, 5, 3), (1, 1)])
-def test_a_raw_image_holds_the_fields_that_foxglove_would_write(shape: tuple[int, ...]) -> None:
+def test_a_raw_image_has_the_fields_that_foxglove_writes(shape: tuple[int, ...]) -> None:
     image = np.random.default_rng(5).integers(0, 256, shape, np.uint8)
     height, width = shape[:2]
     channels = 1 if image.ndim == 2 else 3
@@ -38,7 +38,7 @@ def test_a_raw_image_holds_the_fields_that_foxglove_would_write(shape: tuple[int
     np.testing.assert_array_equal(raw_pixels(memoryview(made)), image)
 
 
-def test_a_view_of_other_pixels_is_written_as_it_is_seen() -> None:
+def test_a_view_into_a_larger_image_is_written_correctly() -> None:
     both = np.random.default_rng(6).integers(0, 256, (6, 16, 3), np.uint8)
     right = both[:, 8:]
     made = foxglove.raw_image(right, "right", 0)

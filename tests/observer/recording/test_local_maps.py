@@ -56,7 +56,7 @@ def ranges(path: Path) -> list[tuple[int, int]]:
         return [(one.positions.start, one.positions.stop) for one in maps_in_force(recording)]
 
 
-def test_a_map_counts_until_the_next_one_or_until_it_is_too_old(
+def test_a_map_applies_until_the_next_one_or_until_it_is_too_old(
     write: Write, frames: tuple[StereoFrame, ...]
 ) -> None:
     held = 1 + sum(0 < one.received - frames[7].received <= HELD_S for one in frames)
@@ -65,7 +65,7 @@ def test_a_map_counts_until_the_next_one_or_until_it_is_too_old(
     assert ranges(write(set())) == []
 
 
-def test_a_map_whose_frame_is_lost_counts_nowhere(
+def test_a_map_whose_frame_is_missing_applies_nowhere(
     tmp_path: Path, frames: tuple[StereoFrame, ...], facts: Callable[..., RunFacts]
 ) -> None:
     path = tmp_path / "recording.mcap"
@@ -77,11 +77,11 @@ def test_a_map_whose_frame_is_lost_counts_nowhere(
     assert ranges(path) == []
 
 
-def test_a_map_is_of_one_world(write: Write) -> None:
+def test_a_map_does_not_apply_beyond_its_segment(write: Write) -> None:
     assert ranges(write({5}, begins=8)) == [(5, 8)]
 
 
-def test_the_robot_is_where_it_was_at_each_frame(write: Write) -> None:
+def test_the_robot_is_placed_in_the_map_at_each_frame(write: Write) -> None:
     path = write({2}, unobserved=(4,))
     with Recording(path) as recording:
         maps = maps_by_frame(recording)

@@ -73,7 +73,7 @@ def everything(writer: RecordingWriter, frames: tuple[StereoFrame, ...], line: A
     writer.cloud(points, np.full((50, 3), 9, np.uint8), at)
 
 
-def test_all_that_was_written_is_read(
+def test_everything_written_is_read_back(
     tmp_path: Path, frames: tuple[StereoFrame, ...], facts: Callable[..., RunFacts], line: Any
 ) -> None:
     path, given_facts = tmp_path / "recording.mcap", facts("jpeg")
@@ -108,7 +108,7 @@ def test_all_that_was_written_is_read(
         np.testing.assert_array_equal(capture.bodies["cart"].positions[2], [0.0, 1.0, 2.0])
 
 
-def test_every_message_keeps_to_the_schema_that_stands_in_the_file(
+def test_every_message_conforms_to_the_schema_in_the_file(
     tmp_path: Path, frames: tuple[StereoFrame, ...], facts: Callable[..., RunFacts], line: Any
 ) -> None:
     path = tmp_path / "recording.mcap"
@@ -179,7 +179,7 @@ def for_foxglove(schema: dict[str, Any]) -> None:
                 for_foxglove(items)
 
 
-def test_lossless_images_come_back_pixel_for_pixel_and_jpeg_nearly(
+def test_lossless_images_are_read_back_exactly_and_jpeg_approximately(
     write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
 ) -> None:
     for images, worst in (("lossless", 0.0), ("jpeg", 3.0)):
@@ -223,7 +223,7 @@ def test_seeking_finds_any_frame(
     source.close()
 
 
-def test_times_go_on_when_the_wall_clock_jumps(
+def test_times_keep_increasing_when_the_wall_clock_jumps(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     frames: tuple[StereoFrame, ...],
@@ -277,7 +277,7 @@ def test_a_ring_saves_the_last_seconds_as_a_recording(
     source.close()
 
 
-def test_a_ring_holds_no_more_than_it_may(
+def test_a_ring_stays_within_its_size_limit(
     frames: tuple[StereoFrame, ...], facts: Callable[..., RunFacts]
 ) -> None:
     size = 2 * frames[0].left.nbytes
@@ -325,12 +325,12 @@ def test_an_arrow_points_along_its_velocity(velocity: tuple[float, float, float]
 
 @settings(deadline=None)
 @given(st.binary(max_size=60))
-def test_images_that_are_none_are_refused(data: bytes) -> None:
+def test_invalid_image_messages_are_refused(data: bytes) -> None:
     for read in (raw_pixels, jpeg_pixels):
         with pytest.raises(SourceError):
             read(memoryview(data))
 
 
-def test_an_anchor_holds_two_clocks_together() -> None:
+def test_an_anchor_converts_monotonic_time_to_wall_time() -> None:
     anchor = Anchor(wall_ns=10**18, monotonic=5.0)
     assert anchor.wall_time_ns(6.5) == 10**18 + 1_500_000_000

@@ -87,7 +87,7 @@ def _facts(lab: OpenedSource) -> RunFacts:
     )
 
 
-def test_a_lossless_recording_gives_the_runs_obstacles_to_the_last_digit(
+def test_replaying_a_lossless_recording_reproduces_the_results_exactly(
     live: tuple[Path, list[dict[str, Any]]],
 ) -> None:
     path, results = live
@@ -124,7 +124,7 @@ def test_the_lines_of_the_run_are_in_the_recording(
         assert line == {**result, "obstacles": reported}
 
 
-def test_revisions_are_kept_with_what_they_changed(
+def test_revisions_are_stored_with_their_changes(
     live: tuple[Path, list[dict[str, Any]]], frames: tuple[StereoFrame, ...]
 ) -> None:
     source = RecordingSource(live[0])
@@ -135,7 +135,7 @@ def test_revisions_are_kept_with_what_they_changed(
     source.close()
 
 
-def test_the_opener_opens_a_recording_with_its_truth(
+def test_open_source_opens_a_recording_with_its_truth(
     write_run: Callable[..., Path], tmp_path: Path, lab: OpenedSource
 ) -> None:
     opened = open_source(str(write_run(tmp_path / "recording.mcap")))

@@ -15,7 +15,7 @@ def _added(clock: RunTime, begin: float, count: int, received: float, pace: floa
 
 
 @pytest.mark.parametrize("pace", [0.05, 1.0, 8.0])
-def test_a_run_is_as_long_as_what_was_observed_however_fast(pace: float) -> None:
+def test_the_length_of_a_run_does_not_depend_on_processing_speed(pace: float) -> None:
     clock = RunTime()
     _added(clock, 4.0, 31, 100.0, pace)
     assert clock.begin_s == 4.0
@@ -23,14 +23,14 @@ def test_a_run_is_as_long_as_what_was_observed_however_fast(pace: float) -> None
     assert clock.offset_s == 0.0
 
 
-def test_without_a_frame_there_is_no_length() -> None:
+def test_a_run_without_frames_has_no_length() -> None:
     clock = RunTime()
     assert (clock.begin_s, clock.duration_s) == (None, None)
     clock.add(7.0, 100.0)
     assert (clock.begin_s, clock.duration_s) == (7.0, 0.0)
 
 
-def test_a_gap_of_a_live_camera_counts_with_the_same_engine_and_with_another() -> None:
+def test_a_gap_of_a_live_camera_counts_even_after_reopening() -> None:
     for reopened in (False, True):
         clock = RunTime()
         _added(clock, 50.0, 16, 100.0)
@@ -40,7 +40,7 @@ def test_a_gap_of_a_live_camera_counts_with_the_same_engine_and_with_another() -
 
 
 @pytest.mark.parametrize("begin", [0.0, 5e5])
-def test_a_clock_that_begins_anew_goes_on_by_one_step(begin: float) -> None:
+def test_a_restarted_clock_continues_after_one_step(begin: float) -> None:
     clock = RunTime()
     _added(clock, 10.0, 16, 100.0)
     assert clock.add(begin, 104.0, reopened=True) == pytest.approx(11.0 + STEP)

@@ -25,7 +25,7 @@ def source(kind: str, live: bool = False, own: bool = False) -> SourceInfo:
 @pytest.mark.parametrize(
     ("kind", "live"), [("camera", True), ("network", True), ("recording", False)]
 )
-def test_live_cameras_and_recordings_are_the_rigs(kind: str, live: bool) -> None:
+def test_live_cameras_and_recordings_use_the_rig(kind: str, live: bool) -> None:
     mount = mount_for(source(kind, live), TYPED)
     assert mount is not None
     assert (mount.height_m, mount.forward_m) == (0.5, None)
@@ -33,7 +33,7 @@ def test_live_cameras_and_recordings_are_the_rigs(kind: str, live: bool) -> None
     assert mount_for(source(kind, live), Rig()) is None
 
 
-def test_the_sources_own_values_stand_in_for_those_the_rig_does_not_know() -> None:
+def test_source_values_replace_unknown_rig_values() -> None:
     mount = mount_for(source("camera", live=True, own=True), TYPED)
     assert mount == CameraMount(0.5, math.radians(10), 0.05, 0.06)
     only_roll = Rig(RigMount(roll_deg=RigValue(3.0)))
@@ -44,7 +44,7 @@ def test_the_sources_own_values_stand_in_for_those_the_rig_does_not_know() -> No
 
 
 @pytest.mark.parametrize("kind", ["simulated", "coppeliasim"])
-def test_simulated_sources_keep_their_own_unless_the_rig_says_otherwise(kind: str) -> None:
+def test_simulated_sources_keep_their_mount_unless_the_rig_applies_to_them(kind: str) -> None:
     info = source(kind, live=kind == "coppeliasim", own=True)
     assert mount_for(info, TYPED) == info.mount
     mount = mount_for(info, replace(TYPED, for_simulated=True))
@@ -53,7 +53,7 @@ def test_simulated_sources_keep_their_own_unless_the_rig_says_otherwise(kind: st
 
 
 @pytest.mark.parametrize("kind", ["stereo folder", "KITTI raw", "video"])
-def test_files_are_the_rigs_only_with_its_own_calibration(kind: str) -> None:
+def test_files_use_the_rig_only_with_its_calibration(kind: str) -> None:
     assert mount_for(source(kind), TYPED) is None
     assert mount_for(source(kind), TYPED, "other") is None
     mount = mount_for(source(kind), TYPED, "abc")

@@ -27,7 +27,7 @@ WORDS = ("mount: ", "height_m: ", "sigma: ", "T_body_base: ", "ports: ", "models
 
 @examples(60)
 @given(damaged_text([WHOLE], WORDS) | hostile_text(WORDS))
-def test_damage_is_refused_or_leaves_a_rig(text: str) -> None:
+def test_a_damaged_file_is_refused_or_gives_a_valid_rig(text: str) -> None:
     rig = read_or_refused(lambda: read_rig(text, "rig.yaml"), InputError)
     if rig is None:
         return

@@ -46,10 +46,10 @@ def driven(
     """
     rng = np.random.default_rng(seed)
     x = y = yaw = 0.0
-    told = Odometry(0.0, 0.0, 0.0)
+    wheels = Odometry(0.0, 0.0, 0.0)
     T_world_base0 = mount.T_base_camera.inverse()
     off = Pose.identity()
-    samples = [DriveSample(0.0, 0, Pose.identity(), told)]
+    samples = [DriveSample(0.0, 0, Pose.identity(), wheels)]
     for kind, amount in legs:
         steps = 40
         distance = amount / steps if kind in ("drive", "arc") else 0.0
@@ -58,22 +58,22 @@ def driven(
             x += distance * math.cos(yaw + turn / 2)
             y += distance * math.sin(yaw + turn / 2)
             yaw += turn
-            heading = told.yaw + turn / turn_scale / 2
-            told = Odometry(
-                told.x + distance / wheel_scale * math.cos(heading),
-                told.y + distance / wheel_scale * math.sin(heading),
-                told.yaw + turn / turn_scale,
+            heading = wheels.yaw + turn / turn_scale / 2
+            wheels = Odometry(
+                wheels.x + distance / wheel_scale * math.cos(heading),
+                wheels.y + distance / wheel_scale * math.sin(heading),
+                wheels.yaw + turn / turn_scale,
             )
             T_base0_base = Pose.from_rotvec([0, 0, yaw], [x, y, 0])
             T_world_camera = T_world_base0 @ T_base0_base @ mount.T_base_camera
             if noise:
                 wobble = rng.standard_normal(6) * noise * np.array([0.2, 0.2, 0.2, 1, 1, 1])
                 off = off @ Pose.from_rotvec(wobble[:3], wobble[3:])
-            samples.append(DriveSample(len(samples) / 15, 0, T_world_camera @ off, told))
+            samples.append(DriveSample(len(samples) / 15, 0, T_world_camera @ off, wheels))
     return samples
 
 
-def told(answer: DriveEstimate | Refused) -> DriveEstimate:
+def accepted(answer: DriveEstimate | Refused) -> DriveEstimate:
     assert isinstance(answer, DriveEstimate), answer
     return answer
 
@@ -93,8 +93,8 @@ def near(estimated: Estimated | None, value: float, within: float) -> None:
     ],
 )
 @pytest.mark.parametrize("legs", [FULL, (("arc", 0.7), STRAIGHT, TURN), (STRAIGHT, ("arc", -0.9))])
-def test_exact_motions_give_the_exact_place(mount: CameraMount, legs: tuple[Leg, ...]) -> None:
-    estimate = told(estimate_drive(driven(legs, mount, wheel_scale=1.03, turn_scale=0.98)))
+def test_exact_motions_give_the_exact_mount(mount: CameraMount, legs: tuple[Leg, ...]) -> None:
+    estimate = accepted(estimate_drive(driven(legs, mount, wheel_scale=1.03, turn_scale=0.98)))
     assert estimate.still_needed == ()
     assert mount.forward_m is not None
     assert mount.left_m is not None
@@ -107,10 +107,10 @@ def test_exact_motions_give_the_exact_place(mount: CameraMount, legs: tuple[Leg,
     near(estimate.turn_scale, 0.98, 1e-3)
 
 
-def test_two_standard_deviations_hold_nearly_always() -> None:
+def test_most_errors_are_within_two_standard_deviations() -> None:
     deviations: dict[str, list[float]] = {}
     for seed in range(10):
-        estimate = told(estimate_drive(driven(FULL, noise=0.0015, seed=seed)))
+        estimate = accepted(estimate_drive(driven(FULL, noise=0.0015, seed=seed)))
         for name in ("forward_m", "left_m", "pan_rad", "tilt_rad", "roll_rad"):
             value = getattr(estimate, name)
             assert value is not None
@@ -122,8 +122,8 @@ def test_two_standard_deviations_hold_nearly_always() -> None:
         assert np.sqrt(np.mean(np.square(offs))) > 0.05, (name, offs)
 
 
-def test_straight_on_tells_pan_and_scale_and_asks_for_a_turn() -> None:
-    estimate = told(estimate_drive(driven((STRAIGHT,), wheel_scale=1.02), MOUNT))
+def test_driving_straight_gives_pan_and_scale_and_requests_a_turn() -> None:
+    estimate = accepted(estimate_drive(driven((STRAIGHT,), wheel_scale=1.02), MOUNT))
     assert (estimate.forward_m, estimate.left_m, estimate.tilt_rad) == (None, None, None)
     near(estimate.pan_rad, MOUNT.pan_rad, math.radians(0.2))
     near(estimate.wheel_scale, 1.02, 0.002)
@@ -131,8 +131,8 @@ def test_straight_on_tells_pan_and_scale_and_asks_for_a_turn() -> None:
     assert "still needed: turn on the spot by 60 degrees" in estimate.sentence
 
 
-def test_a_turn_alone_tells_tilt_and_roll_and_asks_for_a_straight_way() -> None:
-    estimate = told(estimate_drive(driven((TURN, BACK))))
+def test_a_turn_alone_gives_tilt_and_roll_and_requests_a_straight_drive() -> None:
+    estimate = accepted(estimate_drive(driven((TURN, BACK))))
     assert (estimate.forward_m, estimate.pan_rad, estimate.wheel_scale) == (None, None, None)
     near(estimate.tilt_rad, MOUNT.tilt_rad, 1e-3)
     near(estimate.roll_rad, MOUNT.roll_rad, 1e-3)
@@ -140,7 +140,7 @@ def test_a_turn_alone_tells_tilt_and_roll_and_asks_for_a_straight_way() -> None:
 
 
 def test_a_small_turn_is_not_enough() -> None:
-    estimate = told(estimate_drive(driven((STRAIGHT, ("turn", 20)), noise=0.001)))
+    estimate = accepted(estimate_drive(driven((STRAIGHT, ("turn", 20)), noise=0.001)))
     assert estimate.forward_m is None
     assert TURN_ON_THE_SPOT in estimate.still_needed
 
@@ -152,7 +152,7 @@ def test_standing_still_and_hardly_moving_are_refused() -> None:
         assert "hardly moved" in answer.sentence
 
 
-def test_missing_wheels_and_a_lost_camera_are_named() -> None:
+def test_missing_odometry_and_a_lost_camera_are_reported() -> None:
     samples = driven(FULL)
     no_wheels = estimate_drive([replace(one, odometry=None) for one in samples])
     blind = estimate_drive([replace(one, T_world_camera=None) for one in samples])
@@ -162,7 +162,7 @@ def test_missing_wheels_and_a_lost_camera_are_named() -> None:
     assert "ego-motion is unknown" in blind.sentence
 
 
-def test_a_yaw_of_the_other_sign_and_millimetres_are_named() -> None:
+def test_a_wrong_yaw_sign_and_wrong_units_are_reported() -> None:
     def with_wheels(x: float, yaw: float) -> DriveEstimate | Refused:
         samples = driven(FULL)
         odometry = [one.odometry or Odometry(0, 0, 0) for one in samples]
@@ -182,7 +182,7 @@ def test_a_yaw_of_the_other_sign_and_millimetres_are_named() -> None:
     assert "odometry is in metres" in feet.sentence
 
 
-def test_a_new_segment_lost_frames_and_a_reset_of_the_wheels_do_no_harm() -> None:
+def test_segment_changes_lost_frames_and_odometry_resets_do_no_harm() -> None:
     samples = driven((*FULL, *FULL))
     moved = Pose.from_rotvec([0.3, 1.0, 0.0], [4.0, 1.0, 2.0])
     for k in range(70, len(samples)):
@@ -195,27 +195,27 @@ def test_a_new_segment_lost_frames_and_a_reset_of_the_wheels_do_no_harm() -> Non
         samples[k] = replace(samples[k], odometry=replace(odometry, x=odometry.x - 50))
     for k in (20, 21, 90):
         samples[k] = replace(samples[k], T_world_camera=None)
-    estimate = told(estimate_drive(samples))
+    estimate = accepted(estimate_drive(samples))
     near(estimate.forward_m, 0.15, 5e-4)
     near(estimate.left_m, 0.06, 5e-4)
     near(estimate.wheel_scale, 1.0, 1e-3)
 
 
-def test_a_slip_of_the_wheels_counts_little() -> None:
+def test_wheel_slip_hardly_affects_the_estimate() -> None:
     samples = driven((TURN, BACK, STRAIGHT, STRAIGHT), noise=0.0003)
     slipped = samples[:100]
     for sample in samples[100:]:
         assert sample.odometry is not None
         further = replace(sample.odometry, x=sample.odometry.x + 0.2)
         slipped.append(replace(sample, odometry=further))
-    estimate = told(estimate_drive(slipped))
+    estimate = accepted(estimate_drive(slipped))
     near(estimate.forward_m, 0.15, 0.01)
     near(estimate.wheel_scale, 1.0, 0.02)
 
 
-def test_what_the_floor_told_is_taken_into_account() -> None:
+def test_the_floor_estimate_is_taken_into_account() -> None:
     arc = driven((("arc", 0.5), STRAIGHT), noise=0.004)
-    alone, together = told(estimate_drive(arc)), told(estimate_drive(arc, MOUNT, 0.002))
+    alone, together = accepted(estimate_drive(arc)), accepted(estimate_drive(arc, MOUNT, 0.002))
     assert alone.tilt_rad is not None
     assert together.tilt_rad is not None
     assert together.tilt_rad.sigma < alone.tilt_rad.sigma
@@ -224,7 +224,7 @@ def test_what_the_floor_told_is_taken_into_account() -> None:
 
 @pytest.mark.slow
 @pytest.mark.patient
-def test_a_simulated_robot_by_its_own_eyes_and_wheels() -> None:
+def test_the_mount_of_a_simulated_robot_is_estimated() -> None:
     legs = [
         {"kind": "turn", "angle_deg": -30, "rate_deg": 60},
         {"kind": "turn", "angle_deg": 60, "rate_deg": 60},
@@ -242,7 +242,7 @@ def test_a_simulated_robot_by_its_own_eyes_and_wheels() -> None:
     while (frame := source.read()) is not None:
         seen = observer.observe(frame)
         samples.append(DriveSample(seen.time, seen.segment, seen.T_world_camera, frame.odometry))
-    estimate = told(estimate_drive(samples))
+    estimate = accepted(estimate_drive(samples))
     assert estimate.still_needed == ()
     near(estimate.forward_m, 0.15, 0.015)
     near(estimate.left_m, 0.06, 0.015)

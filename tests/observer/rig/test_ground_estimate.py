@@ -101,7 +101,7 @@ def test_the_floor_is_found_with_its_uncertainty(mount: CameraMount) -> None:
     np.testing.assert_allclose(estimate.mount.down, mount.down, atol=2e-3)
 
 
-def test_a_table_has_the_floor_beneath_it_though_it_is_larger() -> None:
+def test_the_floor_is_found_beneath_a_larger_table() -> None:
     mount = CameraMount(0.6, math.radians(15))
     table = Level(0.25, (0.5, 2.6), (-0.7, 2.0))
     view = cloud(mount, (Level(0.0), table))
@@ -111,7 +111,7 @@ def test_a_table_has_the_floor_beneath_it_though_it_is_larger() -> None:
     assert_is(found(estimate_ground([view], CAMERA)), mount)
 
 
-def test_the_tops_of_boxes_are_no_floor_when_that_is_hidden() -> None:
+def test_the_top_of_a_box_hiding_the_floor_is_refused() -> None:
     mount = CameraMount(0.6, math.radians(5))
     box = Level(0.3, (1.0, 1.8))
     view = cloud(mount, (box,))
@@ -124,7 +124,7 @@ def test_a_view_of_walls_alone_is_refused() -> None:
     assert "no level plane is visible below the camera" in sentence
 
 
-def test_a_ceiling_is_no_floor() -> None:
+def test_a_ceiling_is_not_a_floor() -> None:
     mount = CameraMount(0.4, math.radians(-20))
     view = cloud(mount, (Level(2.0),), wall_x=8.0)
     assert (mount.T_level_camera.apply(view)[:, 2] > 1.9).sum() > 2000
@@ -140,20 +140,20 @@ def test_a_ramp_beside_the_floor_is_ambiguous(slope: float) -> None:
     assert sentence.startswith("two planes could be the floor")
 
 
-def test_few_points_are_refused_with_their_number() -> None:
+def test_too_few_points_are_refused_with_their_number() -> None:
     view = cloud(CameraMount(0.4, 0.1))[-300:]
     assert refused(estimate_ground([view], CAMERA)).startswith("only 300 points have a depth")
     assert "at least one" in refused(estimate_ground([], CAMERA))
 
 
-def test_points_without_depth_are_left_out() -> None:
+def test_points_without_depth_are_ignored() -> None:
     mount = CameraMount(0.4, 0.1)
     view = cloud(mount)
     view[::3] = np.nan
     assert_is(found(estimate_ground([view], CAMERA)), mount)
 
 
-def test_a_view_that_shows_no_floor_does_not_spoil_the_others() -> None:
+def test_a_view_without_floor_is_excluded() -> None:
     mount = CameraMount(0.4, 0.1)
     views = [cloud(mount, seed=k) for k in range(3)]
     views.insert(1, cloud(mount, (), wall_x=0.7))
@@ -164,7 +164,7 @@ def test_a_view_that_shows_no_floor_does_not_spoil_the_others() -> None:
     assert "no level plane" in refused(estimate_ground([views[0], *blind], CAMERA))
 
 
-def test_views_that_differ_widen_the_uncertainty_and_are_refused_in_the_end() -> None:
+def test_differing_views_increase_the_uncertainty_until_refused() -> None:
     def nodding(degrees: float) -> GroundEstimate | Refused:
         tilts = [math.radians(5 + degrees * k) for k in (-1, 0, 1, -0.7, 0.8)]
         return estimate_ground([cloud(CameraMount(0.4, tilt)) for tilt in tilts], CAMERA)
@@ -173,7 +173,9 @@ def test_views_that_differ_widen_the_uncertainty_and_are_refused_in_the_end() ->
     assert "the views disagree" in refused(nodding(5))
 
 
-def test_a_bias_of_the_calibration_is_within_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_calibration_bias_is_within_the_stated_uncertainty(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     mount = CameraMount(0.4, math.radians(5))
     for bias in (-0.3, 0.3):
         estimate = found(estimate_ground([cloud(mount, bias=bias)], CAMERA))
@@ -184,12 +186,12 @@ def test_a_bias_of_the_calibration_is_within_what_is_said(monkeypatch: pytest.Mo
     assert careful.tilt_rad.sigma > 2 * estimate.tilt_rad.sigma
 
 
-def test_equal_views_give_equal_estimates_to_the_last_digit() -> None:
+def test_equal_views_give_identical_estimates() -> None:
     views = [cloud(CameraMount(0.4, 0.1), seed=k) for k in range(2)]
     assert estimate_ground(views, CAMERA) == estimate_ground(views, CAMERA)
 
 
-def test_the_sentence_speaks_in_centimetres_and_degrees() -> None:
+def test_the_sentence_uses_centimetres_and_degrees() -> None:
     estimate = found(estimate_ground([cloud(CameraMount(0.4, math.radians(5)))], CAMERA))
     assert "40.0 ± " in estimate.sentence
     assert "tilted down by 5.0 ± " in estimate.sentence
@@ -231,7 +233,7 @@ def rendered(
         ("miscalibrated_vergence", 1, {}),
     ],
 )
-def test_height_and_tilt_of_the_simulated_camera(
+def test_height_and_tilt_of_a_simulated_camera_are_estimated(
     scenario: str, seed: int, camera: dict[str, Any]
 ) -> None:
     answer, true = rendered(scenario, seed, camera)
@@ -241,16 +243,16 @@ def test_height_and_tilt_of_the_simulated_camera(
     )
     assert estimate.tilt_rad.value == pytest.approx(true.tilt_rad, abs=math.radians(0.5))
     assert estimate.roll_rad.value == pytest.approx(true.roll_rad, abs=math.radians(0.5))
-    for told, value in (
+    for estimated, value in (
         (estimate.height_m, true.height_m),
         (estimate.tilt_rad, true.tilt_rad),
         (estimate.roll_rad, true.roll_rad),
     ):
-        assert abs(told.value - value) < 3 * told.sigma
+        assert abs(estimated.value - value) < 3 * estimated.sigma
 
 
 @pytest.mark.slow
-def test_the_simulated_floor_around_a_large_crate() -> None:
+def test_the_simulated_floor_is_found_around_a_large_crate() -> None:
     crate = {"kind": "crate", "x": 1.6, "y": 0, "size": [1.6, 2.6, 0.2]}
     answer, true = rendered(
         "lab", 0, {"height_m": 0.5, "tilt_deg": 15}, (0,), objects=[crate], robots=[]

@@ -14,7 +14,7 @@ from observer.rig.rig import LIMITS, Rig, RigMount, RigValue
 from observer.rig.rig_file import read_rig, rig_text
 
 
-def test_a_plain_number_was_typed_and_a_missing_or_empty_key_is_unknown() -> None:
+def test_a_plain_number_is_typed_and_a_missing_or_empty_key_is_unknown() -> None:
     rig = read_rig("mount: {height_m: 0.41, tilt_deg: null, roll_deg: }", "rig.yaml")
     assert rig.mount.height_m == RigValue(0.41)
     assert rig.mount.height_m.origin == "typed"
@@ -28,7 +28,7 @@ def test_an_estimate_keeps_its_standard_deviation() -> None:
     assert rig.mount.height_m.origin == "estimated"
 
 
-def test_the_mount_is_in_radians_and_takes_what_is_unknown_as_the_method_does() -> None:
+def test_the_mount_is_in_radians_with_defaults_for_unknown_values() -> None:
     rig = read_rig("mount: {height_m: 0.41, tilt_deg: 10, roll_deg: -2, forward_m: 0.1}", "r")
     mount = rig.camera_mount
     assert mount is not None
@@ -37,7 +37,7 @@ def test_the_mount_is_in_radians_and_takes_what_is_unknown_as_the_method_does() 
     assert (mount.forward_m, mount.left_m, mount.pan_rad) == (0.1, None, 0.0)
 
 
-def test_the_example_of_the_documentation_can_be_read() -> None:
+def test_the_documentation_example_can_be_read() -> None:
     example = textwrap.dedent((rig_file.__doc__ or "").split("\n\n", 1)[1]).replace("...", "")
     rig = read_rig(example, "rig.yaml")
     assert rig.mount.tilt_deg == RigValue(5.2, 0.3)
@@ -46,7 +46,7 @@ def test_the_example_of_the_documentation_can_be_read() -> None:
     assert rig.T_body_base["amigo"].translation[2] == -0.15
 
 
-def test_json_of_the_same_keys_is_read_too() -> None:
+def test_json_with_the_same_keys_is_accepted() -> None:
     rig = read_rig('{"mount": {"height_m": 0.41}, "for_simulated": true}', "rig.json")
     assert rig.mount.height_m == RigValue(0.41)
     assert rig.for_simulated
@@ -85,7 +85,7 @@ _RIGS = st.builds(
 
 @settings(max_examples=60, deadline=None)
 @given(rig=_RIGS)
-def test_what_is_written_is_read_back_to_the_last_digit(rig: Rig) -> None:
+def test_a_written_rig_is_read_back_exactly(rig: Rig) -> None:
     again = read_rig(rig_text(rig), "rig.yaml")
     assert again.mount == rig.mount
     assert again.calibration == rig.calibration
@@ -106,8 +106,8 @@ def test_what_is_written_is_read_back_to_the_last_digit(rig: Rig) -> None:
         ("mounts: {}", "mounts is not a key of a rig; the keys are mount, calibration"),
         ("mount: {height_m: 40}", "mount.height_m must be between 0.02 and 3 metres, not 40"),
         ("mount: {tilt_deg: 90}", "mount.tilt_deg must be between -89 and 89 degrees, not 90"),
-        ("mount: {height_m: forty}", "mount.height_m must hold numbers"),
-        ("mount: {height_m: .inf}", "mount.height_m must hold finite numbers"),
+        ("mount: {height_m: forty}", "mount.height_m must contain numbers"),
+        ("mount: {height_m: .inf}", "mount.height_m must contain finite numbers"),
         ("mount: {height_m: [0.4]}", "mount.height_m must be one number"),
         ("mount: {height_m: 0.4 0.5}", "mount.height_m must be one number"),
         ("mount: {height_m: {estimated: 0.4}}", "mount.height_m.sigma is missing"),
@@ -127,7 +127,7 @@ def test_what_is_written_is_read_back_to_the_last_digit(rig: Rig) -> None:
         (f"ports: {{observer: /{'x' * 200}}}", "ports.observer must be a path"),
         ("ports: {observer: /dev/a, obstacle: /dev/a}", "two different ports"),
         ("ports: /dev/ttyUSB0", "ports must contain keys with values"),
-        ("T_body_base: {a: [1, 2, 3]}", "T_body_base.a must hold 3 or 4 rows of 4 numbers"),
+        ("T_body_base: {a: [1, 2, 3]}", "T_body_base.a must contain 3 or 4 rows of 4 numbers"),
         ("T_body_base: {a: [[1,0,0,0],[0,1,0,0],[0,0,2,0]]}", "T_body_base.a must be a rotation"),
         ("T_body_base: {a: [[1,0,0,150],[0,1,0,0],[0,0,1,0]]}", "divide millimetres by 1000"),
         (
@@ -143,7 +143,7 @@ def test_what_is_written_is_read_back_to_the_last_digit(rig: Rig) -> None:
         ("# " + "x" * 100_001, "at most 100000 characters"),
     ],
 )
-def test_a_refusal_names_file_and_key_and_what_would_be_right(text: str, said: str) -> None:
+def test_an_error_names_the_file_the_key_and_valid_values(text: str, said: str) -> None:
     with pytest.raises(InputError) as refused:
         read_rig(text, "rig.yaml")
     assert said in str(refused.value)
@@ -151,7 +151,7 @@ def test_a_refusal_names_file_and_key_and_what_would_be_right(text: str, said: s
     assert "\n" not in str(refused.value)
 
 
-def test_a_rig_cannot_be_changed_behind_its_back() -> None:
+def test_a_rig_does_not_share_its_input_dictionary() -> None:
     bodies = {"amigo": Pose.identity()}
     rig = Rig(T_body_base=bodies)
     bodies["other"] = Pose.identity()
@@ -159,7 +159,7 @@ def test_a_rig_cannot_be_changed_behind_its_back() -> None:
 
 
 @pytest.mark.parametrize(("value", "sigma"), [(np.nan, None), (1.0, 0.0), (1.0, np.inf)])
-def test_a_value_is_finite_and_its_standard_deviation_positive(
+def test_an_invalid_value_or_standard_deviation_is_refused(
     value: float, sigma: float | None
 ) -> None:
     with pytest.raises(InputError):

@@ -183,7 +183,7 @@ def until() -> Callable[..., RobotReport]:
 
 @pytest.fixture
 def robot(free_port: int) -> Iterator[ExternalRobot]:
-    """A custom robot as our side sees it: nobody has connected yet."""
+    """A custom robot as our side sees it: no client has connected yet."""
     robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
     until_it_holds(lambda: robot.report().phase is RobotPhase.WAITING)
     yield robot

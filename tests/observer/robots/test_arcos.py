@@ -32,11 +32,11 @@ SIP = bytes.fromhex("fafb21320000000000000000000090fefe00000000000204007d07007d0
         (command(Command.STOP), "fafb031d001d"),
     ],
 )
-def test_commands_are_those_of_the_manual(made: bytes, hexadecimal: str) -> None:
+def test_commands_match_the_manual(made: bytes, hexadecimal: str) -> None:
     assert made.hex() == hexadecimal
 
 
-def test_the_status_packet_of_the_manual_is_found() -> None:
+def test_the_status_packet_of_the_manual_is_parsed() -> None:
     parser = PacketParser()
     assert parser.feed(SIP) == [SIP[3:-2]]
     assert (parser.packets, parser.bad_packets, parser.skipped_bytes) == (1, 0, 0)
@@ -53,13 +53,13 @@ def test_a_number_beyond_16_bits_is_refused(argument: int) -> None:
 
 
 @pytest.mark.parametrize("payload", [b"", b"\x0b\x3b\x01", b"\x0b\x77\x01\x00", b"\x0b\x2b\x05ab"])
-def test_a_command_that_cannot_be_read_is_refused(payload: bytes) -> None:
+def test_a_malformed_command_is_refused(payload: bytes) -> None:
     with pytest.raises(ValueError, match="command"):
         decode_command(payload)
 
 
 @given(st.integers(0, 255), st.none() | st.integers(-32768, 65535) | st.binary(max_size=200))
-def test_a_command_is_read_as_it_was_made(number: int, argument: int | bytes | None) -> None:
+def test_a_command_is_read_back(number: int, argument: int | bytes | None) -> None:
     (payload,) = PacketParser().feed(command(number, argument))
     assert decode_command(payload) == Decoded(number, argument)
 
@@ -94,7 +94,7 @@ def test_garbage_between_packets_is_skipped(payloads: list[bytes], data: st.Data
 
 
 @given(st.binary(max_size=2000), st.lists(st.integers(1, 50), min_size=1))
-def test_no_bytes_whatever_raise(noise: bytes, sizes: list[int]) -> None:
+def test_arbitrary_bytes_never_raise(noise: bytes, sizes: list[int]) -> None:
     parser, at, which = PacketParser(), 0, 0
     while at < len(noise):
         size = sizes[which % len(sizes)]
@@ -111,12 +111,12 @@ def test_a_doubled_first_byte_of_a_header_loses_nothing() -> None:
     assert parser.feed(b"\xfa") + parser.feed(SIP[:1]) + parser.feed(SIP[1:]) == [SIP[3:-2]]
 
 
-def test_a_header_within_a_payload_begins_no_packet() -> None:
+def test_a_header_within_a_payload_starts_no_packet() -> None:
     inner = b"\x32" + command(Command.VEL, 500) + b"\xfa\xfb"
     assert PacketParser().feed(packet(inner) * 2) == [inner, inner]
 
 
-def test_a_bad_checksum_costs_one_packet_only() -> None:
+def test_a_bad_checksum_loses_only_one_packet() -> None:
     bad = bytearray(SIP)
     bad[8] ^= 0x10
     parser = PacketParser()
@@ -125,18 +125,18 @@ def test_a_bad_checksum_costs_one_packet_only() -> None:
 
 
 @pytest.mark.parametrize("cut", range(3, len(SIP)))
-def test_a_packet_that_is_cut_off_takes_none_behind_it_away(cut: int) -> None:
+def test_a_truncated_packet_loses_none_after_it(cut: int) -> None:
     parser = PacketParser()
     assert parser.feed(SIP[:cut] + SIP + SIP) == [SIP[3:-2]] * 2
 
 
-def test_a_count_too_small_is_no_packet() -> None:
+def test_a_packet_with_too_small_a_count_is_bad() -> None:
     parser = PacketParser()
     assert parser.feed(b"\xfa\xfb\x02\x00\x00" + SIP) == [SIP[3:-2]]
     assert parser.bad_packets == 1
 
 
-def test_a_damaged_count_holds_up_nothing_once_the_line_is_quiet() -> None:
+def test_a_damaged_count_blocks_nothing_once_the_line_is_quiet() -> None:
     greedy = SIP[:2] + b"\xff" + SIP[3:]
     parser = PacketParser()
     assert parser.feed(greedy + SIP) == []
@@ -149,7 +149,7 @@ def test_a_damaged_count_holds_up_nothing_once_the_line_is_quiet() -> None:
 
 @given(st.binary(min_size=1, max_size=253), st.integers(1, 255), st.data())
 @settings(max_examples=200)
-def test_one_damaged_byte_of_the_data_is_always_seen(
+def test_one_damaged_byte_of_the_data_is_always_detected(
     payload: bytes, flip: int, data: st.DataObject
 ) -> None:
     made = bytearray(packet(payload))

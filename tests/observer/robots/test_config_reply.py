@@ -25,18 +25,18 @@ WHOLE = ConfigReply(
 
 
 @pytest.mark.parametrize("more", [b"", b"\x01\x02\x03\x04"])
-def test_a_whole_reply(more: bytes) -> None:
+def test_a_complete_reply_is_decoded(more: bytes) -> None:
     assert decode_config(REPLY + more) == WHOLE
 
 
 @pytest.mark.parametrize("length", range(1, len(REPLY)))
-def test_a_reply_that_is_cut_off_tells_less_and_nothing_else(length: int) -> None:
+def test_a_truncated_reply_gives_fewer_values_but_none_wrong(length: int) -> None:
     reply = decode_config(REPLY[:length])
     for name, value in vars(WHOLE).items():
         assert getattr(reply, name) in (None, value)
 
 
-def test_the_watchdog_is_there_once_its_bytes_are() -> None:
+def test_the_watchdog_is_decoded_only_if_complete() -> None:
     # Low battery, encoder counts, watchdog.
     until = REPLY.index(struct.pack("<HHH", 115, 16570, 2000)) + 6
     assert decode_config(REPLY[:until]).watchdog_ms == 2000
@@ -44,10 +44,10 @@ def test_the_watchdog_is_there_once_its_bytes_are() -> None:
 
 
 @pytest.mark.parametrize("payload", [b"", b"\x32abc"])
-def test_what_is_no_reply_is_refused(payload: bytes) -> None:
+def test_an_invalid_reply_is_refused(payload: bytes) -> None:
     with pytest.raises(ValueError, match="CONFIG"):
         decode_config(payload)
 
 
-def test_text_that_cannot_be_printed_is_replaced() -> None:
+def test_unprintable_text_is_replaced() -> None:
     assert decode_config(b"\x20Pio\x07neer\xff\0").type == "Pio?neer?"

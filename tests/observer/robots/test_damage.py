@@ -36,7 +36,7 @@ NETWORK = tuple(json.dumps(each).encode() for each in (HELLO, ODOMETRY))
 @examples(60)
 @given(damaged([STREAM]) | hostile_bytes((STREAM, b"\xfa\xfb", b"\xfa\xfb\xff")),
        st.integers(1, 60))  # fmt: skip
-def test_whatever_comes_through_the_line_is_decoded_or_refused(content: bytes, size: int) -> None:
+def test_any_bytes_on_the_line_are_decoded_or_refused(content: bytes, size: int) -> None:
     parser = PacketParser()
     payloads = []
     for at in range(0, len(content), size):

@@ -32,7 +32,7 @@ def fuzzing() -> ModuleType:
 @pytest.mark.parametrize(
     ("make", "reads"), [("some_status", "read_status"), ("some_command", "read_velocity")]
 )
-def test_noise_passes_for_nothing_that_was_not_sent(
+def test_noise_is_almost_never_misread_as_a_packet(
     fuzzing: ModuleType, make: str, reads: str
 ) -> None:
     tally = fuzzing.fuzz(_PACKETS, getattr(fuzzing, make), getattr(fuzzing, reads))
@@ -43,7 +43,7 @@ def test_noise_passes_for_nothing_that_was_not_sent(
     assert tally.misread <= max(1, _LET_THROUGH * _PACKETS)
 
 
-def test_without_noise_all_arrives(fuzzing: ModuleType) -> None:
+def test_without_noise_every_packet_arrives(fuzzing: ModuleType) -> None:
     tally = fuzzing.fuzz(1000, fuzzing.some_status, fuzzing.read_status, noise=0.0)
     assert (tally.whole, tally.lost, tally.altered) == (1000, 0, 0)
 
@@ -51,7 +51,7 @@ def test_without_noise_all_arrives(fuzzing: ModuleType) -> None:
 # Commands that get through, commands of which few do, and noise with hardly any.
 @pytest.mark.parametrize("make", ["any_command", "still_command", "some_status"])
 @pytest.mark.parametrize("noise", [0.01, 0.2])
-def test_a_robot_outlasts_noise_obeys_no_noise_and_listens_behind_it(
+def test_a_robot_survives_noise_without_obeying_it_or_going_deaf(
     fuzzing: ModuleType, make: str, noise: float
 ) -> None:
     tally = fuzzing.fuzz_robot(_SESSIONS, getattr(fuzzing, make), noise)
@@ -62,6 +62,6 @@ def test_a_robot_outlasts_noise_obeys_no_noise_and_listens_behind_it(
     assert tally.obeyed > 0.05 * tally.sent or make == "some_status"
 
 
-def test_without_noise_a_robot_obeys_all(fuzzing: ModuleType) -> None:
+def test_without_noise_a_robot_obeys_every_command(fuzzing: ModuleType) -> None:
     tally = fuzzing.fuzz_robot(5, fuzzing.still_command, noise=0.0)
     assert tally.obeyed == tally.sent > 0

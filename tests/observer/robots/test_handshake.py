@@ -72,7 +72,7 @@ def echo(number: int) -> bytes:
     return {0: command(0), 1: command(1), 2: SYNC2}.get(number, b"")
 
 
-def test_a_robot_comes_at_once_and_no_motor_is_on(driven: Callable[..., Any]) -> None:
+def test_a_robot_connects_at_once_with_its_motors_off(driven: Callable[..., Any]) -> None:
     it = driven()
     report = it.connect()
     assert report.name == "emulated Pioneer P3-DX"
@@ -91,7 +91,7 @@ def test_a_robot_comes_at_once_and_no_motor_is_on(driven: Callable[..., Any]) ->
     assert not {253, 255} & set(numbers)
 
 
-def test_a_session_that_a_dead_client_left_is_ended_before_it_is_spoken_to(
+def test_a_session_left_by_a_dead_client_is_closed_first(
     driven: Callable[..., Any],
 ) -> None:
     there = EmulatedRobot("p3dx-sh", now=time.monotonic())
@@ -104,7 +104,7 @@ def test_a_session_that_a_dead_client_left_is_ended_before_it_is_spoken_to(
 
 
 @pytest.mark.usefixtures("hurried")
-def test_a_status_packet_in_answer_to_sync_ends_that_session(
+def test_a_status_packet_in_reply_to_sync_ends_the_old_session(
     answered: Callable[..., Any], until: Callable[..., Any], heard: Heard
 ) -> None:
     def answer(number: int, time_: int) -> bytes:
@@ -117,7 +117,7 @@ def test_a_status_packet_in_answer_to_sync_ends_that_session(
 
 
 @pytest.mark.usefixtures("hurried")
-def test_what_is_not_understood_starts_it_anew(
+def test_an_unexpected_reply_restarts_the_handshake(
     answered: Callable[..., Any], until: Callable[..., Any], heard: Heard
 ) -> None:
     def answer(number: int, time_: int) -> bytes:
@@ -130,7 +130,7 @@ def test_what_is_not_understood_starts_it_anew(
 
 @pytest.mark.parametrize("nonsense", [b"", packet(b"\xff")])
 @pytest.mark.usefixtures("hurried")
-def test_it_gives_up_tells_why_and_tries_again_by_itself(
+def test_it_gives_up_with_the_reason_and_retries_by_itself(
     nonsense: bytes,
     answered: Callable[..., Any],
     until: Callable[..., Any],
@@ -156,7 +156,7 @@ def test_it_gives_up_tells_why_and_tries_again_by_itself(
 
 
 @pytest.mark.usefixtures("hurried")
-def test_a_robot_that_was_switched_off_comes_once_it_is_on(
+def test_a_robot_connects_once_it_is_switched_on(
     driven: Callable[..., Any],
 ) -> None:
     there = EmulatedRobot("amigo-sh", now=time.monotonic())
@@ -168,7 +168,7 @@ def test_a_robot_that_was_switched_off_comes_once_it_is_on(
 
 
 @pytest.mark.usefixtures("hurried")
-def test_silence_on_a_serial_line_is_told_to_close_at_every_rate(
+def test_a_silent_serial_line_is_sent_close_at_every_rate(
     driven: Callable[..., Any],
 ) -> None:
     # It was left in a session at 57600 baud; at 9600 both sides receive garbage.
@@ -183,7 +183,7 @@ def test_silence_on_a_serial_line_is_told_to_close_at_every_rate(
     assert (0, None) not in told[:at], "PULSE to a robot in a session"
 
 
-def test_a_higher_rate_is_agreed_on_and_given_back(driven: Callable[..., Any]) -> None:
+def test_a_higher_rate_is_negotiated_and_reset_on_closing(driven: Callable[..., Any]) -> None:
     it = driven("p3dx-sh", pty=True, serving={"rates": True})
     it.connect()
     assert it.there.baud == 38400
@@ -205,7 +205,7 @@ class Stubborn(EmulatedRobot):
         del rate
 
 
-def test_a_rate_that_stays_silent_is_given_up(driven: Callable[..., Any]) -> None:
+def test_a_rate_without_a_reply_is_given_up(driven: Callable[..., Any]) -> None:
     it = driven(there=Stubborn("p3dx-sh", now=time.monotonic()), pty=True, serving={"rates": True})
     it.connect()
     it.arm()
@@ -213,13 +213,13 @@ def test_a_rate_that_stays_silent_is_given_up(driven: Callable[..., Any]) -> Non
     assert it.robot.report().speed_mps > 0.05
 
 
-def test_a_rate_means_nothing_over_tcp(driven: Callable[..., Any]) -> None:
+def test_no_rate_is_negotiated_over_tcp(driven: Callable[..., Any]) -> None:
     it = driven("p3dx-sh")
     it.connect()
     assert all(number != 50 for number, _ in it.heard())
 
 
-def test_an_unknown_robot_is_refused_and_let_go(driven: Callable[..., Any]) -> None:
+def test_an_unknown_robot_is_refused_and_disconnected(driven: Callable[..., Any]) -> None:
     it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), subtype="PowerBot-SH"))
     report = it.until(lambda report: report.phase is RobotPhase.REFUSED)
     assert "'powerbot-sh'" in report.trouble
@@ -228,7 +228,7 @@ def test_an_unknown_robot_is_refused_and_let_go(driven: Callable[..., Any]) -> N
     assert all(number <= 2 for number, _ in it.heard())
 
 
-def test_a_model_that_is_given_overrides(
+def test_a_given_model_overrides_the_reported_one(
     driven: Callable[..., Any],
 ) -> None:
     there = EmulatedRobot("p3dx-sh", now=time.monotonic(), subtype="powerbot-sh")
@@ -237,7 +237,7 @@ def test_a_model_that_is_given_overrides(
     assert report.warnings == ("it identifies itself as 'powerbot-sh' but is driven as p3dx",)
 
 
-def test_the_side_that_ends_the_connection_is_named(
+def test_a_lost_connection_is_reported_with_its_port(
     scripted: Callable[..., Any], piloted: Callable[..., Any], until: Callable[..., Any]
 ) -> None:
     peer = scripted(lambda _: None)
@@ -245,7 +245,7 @@ def test_the_side_that_ends_the_connection_is_named(
     assert f"the connection to {peer.port} was lost" in report.trouble
 
 
-def test_a_port_that_cannot_be_opened_is_tried_again(
+def test_a_port_that_cannot_be_opened_is_reported_with_the_reason(
     piloted: Callable[..., Any],
     until: Callable[..., Any],
     free_port: int,

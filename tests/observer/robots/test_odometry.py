@@ -41,9 +41,7 @@ class Firmware:
 
 @pytest.mark.parametrize("model", ["p3dx-sh", "p3dx", "amigo-sh", "amigo"])
 @pytest.mark.parametrize("start", [(0.0, 0.0), (32.5, 0.2), (-0.001, 14.0)])
-def test_a_square_of_10_m_comes_out_within_a_millimetre(
-    model: str, start: tuple[float, float]
-) -> None:
+def test_a_10_m_square_closes_within_a_millimetre(model: str, start: tuple[float, float]) -> None:
     spec = robot_spec(model)
     robot, odometry, time = Firmware(spec, *start), WheelOdometry(spec), 0.0
     odometry.add(*robot.told(), time)
@@ -67,7 +65,7 @@ def test_a_square_of_10_m_comes_out_within_a_millimetre(
     assert place.yaw == pytest.approx(math.tau, abs=1e-9)
 
 
-def test_ten_turns_keep_their_angle() -> None:
+def test_ten_turns_add_up_to_their_angle() -> None:
     robot, odometry = Firmware(P3DX), WheelOdometry(P3DX)
     for tick in range(1001):
         robot.yaw = -tick * 20 * math.pi / 1000
@@ -75,7 +73,7 @@ def test_ten_turns_keep_their_angle() -> None:
     assert place.yaw == pytest.approx(-20 * math.pi, abs=1e-3)
 
 
-def test_axes_are_those_in_which_it_stood_at_first() -> None:
+def test_the_axes_are_those_of_the_initial_pose() -> None:
     robot, odometry = Firmware(P3DX, 3.0, -2.0, math.pi / 2), WheelOdometry(P3DX)
     odometry.add(*robot.told(), 0.0)
     for tick in range(10):
@@ -84,7 +82,7 @@ def test_axes_are_those_in_which_it_stood_at_first() -> None:
     assert (place.x, place.y, place.yaw) == pytest.approx((0.5, 0.0, 0.0), abs=0.002)
 
 
-def test_numbers_set_to_zero_are_no_drive() -> None:
+def test_a_counter_reset_is_a_jump_and_adds_no_distance() -> None:
     robot, odometry = Firmware(P3DX, 5.0, 0.0, 1.0), WheelOdometry(P3DX)
     odometry.add(*robot.told(), 0.0)
     robot.forward(0.1)
@@ -97,14 +95,14 @@ def test_numbers_set_to_zero_are_no_drive() -> None:
     assert after.y == pytest.approx(0.0, abs=0.001)
 
 
-def test_zeroed_near_the_wrap_is_a_jump_or_nothing_but_never_metres() -> None:
+def test_a_counter_reset_near_the_wrap_is_a_jump() -> None:
     odometry = WheelOdometry(P3DX)
     odometry.add(0x7000, 0, 0, 0.0)
     assert odometry.add(0, 0, 0, 0.1).x == 0.0
     assert odometry.jumps == 1
 
 
-def test_after_a_new_baseline_the_sum_goes_on() -> None:
+def test_odometry_continues_after_a_new_baseline() -> None:
     odometry = WheelOdometry(P3DX)
     odometry.add(0, 0, 0, 0.0)
     odometry.add(100, 0, 1024, 0.1)
@@ -116,7 +114,7 @@ def test_after_a_new_baseline_the_sum_goes_on() -> None:
     assert odometry.jumps == 0
 
 
-def test_packets_that_waited_and_come_together_are_no_jump() -> None:
+def test_delayed_packets_that_arrive_together_are_no_jump() -> None:
     odometry = WheelOdometry(P3DX)
     for each in range(5):
         place = odometry.add(each * 220, 0, 0, 1.0 + each * 1e-4)
@@ -125,7 +123,7 @@ def test_packets_that_waited_and_come_together_are_no_jump() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(-200, 200), st.integers(-200, 200)), max_size=300))
-def test_sums_are_exact_however_often_numbers_wrap(steps: list[tuple[int, int]]) -> None:
+def test_sums_are_exact_however_often_counters_wrap(steps: list[tuple[int, int]]) -> None:
     odometry, x, y = WheelOdometry(P3DX), 0, 0
     place = odometry.add(0, 0, 0, 0.0)
     for tick, (dx, dy) in enumerate(steps):

@@ -25,7 +25,7 @@ PULSE = (0, None)
 
 
 @pytest.mark.parametrize(("model", "pty"), [("p3dx-sh", False), ("amigo", True)])
-def test_it_drives_and_tells_how(driven: Drivens, model: str, pty: bool) -> None:
+def test_it_drives_and_reports_its_motion(driven: Drivens, model: str, pty: bool) -> None:
     it = driven(model, pty=pty)
     it.arm()
     it.drive(0.6, 0.3, 0.2)
@@ -45,7 +45,7 @@ def test_it_drives_and_tells_how(driven: Drivens, model: str, pty: bool) -> None
     assert it.there.log.unintended == 0
 
 
-def test_nothing_but_enabling_switches_motors_on_and_nothing_moves_before(driven: Drivens) -> None:
+def test_only_enabling_switches_the_motors_on(driven: Drivens) -> None:
     it = driven()
     it.connect()
     it.drive(0.2)
@@ -86,7 +86,7 @@ def test_velocities_are_clamped_to_the_limits_in_force(
         assert it.there.log.first_standing(since) is not None
 
 
-def test_zero_is_on_the_wire_at_once(driven: Drivens) -> None:
+def test_zero_is_sent_at_once(driven: Drivens) -> None:
     it = driven(pty=True)
     it.arm()
     worst = 0.0
@@ -108,7 +108,7 @@ def test_zero_is_on_the_wire_at_once(driven: Drivens) -> None:
     assert worst < 0.03 + 0.1
 
 
-def test_a_drive_loop_that_hangs_moves_nothing(driven: Drivens) -> None:
+def test_a_hung_drive_loop_stops_the_robot(driven: Drivens) -> None:
     it = driven()
     it.arm()
     worst = 0.0
@@ -123,7 +123,7 @@ def test_a_drive_loop_that_hangs_moves_nothing(driven: Drivens) -> None:
     assert it.robot.report().motors_enabled
 
 
-def test_an_idle_robot_never_comes_to_its_watchdog(driven: Drivens) -> None:
+def test_an_idle_robot_never_trips_its_watchdog(driven: Drivens) -> None:
     it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), watchdog_s=0.5))
     it.arm()
     assert it.robot.report().watchdog_s == 0.5
@@ -173,7 +173,7 @@ def test_a_fault_stops_it_and_latches(
     assert it.there.speed_mps > 0.1
 
 
-def test_motors_that_go_off_by_themselves_stay_off(driven: Drivens) -> None:
+def test_motors_that_switch_off_by_themselves_stay_off(driven: Drivens) -> None:
     it = driven()
     it.arm()
     it.until(lambda _: it.robot.drive(0.3, 0.0).speed_mps > 0.0)
@@ -186,7 +186,7 @@ def test_motors_that_go_off_by_themselves_stay_off(driven: Drivens) -> None:
     assert ENABLE_1 not in it.heard(since)
 
 
-def test_silence_is_warned_of_then_a_fault_then_a_lost_robot(
+def test_silence_becomes_a_warning_then_a_fault_then_a_lost_robot(
     driven: Drivens, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pioneer, "_SILENCE_LOST_S", 1.2)
@@ -210,7 +210,7 @@ def test_silence_is_warned_of_then_a_fault_then_a_lost_robot(
     assert back.counters["reconnects"] == 1
 
 
-def test_after_an_outage_the_first_that_is_heard_is_no_velocity(driven: Drivens) -> None:
+def test_the_first_command_after_an_outage_is_a_standstill(driven: Drivens) -> None:
     """The firmware stopped by itself; any next command would make it resume its velocity."""
     it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), watchdog_s=0.4))
     it.arm()
@@ -229,7 +229,7 @@ def test_after_an_outage_the_first_that_is_heard_is_no_velocity(driven: Drivens)
 
 
 @pytest.mark.parametrize("pty", [False, True])
-def test_an_unplugged_port_is_a_fault_and_comes_back_at_zero(
+def test_an_unplugged_port_is_a_fault_and_reconnects_at_standstill(
     driven: Drivens, pty: bool, tmp_path: Path
 ) -> None:
     serving = {"link": tmp_path / "robot"} if pty else None
@@ -254,7 +254,7 @@ def test_an_unplugged_port_is_a_fault_and_comes_back_at_zero(
     assert math.dist((back.odometry.x, back.odometry.y), (place.x, place.y)) < 0.2
     it.robot.enable()
     it.drive(0.2)
-    assert ENABLE_1 not in it.heard(since), "a fault is not forgiven by connecting anew"
+    assert ENABLE_1 not in it.heard(since), "reconnecting does not clear a fault"
     assert all(each.is_standstill for each in it.there.log.since(since))
     it.robot.clear()
     it.arm()
@@ -269,7 +269,7 @@ def test_an_unplugged_port_is_a_fault_and_comes_back_at_zero(
         {"merge_s": 0.15, "short_status": True},
     ],
 )
-def test_a_strange_line_is_none_of_its_business(driven: Drivens, faults: dict[str, Any]) -> None:
+def test_an_unusual_byte_stream_is_no_fault(driven: Drivens, faults: dict[str, Any]) -> None:
     there = EmulatedRobot("p3dx-sh", now=time.monotonic())
     for name, value in faults.items():
         setattr(there.faults, name, value)
@@ -286,7 +286,7 @@ def test_a_strange_line_is_none_of_its_business(driven: Drivens, faults: dict[st
         assert report.temperature_c is None
 
 
-def test_what_it_says_wrongly_or_worse_is_no_fault(driven: Drivens) -> None:
+def test_wrong_sensor_data_and_a_low_battery_are_no_fault(driven: Drivens) -> None:
     """No bumpers are fitted, the sonar count is wrong, and the battery is weak."""
     it = driven("amigo-sh")
     it.arm()
@@ -307,7 +307,7 @@ def test_what_it_says_wrongly_or_worse_is_no_fault(driven: Drivens) -> None:
     assert report.speed_mps > 0.1
 
 
-def test_noise_is_counted_and_moves_nothing_unmeant(driven: Drivens) -> None:
+def test_noise_is_counted_and_causes_no_unintended_motion(driven: Drivens) -> None:
     it = driven()
     it.arm()
     it.there.log.intended = lambda speed, turn: (speed, turn) in ((0.3, 0.0), (0.0, 0.0))
@@ -323,7 +323,7 @@ def test_noise_is_counted_and_moves_nothing_unmeant(driven: Drivens) -> None:
 
 
 @pytest.mark.parametrize("pty", [False, True])
-def test_closing_says_goodbye_and_is_quick(
+def test_closing_ends_the_session_quickly(
     driven: Drivens, pty: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pioneer, "_FAREWELL_S", 0.1)
@@ -388,7 +388,7 @@ def tampered(driven: Drivens, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Tam
     return it, ports[-1]
 
 
-def test_a_goodbye_that_is_lost_is_said_again(
+def test_a_lost_close_command_is_repeated(
     tampered: tuple[Any, TamperedPort], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pioneer, "_SILENT_S", 0.15)
@@ -403,7 +403,7 @@ def test_a_goodbye_that_is_lost_is_said_again(
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_driver_that_fails_leaves_no_robot_driving(tampered: tuple[Any, TamperedPort]) -> None:
+def test_a_failed_driver_stops_the_robot(tampered: tuple[Any, TamperedPort]) -> None:
     it, port = tampered
     assert it.there.log.since()[-1].speed_mps > 0
     since = time.monotonic()
@@ -417,7 +417,7 @@ def test_a_driver_that_fails_leaves_no_robot_driving(tampered: tuple[Any, Tamper
     assert not it.there.motors_enabled
 
 
-def test_closing_does_not_wait_for_a_robot_that_is_not_there(
+def test_closing_does_not_wait_for_a_missing_robot(
     piloted: Callable[..., Any], tmp_path: Path
 ) -> None:
     for port in (str(tmp_path / "nothing"), "socket://127.0.0.1:1"):

@@ -1,4 +1,4 @@
-"""Damaged input through an emulated robot's real ports: it survives, stands, and listens again."""
+"""Damaged input through an emulated robot's real ports: it survives, stays put, listens again."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Door:
         self.served.close()
 
     def say(self, data: bytes) -> None:
-        """Write all of it; the robot reads it while its clock stands."""
+        """Write all of it; the robot reads it while its clock is stopped."""
         at = 0
         while at < len(data):
             # A pseudo terminal takes at most 4096 bytes at once.
@@ -151,7 +151,7 @@ def door(request: pytest.FixtureRequest) -> Iterator[Door]:
     content=damaged([STREAM], PIECES) | hostile_bytes((STREAM, *PIECES)),
     sizes=st.lists(st.integers(1, 300), min_size=1, max_size=5),
 )
-def test_garbage_neither_ends_it_nor_turns_its_wheels(
+def test_garbage_neither_ends_the_robot_nor_moves_it(
     door: Door, content: bytes, sizes: list[int]
 ) -> None:
     door.open()
@@ -174,7 +174,7 @@ def test_garbage_neither_ends_it_nor_turns_its_wheels(
 
 
 @pytest.mark.parametrize("paused", [False, True])
-def test_a_command_may_be_split_anywhere_but_not_for_long(door: Door, paused: bool) -> None:
+def test_a_split_command_is_obeyed_unless_the_pause_is_too_long(door: Door, paused: bool) -> None:
     for at in range(1, len(VEL)):
         door.open()
         before = door.robot.odometry
@@ -193,7 +193,7 @@ def _gone_by(door: Door) -> bool:
     return True
 
 
-def test_half_a_command_of_one_client_is_not_finished_by_the_next() -> None:
+def test_a_partial_command_is_not_completed_by_the_next_client() -> None:
     with closing(Door("tcp")) as door:
         for at in range(1, len(VEL)):
             door.open()

@@ -18,14 +18,14 @@ P3DX = robot_spec("p3dx-sh")
 LIMITS = RobotLimits(0.75, math.radians(100), 0.3, math.radians(50))
 
 
-def test_where_nothing_is_told_the_model_holds() -> None:
+def test_without_reported_limits_those_of_the_model_apply() -> None:
     limits = limits_in_force(P3DX, ConfigReply(speed_top=0, turn_rate_max=0))
     assert limits.speed_mps == 2.2
     assert limits.turn_rate_radps == pytest.approx(math.radians(500))
     assert limits.acceleration_mps2 == P3DX.acceleration_max_mps2
 
 
-def test_the_least_limit_wins_whatever_its_source() -> None:
+def test_the_smallest_limit_applies_whatever_its_source() -> None:
     config = ConfigReply(
         speed_top=1500, speed_max=5000, turn_rate_top=360, turn_rate_max=120,
         acceleration_top=1000, turn_acceleration_top=5000,
@@ -37,7 +37,7 @@ def test_the_least_limit_wins_whatever_its_source() -> None:
     assert limits.turn_acceleration_radps2 == P3DX.turn_acceleration_max_radps2
 
 
-def test_the_robot_is_told_of_speed_and_acceleration_both_ways() -> None:
+def test_limit_commands_set_speeds_accelerations_and_decelerations() -> None:
     told = [decode_command(each) for each in PacketParser().feed(b"".join(limit_commands(LIMITS)))]
     assert [(each.number, each.argument) for each in told] == [
         (6, 750), (10, 100), (5, 300), (5, -300), (23, 50), (23, -50),
@@ -45,7 +45,7 @@ def test_the_robot_is_told_of_speed_and_acceleration_both_ways() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_is_zero(bad: float) -> None:
+def test_a_non_finite_velocity_becomes_zero(bad: float) -> None:
     assert setpoint_within(LIMITS, bad, 0.1) == (0, 0)
     assert setpoint_within(LIMITS, 0.1, bad) == (0, 0)
 

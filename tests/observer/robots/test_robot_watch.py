@@ -29,13 +29,13 @@ def armed(now: float = 10.0) -> RobotWatch:
     return watch
 
 
-def test_a_robot_moves_only_with_motors_that_it_says_are_on() -> None:
+def test_a_robot_may_move_only_once_its_motors_are_reported_on() -> None:
     watch = RobotWatch()
     assert not watch.switch_on(0.0)
     watch.connected(0.0)
     assert not watch.may_move
     watch.saw(GOOD, 0.1)
-    assert not watch.may_move, "on, but nobody asked for it"
+    assert not watch.may_move, "on, but not requested"
     assert watch.switch_on(0.2)
     watch.saw(OFF, 0.3)
     assert not watch.may_move
@@ -64,7 +64,7 @@ def test_a_fault_latches_until_its_cause_is_over_and_it_is_cleared(
     assert watch.saw(bad, 10.2)
     assert not watch.may_move
     assert words in (watch.fault or "")
-    assert not watch.saw(bad, 10.3), "the same fault is none anew"
+    assert not watch.saw(bad, 10.3), "the same fault is not reported again"
     watch.clear(10.3)
     assert words in (watch.fault or ""), "its cause is still there"
     watch.saw(GOOD, 10.4)
@@ -76,7 +76,7 @@ def test_a_fault_latches_until_its_cause_is_over_and_it_is_cleared(
     assert not watch.may_move, "motors stay off"
 
 
-def test_motors_that_go_off_by_themselves_are_never_switched_on_again() -> None:
+def test_motors_that_switch_off_by_themselves_are_not_switched_on_again() -> None:
     watch = armed()
     assert watch.saw(OFF, 11.0)
     assert "by themselves" in (watch.fault or "")
@@ -87,7 +87,7 @@ def test_motors_that_go_off_by_themselves_are_never_switched_on_again() -> None:
         assert watch.due_command(now) is None
 
 
-def test_enable_is_told_again_only_until_it_was_obeyed() -> None:
+def test_an_ignored_enable_is_repeated_and_then_a_fault() -> None:
     watch = RobotWatch()
     watch.connected(0.0)
     watch.switch_on(0.0)
@@ -103,7 +103,7 @@ def test_enable_is_told_again_only_until_it_was_obeyed() -> None:
     assert "did not switch on" in (watch.fault or "")
 
 
-def test_packets_from_before_the_switching_are_no_fault() -> None:
+def test_packets_from_before_switching_are_no_fault() -> None:
     watch = armed()
     watch.switch_off(10.2)
     watch.switch_on(10.21)
@@ -113,7 +113,7 @@ def test_packets_from_before_the_switching_are_no_fault() -> None:
     assert watch.may_move
 
 
-def test_motors_that_stay_on_are_told_off_again_and_warned_of() -> None:
+def test_motors_that_stay_on_are_switched_off_again_with_a_warning() -> None:
     watch = armed()
     watch.switch_off(10.2)
     watch.saw(GOOD, 10.3)
@@ -125,7 +125,7 @@ def test_motors_that_stay_on_are_told_off_again_and_warned_of() -> None:
     assert watch.warnings(10.8) == ("its motors are on although it is not armed",)
 
 
-def test_silence_is_warned_of_and_then_a_fault() -> None:
+def test_silence_becomes_a_warning_and_then_a_fault() -> None:
     watch = armed()
     watch.saw(GOOD, 11.0)
     assert not watch.silent(11.29)
@@ -142,7 +142,7 @@ def test_silence_is_warned_of_and_then_a_fault() -> None:
 
 
 @pytest.mark.parametrize(("watchdog_s", "after_s"), [(None, 1.0), (2.0, 1.0), (0.4, 0.2)])
-def test_an_outage_begins_before_the_watchdog_may_have_run_out(
+def test_an_outage_starts_before_the_watchdog_may_have_expired(
     watchdog_s: float | None, after_s: float
 ) -> None:
     watch = armed()
@@ -153,7 +153,7 @@ def test_an_outage_begins_before_the_watchdog_may_have_run_out(
     assert not watch.in_outage(13.0, watchdog_s)
 
 
-def test_a_lost_port_is_a_fault_that_waits_for_the_next_connection() -> None:
+def test_a_lost_port_is_a_fault_until_reconnected_and_cleared() -> None:
     watch = armed()
     watch.lost("the cable is out", 10.5)
     assert watch.fault == "the cable is out"
@@ -168,7 +168,7 @@ def test_a_lost_port_is_a_fault_that_waits_for_the_next_connection() -> None:
     assert watch.fault is None
 
 
-def test_a_port_that_never_was_there_is_no_fault() -> None:
+def test_a_port_that_never_existed_is_no_fault() -> None:
     watch = RobotWatch()
     watch.lost("there is no such device", 0.0)
     assert watch.fault is None
@@ -187,7 +187,7 @@ def test_battery_levels(volts: float, judged: str) -> None:
     assert bool(watch.warnings(0.4)) == (judged != "good")
 
 
-def test_one_dip_of_the_battery_is_averaged_away() -> None:
+def test_a_single_battery_dip_is_averaged_out() -> None:
     watch = RobotWatch()
     watch.connected(0.0)
     for tenth in range(20):

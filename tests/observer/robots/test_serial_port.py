@@ -30,7 +30,7 @@ KINDS = ("a file", "a folder", "a named pipe", "a local socket")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_no_device_is_told_as_what_it_is(others: dict[str, Path], kind: str) -> None:
+def test_other_kinds_of_files_are_refused_by_kind(others: dict[str, Path], kind: str) -> None:
     path = others[kind]
     link = path.with_name("ttyUSB0")
     link.symlink_to(path)
@@ -41,12 +41,12 @@ def test_what_is_no_device_is_told_as_what_it_is(others: dict[str, Path], kind: 
 
 
 @pytest.mark.parametrize("path", ["/dev/null", "/dev/zero", "/dev/random"])
-def test_other_devices_are_no_serial_ports(path: str) -> None:
+def test_other_devices_are_refused(path: str) -> None:
     with pytest.raises(PortLost, match=r"it is (no|another kind of device, not a) serial port"):
         open_port(path)
 
 
-def test_what_is_refused_is_not_opened(others: dict[str, Path]) -> None:
+def test_a_refused_file_is_not_opened(others: dict[str, Path]) -> None:
     # Opening a file as a port locks it.
     file, pipe = others["a file"], others["a named pipe"]
     before = file.stat()
@@ -68,7 +68,7 @@ def test_what_is_refused_is_not_opened(others: dict[str, Path]) -> None:
         os.close(reader)
 
 
-def test_a_device_that_is_not_there_and_a_real_one(tmp_path: Path) -> None:
+def test_a_missing_device_is_reported_and_a_real_one_is_opened(tmp_path: Path) -> None:
     with pytest.raises(PortLost, match="there is no such device; is it plugged in"):
         open_port(str(tmp_path / "ttyUSB7"))
     ours, theirs = os.openpty()

@@ -89,7 +89,7 @@ def hold(writer: SetpointWriter, setpoint: tuple[int, int], seconds: float) -> N
 Writing = Callable[..., tuple[Wire, SetpointWriter]]
 
 
-def test_a_velocity_is_two_commands_and_told_again(writing: Writing) -> None:
+def test_a_velocity_is_sent_as_two_commands_and_repeated(writing: Writing) -> None:
     wire, writer = writing()
     hold(writer, (300, -20), 0.6)
     told = wire.commands()
@@ -101,7 +101,7 @@ def test_a_velocity_is_two_commands_and_told_again(writing: Writing) -> None:
     assert (writer.sent.speed_mps, writer.sent.turn_rate_radps) == (0.3, math.radians(-20))
 
 
-def test_commands_are_some_milliseconds_apart(writing: Writing) -> None:
+def test_commands_are_at_least_3_ms_apart(writing: Writing) -> None:
     wire, writer = writing()
     for each in range(50):
         writer.drive((each, each))
@@ -110,7 +110,7 @@ def test_commands_are_some_milliseconds_apart(writing: Writing) -> None:
     assert min(b - a for a, b in itertools.pairwise(times)) >= 0.003
 
 
-def test_zero_goes_out_at_once_and_forward_first(writing: Writing) -> None:
+def test_zero_is_sent_at_once_and_forward_speed_first(writing: Writing) -> None:
     worst = 0.0
     for baud in (9600, None):
         wire, writer = writing(baud)
@@ -128,7 +128,7 @@ def test_zero_goes_out_at_once_and_forward_first(writing: Writing) -> None:
     assert worst < 0.1
 
 
-def test_what_nobody_repeats_becomes_zero(writing: Writing) -> None:
+def test_a_velocity_that_is_not_repeated_becomes_zero(writing: Writing) -> None:
     wire, writer = writing()
     hold(writer, (300, 0), 0.2)
     since = time.monotonic()
@@ -141,7 +141,7 @@ def test_what_nobody_repeats_becomes_zero(writing: Writing) -> None:
     assert told[told.index((VEL, 0)) :].count((VEL, 0)) >= 2
 
 
-def test_halting_goes_before_all_that_waits(writing: Writing) -> None:
+def test_halting_precedes_everything_queued(writing: Writing) -> None:
     wire, writer = writing()
     hold(writer, (300, 0), 0.15)
     writer.send(*[command(Command.SONAR, 1)] * 50)
@@ -169,7 +169,7 @@ def test_a_hard_stop_is_not_lost_to_a_soft_one(writing: Writing) -> None:
     assert told[told.index(stop) + 1] == (int(Command.ENABLE), 0)
 
 
-def test_a_slow_line_is_not_filled_by_a_rising_velocity(writing: Writing) -> None:
+def test_a_rising_velocity_does_not_fill_a_slow_line(writing: Writing) -> None:
     wire, writer = writing(9600)
     began = time.monotonic()
     for each in range(1, 101):
@@ -180,7 +180,7 @@ def test_a_slow_line_is_not_filled_by_a_rising_velocity(writing: Writing) -> Non
     assert size / took < 0.6 * 960
 
 
-def test_in_an_outage_every_velocity_is_a_standstill(writing: Writing) -> None:
+def test_every_velocity_is_a_standstill_during_an_outage(writing: Writing) -> None:
     wire, writer = writing()
     hold(writer, (300, 0), 0.15)
     writer.in_outage(True)
@@ -199,7 +199,7 @@ def test_in_an_outage_every_velocity_is_a_standstill(writing: Writing) -> None:
     assert told[first - 4 : first - 1] == [(STOP, None), (VEL, 0), (RVEL, 0)]
 
 
-def test_a_process_that_stood_still_begins_with_a_standstill(writing: Writing) -> None:
+def test_a_suspended_process_resumes_with_a_standstill(writing: Writing) -> None:
     ahead = [0.0]
     wire, writer = writing(clock=lambda: time.monotonic() + ahead[0])
     hold(writer, (300, 0), 0.15)
@@ -215,7 +215,7 @@ def test_a_process_that_stood_still_begins_with_a_standstill(writing: Writing) -
     assert (VEL, 300) not in told[at:]
 
 
-def test_a_lost_port_ends_it_with_a_sentence(writing: Writing) -> None:
+def test_a_lost_port_ends_the_writer_with_the_reason(writing: Writing) -> None:
     wire, writer = writing()
     wire.cut()
     hold(writer, (300, 0), 0.1)
@@ -223,13 +223,13 @@ def test_a_lost_port_ends_it_with_a_sentence(writing: Writing) -> None:
     assert (VEL, 300) not in wire.commands()
 
 
-def test_a_stuck_port_holds_up_nobody() -> None:
+def test_a_stuck_port_blocks_no_call() -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
     port = open_port(os.ttyname(slave))
     writer = SetpointWriter(port, time.monotonic)
     try:
-        # Nobody reads at the other end; a pseudo terminal buffers some kilobytes.
+        # The other end is not read; a pseudo terminal buffers some kilobytes.
         writer.send(*[command(Command.SONAR, bytes(200))] * 100)
         longest, until = 0.0, time.monotonic() + 4.0
         while writer.broken is None and time.monotonic() < until:

@@ -50,7 +50,7 @@ def tail(
     )
 
 
-def test_the_manual_packet() -> None:
+def test_the_packet_of_the_manual_is_decoded() -> None:
     status = decode_status(MANUAL, P3DX)
     assert status.battery_v == 14.4
     assert status.stalled == (False, False)
@@ -60,7 +60,7 @@ def test_the_manual_packet() -> None:
     assert status.charging is status.temperature_c is None
 
 
-def test_fitted_bumpers_are_told_and_others_are_masked() -> None:
+def test_fitted_bumpers_are_reported_and_others_are_masked() -> None:
     status = decode_status(sip(bumps=0b0000_0101_0000_1011), P3DX, 5, 4)
     assert status.stalled == (True, True)
     assert status.rear_bumpers == (True, False, True, False)
@@ -76,7 +76,7 @@ def test_speeds_and_their_factors() -> None:
     assert amigo.speed_mps == pytest.approx(-0.06154)
 
 
-def test_the_whole_tail() -> None:
+def test_a_complete_tail_is_decoded() -> None:
     status = decode_status(sip(sonar=((0, 1234), (15, 4999)), tail=tail()), P3DX)
     assert status.ranges_m == {0: 1.234, 15: 4.999}
     assert status.battery_v == 12.6
@@ -94,12 +94,12 @@ def test_a_tail_may_end_anywhere(length: int) -> None:
     assert status.temperature_c == (31.0 if length >= 15 else None)
 
 
-def test_what_is_unknown_is_none() -> None:
+def test_unknown_values_are_none() -> None:
     status = decode_status(sip(battery=0, tail=tail(0, 255, temperature=-127)), P3DX)
     assert status.battery_v is status.charging is status.temperature_c is None
 
 
-def test_the_battery_in_the_tail_may_be_unknown_alone() -> None:
+def test_an_unknown_battery_in_the_tail_falls_back_to_the_main_value() -> None:
     assert decode_status(sip(battery=118, tail=tail(0)), P3DX).battery_v == 11.8
 
 
@@ -125,7 +125,7 @@ def test_a_sonar_count_that_overruns_gives_no_readings_and_no_tail() -> None:
     assert status.speed_mps == pytest.approx(0.1)
 
 
-def test_a_sonar_that_is_not_there_is_left_out() -> None:
+def test_a_sonar_that_is_not_fitted_is_left_out() -> None:
     assert decode_status(sip(sonar=((8, 1000), (7, 500))), AMIGO).ranges_m == {7: 0.5}
 
 
@@ -134,13 +134,13 @@ def test_no_echo_is_none_and_contact_is_zero() -> None:
     assert status.ranges_m == {0: None, 1: 0.0}
 
 
-def test_place_is_masked_and_heading_signed() -> None:
+def test_the_position_is_masked_and_the_heading_is_signed() -> None:
     status = decode_status(sip(x=0x8005, y=0xFFFF, heading=-7), P3DX)
     assert (status.raw_x, status.raw_y, status.raw_heading) == (5, 0x7FFF, -7)
 
 
 @pytest.mark.parametrize("payload", [b"", b"\x32", sip()[:19], b"\x20" + sip()[1:]])
-def test_what_is_no_status_packet_is_refused(payload: bytes) -> None:
+def test_an_invalid_status_packet_is_refused(payload: bytes) -> None:
     with pytest.raises(ValueError, match="status packet"):
         decode_status(payload, P3DX)
 

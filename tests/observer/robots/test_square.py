@@ -34,7 +34,7 @@ class Square:
         self._raw: tuple[int, int] | None = None
         self.robot.begin_session(0.0)
         self.tell(command(Command.ENABLE, 1), command(Command.SETA, 1000))
-        # Odometry begins with the first packet, while it still stands.
+        # Odometry starts with the first packet, before it moves.
         self._stand()
 
     def tell(self, *commands: bytes) -> None:
@@ -82,7 +82,7 @@ class Square:
     ("model", "corner"),
     [("p3dx-sh", math.pi / 2), ("amigo", -math.pi / 2)],
 )
-def test_the_sum_is_within_a_millimetre_of_the_emulators_truth(model: str, corner: float) -> None:
+def test_odometry_is_within_a_millimetre_of_the_emulators_truth(model: str, corner: float) -> None:
     square = Square(model)
     for _ in range(4):
         square.forward(10.0)

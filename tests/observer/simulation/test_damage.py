@@ -56,13 +56,13 @@ def hold(text: str) -> None:
 @example(HEAD + "frame_rate: .nan\n")
 @example(HEAD + "frame_rate: 1:30\n")
 @example("\x00")
-def test_damage_is_refused_or_leaves_a_scenario(text: str) -> None:
+def test_a_damaged_scenario_is_refused_or_valid(text: str) -> None:
     hold(text)
 
 
 @examples(24)
 @given(hostile_text(("title: ", "objects: ", "- ", "based_on: lab\n")))
-def test_anything_else_is_refused(text: str) -> None:
+def test_arbitrary_text_is_refused_or_valid(text: str) -> None:
     hold(text)
     hold(HEAD + text)
 
@@ -71,7 +71,7 @@ def test_anything_else_is_refused(text: str) -> None:
 @given(hostile_text(("lab", ".yaml", "/nowhere/")))
 @example("a\0.yaml")
 @example("a" * 5000 + ".yaml")
-def test_any_name_is_refused(name: str) -> None:
+def test_an_unknown_scenario_name_is_refused(name: str) -> None:
     if name not in scenario_names():
         with pytest.raises((InputError, OSError)):
             load_scenario(name)

@@ -60,7 +60,7 @@ def test_a_table_is_a_closed_slab_on_four_legs() -> None:
         assert heights.max() == pytest.approx(0.71)
 
 
-def test_a_table_is_flat_of_tone_and_the_room_shows_between_its_legs() -> None:
+def test_a_table_has_flat_tones_and_shows_the_room_between_its_legs() -> None:
     scene = world()
     image = StereoImager(scene).clean(LEFT, 0.0)
     table = left_hits(scene, 0.0).body == scene.bodies[0].id
@@ -97,7 +97,7 @@ def test_a_door_is_a_flat_leaf_in_a_frame_down_to_the_floor() -> None:
     assert np.abs(frame - wall).max() > 20
 
 
-def test_bare_walls_are_without_texture_and_end_at_a_ceiling_of_another_tone() -> None:
+def test_bare_walls_have_no_texture_and_end_at_a_ceiling_of_another_tone() -> None:
     scenario = load_scenario("static_edges_turning")
     upwards = scenario.camera.model_copy(update={"tilt_deg": -4.0})
     scene = World(scenario.model_copy(update={"camera": upwards}))

@@ -48,7 +48,7 @@ def turned_deg(a: Pose, b: Pose) -> float:
 # --- motion ---------------------------------------------------------------------------------
 
 
-def test_poses_are_what_the_scenario_says() -> None:
+def test_poses_match_the_scenario() -> None:
     here = World(scenario_from_text(ABOVE, "two"))
     first, second = (here.board_pose(t) for t in here.board.motion.held_at)
     # Corner 0 is the upper left one: half of 8 by 5 squares of 25 mm from the centre.
@@ -61,7 +61,7 @@ def test_poses_are_what_the_scenario_says() -> None:
     assert down[2] == pytest.approx(math.cos(math.radians(25)) * math.sin(math.radians(20)))
 
 
-def test_a_pose_is_held_then_left_and_entered_gently() -> None:
+def test_a_pose_is_held_and_transitions_are_smooth() -> None:
     here = World(scenario_from_text(ABOVE, "two"))
     pose = here.board.motion.pose
     assert here.board.motion.period_s == pytest.approx(3.0)
@@ -86,7 +86,7 @@ def test_the_motion_closes_and_never_jumps(name: str) -> None:
     steps = np.arange(-3, math.ceil(2 * motion.period_s * 60)) / 60
     poses = [motion.pose(motion.period_s + t) for t in steps]
     for a, b in pairwise(poses):
-        # Nobody throws the board: it stays below 3 m/s and 250 degrees a second.
+        # The board is not thrown: it stays below 3 m/s and 250 degrees a second.
         assert np.linalg.norm(b.translation - a.translation) < 3 / 60
         assert turned_deg(a, b) < 250 / 60
 
@@ -104,7 +104,7 @@ def test_a_held_board_trembles_by_less_than_a_tenth_of_a_pixel() -> None:
     assert np.median(moved) < 0.1
 
 
-def test_the_board_stands_in_the_room_and_not_on_the_camera() -> None:
+def test_the_board_is_fixed_in_the_room_and_not_to_the_camera() -> None:
     drive = "{kind: course, legs: [{kind: drive, distance_m: 0.1, speed: 0.2}]}"
     here = World(scenario_from_text(f"{ABOVE}observer: {{motion: {drive}}}\n", "drives"))
     assert not here.camera_is_static
@@ -112,7 +112,7 @@ def test_the_board_stands_in_the_room_and_not_on_the_camera() -> None:
     assert here.board_pose(0.5).translation[2] < here.board_pose(0.0).translation[2] - 0.02
 
 
-def test_a_world_without_a_board_says_so() -> None:
+def test_a_world_without_a_board_gives_no_board_pose() -> None:
     assert world("webcams").board is None
     with pytest.raises(ScenarioError, match="nobody is holding a board"):
         world("webcams").board_pose(0.0)
@@ -122,7 +122,7 @@ def test_a_world_without_a_board_says_so() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])
-def test_nine_of_ten_held_poses_are_whole_in_both_images(seed: int) -> None:
+def test_nine_of_ten_held_poses_are_fully_visible_in_both_images(seed: int) -> None:
     here = world("calibration", seed)
     seen = [
         whole_in_view(here.true_calibration, here.board_pose(t), here.board.board)
@@ -134,7 +134,7 @@ def test_nine_of_ten_held_poses_are_whole_in_both_images(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])
-def test_one_pass_fills_the_bars_of_ros_from_what_both_cameras_see(seed: int) -> None:
+def test_one_pass_meets_the_coverage_criteria_of_ros(seed: int) -> None:
     """X, Y, size and skew as in ROS's camera_calibration, with ranges 0.7, 0.7, 0.4 and 0.5."""
     here = world("calibration", seed)
     c, board = here.true_calibration, here.board.board
@@ -169,7 +169,7 @@ def _ros_sample(grid: np.ndarray) -> np.ndarray:
     return np.array([x, y, math.sqrt(area / (640 * 480)), skew])
 
 
-def test_equal_seeds_hold_the_board_alike_and_others_elsewhere() -> None:
+def test_equal_seeds_give_equal_board_poses_and_others_differ() -> None:
     one, again, two = (World(load_scenario("calibration"), seed) for seed in (1, 1, 2))
     assert one.scenario.board == again.scenario.board
     assert one.scenario.board != two.scenario.board
@@ -215,7 +215,7 @@ def _refined(image: np.ndarray, px: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("pose", [0, 8, 27])
-def test_a_detector_finds_the_chessboard_with_its_corners_in_their_order(pose: int) -> None:
+def test_opencv_finds_the_chessboard_corners_in_order(pose: int) -> None:
     here = world()
     t = here.board.motion.held_at[pose]
     expected = corners_px(here.true_calibration, here.board_pose(t), here.board.board.object_points)
@@ -229,7 +229,7 @@ def test_a_detector_finds_the_chessboard_with_its_corners_in_their_order(pose: i
 
 
 @pytest.mark.parametrize("pose", [0, 14, 27])
-def test_the_detector_of_opencv_reads_the_charuco_board_by_number(pose: int) -> None:
+def test_opencv_identifies_the_charuco_corners_by_number(pose: int) -> None:
     here = world("calibration_charuco")
     board: Board = here.board.board
     t = here.board.motion.held_at[pose]
@@ -250,7 +250,7 @@ def test_the_detector_of_opencv_reads_the_charuco_board_by_number(pose: int) -> 
         assert np.abs(corners.reshape(-1, 2) - px[ids.ravel()]).max() < 1.5
 
 
-def test_the_kept_background_changes_no_pixel() -> None:
+def test_the_cached_background_changes_no_pixel() -> None:
     keeps = StereoImager(world())
     for side in (LEFT, RIGHT):
         for t in (0.4, 1.2):
@@ -271,7 +271,7 @@ def test_a_rolling_shutter_reads_a_moving_board_row_by_row() -> None:
     assert still[1].max() > 100
 
 
-def test_depth_and_flow_know_of_the_board() -> None:
+def test_depth_and_flow_include_the_board() -> None:
     here = World(scenario_from_text(ABOVE, "two"))
     hits = left_hits(here, 0.4).body == BOARD
     assert render_depth(here, 0.4)[hits] == pytest.approx(0.5)

@@ -67,7 +67,7 @@ def test_flicker_changes_the_brightness_over_time() -> None:
         assert ratio == pytest.approx(factor, abs=0.01)
 
 
-def test_exposure_settles_and_settles_anew_when_the_light_is_switched() -> None:
+def test_exposure_settles_at_first_and_again_when_the_light_is_switched() -> None:
     settling = {"gain": 1.4, "time_s": 0.5, "again_s": [3.0, 5.0]}
     world, steady = world_with("static_turning", settling=settling), world_with("static_turning")
     assert world.brightness(0.0) == pytest.approx(1.4)
@@ -98,7 +98,7 @@ def sharpness(image: np.ndarray) -> float:
     return float(np.abs(cv2.Laplacian(gray(image), cv2.CV_64F)).mean())
 
 
-def test_blur_and_exposure_smear() -> None:
+def test_blur_and_exposure_time_smear_the_image() -> None:
     sharp = StereoImager(world_with("rotating")).clean(LEFT, 1.0)
     blurred = StereoImager(world_with("rotating", blur_px=1.5)).pair(15, 1.0)[0]
     assert sharpness(blurred) < 0.5 * sharpness(sharp)
@@ -110,7 +110,7 @@ def test_blur_and_exposure_smear() -> None:
     assert gradient[1] / gradient[0] < 0.9 * across[1] / across[0]
 
 
-def test_skew_shows_the_right_camera_another_instant() -> None:
+def test_skew_shifts_the_instant_of_the_right_image() -> None:
     skewed, steady = world_with(skew_s=0.016), world_with()
     assert np.array_equal(
         StereoImager(skewed).pair(0, 1.0)[1], StereoImager(steady).clean(RIGHT, 1.016)
@@ -122,7 +122,7 @@ def test_skew_shows_the_right_camera_another_instant() -> None:
     assert frames[1].right_time is None
 
 
-def test_skew_that_is_not_known_shows_only_in_the_images() -> None:
+def test_unknown_skew_shows_only_in_the_images() -> None:
     known, unknown = (world_with(skew_s=0.016, skew_known=known) for known in (True, False))
     frames = [SimulatedSource(world).read() for world in (known, unknown)]
     assert frames[0] is not None
@@ -133,7 +133,7 @@ def test_skew_that_is_not_known_shows_only_in_the_images() -> None:
     assert not load_scenario("static_skew").faults.skew_known
 
 
-def test_the_vergence_scene_biases_every_disparity_alike() -> None:
+def test_the_vergence_scene_biases_every_disparity_equally() -> None:
     world = World(load_scenario("static_vergence"))
     true, said = world.true_calibration, world.calibration
     for point in ([0.0, 0.0, 1.5], [0.4, 0.2, 3.0], [-1.0, -0.3, 6.0]):
@@ -186,7 +186,7 @@ def _vertical_error(left: np.ndarray, right: np.ndarray) -> float:
     return float(np.median(np.abs(found[good, 0, 1] - start[good, 0, 1])))
 
 
-def test_a_miscalibrated_scenario_hands_out_what_is_not_true() -> None:
+def test_only_miscalibrated_scenarios_provide_a_wrong_calibration() -> None:
     for name in scenario_names():
         world = World(load_scenario(name))
         same = world.calibration is world.true_calibration
@@ -200,7 +200,7 @@ def test_a_miscalibrated_scenario_hands_out_what_is_not_true() -> None:
     assert said.baseline == pytest.approx(true.baseline)
 
 
-def test_same_seed_same_digits_and_other_seed_other_picture(
+def test_equal_seeds_give_identical_images_and_others_differ(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def frames(seed: int) -> list[np.ndarray]:
@@ -241,7 +241,7 @@ def test_two_frames_have_different_noise() -> None:
 
 
 @pytest.mark.parametrize("name", BENCHMARK)
-def test_a_third_of_every_benchmark_scene_is_without_texture(name: str) -> None:
+def test_at_least_30_percent_of_each_benchmark_scene_has_no_texture(name: str) -> None:
     """Measured on the images: 7-pixel windows whose contrast drowns in the noise."""
     scenario = load_scenario(name)
     for seed in (0, 4):

@@ -25,7 +25,7 @@ def course(legs: list[Leg], after: str = "stay", heading: float = 0.3) -> Course
 
 @settings(max_examples=40, deadline=None)
 @given(length=st.floats(0.05, 10), cruise=st.floats(0.05, 3), acceleration=st.floats(0.1, 5))
-def test_a_ramp_from_rest_to_rest_goes_its_length_and_no_faster(
+def test_a_ramp_from_rest_to_rest_covers_its_length_within_its_speed(
     length: float, cruise: float, acceleration: float
 ) -> None:
     ramp = Ramp.over(length, 0.0, cruise, 0.0, acceleration)
@@ -37,7 +37,7 @@ def test_a_ramp_from_rest_to_rest_goes_its_length_and_no_faster(
     assert fastest == pytest.approx(min(cruise, math.sqrt(acceleration * length)), rel=1e-6)
 
 
-def test_a_leg_too_short_to_brake_is_refused_in_one_sentence() -> None:
+def test_a_leg_too_short_to_brake_is_refused() -> None:
     with pytest.raises(ScenarioError, match="too short"):
         Ramp.over(0.01, 1.0, 1.0, 0.0, 0.5)
 
@@ -84,7 +84,7 @@ def test_a_closed_course_repeats_without_drift_at_its_cruising_speed() -> None:
         assert math.hypot(first.vx, first.vy) == pytest.approx(0.4)
 
 
-def test_an_open_course_goes_on_from_where_it_ended() -> None:
+def test_an_open_course_repeats_from_where_it_ended() -> None:
     motion = Course(
         0, 0, 0, [Leg(distance=1, speed=0.5), Leg(angle=math.pi / 2, rate=1)],
         after="repeat", acceleration=0.5, angular_acceleration=2,
@@ -95,7 +95,7 @@ def test_an_open_course_goes_on_from_where_it_ended() -> None:
         assert (corner.x, corner.y) == pytest.approx((x, y), abs=1e-9)
 
 
-def test_back_drives_the_same_way_in_reverse() -> None:
+def test_back_drives_the_same_path_in_reverse() -> None:
     motion = course(STADIUM[:2], "back")
     for t in (0.2, 1.9, 5.0):
         there, back = motion.state(t), motion.state(2 * motion.period - t)

@@ -15,7 +15,7 @@ def driven(world: World, seconds: float) -> np.ndarray:
     return np.array([(o.x, o.y, o.yaw) for o in read])
 
 
-def test_it_is_nearly_the_true_way_and_never_exactly() -> None:
+def test_odometry_is_close_to_the_true_distance_but_not_exact() -> None:
     errors = []
     for seed in range(1, 13):
         world = World(load_scenario("lateral"), seed)
@@ -27,7 +27,7 @@ def test_it_is_nearly_the_true_way_and_never_exactly() -> None:
     assert np.abs(errors).max() < 0.05
 
 
-def test_equal_seeds_give_equal_numbers_and_a_rewound_source_the_same_again() -> None:
+def test_a_rewound_source_gives_the_same_odometry_again() -> None:
     source = SimulatedSource(World(load_scenario("lateral"), 5))
     first = [source.read().odometry for _ in range(4)]
     source.rewind()
@@ -36,13 +36,13 @@ def test_equal_seeds_give_equal_numbers_and_a_rewound_source_the_same_again() ->
     assert (first[0].x, first[0].y, first[0].yaw) == (0, 0, 0)
 
 
-def test_wheels_that_stand_report_nothing() -> None:
+def test_stationary_wheels_report_no_motion() -> None:
     world = World(load_scenario("lab"), 0)
     still = World(world.scenario.model_copy(update={"observer": type(world.scenario.observer)()}))
     np.testing.assert_array_equal(driven(still, 2), 0)
 
 
-def test_turns_are_summed_up_with_a_small_drift() -> None:
+def test_turns_accumulate_with_a_small_drift() -> None:
     world = World(load_scenario("static_turning"), 3)
     yaw = driven(world, 1.5)[-1, 2]
     start, end = world.observer.motion.state(0), world.observer.motion.state(21 / 15)

@@ -78,7 +78,7 @@ def test_reflected_corners_lie_where_the_mirrored_world_puts_them(extra: str, si
     assert np.abs((found - expected[inside]).mean(axis=0)).max() < 0.03
 
 
-def test_only_the_floor_reflects_and_it_shows_people_moving() -> None:
+def test_only_the_floor_reflects_and_it_reflects_moving_people() -> None:
     t = 1.0
     scene, empty = world(ALIVE), world(ALIVE.split("people")[1].split("\n", 2)[2])
     matt = clean(world(ALIVE, gloss=0.0), time=t).astype(int)
@@ -93,7 +93,7 @@ def test_only_the_floor_reflects_and_it_shows_people_moving() -> None:
     assert np.abs(glossy - matt)[~wide].max() <= 5
     assert (glossy != matt)[~wide].mean() < 0.001
     assert (np.abs(glossy - matt)[narrow].max(axis=1) > 2).mean() > 0.5
-    # Ray casting from the mirrored camera tells whose reflection is where.
+    # Ray casting from the mirrored camera gives the body reflected at each pixel.
     view = View(512, 256, 1.0, 1.0, 0.0, 127.5, (0, 256))
     _, T_room_mirror = mirrored(view, scene.T_room_left(t), (0, 256))
     seen = cast(scene, T_room_mirror.inverse(), rays * [1, -1], t).body
@@ -105,7 +105,7 @@ def test_only_the_floor_reflects_and_it_shows_people_moving() -> None:
         assert changed[mirror].mean() > 0.8, body.name
 
 
-def test_the_floor_mirrors_most_at_grazing_angles_and_as_its_gloss_says() -> None:
+def test_reflectance_is_highest_at_grazing_angles_and_scales_with_gloss() -> None:
     view = View(101, 101, 100.0, 100.0, 50.0, 50.0, (0, 101))
     # R_room_camera of cameras that look straight down and along the room's x.
     down = np.diag([1.0, -1.0, -1.0])
@@ -120,7 +120,7 @@ def test_the_floor_mirrors_most_at_grazing_angles_and_as_its_gloss_says() -> Non
     assert dull == pytest.approx(0.25 * level, abs=1e-6)
 
 
-def test_rows_drawn_by_themselves_reflect_as_in_the_whole() -> None:
+def test_strips_reflect_like_the_whole_image() -> None:
     scene = World(load_scenario("glossy_crossing"))
     f = scene.true_calibration.K1[0, 0]
     whole, strips = (np.empty((256, 512, 3), np.uint8) for _ in range(2))
@@ -134,7 +134,7 @@ def test_rows_drawn_by_themselves_reflect_as_in_the_whole() -> None:
     assert (whole != strips).mean() < 0.001
 
 
-def test_a_matt_floor_reflects_nothing_and_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_matt_floor_is_drawn_without_reflecting(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise AssertionError("a matt floor was reflected")
 

@@ -123,7 +123,7 @@ def test_the_right_image_is_the_left_one_shifted_by_the_disparity() -> None:
     assert np.abs(left.astype(float) - wrong)[inner].mean() > 2.5 * difference.mean()
 
 
-def test_true_flow_carries_one_image_into_the_next() -> None:
+def test_true_flow_warps_one_image_into_the_next() -> None:
     world = World(clean_lab())
     t0, t1 = 3.0, 3.2
     before, after = gray(world, LEFT, t0), gray(world, LEFT, t1)
@@ -162,7 +162,7 @@ def test_true_flow_agrees_with_depth_and_the_cameras_motion() -> None:
     assert np.abs(expected).max() > 1
 
 
-def test_what_is_drawn_in_front_is_what_is_hit_first() -> None:
+def test_the_nearest_body_is_drawn_in_front() -> None:
     """The renderer's order and depth buffer against the ray caster, on recoloured bodies."""
     world = World(load_scenario("crossing").model_copy(update={"objects": ()}))
     alone = {}
@@ -200,7 +200,7 @@ def test_nothing_is_left_unpainted() -> None:
             assert (imager.clean(LEFT, t)[room].max(axis=1) > 12).mean() > 0.999
 
 
-def test_something_close_to_the_lens_is_cut_at_the_near_plane() -> None:
+def test_a_body_close_to_the_lens_is_clipped_at_the_near_plane() -> None:
     extra = "  - {kind: crate, x: 0.42, y: 0.3, size: [0.7, 0.3, 0.5]}\n"
     world = World(scenario_from_text(BOARD + extra, "close"))
     image = gray(world, LEFT, 0.0)

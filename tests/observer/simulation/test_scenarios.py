@@ -41,7 +41,7 @@ board: {pattern: charuco, columns: 30, rows: 30, poses: [{centre: [0, 0, 1]}]}
 """
 
 
-def test_every_scenario_that_others_count_on_is_there_the_lab_first() -> None:
+def test_the_required_scenarios_exist_and_the_lab_is_first() -> None:
     names = scenario_names()
     assert names[0] == "lab"
     assert set(names) >= REQUIRED
@@ -49,7 +49,7 @@ def test_every_scenario_that_others_count_on_is_there_the_lab_first() -> None:
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_benchmark_scenes_are_as_hard_as_they_are_said_to_be(name: str) -> None:
+def test_benchmark_scenes_have_the_declared_difficulty(name: str) -> None:
     scenario = load_scenario(name)
     assert scenario.benchmark == (name not in FOR_SHOWING)
     if scenario.benchmark:
@@ -63,7 +63,7 @@ def test_benchmark_scenes_are_as_hard_as_they_are_said_to_be(name: str) -> None:
         assert (camera.baseline_m, camera.hfov_deg) == ((0.075, 70.0) if short else (0.12, 60.0))
 
 
-def test_what_is_calibrated_and_what_it_is_used_on_are_the_same_two_cameras() -> None:
+def test_uncalibrated_scenes_share_the_cameras_of_the_webcams_scene() -> None:
     webcams = World(load_scenario("webcams")).true_calibration
     for name in UNCALIBRATED:
         scenario = load_scenario(name)
@@ -83,7 +83,7 @@ def test_what_is_calibrated_and_what_it_is_used_on_are_the_same_two_cameras() ->
     assert all(load_scenario(name).hands_out_calibration for name in others)
 
 
-def test_the_lab_is_written_out_without_an_end_that_shows() -> None:
+def test_the_lab_repeats_without_a_visible_seam() -> None:
     world = World(load_scenario("lab"))
     duration = world.scenario.duration_s
     for body in (world.observer, *world.obstacles):
@@ -159,7 +159,7 @@ robots:
         ("based_on: ../lab\n", "no built-in scenario '../lab'"),
     ],
 )
-def test_a_mistake_is_one_sentence_that_names_the_key(text: str, says: str) -> None:
+def test_a_mistake_is_refused_in_one_sentence_that_names_the_key(text: str, says: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         scenario_from_text(text, "mine")
     message = str(caught.value)
@@ -175,7 +175,7 @@ def test_an_unknown_name_lists_the_known_ones() -> None:
         load_scenario("/nowhere/mine.yaml")
 
 
-def test_a_file_is_a_scenario_too(tmp_path: Path) -> None:
+def test_a_scenario_can_be_loaded_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("based_on: lateral\ntitle: Mine\nfaults: {noise: 0}\n", encoding="utf-8")
     mine, lateral = load_scenario(str(path)), load_scenario("lateral")

@@ -88,7 +88,7 @@ def test_the_camera_pose_agrees_with_the_observer() -> None:
     assert offset[0] == pytest.approx(offset[1], abs=1e-9)
 
 
-def test_a_distorted_rigs_world_is_the_rectified_camera() -> None:
+def test_the_world_of_a_distorted_rig_is_its_rectified_camera() -> None:
     """Points triangulated from the rectified pair lie where the truth says."""
     world = World(load_scenario("distorted_tilted"))
     truth = SimulatedTruth(world)
@@ -216,12 +216,12 @@ def test_the_box_by_construction() -> None:
     assert [p.box_px for p in visible_parts(behind, 0.0).values()] == [None]
 
 
-def test_the_observer_has_no_box_and_robots_are_told_from_people() -> None:
+def test_the_observer_has_no_box_and_robots_are_of_kind_robot() -> None:
     observer, robot = truth_of(PLAIN + AHEAD).bodies(0.0)
     assert (observer.box_px, observer.kind, robot.kind) == (None, "robot", "robot")
 
 
-def test_truth_lies_inside_what_the_images_show() -> None:
+def test_the_true_box_encloses_what_the_images_show() -> None:
     """The depth at the robot's pixels, transformed to the world, fills the robot's box."""
     world = World(load_scenario("lab"))
     truth = SimulatedTruth(world)
@@ -244,7 +244,7 @@ def test_truth_lies_inside_what_the_images_show() -> None:
     assert (offset @ down).max() > 0.45 * robot.size[2]
 
 
-def test_a_source_reads_to_its_end_and_again() -> None:
+def test_a_source_is_read_to_its_end_and_again_after_rewinding() -> None:
     source = SimulatedSource(World(scenario_from_text(PLAIN, "plain"), 0))
     info = source.info
     assert info.frame_count == 40
@@ -264,7 +264,7 @@ def test_a_source_reads_to_its_end_and_again() -> None:
     source.close()
 
 
-def test_the_lab_opens_by_its_text_and_its_frames_carry_no_truth() -> None:
+def test_the_lab_opens_by_its_spec_and_its_frames_carry_no_truth() -> None:
     opened = open_source("simulated:lab?seed=3")
     assert opened.source.info.spec == "simulated:lab?seed=3"
     assert opened.truth is not None
@@ -275,7 +275,7 @@ def test_the_lab_opens_by_its_text_and_its_frames_carry_no_truth() -> None:
     assert opened.source.calibration.is_rectified
 
 
-def test_export_writes_what_a_stereo_folder_needs(tmp_path: Path) -> None:
+def test_export_writes_a_complete_stereo_folder(tmp_path: Path) -> None:
     scenario = tmp_path / "short.yaml"
     scenario.write_text("based_on: lateral\nduration_s: 0.4\n", encoding="utf-8")
     output = tmp_path / "made" / "here"
@@ -310,7 +310,7 @@ def test_export_writes_what_a_stereo_folder_needs(tmp_path: Path) -> None:
             assert a.velocity == pytest.approx(b.velocity, abs=1e-9)
 
 
-def test_export_of_cameras_that_nobody_calibrated_brings_no_calibration(tmp_path: Path) -> None:
+def test_export_of_uncalibrated_cameras_writes_no_calibration(tmp_path: Path) -> None:
     scenario = tmp_path / "short.yaml"
     scenario.write_text("based_on: calibration\nduration_s: 0.2\n", encoding="utf-8")
     assert export_stereo_folder(str(scenario), 0, tmp_path / "out") == 3
@@ -320,7 +320,7 @@ def test_export_of_cameras_that_nobody_calibrated_brings_no_calibration(tmp_path
     assert {b.role for b in CsvTruth(tmp_path / "out" / "truth.csv").bodies(0.0)} == {"observer"}
 
 
-def test_export_never_mixes_with_what_is_there(tmp_path: Path) -> None:
+def test_export_refuses_a_folder_that_is_not_empty(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match="is not empty; name a new or empty one"):
         export_stereo_folder("lateral", 0, tmp_path)
@@ -329,7 +329,7 @@ def test_export_never_mixes_with_what_is_there(tmp_path: Path) -> None:
         export_stereo_folder("lateral", 0, tmp_path / "mine.txt")
 
 
-def test_the_simulation_knows_nothing_of_the_method() -> None:
+def test_the_simulation_does_not_import_the_method() -> None:
     code = (
         "import sys, observer.simulation.export, observer.simulation.source;"
         "print([m for m in sys.modules if m.startswith(('observer.stages', 'observer.observer'))])"

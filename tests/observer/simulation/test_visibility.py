@@ -14,7 +14,7 @@ from observer.simulation.world import World
 
 
 @pytest.mark.parametrize("high", [(0.1, 0.2), (0.3, 0.1), (0.1, 0.1)])
-def test_a_body_that_reaches_into_the_view_with_an_edge_only_is_not_seen(
+def test_a_body_with_only_an_edge_in_view_is_not_seen(
     monkeypatch: pytest.MonkeyPatch, high: Any
 ) -> None:
     world = World(load_scenario("lab"))

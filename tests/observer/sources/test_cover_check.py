@@ -38,7 +38,7 @@ def asked(looks: int = 8) -> CoverCheck:
 
 @pytest.mark.parametrize("cover", [dark, glowing])
 @pytest.mark.parametrize("side", ["left", "right", "both"])
-def test_the_covered_side_is_told(side: str, cover: object) -> None:
+def test_the_covered_side_is_reported(side: str, cover: object) -> None:
     check = asked()
     for k in range(6):
         left = cover() if side != "right" else seen(seed=k)  # type: ignore[operator]
@@ -46,13 +46,13 @@ def test_the_covered_side_is_told(side: str, cover: object) -> None:
         assert check.answer is None or k >= 3
         check.look(left, right)
     assert check.answer == side
-    # The answer stands after the hand is taken away.
+    # The answer remains after the hand is taken away.
     for k in range(10):
         check.look(seen(seed=k), seen(seed=k))
     assert check.answer == side
 
 
-def test_colour_images_are_judged_alike() -> None:
+def test_colour_images_are_judged_like_grey_ones() -> None:
     check = CoverCheck()
     for _ in range(3):
         check.look(np.asarray(cv2.cvtColor(seen(), cv2.COLOR_GRAY2BGR), np.uint8), seen())
@@ -62,7 +62,7 @@ def test_colour_images_are_judged_alike() -> None:
     assert check.answer == "left"
 
 
-def test_flickering_light_is_no_answer() -> None:
+def test_flickering_light_gives_no_answer() -> None:
     check = CoverCheck()
     # 40 % up and down twice a second at 15 frames a second, with a different phase per camera.
     phases = np.arange(120) * 2 * np.pi * 2 / 15
@@ -74,7 +74,7 @@ def test_flickering_light_is_no_answer() -> None:
         assert check.answer is None, k
 
 
-def test_a_hand_that_passes_is_no_answer() -> None:
+def test_a_passing_hand_gives_no_answer() -> None:
     check = asked()
     for k in range(30):
         passing = k % 6 < 3
@@ -82,7 +82,7 @@ def test_a_hand_that_passes_is_no_answer() -> None:
     assert check.answer is None
 
 
-def test_light_that_dims_in_both_is_no_side() -> None:
+def test_dimming_light_gives_no_answer() -> None:
     check = asked()
     for k in range(10):
         check.look(seen(0.6, k), seen(0.55, k))
@@ -101,7 +101,7 @@ def test_nothing_is_reported_without_a_request() -> None:
     assert (check.asked, check.answer) == (True, None)
 
 
-def test_asking_again_forgets_and_ending_does_too() -> None:
+def test_asking_again_or_ending_clears_the_answer() -> None:
     check = asked()
     for k in range(5):
         check.look(dark(k), seen(seed=k))
@@ -117,7 +117,7 @@ def test_asking_again_forgets_and_ending_does_too() -> None:
     assert (check.asked, check.answer) == (False, None)
 
 
-def test_asked_before_the_first_look() -> None:
+def test_it_can_be_asked_before_the_first_look() -> None:
     check = CoverCheck()
     check.ask()
     assert check.asked

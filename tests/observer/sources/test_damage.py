@@ -86,7 +86,7 @@ def laid_out(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 
 @pytest.mark.parametrize("kind", LAYOUTS)
-def test_whole_layouts_are_read(laid_out: Callable[[str], Path], kind: str) -> None:
+def test_intact_layouts_are_read(laid_out: Callable[[str], Path], kind: str) -> None:
     source = open_folder(laid_out(kind))
     assert source.info.kind == kind
     assert sum(isinstance(source.read(), StereoFrame) for _ in range(FRAMES)) == FRAMES

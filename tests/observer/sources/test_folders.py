@@ -62,7 +62,7 @@ def test_a_stereo_folder_plays_in_order(stereo_folder: Path) -> None:
     assert source.read() is None
 
 
-def test_rewind_begins_again_and_close_may_be_called_twice(stereo_folder: Path) -> None:
+def test_rewind_restarts_and_close_may_be_called_twice(stereo_folder: Path) -> None:
     source = open_folder(stereo_folder)
     frames(source)
     source.rewind()
@@ -71,14 +71,14 @@ def test_rewind_begins_again_and_close_may_be_called_twice(stereo_folder: Path) 
     source.close()
 
 
-def test_brings_its_calibration(stereo_folder: Path) -> None:
+def test_a_folder_provides_its_calibration(stereo_folder: Path) -> None:
     (stereo_folder / "calibration.yaml").write_text(calibration_text(CALIBRATION))
     calibration = open_folder(stereo_folder).calibration
     assert calibration is not None
     assert np.array_equal(calibration.K1, CALIBRATION.K1)
 
 
-def test_names_that_are_numbers_play_in_their_order(
+def test_numeric_names_play_in_numeric_order(
     tmp_path: Path, make_image: Callable[..., np.ndarray]
 ) -> None:
     for number in range(12):
@@ -90,7 +90,7 @@ def test_names_that_are_numbers_play_in_their_order(
     assert [number_of(frame) for frame in seen] == list(range(12))
 
 
-def test_missing_cut_and_resized_images_are_skipped_with_the_reason(
+def test_missing_truncated_and_resized_images_are_skipped_with_the_reason(
     stereo_folder: Path, make_image: Callable[..., np.ndarray]
 ) -> None:
     (stereo_folder / "right" / "000001.png").unlink()
@@ -110,7 +110,7 @@ def test_missing_cut_and_resized_images_are_skipped_with_the_reason(
     assert [frame.time for frame in seen] == pytest.approx([0, 0.4])
 
 
-def test_an_image_lost_on_both_sides_moves_no_time(stereo_folder: Path) -> None:
+def test_an_image_missing_on_both_sides_shifts_no_times(stereo_folder: Path) -> None:
     for side in ("left", "right"):
         (stereo_folder / side / "000002.png").unlink()
     source = open_folder(stereo_folder)
@@ -135,7 +135,7 @@ def test_unequal_counts_of_times_are_reported(stereo_folder: Path) -> None:
     assert len(frames(source)) == 5
 
 
-def test_unequal_counts_with_other_names_are_refused(stereo_folder: Path) -> None:
+def test_unequal_counts_with_names_that_are_not_numbers_are_refused(stereo_folder: Path) -> None:
     for side in ("left", "right"):
         for file in sorted((stereo_folder / side).iterdir()):
             file.rename(file.with_name(f"img-{file.name}"))
@@ -154,7 +154,7 @@ def test_unequal_counts_with_other_names_are_refused(stereo_folder: Path) -> Non
         ([50, 0.1, 0.2, 0.3, 0.4], {0}, 4),
     ],
 )
-def test_times_that_do_not_rise_cost_their_own_frames(
+def test_only_frames_whose_times_do_not_increase_are_skipped(
     times: list[float], skipped: set[int], kept: int, stereo_folder: Path
 ) -> None:
     (stereo_folder / "times.txt").write_text("\n".join(map(str, times)))
@@ -216,7 +216,7 @@ def test_an_unusable_calibration_is_refused(stereo_folder: Path) -> None:
         open_folder(stereo_folder)
 
 
-def test_what_is_no_folder_of_stereo_is_refused(tmp_path: Path) -> None:
+def test_a_path_that_is_not_a_stereo_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="there is no folder"):
         open_folder(tmp_path / "absent")
     (tmp_path / "a.mp4").write_bytes(b"")
@@ -305,7 +305,7 @@ def raw_drive(shared_data: Path, tmp_path: Path) -> Path:
     return drive
 
 
-def test_kitti_raw_finds_the_days_calibration(raw_drive: Path) -> None:
+def test_kitti_raw_finds_the_calibration_of_its_date(raw_drive: Path) -> None:
     calibration = open_folder(raw_drive).calibration
     assert calibration is not None
     assert calibration.baseline == pytest.approx(0.53717, abs=1e-4)
@@ -317,10 +317,10 @@ def test_kitti_raw_finds_the_days_calibration(raw_drive: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("K_01: ", "K_01: 1 ", "K_01 must hold 9 numbers, not 10"),
+        ("K_01: ", "K_01: 1 ", "K_01 must contain 9 numbers, not 10"),
         ("K_01: ", "X_01: ", "K_01 is missing"),
-        ("D_00: -3.728755e-01", "D_00: nan", "D_00 must hold finite numbers only"),
-        ("D_00: -3.728755e-01", "D_00: left", "D_00 must hold numbers only"),
+        ("D_00: -3.728755e-01", "D_00: nan", "D_00 must contain finite numbers only"),
+        ("D_00: -3.728755e-01", "D_00: left", "D_00 must contain numbers only"),
         (
             "S_00: 1.392000e+03",
             "S_00: 640",
@@ -346,7 +346,7 @@ def test_kitti_raw_refuses_a_malformed_stamp(raw_drive: Path) -> None:
         open_folder(raw_drive)
 
 
-def test_kitti_raw_sync_is_rectified_already(
+def test_kitti_raw_sync_is_already_rectified(
     tmp_path: Path, make_image: Callable[..., np.ndarray]
 ) -> None:
     for camera, side in (("image_02", "left"), ("image_03", "right")):
@@ -386,7 +386,7 @@ intrinsics: [60.5, 61.0, 31.0, 24.0] #fu, fv, cu, cv
 distortion_model: radial-tangential
 distortion_coefficients: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]
 """
-# The left camera is turned by 90 degrees in the body, the right one stands 0.11 m to its right.
+# The left camera is turned by 90 degrees in the body, the right one is 0.11 m to its right.
 LEFT_T_BS = "0, -1, 0, -0.02, 1, 0, 0, -0.06, 0, 0, 1, 0.01, 0, 0, 0, 1"
 RIGHT_T_BS = "0, -1, 0, -0.02, 1, 0, 0, 0.05, 0, 0, 1, 0.01, 0, 0, 0, 1"
 
@@ -456,12 +456,18 @@ def test_euroc_without_calibration_still_plays(euroc: Path) -> None:
         ("sensor.yaml", "radial-tangential", "equidistant", CalibrationError, "_model is equi"),
         ("sensor.yaml", "intrinsics", "x", CalibrationError, r"cam1/sensor\.yaml: intrinsics is m"),
         ("sensor.yaml", "[64, 48]", "[32, 48]", CalibrationError, "resolution is 32x48, but the"),
-        ("sensor.yaml", "[64, 48]", "[64]", CalibrationError, "resolution must hold 2 numbers"),
-        ("sensor.yaml", "0, -1, 0, -0.02", "0, -3, 0, -0.02", CalibrationError, "T_BS must hold a"),
+        ("sensor.yaml", "[64, 48]", "[64]", CalibrationError, "resolution must contain 2 numbers"),
+        (
+            "sensor.yaml",
+            "0, -1, 0, -0.02",
+            "0, -3, 0, -0.02",
+            CalibrationError,
+            "T_BS must contain a",
+        ),
         ("sensor.yaml", RIGHT_T_BS, LEFT_T_BS, CalibrationError, "T must not be zero"),
     ],
 )
-def test_euroc_refuses(
+def test_euroc_refuses_damaged_files(
     file: str, old: str, new: str, error: type[Exception], expected: str, euroc: Path
 ) -> None:
     path = euroc / "mav0" / "cam1" / file

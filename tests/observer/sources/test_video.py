@@ -107,7 +107,7 @@ def test_one_file_plays_side_by_side(tmp_path: Path) -> None:
         assert frame.right.flags["C_CONTIGUOUS"]
 
 
-def test_rewind_begins_again(tmp_path: Path) -> None:
+def test_rewind_restarts_the_video(tmp_path: Path) -> None:
     source = open_video(write_pair(tmp_path))
     for _ in range(3):
         source.read()
@@ -121,7 +121,7 @@ def test_rewind_begins_again(tmp_path: Path) -> None:
     assert source.read() is None
 
 
-def test_opens_by_its_specification(tmp_path: Path) -> None:
+def test_a_video_opens_by_its_spec(tmp_path: Path) -> None:
     opened = open_source("video:" + write_pair(tmp_path))
     assert opened.truth is None
     assert opened.source.info.spec.startswith("video:")
@@ -129,7 +129,7 @@ def test_opens_by_its_specification(tmp_path: Path) -> None:
     opened.source.close()
 
 
-def test_takes_the_calibration_beside_it(tmp_path: Path) -> None:
+def test_the_calibration_beside_a_video_is_used(tmp_path: Path) -> None:
     made = StereoCalibration.rectified(WIDTH, HEIGHT, 60.0, 60.0, 31.5, 23.5, 0.12)
     (tmp_path / "calibration.yaml").write_text(calibration_text(made))
     source = open_video(str(side_by_side(tmp_path)))
@@ -153,7 +153,7 @@ def test_unequal_counts_are_reported_frame_by_frame(tmp_path: Path) -> None:
         assert item.reason.startswith(f"right.avi ends before frame {number}")
 
 
-def test_a_cut_off_video_says_how_much_is_missing(tmp_path: Path) -> None:
+def test_a_truncated_video_reports_how_much_is_missing(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (30, HEIGHT, 2 * WIDTH, 3), dtype=np.uint8)
     path = write_video(tmp_path / "both.avi", noise)
     content = path.read_bytes()
@@ -168,7 +168,7 @@ def test_a_cut_off_video_says_how_much_is_missing(tmp_path: Path) -> None:
     assert 5 < len(seen) < 20
 
 
-def test_a_video_whose_frames_are_not_rising_in_time_is_counted_by_its_rate(
+def test_a_video_without_timestamps_is_timed_by_its_rate(
     tmp_path: Path,
 ) -> None:
     # A raw MJPEG stream has neither an index nor timestamps.
@@ -194,13 +194,17 @@ def test_a_video_whose_frames_are_not_rising_in_time_is_counted_by_its_rate(
         (lambda p: str(write_video(p / "one.avi", [image(0, "left")])), "fewer than two frames"),
     ],
 )  # fmt: skip
-def test_refuses(make: Callable[[Path], str], expected: str, tmp_path: Path) -> None:
+def test_an_unusable_spec_is_refused(
+    make: Callable[[Path], str], expected: str, tmp_path: Path
+) -> None:
     with pytest.raises(SourceError, match=expected) as caught:
         open_video(make(tmp_path))
     assert "\n" not in str(caught.value)
 
 
-def test_refuses_what_is_no_video(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_not_a_video_is_refused(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     for name, content in (("note.mp4", b"no video"), ("empty.mp4", b""), ("text.mkv", b"x" * 999)):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(SourceError, match=rf"{name} is truncated or not a video"):
@@ -208,7 +212,7 @@ def test_refuses_what_is_no_video(tmp_path: Path, capfd: pytest.CaptureFixture[s
     capfd.readouterr()  # FFmpeg's own words
 
 
-def test_refuses_files_that_do_not_belong_together(tmp_path: Path) -> None:
+def test_mismatched_files_are_refused(tmp_path: Path) -> None:
     left = write_video(tmp_path / "left.avi", [image(k, "left") for k in range(5)])
     small = write_video(tmp_path / "small.avi", [image(k, "left", (32, 48)) for k in range(5)])
     fast = write_video(tmp_path / "fast.avi", [image(k, "right") for k in range(5)], rate=25)
@@ -218,7 +222,7 @@ def test_refuses_files_that_do_not_belong_together(tmp_path: Path) -> None:
         open_video(f"{left},{fast}")
 
 
-def test_refuses_an_odd_width_side_by_side(tmp_path: Path) -> None:
+def test_an_odd_width_side_by_side_is_refused(tmp_path: Path) -> None:
     odd = tmp_path / "odd.mjpeg"
     odd.write_bytes(4 * jpeg(image(0, "left", (65, 48))))
     with pytest.raises(SourceError, match=r"odd\.mjpeg is 65 pixels wide"):

@@ -118,7 +118,7 @@ def test_the_matrix_of_step_4_is_the_motion_of_the_image(turned: ObservedPair) -
     assert (found["Share of the matches"] or 0) > 80
 
 
-def test_the_transformation_brings_the_image_back(turned: ObservedPair) -> None:
+def test_the_transformation_aligns_the_images(turned: ObservedPair) -> None:
     found = _numbers(turned, 5)
     assert (found["Mean difference after"] or 99) < (found["Mean difference before"] or 0) / 3
     assert (_numbers(turned, 6)["Median residual, static"] or 99) < 0.3
@@ -137,7 +137,7 @@ def test_the_speed_is_the_displacement_over_dt(passing: ObservedPair) -> None:
     assert not any("true" in name for name in found)
 
 
-def test_every_step_is_told_drawn_and_written(passing: ObservedPair) -> None:
+def test_every_step_has_a_text_a_figure_and_a_table(passing: ObservedPair) -> None:
     known = set(Parameters().flat())
     for number, step in enumerate(nine_steps(passing), 1):
         assert step.number == number
@@ -157,7 +157,7 @@ def test_every_step_is_told_drawn_and_written(passing: ObservedPair) -> None:
             draw(passing, 10)
 
 
-def test_without_ego_motion_the_steps_say_what_is_missing() -> None:
+def test_without_ego_motion_the_steps_state_what_is_missing() -> None:
     plain = np.full((_SIZE[1], _SIZE[0]), 90, np.uint8)
     pair = observe_pair(FrameReader(_Frames([(plain, plain)] * 3)), 2, _PAPER)
     steps = nine_steps(pair)
@@ -169,7 +169,7 @@ def test_without_ego_motion_the_steps_say_what_is_missing() -> None:
         step_table(pair, number)
 
 
-def test_only_the_frames_that_are_needed_are_read() -> None:
+def test_only_the_needed_frames_are_read() -> None:
     source = _Frames([_pair(as_image(_grey(1)), 20.0)] * 30)
     reader = FrameReader(source)
     pair = observe_pair(reader, 20, _PAPER)
@@ -181,7 +181,7 @@ def test_only_the_frames_that_are_needed_are_read() -> None:
     assert usual_frame(source) == 20
 
 
-def test_what_cannot_be_observed_is_refused() -> None:
+def test_a_pair_that_cannot_be_observed_is_refused() -> None:
     source = _Frames([_pair(as_image(_grey(1)), 20.0)] * 3)
     reader = FrameReader(source)
     for frame, words in ((0, "no earlier one"), (3, "frames are 0 to 2"), (-1, "no frame -1")):
@@ -204,14 +204,14 @@ def test_a_simulated_frame_is_the_same_however_it_is_reached() -> None:
     assert np.array_equal(straight.left, back.left)
 
 
-def test_ground_truth_stands_beside_the_speed() -> None:
+def test_the_true_speed_is_given_with_the_speed() -> None:
     opened = open_source("simulated:lab")
     pair = observe_pair(FrameReader(opened.source), 40, _PAPER, truth=opened.truth)
     found = _numbers(pair, 9)
     assert found["#1: true speed"] == pytest.approx(0.4, abs=0.01)
 
 
-def test_a_formula_is_declared_once_and_told_twice() -> None:
+def test_a_formula_is_rendered_as_text_and_as_mathml() -> None:
     formula = row("Z =", frac("f b", row("d −", sub("c", "x"))), matrix([["1", "x′"]]))
     assert text(formula) == "Z = f b / (d − cₓ) [1, x′]"
     (whole,) = mathml(formula)

@@ -40,7 +40,7 @@ test("who is armed waits for whoever drives it", () => {
 test("an observer on its way to a goal says so", () => {
   const because = (/** @type {"observer" | "obstacle"} */ role, /** @type {any} */ state) =>
     words.standstillReason(role, robot({ state: "armed" }), facts({ goal: goal({ state }) }), true);
-  assert.equal(because("observer", "driving"), "Driving to a goal by itself.");
+  assert.equal(because("observer", "driving"), "Driving to a goal autonomously.");
   assert.match(because("obstacle", "driving"), /^Armed\./);
   assert.match(because("observer", "reached"), /^Armed\./);
 });
@@ -110,7 +110,7 @@ test("a stop is told with what was measured of it", () => {
   const stop = { zero_ms: 220, stood_ms: 610, distance_m: 0.123, speed_mps: 0.3 };
   assert.equal(
     words.stopInWords({ ...stop, separation_m: 0.4 }),
-    "stop command sent after 220 ms, stood still after 610 ms and 0.12 m, 0.40 m clearance",
+    "stop command sent after 220 ms, at a standstill after 610 ms and 0.12 m, 0.40 m clearance",
   );
   assert.equal(
     words.stopInWords({ ...stop, zero_ms: null, stood_ms: null, separation_m: null }),

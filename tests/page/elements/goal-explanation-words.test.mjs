@@ -34,7 +34,7 @@ test("who decides and the risks are told as far as they are known", () => {
   );
   assert.equal(
     figures({ waits_for: -2, meets_s: 1.42 })[0],
-    "an object that starts to move: on the straight path they would meet in 1.4 s",
+    "an object that has started to move: on the straight path they would meet in 1.4 s",
   );
   assert.equal(
     figures({ planned_risk_per_metre: 1e-9 })[1],
@@ -59,10 +59,10 @@ test("each refused path is one sentence, from left to right", () => {
   ];
   assert.deepEqual(refusalsInWords(goal({ refused })), [
     "Left by 70° at 0.5 m/s: would reach an obstruction in 3.4 s.",
-    "Left by 45° at 0.3 m/s: would meet an object that starts to move in 1.2 s (risk per metre 1).",
+    "Left by 45° at 0.3 m/s: would meet an object that has started to move in 1.2 s (risk per metre 1).",
     "Straight on at 0.5 m/s: would meet obstacle 3 in 1.2 s (risk per metre 0.04).",
     "Right by 25° at 0.5 m/s: would meet obstacle 3 in 2.6 s (probability 13 %).",
-    "Right by 45° at 0.5 m/s: refused by the guard, obstacle 2 is within the stopping distance.",
+    "Right by 45° at 0.5 m/s: rejected by the guard, obstacle 2 is within the stopping distance.",
   ]);
   assert.equal(refused[0]?.direction, -0.4);
 });

@@ -37,9 +37,9 @@ test("a heading is told in the camera's axes, whichever way it looks", () => {
   const heading = (/** @type {number[] | null} */ velocity, orientation_wxyz = [1, 0, 0, 0]) =>
     words.headingInWords(obstacle({ velocity }), { position: [0, 0, 0], orientation_wxyz });
   assert.equal(heading([1, 0, 0]), "to the right");
-  assert.equal(heading([-1, 0, -1]), "to the left and towards us");
-  assert.equal(heading([0.4, 0, 1]), "away from us");
-  assert.equal(heading([1, 0, 0], QUARTER_TO_THE_RIGHT), "away from us");
+  assert.equal(heading([-1, 0, -1]), "to the left and towards the camera");
+  assert.equal(heading([0.4, 0, 1]), "away from the camera");
+  assert.equal(heading([1, 0, 0], QUARTER_TO_THE_RIGHT), "away from the camera");
   assert.equal(heading([0, 0, 1], QUARTER_TO_THE_RIGHT), "to the left");
 });
 

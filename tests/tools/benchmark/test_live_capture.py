@@ -20,14 +20,14 @@ from tools.benchmark.capture_report import capture_markdown
 from tools.benchmark.live_capture import CaptureFigures, Loop, Spread, capture_figures
 
 
-def test_pictures_go_to_and_fro_without_one_twice() -> None:
+def test_pictures_play_back_and_forth_without_repeats() -> None:
     assert [to_and_fro(k, 4) for k in range(9)] == [0, 1, 2, 3, 2, 1, 0, 1, 2]
     assert [to_and_fro(k, 1) for k in range(3)] == [0, 0, 0]
     order = [to_and_fro(k, 60) for k in range(500)]
     assert all(abs(a - b) == 1 for a, b in itertools.pairwise(order))
 
 
-def test_both_streams_show_the_folders_pictures_and_end_with_their_user(tmp_path: Path) -> None:
+def test_both_streams_serve_the_pictures_until_their_context_ends(tmp_path: Path) -> None:
     for side, value in (("left", 60), ("right", 180)):
         (tmp_path / side).mkdir()
         for k in range(2):
@@ -55,13 +55,13 @@ def _part(stream: object) -> np.ndarray:
     return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
 
 
-def test_streams_that_cannot_be_served_are_told(tmp_path: Path) -> None:
+def test_streams_that_cannot_be_served_are_reported(tmp_path: Path) -> None:
     with pytest.raises(MeasurementError, match="camera streams"), camera_streams(tmp_path, 30.0):
         pytest.fail("a folder without pictures serves nothing")
 
 
 @pytest.mark.patient
-def test_the_loop_is_measured_by_cameras_and_from_memory() -> None:
+def test_the_loop_is_measured_with_cameras_and_from_memory() -> None:
     said: list[str] = []
     figures = capture_figures(seconds=1.2, pictures=6, say=said.append)
     assert figures.image_size == (640, 480)
@@ -90,7 +90,7 @@ def loop(busy: float, read_wall: float = 1.0) -> Loop:
     )
 
 
-def test_what_is_missed_is_marked() -> None:
+def test_a_missed_target_is_marked() -> None:
     figures = CaptureFigures(
         (640, 480), 30.0, loop(22.0), loop(18.5), loop(50.0, 3.2), loop(50.0, 0.4), None, None, 9, 1
     )
@@ -102,7 +102,7 @@ def test_what_is_missed_is_marked() -> None:
     assert figures.as_dict()["added_ms"] == pytest.approx(3.5)
 
 
-def test_figures_are_told_and_kept_with_the_machine_and_its_load(
+def test_figures_are_printed_and_stored_with_the_machine_and_its_load(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     loads = iter((0.5, 1.25))

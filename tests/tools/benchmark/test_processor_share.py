@@ -23,7 +23,7 @@ def used_s(pid: int) -> float:
     return sum(each.user + each.system for each in times)
 
 
-def test_a_tree_of_processes_gets_no_more_than_its_share() -> None:
+def test_a_process_tree_gets_no_more_than_its_share() -> None:
     process = subprocess.Popen([sys.executable, "-c", BUSY])
     try:
         time.sleep(0.5)
@@ -44,7 +44,7 @@ def test_a_tree_of_processes_gets_no_more_than_its_share() -> None:
         process.wait(10)
 
 
-def test_where_no_group_can_be_made_a_sentence_says_so(
+def test_a_group_that_cannot_be_made_is_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     for name in ("_V1", "_V2"):

@@ -12,7 +12,7 @@ from tools.benchmark.recording_report import recording_markdown
 
 @pytest.mark.slow
 @pytest.mark.patient
-def test_the_loop_is_measured_with_each_way_to_record_and_without() -> None:
+def test_the_loop_is_measured_with_each_recording_mode_and_without() -> None:
     said: list[str] = []
     figures = recording_figures(seconds=2.0, pictures=4, say=said.append)
     assert figures.image_size == (640, 480)
@@ -29,7 +29,7 @@ def test_the_loop_is_measured_with_each_way_to_record_and_without() -> None:
     assert len(said) == 3
 
 
-def test_what_falls_short_is_told_so() -> None:
+def test_a_missed_target_is_marked() -> None:
     rates = tuple(
         RecordingRates(pace, images, 30.0, recorded, 6.0, dropped)
         for pace, images, recorded, dropped in (

@@ -45,7 +45,7 @@ def server(_nothing_left_behind: None) -> Iterator[RunningServer]:
 
 
 @pytest.mark.patient
-def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> None:
+def test_a_source_that_cannot_be_opened_is_reported_with_the_reason() -> None:
     # Before the others, whose server plays at full speed for as long as it lives.
     with running_server("simulated:moon") as server:
         until = time.monotonic() + 30
@@ -57,7 +57,7 @@ def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> Non
 
 
 @pytest.mark.patient
-def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served(
+def test_a_served_loop_is_measured_alone_and_with_real_viewers(
     server: RunningServer,
 ) -> None:
     said: list[str] = []
@@ -118,7 +118,7 @@ def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
 
 
 @pytest.mark.patient
-def test_viewers_are_measured_beside_one_that_reads_nothing(server: RunningServer) -> None:
+def test_viewers_are_measured_beside_a_stalled_one(server: RunningServer) -> None:
     rates = _stalled_rates(server, 1.0, 2, lambda _: None)
     assert rates.failures == ()
     for each in (rates.without, rates.beside):
@@ -129,7 +129,7 @@ def test_viewers_are_measured_beside_one_that_reads_nothing(server: RunningServe
 
 
 @pytest.mark.patient
-def test_the_dense_cloud_is_measured_while_it_is_really_made(
+def test_the_dense_cloud_is_measured_while_it_is_computed(
     server: RunningServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(served, "_TURNS", 1)

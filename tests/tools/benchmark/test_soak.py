@@ -64,7 +64,7 @@ def figures(days: tuple[Evening, ...]) -> SoakFigures:
 
 
 @pytest.mark.parametrize("kept", ["memory", "descriptor", "thread", "nothing"])
-def test_a_planted_leak_is_found_as_what_it_is(kept: str) -> None:
+def test_a_planted_leak_is_found_with_its_kind(kept: str) -> None:
     with leaking() as process:
         told = figures(evenings(process, kept, 24))
     (growth,) = told.growths
@@ -80,7 +80,7 @@ def test_a_planted_leak_is_found_as_what_it_is(kept: str) -> None:
     assert json.loads(json.dumps(told.as_dict(), allow_nan=False))["failed"] == told.failed
 
 
-def test_a_slope_is_told_from_noise() -> None:
+def test_a_slope_is_distinguished_from_noise() -> None:
     rng = np.random.default_rng(1)
     noise = rng.normal(0.0, 0.2, len(HOURS))
     flat, rising = slope(HOURS, 100 + noise), slope(HOURS, 100 + 3 * HOURS + noise)
@@ -98,7 +98,7 @@ def test_a_slope_is_told_from_noise() -> None:
     assert slope(HOURS[:7], noise[:7]) is None
 
 
-def test_what_wanders_is_not_taken_for_a_trend() -> None:
+def test_correlated_noise_is_not_mistaken_for_a_trend() -> None:
     rng = np.random.default_rng(2)
     alarms = {"as it is": 0, "as independent": 0}
     for _ in range(200):
@@ -117,7 +117,7 @@ def test_what_wanders_is_not_taken_for_a_trend() -> None:
     assert alarms["as it is"] < 0.08 * 200 < alarms["as independent"]
 
 
-def test_counts_that_come_and_go_do_not_grow() -> None:
+def test_fluctuating_counts_are_not_growth() -> None:
     assert not grows([9, 7, 9, 9, 7, 9])
     assert not grows([7, 7, 7, 9, 9, 7])
     assert not grows([])
@@ -129,7 +129,7 @@ def test_counts_that_come_and_go_do_not_grow() -> None:
     assert figures(more).failed
 
 
-def test_a_process_that_is_gone_is_told() -> None:
+def test_a_process_that_is_gone_is_reported() -> None:
     with leaking() as process:
         pass
     with pytest.raises(OSError, match=str(process.pid)):
@@ -138,7 +138,7 @@ def test_a_process_that_is_gone_is_told() -> None:
 
 @pytest.mark.slow
 @pytest.mark.patient
-def test_a_busy_server_keeps_neither_threads_nor_descriptors() -> None:
+def test_a_busy_server_leaks_neither_threads_nor_descriptors() -> None:
     said: list[str] = []
     told = soak_figures(
         minutes=0.0,

@@ -68,7 +68,7 @@ def project(folder: Path, *pins: str) -> Path:
     return folder
 
 
-def test_every_pin_of_this_project_can_be_asked_for(service: Service, repository: Path) -> None:
+def test_every_pin_of_this_project_can_be_looked_up(service: Service, repository: Path) -> None:
     found = audit.audit(repository / "constraints.txt", service.options)
     assert found.vulnerabilities == found.unknown == ()
     # The first request only checks that the service answers.
@@ -76,7 +76,7 @@ def test_every_pin_of_this_project_can_be_asked_for(service: Service, repository
     assert len(service.asked) - 1 == found.checked > 100
 
 
-def test_what_is_known_fails_with_what_to_do(
+def test_a_known_vulnerability_fails_and_names_the_fixed_version(
     service: Service,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -100,7 +100,7 @@ def test_what_is_known_fails_with_what_to_do(
         ),
     ],
 )
-def test_what_is_accepted_has_a_reason_and_is_still_there(
+def test_an_accepted_vulnerability_needs_a_reason_and_must_still_exist(
     accepted: dict[str, str], sentences: list[str]
 ) -> None:
     ids = ("CVE-2026-1", "GHSA-aaaa-bbbb-cccc")
@@ -108,15 +108,15 @@ def test_what_is_accepted_has_a_reason_and_is_still_there(
     assert audit.problems(found, accepted) == sentences
 
 
-def test_a_service_that_cannot_be_reached_is_told_in_a_line(
+def test_an_unreachable_service_is_reported_in_one_line(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
     free_port: int,
 ) -> None:
     monkeypatch.setattr(audit, "ROOT", project(tmp_path, "leaky==1.0"))
-    nobody = ["--vulnerability-service", "osv", "--osv-url", f"http://127.0.0.1:{free_port}/"]
-    assert audit.main(nobody) == 0
+    unreachable = ["--vulnerability-service", "osv", "--osv-url", f"http://127.0.0.1:{free_port}/"]
+    assert audit.main(unreachable) == 0
     told = capsys.readouterr().err
     assert told.startswith("Known vulnerabilities of packages were not looked up: ")
     assert len(told.splitlines()) == 1

@@ -105,7 +105,7 @@ def test_the_environment_names_settings(dockerfile: dict[str, list[str]]) -> Non
         assert name.removeprefix(ENVIRONMENT_PREFIX).lower() in Settings.model_fields
 
 
-def test_the_image_holds_what_set_up_needs_and_no_more(repository: Path) -> None:
+def test_the_image_receives_only_what_setup_needs(repository: Path) -> None:
     lines = (repository / ".dockerignore").read_text().splitlines()
     rules = [line for line in lines if line and not line.startswith("#")]
     assert rules[0] == "*"
@@ -117,7 +117,7 @@ def test_the_image_holds_what_set_up_needs_and_no_more(repository: Path) -> None
         assert any(fnmatch.fnmatch(made, rule) for rule in left_out)
 
 
-def test_the_compose_file(
+def test_the_compose_file_matches_the_dockerfile(
     compose: dict[str, Any], dockerfile: dict[str, list[str]], repository: Path
 ) -> None:
     assert set(compose) == {"name", "services", "volumes"}
@@ -177,17 +177,17 @@ def test_the_values_have_the_types_of_the_specification(compose: dict[str, Any])
     assert all(value is None or isinstance(value, dict) for value in compose["volumes"].values())
 
 
-def test_named_volumes_are_declared_and_nothing_is_left_to_variables(
+def test_named_volumes_are_declared_and_no_variables_are_used(
     compose: dict[str, Any], repository: Path
 ) -> None:
     named = {each.partition(":")[0] for each in _service(compose)["volumes"]}
-    assert named == set(compose["volumes"]), "a path of the host, or a volume nobody uses"
+    assert named == set(compose["volumes"]), "a path of the host, or an unused volume"
     # Compose replaces an unset variable by an empty string.
     text = (repository / "docker" / "compose.yaml").read_text()
     assert not re.findall(r"(?<!\$)\$(?:\{|\w)", text)
 
 
-def test_the_port_is_the_servers_own(
+def test_the_port_is_the_servers_default(
     compose: dict[str, Any], dockerfile: dict[str, list[str]]
 ) -> None:
     port = Settings.model_fields["port"].default
@@ -207,7 +207,7 @@ def test_the_service_has_no_more_rights_than_the_image(compose: dict[str, Any]) 
     assert service["read_only"] is True
 
 
-def test_the_commented_devices_become_valid_when_taken_in(repository: Path) -> None:
+def test_the_commented_devices_are_valid_when_uncommented(repository: Path) -> None:
     text = (repository / "docker" / "compose.yaml").read_text()
     commented = r"^    # ((?:devices|group_add|ulimits):|  - |  (?:rtprio|nice): )"
     opened = re.sub(commented, r"    \1", text, flags=re.MULTILINE)
@@ -223,14 +223,14 @@ def test_the_commented_devices_become_valid_when_taken_in(repository: Path) -> N
     assert service["ulimits"] == _LIMITS
 
 
-def test_the_drive_loops_priority_is_what_the_limits_allow(repository: Path) -> None:
+def test_the_limits_allow_the_drive_loops_priority(repository: Path) -> None:
     assert _LIMITS == {"rtprio": priority.REALTIME, "nice": 20 - priority.NICENESS}
     readme = (repository / "docker" / "README.md").read_text()
     for name, value in _LIMITS.items():
         assert f"--ulimit {name}={value}" in readme
 
 
-def test_health_is_asked_the_same_way_in_both(
+def test_both_files_have_the_same_health_check(
     compose: dict[str, Any], dockerfile: dict[str, list[str]]
 ) -> None:
     kind, *command = compose["services"]["observer"]["healthcheck"]["test"]

@@ -40,7 +40,9 @@ def library(repository: Path) -> Path:
     return repository / "tools" / "packaging" / "library"
 
 
-def test_it_asks_for_exactly_what_the_library_imports(repository: Path, library: Path) -> None:
+def test_its_dependencies_are_exactly_what_the_library_imports(
+    repository: Path, library: Path
+) -> None:
     whole, part = project(repository / "pyproject.toml"), project(library / "pyproject.toml")
     assert part["version"] == whole["version"]
     assert set(part["dependencies"]) < set(whole["dependencies"])
@@ -58,7 +60,7 @@ def test_it_asks_for_exactly_what_the_library_imports(repository: Path, library:
     assert names(part["dependencies"]) <= needed
 
 
-def test_its_wheel_holds_the_library_and_nothing_else(library: Path, tmp_path: Path) -> None:
+def test_its_wheel_contains_only_the_library(library: Path, tmp_path: Path) -> None:
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir"]
     subprocess.run(
         [*build, str(tmp_path), str(library)], check=True, capture_output=True, timeout=100

@@ -39,7 +39,7 @@ def fake_python(folder: Path, name: str, version: str, answers: str) -> None:
     script.chmod(0o755)
 
 
-def test_no_python(clone: Path, bare: Path) -> None:
+def test_a_missing_python_is_reported(clone: Path, bare: Path) -> None:
     done = make(clone, "setup", path=str(bare))
     assert done.returncode != 0
     (sentence,) = sentences(done)
@@ -48,7 +48,7 @@ def test_no_python(clone: Path, bare: Path) -> None:
     assert not (clone / ".venv").exists()
 
 
-def test_an_old_python(clone: Path, bare: Path) -> None:
+def test_an_old_python_is_reported(clone: Path, bare: Path) -> None:
     fake_python(bare, "python3", "3.10.12", "exit 1")
     done = make(clone, "run", path=str(bare))
     assert done.returncode != 0
@@ -56,14 +56,14 @@ def test_an_old_python(clone: Path, bare: Path) -> None:
     assert "Python 3.11 or newer is needed and Python 3.10.12 was found" in sentence
 
 
-def test_a_newer_python_beside_an_old_one_is_taken(clone: Path, bare: Path) -> None:
+def test_a_newer_python_beside_an_old_one_is_used(clone: Path, bare: Path) -> None:
     fake_python(bare, "python3", "3.10.12", "exit 1")
     fake_python(bare, "python3.12", "3.12.1", 'echo "asked: $*"; exit 0')
     done = make(clone, ".venv/.made", path=str(bare))
     assert "asked: -m venv .venv" in done.stdout
 
 
-def test_python_without_venv(clone: Path, bare: Path) -> None:
+def test_a_python_without_venv_is_reported(clone: Path, bare: Path) -> None:
     answers = 'case "$2" in *ensurepip*) exit 1;; *print*) echo python3.12;; esac'
     fake_python(bare, "python3", "3.12.1", answers)
     done = make(clone, "test", path=str(bare))
@@ -73,7 +73,7 @@ def test_python_without_venv(clone: Path, bare: Path) -> None:
     assert "apt-get install python3.12-venv" in sentence
 
 
-def test_no_npm_and_no_pip_to_bring_it(clone: Path, tmp_path: Path) -> None:
+def test_a_missing_npm_without_pip_is_reported(clone: Path, tmp_path: Path) -> None:
     environment = tmp_path / "venv"
     subprocess.run(
         [sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True, timeout=60
@@ -107,7 +107,7 @@ LEFT_OUT = {
 }
 
 
-def test_a_program_is_missing_and_there_is_no_way_to_install_it(
+def test_missing_programs_that_cannot_be_installed_are_reported(
     clone: Path, bare: Path, database: str
 ) -> None:
     done = make(clone, "system", database, path=str(bare))
@@ -137,7 +137,7 @@ def install_server(bare: Path) -> None:
     initdb.chmod(0o755)
 
 
-def test_programs_are_installed_where_that_is_permitted(
+def test_missing_programs_are_installed_if_permitted(
     clone: Path, bare: Path, database: str
 ) -> None:
     log = clone / "asked"
@@ -151,7 +151,7 @@ def test_programs_are_installed_where_that_is_permitted(
     assert log.read_text().splitlines() == asked
 
 
-def test_a_database_server_is_looked_for_where_debian_keeps_it(
+def test_a_database_server_is_found_where_debian_installs_it(
     clone: Path, bare: Path, database: str
 ) -> None:
     done = make(clone, "system", database, path=str(bare))
@@ -161,7 +161,7 @@ def test_a_database_server_is_looked_for_where_debian_keeps_it(
     assert not any("postgresql is missing" in sentence for sentence in sentences(done))
 
 
-def test_testing_installs_nothing_and_tells_what_is_left_out(
+def test_testing_installs_nothing_and_reports_what_is_left_out(
     clone: Path, bare: Path, database: str
 ) -> None:
     allow_installing(bare, clone / "asked")
@@ -187,7 +187,7 @@ def test_make_alone_lists_the_targets(clone: Path) -> None:
 
 
 @pytest.mark.parametrize(("again", "code"), [("0", 0), ("1", 2)])
-def test_in_ci_what_failed_is_tried_once_more(
+def test_failed_tests_are_retried_once_in_ci(
     clone: Path, bare: Path, again: str, code: int
 ) -> None:
     """It is retried automatically, except for promises that must hold every time."""

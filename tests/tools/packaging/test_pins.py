@@ -56,7 +56,7 @@ def test_the_oldest_python_can_install_every_pin(
     assert newer == {}
 
 
-def test_the_tools_for_tests_bring_every_extra(project: dict[str, Any]) -> None:
+def test_the_dev_extra_includes_every_other_extra(project: dict[str, Any]) -> None:
     # Otherwise what an extra adds would never be tested.
     extras = dict(project["optional-dependencies"])
     # This one brings 1.2 GB of graphical toolkits that nothing here uses; where it is missing,
@@ -65,7 +65,7 @@ def test_the_tools_for_tests_bring_every_extra(project: dict[str, Any]) -> None:
     assert set(itertools.chain(*extras.values())) == set(extras["dev"])
 
 
-def test_the_lock_file_names_no_address(repository: Path) -> None:
+def test_the_lock_file_contains_no_address(repository: Path) -> None:
     lock = json.loads((repository / "static" / "package-lock.json").read_text())
     packages = lock["packages"]
     assert "node_modules/uplot" in packages
@@ -77,7 +77,7 @@ def test_the_lock_file_names_no_address(repository: Path) -> None:
     assert "://" not in json.dumps(lock)
 
 
-def test_the_lock_file_is_of_this_package_json(repository: Path) -> None:
+def test_the_lock_file_matches_package_json(repository: Path) -> None:
     static = repository / "static"
     wanted = json.loads((static / "package.json").read_text())
     locked = json.loads((static / "package-lock.json").read_text())["packages"][""]

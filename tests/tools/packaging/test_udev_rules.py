@@ -20,7 +20,7 @@ def rules(repository: Path) -> list[str]:
     return [line.removeprefix("# ") for line in text.splitlines() if "SUBSYSTEM==" in line]
 
 
-def test_every_rule_matches_and_assigns_with_keys_that_udev_has(rules: list[str]) -> None:
+def test_every_rule_uses_only_keys_that_udev_has(rules: list[str]) -> None:
     assert len(rules) == 7
     for rule in rules:
         parts = [_PART.fullmatch(part.strip()) for part in rule.split(",")]
@@ -31,14 +31,14 @@ def test_every_rule_matches_and_assigns_with_keys_that_udev_has(rules: list[str]
         assert any(operator != "==" for _, operator in found)
 
 
-def test_devices_are_given_to_the_groups_that_the_doctor_names(rules: list[str]) -> None:
+def test_devices_are_assigned_to_the_groups_that_the_doctor_names(rules: list[str]) -> None:
     given = dict(
         re.findall(r'^SUBSYSTEM=="(\w+)".*GROUP="(\w+)", MODE="0660"$', "\n".join(rules), re.M)
     )
     assert given == {"video4linux": "video", "tty": "dialout"}
 
 
-def test_names_by_path_come_after_the_path_is_known(rules: list[str]) -> None:
+def test_names_by_path_follow_the_import_of_the_path(rules: list[str]) -> None:
     # Our file is read before 60-persistent-v4l.rules, and within one rule matches come first.
     known = rules.index('SUBSYSTEM=="video4linux", IMPORT{builtin}="path_id"')
     by_path = [place for place, rule in enumerate(rules) if "ENV{ID_PATH}==" in rule]
@@ -46,7 +46,7 @@ def test_names_by_path_come_after_the_path_is_known(rules: list[str]) -> None:
     assert known < min(by_path)
 
 
-def test_robots_ports_can_be_named_one_by_one(rules: list[str]) -> None:
+def test_robot_ports_can_be_named_individually(rules: list[str]) -> None:
     named = [rule for rule in rules if 'SYMLINK+="robot-' in rule]
     assert {rule.rpartition('"robot-')[2].rstrip('"') for rule in named} == {"observer", "obstacle"}
     # Both keys match one parent: the adapter itself, not another USB device above it.

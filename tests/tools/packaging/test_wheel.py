@@ -71,7 +71,7 @@ def test_a_fresh_clone_is_set_up_once(set_up: Path) -> None:
     assert (second.returncode, second.stdout) == (0, "")
 
 
-def test_what_is_in_it(wheel: Path, repository: Path) -> None:
+def test_the_wheel_contains_the_package_and_nothing_else(wheel: Path, repository: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     for name in (
         "app/static/index.html",
@@ -101,7 +101,7 @@ def test_what_is_in_it(wheel: Path, repository: Path) -> None:
 
 
 @pytest.mark.patient
-def test_it_serves_from_an_environment_of_what_it_needs_alone(
+def test_the_wheel_serves_with_only_its_dependencies_installed(
     wheel: Path, set_up: Path, tmp_path: Path, free_port: int
 ) -> None:
     environment = set_up / ".venv"
@@ -138,7 +138,7 @@ def test_it_serves_from_an_environment_of_what_it_needs_alone(
 
 
 @pytest.mark.patient
-def test_clean_removes_all_that_setup_made(set_up: Path) -> None:
+def test_clean_removes_everything_that_setup_made(set_up: Path) -> None:
     assert make(set_up, "clean").returncode == 0
     assert not (set_up / ".venv").exists()
     assert not (set_up / "static" / "vendor").exists()

@@ -26,9 +26,7 @@ NO_NUMBERS = [
 ]
 
 
-async def test_what_is_no_number_in_range_is_refused_and_changes_nothing(
-    http: Any, peer: Any
-) -> None:
+async def test_values_that_are_not_numbers_in_range_are_refused(http: Any, peer: Any) -> None:
     before = (await http.get("/api/parameters")).json()
     for value in NO_NUMBERS:
         body = f'{{"{THRESHOLD}": {value}, "flow.window_px": 21}}'
@@ -41,7 +39,7 @@ async def test_what_is_no_number_in_range_is_refused_and_changes_nothing(
     assert not any(isinstance(command, SetParameters) for command in peer.commands)
 
 
-async def test_a_refused_parameter_is_told_with_its_range(http: Any) -> None:
+async def test_a_refused_parameter_is_reported_with_its_range(http: Any) -> None:
     answer = await http.patch("/api/parameters", json={THRESHOLD: 25.0, "flow.x": 1})
     detail = {problem["loc"][-1]: problem for problem in answer.json()["detail"]}
     assert detail[THRESHOLD] == {
@@ -52,7 +50,7 @@ async def test_a_refused_parameter_is_told_with_its_range(http: Any) -> None:
     assert "no such parameter" in detail["flow.x"]["msg"]
 
 
-async def test_a_missing_extra_is_told_and_the_old_parameters_stay(
+async def test_a_missing_extra_is_reported_and_the_old_parameters_stay(
     serve: Any, peer: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mahotas", None)
@@ -79,7 +77,7 @@ async def test_a_missing_extra_is_told_and_the_old_parameters_stay(
     ],
 )
 @pytest.mark.parametrize("count", [7000, MOST_CHANGES])
-async def test_any_number_of_unknown_parameters_is_refused_at_once(
+async def test_any_number_of_unknown_parameters_is_refused_quickly(
     http: Any, method: str, path: str, wrap: Any, count: int
 ) -> None:
     changes = {f"flow.window_pixels_{number}": 1 for number in range(count)}
@@ -97,7 +95,7 @@ def test_all_parameters_may_be_changed_at_once() -> None:
     assert len(AllParameters().flat()) <= MOST_CHANGES
 
 
-async def test_a_body_that_no_route_reads_ends_with_its_answer(served: Any) -> None:
+async def test_an_unread_body_is_cut_off_after_the_response(served: Any) -> None:
     reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
     token = served.http.headers["Authorization"]
     head = (
@@ -175,7 +173,7 @@ MALFORMED = {
 }
 
 
-async def test_malformed_and_deep_json_is_the_clients_fault(http: Any) -> None:
+async def test_malformed_and_deeply_nested_json_is_a_client_error(http: Any) -> None:
     for name, body in MALFORMED.items():
         for method, path in (("PATCH", "/api/parameters"), ("POST", "/api/playback")):
             answer = await http.request(method, path, content=body, headers=JSON)
@@ -225,7 +223,7 @@ KNOWN_KEYS: list[str] = [
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(route=st.sampled_from(TAKE_JSON), value=ANY_JSON)
-async def test_no_json_breaks_the_server(http: Any, route: tuple[str, str], value: Any) -> None:
+async def test_no_json_causes_a_server_error(http: Any, route: tuple[str, str], value: Any) -> None:
     body = json.dumps(value)
     answer = await http.request(*route, content=body, headers=JSON)
     assert answer.status_code < 500, (route, body, answer.text)

@@ -57,7 +57,7 @@ def socket_routes(app: Any) -> list[str]:
     return [*paths, "/no/such/socket"]
 
 
-async def test_the_walk_finds_every_kind_of_route(served: Any) -> None:
+async def test_the_route_walk_finds_every_kind_of_route(served: Any) -> None:
     paths = {path for _, path in http_routes(served.app)}
     described = {concrete(path) for path in served.app.openapi()["paths"]}
     assert described <= paths
@@ -74,7 +74,7 @@ async def test_the_walk_finds_every_kind_of_route(served: Any) -> None:
     assert sockets <= set(socket_routes(served.app))
 
 
-async def test_every_route_wants_the_token(served: Any, peer: Any, drive: Any) -> None:
+async def test_every_route_requires_the_token(served: Any, peer: Any, drive: Any) -> None:
     async with served.anonymous() as client:
         before = len(peer.commands)
         asked_before = len(drive.commands)
@@ -114,7 +114,7 @@ async def test_every_route_refuses_foreign_origins(served: Any, peer: Any) -> No
     assert len(peer.commands) == before
 
 
-async def test_own_pages_are_let_in(serve: Any) -> None:
+async def test_own_pages_are_accepted(serve: Any) -> None:
     async with serve(allowed_hosts=("lab.example",)) as served:
         own = {"Origin": served.url}
         assert (await served.http.patch("/api/parameters", json={}, headers=own)).is_success
@@ -124,7 +124,9 @@ async def test_own_pages_are_let_in(serve: Any) -> None:
         assert (await served.http.get("/api/status", headers=named)).is_success
 
 
-async def test_cross_site_without_an_origin_is_told_by_the_browser(served: Any) -> None:
+async def test_cross_site_requests_without_origin_are_refused_by_fetch_metadata(
+    served: Any,
+) -> None:
     for site in ("cross-site", "same-site"):
         headers = {"Sec-Fetch-Site": site}
         answer = await served.http.post("/api/calibrations/deactivate", headers=headers)
@@ -151,7 +153,7 @@ async def test_forms_and_text_change_nothing(served: Any, peer: Any) -> None:
     assert len(peer.commands) == before
 
 
-async def test_wrong_tokens_are_limited_and_the_right_one_is_not(served: Any) -> None:
+async def test_wrong_tokens_are_rate_limited_but_the_right_one_is_not(served: Any) -> None:
     async with served.anonymous(Authorization="Bearer wrong") as client:
         statuses = [(await client.get("/api/status")).status_code for _ in range(7)]
         assert statuses == [401] * 5 + [429] * 2
@@ -168,7 +170,9 @@ async def test_wrong_tokens_are_limited_and_the_right_one_is_not(served: Any) ->
         assert (await client.get("/api/status")).status_code == 401
 
 
-async def test_the_link_becomes_a_cookie_and_leaves_the_address(served: Any, token: str) -> None:
+async def test_the_link_token_becomes_a_cookie_and_is_removed_from_the_url(
+    served: Any, token: str
+) -> None:
     async with served.anonymous() as client:
         answer = await client.get("/", params={"token": token})
         assert answer.status_code == 303
@@ -189,7 +193,7 @@ async def test_the_link_becomes_a_cookie_and_leaves_the_address(served: Any, tok
             assert await socket.recv()
 
 
-async def test_with_tls_the_cookie_is_for_tls_only(tmp_path: Path, peer: Any, token: str) -> None:
+async def test_with_tls_the_cookie_is_secure(tmp_path: Path, peer: Any, token: str) -> None:
     pem = tmp_path / "unused.pem"
     settings = Settings(data=tmp_path, tls_cert=pem, tls_key=pem)
     app = create_app(settings, token, engine=peer)
@@ -204,7 +208,7 @@ async def test_with_tls_the_cookie_is_for_tls_only(tmp_path: Path, peer: Any, to
     await peer.stop()
 
 
-async def test_signing_in_by_form(served: Any, token: str) -> None:
+async def test_a_user_signs_in_by_form(served: Any, token: str) -> None:
     async with served.anonymous() as client:
         page = await client.get("/sign-in")
         assert page.is_success
@@ -228,7 +232,7 @@ async def test_a_browser_without_token_is_shown_how_to_sign_in(served: Any) -> N
         assert 'name="token"' in answer.text
 
 
-async def test_every_answer_protects_the_browser(http: Any) -> None:
+async def test_every_response_has_security_headers(http: Any) -> None:
     for path in ("/", "/api/status", "/no/such/route", "/healthz", "/docs", "/sign-in"):
         headers = (await http.get(path)).headers
         assert headers["x-content-type-options"] == "nosniff", path
@@ -241,7 +245,7 @@ async def test_every_answer_protects_the_browser(http: Any) -> None:
         assert "server" not in headers, path
 
 
-async def test_bodies_have_a_limit_that_holds_for_their_real_size(serve: Any, peer: Any) -> None:
+async def test_body_limits_apply_to_the_actual_size(serve: Any, peer: Any) -> None:
     async def many_bytes(count: int) -> Any:
         for _ in range(count):
             yield b" " * 65536
@@ -272,7 +276,7 @@ async def test_bodies_have_a_limit_that_holds_for_their_real_size(serve: Any, pe
 
 
 @pytest.mark.parametrize("announced", [True, False])
-async def test_a_huge_upload_costs_no_memory(served: Any, announced: bool) -> None:
+async def test_a_huge_upload_uses_little_memory(served: Any, announced: bool) -> None:
     process = psutil.Process()
     before = process.memory_info().rss
     reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
@@ -319,7 +323,7 @@ OUTSIDE = [
 ]
 
 
-async def test_paths_stay_inside(served: Any) -> None:
+async def test_paths_cannot_escape_their_folder(served: Any) -> None:
     for path in OUTSIDE:
         answer = await raw_request(served.port, "GET", path, {"Authorization": bearer()})
         assert 400 <= int(answer.split()[1]) < 500, (path, answer[:200])
@@ -330,7 +334,7 @@ async def test_paths_stay_inside(served: Any) -> None:
 NO_HOSTS = [[], ["127.0.0.1", "evil.example"], ["a b"], ["[::1"], ["127.0.0.1:99999"], ["\u00e9"]]
 
 
-async def test_a_request_needs_one_sound_host(served: Any) -> None:
+async def test_a_request_needs_exactly_one_valid_host(served: Any) -> None:
     for hosts in NO_HOSTS:
         lines = ["GET /healthz HTTP/1.0", *(f"Host: {host}" for host in hosts), "", ""]
         answer = await raw(served.port, "\r\n".join(lines).encode("latin-1"))

@@ -46,7 +46,7 @@ async def heard(socket: ClientConnection, kind: str, **fields: Any) -> dict[str,
                 return message
 
 
-async def test_every_change_is_refused_and_nothing_happens(
+async def test_every_change_is_refused_without_effect(
     served: Any, peer: Any, drive: Any, watching: dict[str, str]
 ) -> None:
     before, asked_before = len(peer.commands), len(drive.commands)
@@ -81,7 +81,7 @@ async def test_everything_can_be_read(served: Any, watching: dict[str, str]) -> 
         await heard(socket, "status")
 
 
-async def test_what_everyone_may_do_are_routes_that_exist(served: Any) -> None:
+async def test_routes_open_to_everyone_exist(served: Any) -> None:
     described = {
         (method.upper(), concrete(path))
         for path, operations in served.app.openapi()["paths"].items()
@@ -97,7 +97,9 @@ async def test_what_everyone_may_do_are_routes_that_exist(served: Any) -> None:
     assert not Access.READ_ONLY.allows("post", "/api/robots/reset")
 
 
-async def test_watchers_stop_the_robots(served: Any, drive: Any, watching: dict[str, str]) -> None:
+async def test_watchers_can_stop_the_robots(
+    served: Any, drive: Any, watching: dict[str, str]
+) -> None:
     async with served.anonymous(**watching) as client:
         assert (await client.post("/api/robots/stop")).is_success
     stops = len(drive.commands)
@@ -109,7 +111,7 @@ async def test_watchers_stop_the_robots(served: Any, drive: Any, watching: dict[
                 await asyncio.sleep(0.01)
 
 
-async def test_watchers_drive_nothing(served: Any, drive: Any, watching: dict[str, str]) -> None:
+async def test_watchers_cannot_drive(served: Any, drive: Any, watching: dict[str, str]) -> None:
     async with served.socket("/api/drive", token=None, headers=watching) as socket:
         before = len(drive.commands)
         await socket.send(json.dumps({"type": "take", "role": "observer"}))
@@ -126,7 +128,7 @@ async def test_watchers_drive_nothing(served: Any, drive: Any, watching: dict[st
     assert served.server.driving.operators.holder("observer") is None
 
 
-async def test_a_browser_watches_by_its_link_until_it_gets_an_operators(
+async def test_a_read_only_browser_becomes_operator_with_an_operator_link(
     served: Any, token: str, links: ReadOnlyLinks
 ) -> None:
     async with served.anonymous() as client:
@@ -142,7 +144,9 @@ async def test_a_browser_watches_by_its_link_until_it_gets_an_operators(
         assert (await client.patch("/api/parameters", json={})).is_success
 
 
-async def test_a_watcher_signs_out_alone(served: Any, token: str, links: ReadOnlyLinks) -> None:
+async def test_a_watcher_signs_out_only_itself(
+    served: Any, token: str, links: ReadOnlyLinks
+) -> None:
     async with served.anonymous() as client, served.anonymous() as other:
         await client.get("/", params={"token": links.newest.token})
         await other.get("/", params={"token": token})
@@ -152,7 +156,7 @@ async def test_a_watcher_signs_out_alone(served: Any, token: str, links: ReadOnl
         assert (await other.get("/api/status")).is_success
 
 
-async def test_links_are_shared(
+async def test_operators_see_all_links_and_watchers_only_read_only_ones(
     served: Any, token: str, links: ReadOnlyLinks, watching: dict[str, str]
 ) -> None:
     told = (await served.http.get("/api/links", params={"access": "operator"})).json()
@@ -171,7 +175,7 @@ async def test_links_are_shared(
             assert token not in answer.text
 
 
-async def test_links_lead_where_the_browser_came_from(serve: Any) -> None:
+async def test_links_use_the_host_of_the_request(serve: Any) -> None:
     async with serve(host="0.0.0.0") as served:
         host = f"192.168.7.7:{served.port}"
         told = (await served.http.get("/api/links", headers={"Host": host})).json()
@@ -180,7 +184,7 @@ async def test_links_lead_where_the_browser_came_from(serve: Any) -> None:
         assert told["note"] is None
 
 
-async def test_a_link_is_drawn_as_a_code(served: Any) -> None:
+async def test_a_link_is_drawn_as_a_qr_code(served: Any) -> None:
     drawn = await served.http.get("/api/links/qr.svg", params={"access": "read_only", "link": 0})
     assert drawn.headers["content-type"] == "image/svg+xml"
     assert drawn.content.startswith(b"<svg")
@@ -193,7 +197,7 @@ async def in_force(served: Any) -> list[tuple[str, int, bool]]:
     return [(each["id"], each["watching"], each["shared"]) for each in told]
 
 
-async def test_a_revoked_link_ends_its_sessions_and_sockets_at_once_and_no_others(
+async def test_a_revoked_link_ends_only_its_own_sessions_and_sockets(
     served: Any, token: str, links: ReadOnlyLinks
 ) -> None:
     leaked = links.newest
@@ -246,9 +250,7 @@ async def test_a_revoked_link_ends_its_sessions_and_sockets_at_once_and_no_other
         assert (await served.http.delete(path)).status_code == 404
 
 
-async def test_another_link_takes_the_place_of_the_last_one(
-    served: Any, links: ReadOnlyLinks
-) -> None:
+async def test_revoking_the_last_link_creates_a_new_one(served: Any, links: ReadOnlyLinks) -> None:
     before = links.newest
     await served.http.delete(f"/api/links/read-only/{before.id}")
     ((now, watching, shared),) = await in_force(served)

@@ -148,7 +148,7 @@ class AgainstAModel(RuleBasedStateMachine):
 
     @rule(token=st.sampled_from([TOKEN, TOKEN, "another" + TOKEN]))
     def restart(self, token: str) -> None:
-        """Restart, sometimes with another token: then nobody is signed in any more."""
+        """Restart, sometimes with another token: then no one is signed in any more."""
         if any(connections for _, _, connections, _ in self.known.values()):
             return
         old, self.sessions = self.sessions, table(self.clock, token)
@@ -186,13 +186,13 @@ def test_ids_have_at_least_128_random_bits() -> None:
 
 
 @pytest.mark.parametrize("session_id", ["", TOKEN, "\u00e9\udcff", 10_000 * "x"])
-def test_what_is_no_id_is_nobody(session_id: str) -> None:
+def test_an_invalid_id_finds_no_session(session_id: str) -> None:
     sessions = table(Clock())
     sessions.start()
     assert sessions.find(session_id) is None
 
 
-def test_of_too_many_those_give_way_that_nobody_uses() -> None:
+def test_unused_sessions_are_dropped_first_when_full() -> None:
     clock = Clock()
     sessions = table(clock, most=3)
     driving, idle, third = (sessions.start() for _ in range(3))
@@ -205,7 +205,7 @@ def test_of_too_many_those_give_way_that_nobody_uses() -> None:
         assert all(sessions.find(each) for each in (driving, third, fourth))
 
 
-async def test_a_job_ends_with_its_session_and_tidies_up() -> None:
+async def test_a_job_ends_with_its_session_and_cleans_up() -> None:
     sessions = table(Clock())
     session = found(sessions, sessions.start())
     tidied = asyncio.Event()
@@ -225,7 +225,7 @@ async def test_a_job_ends_with_its_session_and_tidies_up() -> None:
     assert tidied.is_set()
 
 
-async def test_a_job_that_ends_by_itself_is_not_the_session_s_end() -> None:
+async def test_a_job_that_ends_by_itself_does_not_report_a_session_end() -> None:
     sessions = table(Clock())
     session = found(sessions, sessions.start())
     assert not await run_connected(session, asyncio.sleep(0))
@@ -246,7 +246,7 @@ async def test_a_job_that_ends_by_itself_is_not_the_session_s_end() -> None:
 # --- the file ----------------------------------------------------------------------------
 
 
-async def test_the_file_signs_nobody_in_and_carries_over_a_restart(tmp_path: Path) -> None:
+async def test_the_file_holds_no_ids_and_restores_sessions_after_a_restart(tmp_path: Path) -> None:
     path = tmp_path / "sessions.json"
     clock, wall = Clock(), Clock(1.8e9)
     sessions = table(clock)
@@ -269,7 +269,7 @@ async def test_the_file_signs_nobody_in_and_carries_over_a_restart(tmp_path: Pat
     assert too_late.ages() == []
 
 
-async def test_links_and_who_watches_by_them_outlive_a_restart_until_revoked(
+async def test_links_and_their_sessions_survive_a_restart_until_revoked(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "sessions.json"
@@ -296,7 +296,7 @@ async def test_links_and_who_watches_by_them_outlive_a_restart_until_revoked(
     assert later.find(ids[2])
 
 
-async def test_a_link_that_was_revoked_stays_so_though_the_disk_is_full(
+async def test_a_revoked_link_stays_revoked_when_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:
@@ -311,7 +311,7 @@ async def test_a_link_that_was_revoked_stays_so_though_the_disk_is_full(
     assert list(tmp_path.iterdir()) == []
 
 
-async def test_a_wall_clock_that_was_set_back_ends_no_session(tmp_path: Path) -> None:
+async def test_a_wall_clock_set_back_ends_no_session(tmp_path: Path) -> None:
     wall = Clock(1.8e9)
     sessions = table(Clock())
     kept = sessions.start()
@@ -337,7 +337,7 @@ async def test_a_wall_clock_that_was_set_back_ends_no_session(tmp_path: Path) ->
         b'{"sessions": []' + 2_000_000 * b" " + b"}",
     ],
 )
-def test_a_damaged_file_is_told_and_signs_nobody_in(
+def test_a_damaged_file_is_logged_and_restores_no_session(
     tmp_path: Path, content: bytes, capsys: Any
 ) -> None:
     path = tmp_path / "sessions.json"
@@ -357,7 +357,7 @@ async def test_without_a_path_nothing_is_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-async def test_a_session_signed_out_stays_out_though_the_disk_is_full(
+async def test_a_signed_out_session_stays_out_when_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: Any) -> None:
@@ -383,7 +383,7 @@ async def test_a_session_signed_out_stays_out_though_the_disk_is_full(
     assert later.find(first) is None
 
 
-async def test_it_is_kept_up_to_date_by_itself(
+async def test_the_file_is_kept_up_to_date_in_the_background(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(session_file, "_LOOK_EVERY_S", 0.001)

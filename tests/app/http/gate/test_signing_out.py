@@ -41,9 +41,7 @@ async def closed_with(socket: Any) -> int | None:
     return closed.value.rcvd.code if closed.value.rcvd else None
 
 
-async def test_each_browser_gets_a_session_of_its_own(
-    served: Any, token: str, tmp_path: Path
-) -> None:
+async def test_each_browser_gets_its_own_session(served: Any, token: str, tmp_path: Path) -> None:
     async with browser(served, token) as one, browser(served, token) as other:
         assert one.cookies[COOKIE] != other.cookies[COOKIE]
         assert token not in (one.cookies[COOKIE], other.cookies[COOKIE])
@@ -71,7 +69,7 @@ async def test_neither_the_token_nor_the_old_cookie_is_a_session(served: Any, to
     assert statuses == {401}
 
 
-async def test_signing_out_closes_everything_of_this_browser_only(
+async def test_signing_out_closes_only_this_browsers_connections(
     serve: Any, token: str, peer: Any, drive: Any, eventually: Any
 ) -> None:
     peer.world = "simulated:lab/1"
@@ -114,7 +112,7 @@ async def test_signing_out_closes_everything_of_this_browser_only(
                 assert await socket.recv()
 
 
-async def test_signing_out_everywhere_leaves_scripts(served: Any, token: str) -> None:
+async def test_signing_out_everywhere_does_not_affect_scripts(served: Any, token: str) -> None:
     async with browser(served, token) as one, browser(served, token) as other:
         async with served.socket("/api/live", token=None, headers=cookie(other)) as socket:
             assert (await one.delete("/api/sessions")).status_code == 204
@@ -128,7 +126,7 @@ async def test_signing_out_everywhere_leaves_scripts(served: Any, token: str) ->
         assert (await served.http.delete("/api/sessions")).status_code == 204
 
 
-async def test_another_page_signs_nobody_out(served: Any, token: str) -> None:
+async def test_another_site_cannot_sign_anyone_out(served: Any, token: str) -> None:
     async with browser(served, token) as client:
         for path in ("/api/session", "/api/sessions"):
             for headers in ({"Origin": "https://evil.example"}, {"Sec-Fetch-Site": "cross-site"}):
@@ -136,7 +134,7 @@ async def test_another_page_signs_nobody_out(served: Any, token: str) -> None:
         assert (await client.get("/api/status")).is_success
 
 
-async def test_a_refused_token_is_told_on_the_page(served: Any, token: str) -> None:
+async def test_a_refused_token_is_shown_on_the_page(served: Any, token: str) -> None:
     async with served.anonymous(Accept="text/html") as client:
         plain = await client.get("/")
         assert plain.status_code == 401
@@ -150,7 +148,7 @@ async def test_a_refused_token_is_told_on_the_page(served: Any, token: str) -> N
         assert (right.status_code, right.headers["location"]) == (303, "/")
 
 
-async def test_a_restart_keeps_sessions_where_it_keeps_the_token(
+async def test_sessions_survive_a_restart_only_with_the_same_token(
     tmp_path: Path, peer: Any, drive: Any, storage: Any, serve_app: Any, token: str
 ) -> None:
     """And another token ends them."""

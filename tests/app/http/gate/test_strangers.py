@@ -44,7 +44,7 @@ def is_ended(end: socket.socket) -> bool:
         return False
 
 
-def test_the_oldest_of_the_busiest_address_gives_way() -> None:
+def test_the_oldest_connection_of_the_busiest_address_is_dropped() -> None:
     strangers = Strangers(Clock(), most=3)
     with pairs(3) as made:
         addresses = ["10.0.0.1", "10.0.0.2", "10.0.0.2"]
@@ -92,7 +92,7 @@ def test_closed_connections_leave_no_trace() -> None:
 
 
 @pytest.mark.parametrize("said", [b"", HALF_A_HEAD, UNKNOWN])
-async def test_a_flood_of_strangers_takes_no_stop_away(served: Any, said: bytes) -> None:
+async def test_a_flood_of_strangers_does_not_block_stop(served: Any, said: bytes) -> None:
     held: list[asyncio.StreamWriter] = []
     try:
         for _ in range(400):
@@ -112,7 +112,7 @@ async def test_a_flood_of_strangers_takes_no_stop_away(served: Any, said: bytes)
             writer.close()
 
 
-async def test_an_open_socket_lasts_through_a_flood(served: Any) -> None:
+async def test_an_open_socket_survives_a_flood(served: Any) -> None:
     async with served.socket("/api/live") as live:
         held = [await asyncio.open_connection("127.0.0.1", served.port) for _ in range(300)]
         try:

@@ -23,7 +23,7 @@ def guard(now: list[float]) -> TokenGuard:
     return TokenGuard(TOKEN, lambda: now[0], ReadOnlyLinks(TOKEN))
 
 
-def test_read_only_links_have_a_token_of_their_own() -> None:
+def test_read_only_links_have_their_own_tokens() -> None:
     links = ReadOnlyLinks(TOKEN)
     first, second = links.newest, links.make()
     assert links.newest is second
@@ -43,7 +43,7 @@ def test_read_only_links_have_a_token_of_their_own() -> None:
     assert gate.check("1.2.3.4", [second.token]) is second
 
 
-def test_there_is_always_one_link_to_share_and_never_too_many() -> None:
+def test_there_is_always_a_link_to_share_and_never_too_many() -> None:
     told: list[int] = []
     links = ReadOnlyLinks(TOKEN)
     links.changed = lambda: told.append(len(links.in_force))
@@ -58,7 +58,7 @@ def test_there_is_always_one_link_to_share_and_never_too_many() -> None:
     assert told[-1] == MOST_LINKS
 
 
-def test_the_token_for_the_own_browser_works_once_and_for_a_minute() -> None:
+def test_the_one_time_token_works_once_within_a_minute() -> None:
     now = [0.0]
     gate = guard(now)
     first = gate.once()
@@ -74,7 +74,7 @@ def test_tokens_have_at_least_128_bits() -> None:
     assert len({new_token() for _ in range(100)}) == 100
 
 
-def test_a_token_file_is_made_once_and_kept_private(tmp_path: Path) -> None:
+def test_a_token_file_is_created_once_with_private_permissions(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "token"
     token = load_token(path)
     assert load_token(path) == token
@@ -92,7 +92,7 @@ def test_an_unsafe_token_file_is_refused(tmp_path: Path, content: bytes) -> None
         load_token(path)
 
 
-def test_a_token_file_that_cannot_be_used_is_named(tmp_path: Path) -> None:
+def test_an_unusable_token_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="token file"):
         load_token(tmp_path)
     (tmp_path / "file").write_text("x")
@@ -100,7 +100,7 @@ def test_a_token_file_that_cannot_be_used_is_named(tmp_path: Path) -> None:
         load_token(tmp_path / "file" / "token")
 
 
-def test_five_wrong_tokens_a_minute() -> None:
+def test_five_wrong_tokens_are_allowed_per_minute() -> None:
     now = [0.0]
     gate = guard(now)
     assert [gate.check("1.2.3.4", ["wrong"]) for _ in range(6)] == [Verdict.WRONG] * 5 + [
@@ -114,7 +114,7 @@ def test_five_wrong_tokens_a_minute() -> None:
     assert gate.check("1.2.3.4", ["wrong"]) is Verdict.WRONG
 
 
-def test_one_site_has_one_count_whatever_address_it_takes() -> None:
+def test_wrong_tokens_are_counted_per_ipv6_network() -> None:
     gate = guard([0.0])
     for k in range(5):
         assert gate.check(f"2001:db8::{k}", ["wrong"]) is Verdict.WRONG
@@ -126,7 +126,7 @@ def test_one_site_has_one_count_whatever_address_it_takes() -> None:
     assert gate.check(None, ["wrong"]) is Verdict.WRONG
 
 
-def test_counting_takes_bounded_memory() -> None:
+def test_counting_uses_bounded_memory() -> None:
     gate = guard([0.0])
     for k in range(10_000):
         gate.check(f"10.{k >> 16}.{(k >> 8) & 255}.{k & 255}", ["wrong"])
@@ -135,7 +135,7 @@ def test_counting_takes_bounded_memory() -> None:
 
 @settings(deadline=None, max_examples=200)
 @given(st.text(max_size=60))
-def test_no_other_text_is_the_token(text: str) -> None:
+def test_only_the_exact_token_is_accepted(text: str) -> None:
     assert (guard([0.0]).check("1.1.1.1", [text]) is Verdict.OPERATOR) == (text == TOKEN)
 
 
@@ -159,13 +159,13 @@ def test_no_other_text_is_the_token(text: str) -> None:
         ("a" * 300, None),
     ],
 )
-def test_hosts_are_read_strictly(text: str, expected: NetworkName | None) -> None:
+def test_hosts_are_parsed_strictly(text: str, expected: NetworkName | None) -> None:
     assert parse_host(text) == expected
 
 
 @settings(deadline=None, max_examples=300)
 @given(st.text(max_size=40))
-def test_no_text_breaks_the_reading_of_hosts_and_origins(text: str) -> None:
+def test_no_text_breaks_host_and_origin_parsing(text: str) -> None:
     names = names_of("127.0.0.1", (), tls=False)
     host = parse_host(text)
     if host is not None and names.answers_to(host):
@@ -208,7 +208,7 @@ def test_only_the_servers_own_pages_are_accepted() -> None:
     assert not names.answers_to(NetworkName("0.0.0.0", 8080))
 
 
-def test_a_server_on_every_address_answers_to_numbers_which_no_other_page_has() -> None:
+def test_a_wildcard_server_accepts_numeric_hosts_but_not_other_names() -> None:
     names = names_of("0.0.0.0", (), tls=False)
     assert names.answers_to(NetworkName("192.168.1.5", 8080))
     assert names.answers_to(NetworkName("fd00::2", 8080))
@@ -221,13 +221,13 @@ def test_a_server_on_every_address_answers_to_numbers_which_no_other_page_has() 
     assert not names_of("192.168.1.6", (), tls=False).answers_to(here)
 
 
-def test_with_tls_only_https_pages_are_its_own() -> None:
+def test_with_tls_only_https_origins_are_accepted() -> None:
     names = names_of("127.0.0.1", (), tls=True)
     assert names.accepts_origin("https://127.0.0.1:8080", NetworkName("127.0.0.1", 8080))
     assert not names.accepts_origin("http://127.0.0.1:8080", NetworkName("127.0.0.1", 8080))
 
 
-def test_a_page_of_its_own_is_allowed_by_hash_only() -> None:
+def test_an_own_page_allows_styles_by_hash_only() -> None:
     policy = page_policy("<style>a{}</style><p>text</p>")
     assert "style-src 'sha256-" in policy
     assert "script-src 'none'" in policy

@@ -31,7 +31,7 @@ async def signed_in(served: Any, token: str) -> tuple[str, dict[str, str]]:
         return address, cookie(client)
 
 
-async def test_it_admits_to_the_scene_alone(serve: Any, token: str, eventually: Any) -> None:
+async def test_the_key_admits_only_to_the_scene(serve: Any, token: str, eventually: Any) -> None:
     async with serve(viewer=real_viewer) as served:
         await eventually(lambda: served.app.state.viewer.viewer.port is not None, 30)
         address, _ = await signed_in(served, token)
@@ -64,7 +64,7 @@ async def test_it_admits_to_the_scene_alone(serve: Any, token: str, eventually: 
             assert refusal.value.response.status_code == 403, path
 
 
-async def test_it_ends_with_its_session(serve: Any, token: str, eventually: Any) -> None:
+async def test_the_key_ends_with_its_session(serve: Any, token: str, eventually: Any) -> None:
     async with serve(viewer=real_viewer) as served:
         await eventually(lambda: served.app.state.viewer.viewer.port is not None, 30)
         mine, cookie = await signed_in(served, token)
@@ -84,7 +84,7 @@ async def test_it_ends_with_its_session(serve: Any, token: str, eventually: Any)
             assert (await client.get(theirs)).is_success
 
 
-def test_it_outlives_the_process_and_not_the_token() -> None:
+def test_the_key_survives_a_restart_but_not_a_new_token() -> None:
     def table(token: str) -> Sessions:
         return Sessions(token, lambda: 0.0, unused_s=100.0, lifetime_s=1000.0)
 

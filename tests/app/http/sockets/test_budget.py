@@ -30,7 +30,7 @@ class Client:
         return taken / seconds
 
 
-def test_a_client_that_keeps_up_is_never_held_back() -> None:
+def test_a_client_that_keeps_up_is_not_throttled() -> None:
     client = Client()
     assert client.take(20.0) > 14.0
     assert client.budget.halvings == 0
@@ -39,7 +39,7 @@ def test_a_client_that_keeps_up_is_never_held_back() -> None:
     assert client.budget.wait_s == 0.0
 
 
-def test_a_lagging_client_has_its_own_rate_halved_and_gets_it_back() -> None:
+def test_a_lagging_client_has_its_rate_halved_and_restored() -> None:
     client = Client()
     client.delay_s = 0.5
     seen = [0]
@@ -57,7 +57,7 @@ def test_a_lagging_client_has_its_own_rate_halved_and_gets_it_back() -> None:
     assert client.take(5.0) > 14.0
 
 
-def test_a_pause_is_not_taken_for_a_slow_rate() -> None:
+def test_a_pause_is_not_mistaken_for_a_slow_rate() -> None:
     client = Client()
     client.take(2.0)
     client.now += 3600.0
@@ -73,7 +73,7 @@ async def observed(peer: Any, every_s: float) -> None:
         await asyncio.sleep(every_s)
 
 
-async def test_a_slow_page_over_a_real_port(served: Any, peer: Any) -> None:
+async def test_a_slow_page_is_throttled_over_a_real_port(served: Any, peer: Any) -> None:
     """It acknowledges after half a second, later at once; its messages are counted."""
     loop = asyncio.get_running_loop()
     came: list[float] = []

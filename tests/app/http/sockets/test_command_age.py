@@ -58,7 +58,7 @@ class Wire:
 
 @pytest.mark.parametrize("drift", [-1e-4, 0.0, 1e-4])
 @pytest.mark.parametrize("offset", [-1e6, 0.0, 5e5])
-def test_ages_hold_over_an_hour_whatever_the_clocks(offset: float, drift: float) -> None:
+def test_ages_stay_accurate_for_an_hour_with_any_clock_offset(offset: float, drift: float) -> None:
     wire = Wire(offset=offset, drift=drift)
     for step in range(5 * 3600):
         at = 100.0 + 0.2 * step
@@ -73,7 +73,7 @@ def test_ages_hold_over_an_hour_whatever_the_clocks(offset: float, drift: float)
 
 
 @pytest.mark.parametrize(("most_up", "most_down"), [(0.02, 0.02), (0.2, 0.05), (0.05, 0.2)])
-def test_jitter_is_age(most_up: float, most_down: float) -> None:
+def test_jitter_counts_as_age(most_up: float, most_down: float) -> None:
     rng = random.Random(7)
     wire = Wire(
         up=lambda _: 0.001 + rng.random() * most_up,
@@ -88,7 +88,7 @@ def test_jitter_is_age(most_up: float, most_down: float) -> None:
             assert age == pytest.approx(real, abs=0.03)
 
 
-def test_a_link_that_becomes_slow_is_told_and_never_learnt_as_normal() -> None:
+def test_a_link_that_becomes_slow_is_reported_and_never_becomes_normal() -> None:
     """A network queue grows to 0.4 s and stays: no window makes its messages fresh again."""
     wire = Wire(up=lambda at: 0.003 if at < 100 else 0.4)
     for step in range(600):
@@ -105,7 +105,7 @@ def test_a_link_that_becomes_slow_is_told_and_never_learnt_as_normal() -> None:
             assert wire.link.state(max(now, arrival)).quality == "slow"
 
 
-def test_what_waited_while_the_loop_stood_is_as_old_as_it_is() -> None:
+def test_commands_queued_during_a_stall_have_their_real_age() -> None:
     """Two seconds of commands are read within a millisecond: only the last ones are fresh."""
     wire = Wire()
     wire.settle(100.0)
@@ -121,7 +121,7 @@ def test_what_waited_while_the_loop_stood_is_as_old_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("stood_s", [2.0, 9.9, 10.1, 60.0])
-def test_however_long_it_stood_nothing_old_becomes_fresh(stood_s: float) -> None:
+def test_old_commands_never_become_fresh_after_a_stall(stood_s: float) -> None:
     wire = Wire()
     wire.settle(100.0)
     wire.link.pinged(99, 100.0)
@@ -137,7 +137,7 @@ def test_however_long_it_stood_nothing_old_becomes_fresh(stood_s: float) -> None
             assert not fresh, given
 
 
-def test_nothing_is_known_before_a_ping_was_answered() -> None:
+def test_age_is_unknown_before_the_first_pong() -> None:
     wire = Wire()
     assert wire.link.age(wire.stamp(10.0), 10.002) is None
     assert wire.link.state(10.0).quality == "lost"
@@ -153,18 +153,18 @@ def test_nothing_is_known_before_a_ping_was_answered() -> None:
 
 
 @pytest.mark.parametrize("ahead_s", [0.01, 0.2, 10.0, 1e12, math.inf, math.nan])
-def test_a_stamp_of_the_future_is_no_age_and_spoils_none(ahead_s: float) -> None:
+def test_a_future_timestamp_gives_no_age_and_corrupts_no_others(ahead_s: float) -> None:
     wire = Wire()
     wire.settle(50.0)
     assert wire.link.age(wire.stamp(50.0) + ahead_s, 50.002) is None
     wire.link.pinged(100, 50.0)
     wire.link.ponged(100, wire.stamp(50.0) + ahead_s, 50.004)
     real, age = wire.send(50.1)
-    # If it cannot be told from a faster link, commands seem older, never fresher.
+    # If it cannot be distinguished from a faster link, commands seem older, never fresher.
     assert real - 0.001 <= age <= real + 0.011
 
 
-def test_a_replay_is_as_old_as_the_first_time_was_long_ago() -> None:
+def test_a_replayed_command_ages_from_its_first_sending() -> None:
     wire = Wire()
     wire.settle(50.0)
     stamp = wire.stamp(50.0)
@@ -172,7 +172,7 @@ def test_a_replay_is_as_old_as_the_first_time_was_long_ago() -> None:
     assert ages == pytest.approx([0.002 + 0.1 * again for again in range(5)], abs=0.001)
 
 
-def test_silence_is_lost_and_one_late_command_marks_the_link_for_a_second() -> None:
+def test_silence_means_lost_and_a_late_command_marks_the_link_slow() -> None:
     wire = Wire()
     wire.settle(50.0)
     assert wire.link.state(49.9).quality == "good"

@@ -26,7 +26,7 @@ WORDS = ('"type": ', '"drive"', "{", "}", "[]", "null", "true")
 @example('{"type": "pong", "id": 7, "time": ' + "9" * 5000 + "}")
 @example('{"type": ' + "[" * 1500 + "}")
 @example('{"type": ["drive"], "role": {"a": 1}}')
-def test_damage_is_refused_or_leaves_a_finite_message(text: str) -> None:
+def test_a_damaged_message_is_refused_or_finite(text: str) -> None:
     told = read_or_refused(lambda: read_message(text), BadMessage)
     if isinstance(told, Command):
         assert all(map(math.isfinite, told.velocity or ()))

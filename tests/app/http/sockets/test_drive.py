@@ -109,7 +109,9 @@ async def arm(served: Any, lease: str | None, role: str = "observer") -> int:
     return int(answer.status_code)
 
 
-async def test_take_arm_drive_and_leave(served: Any, drive: Any, eventually: Any) -> None:
+async def test_an_operator_takes_control_arms_drives_and_leaves(
+    served: Any, drive: Any, eventually: Any
+) -> None:
     await eventually(lambda: len(drive.robots) == 2)
     async with hand(served, "Anna") as anna:
         assert (await anna.next("operator"))["name"] == "Anna"
@@ -142,7 +144,7 @@ async def test_take_arm_drive_and_leave(served: Any, drive: Any, eventually: Any
     assert not drive.leases
 
 
-async def test_one_drives_and_taking_over_is_explicit(
+async def test_one_operator_drives_and_takeover_is_explicit(
     served: Any, drive: Any, eventually: Any
 ) -> None:
     await eventually(lambda: len(drive.robots) == 2)
@@ -173,7 +175,7 @@ async def test_one_drives_and_taking_over_is_explicit(
         assert (await anna.take())["state"] == "yours"
 
 
-async def test_names_are_told_apart_and_made_readable(served: Any) -> None:
+async def test_names_are_made_unique_and_readable(served: Any) -> None:
     async with hand(served, "Anna") as first, hand(served, "Anna") as second:
         names = [(await each.next("operator"))["name"] for each in (first, second)]
         assert names[0] == "Anna"
@@ -183,7 +185,7 @@ async def test_names_are_told_apart_and_made_readable(served: Any) -> None:
         assert (await fourth.next("operator"))["name"] == 40 * "x"
 
 
-async def test_what_is_old_or_said_before_is_refused(
+async def test_old_or_repeated_commands_are_refused(
     served: Any, drive: Any, eventually: Any
 ) -> None:
     await eventually(lambda: len(drive.robots) == 2)
@@ -208,7 +210,7 @@ async def test_what_is_old_or_said_before_is_refused(
         assert [command.sequence for command in drive.of(DriveCommand)] == [good]
 
 
-async def test_before_the_link_is_measured_nothing_is_driven(served: Any, drive: Any) -> None:
+async def test_commands_are_refused_before_the_link_is_measured(served: Any, drive: Any) -> None:
     async with served.socket("/api/drive") as socket:
         page = Hand(socket)
         await page.say({"type": "take", "role": "observer"})
@@ -219,7 +221,9 @@ async def test_before_the_link_is_measured_nothing_is_driven(served: Any, drive:
         assert not drive.of(DriveCommand)
 
 
-async def test_what_is_no_number_is_refused_and_the_socket_lives(served: Any, drive: Any) -> None:
+async def test_non_numeric_values_are_refused_and_the_socket_stays_open(
+    served: Any, drive: Any
+) -> None:
     async with hand(served) as page:
         await page.take()
         fields = {"role": "observer", "sequence": 1, "time": clock_ms()}
@@ -235,7 +239,7 @@ async def test_what_is_no_number_is_refused_and_the_socket_lives(served: Any, dr
         await page.next("sent", sequence=await page.drive())
 
 
-async def test_garbage_closes_with_1007_and_gives_the_robot_back(
+async def test_garbage_closes_with_1007_and_releases_the_lease(
     served: Any, drive: Any, eventually: Any
 ) -> None:
     for garbage in ("hello", "[1]", '{"type": "fly"}', "[" * 900, b"\x00\xff"):
@@ -247,7 +251,7 @@ async def test_garbage_closes_with_1007_and_gives_the_robot_back(
         await eventually(lambda: not drive.leases)
 
 
-async def test_stop_is_for_everybody_and_at_once(served: Any, drive: Any, eventually: Any) -> None:
+async def test_anyone_can_stop_immediately(served: Any, drive: Any, eventually: Any) -> None:
     await eventually(lambda: len(drive.robots) == 2)
     async with hand(served, "Anna") as anna, hand(served, "Bert") as bert:
         lease = (await anna.take())["lease"]
@@ -267,7 +271,7 @@ async def test_stop_is_for_everybody_and_at_once(served: Any, drive: Any, eventu
         drive.hangs = False
 
 
-async def test_with_the_drive_process_all_leases_go(
+async def test_losing_the_drive_process_ends_all_leases(
     served: Any, drive: Any, eventually: Any
 ) -> None:
     async with hand(served) as page:
@@ -286,9 +290,7 @@ async def test_with_the_drive_process_all_leases_go(
         assert (await page.next("lease", state="lost"))["holder"] is None
 
 
-async def test_too_much_at_once_is_refused_and_nothing_is_kept_for_later(
-    served: Any, drive: Any
-) -> None:
+async def test_excess_commands_are_refused_and_not_queued(served: Any, drive: Any) -> None:
     async with hand(served) as page:
         await page.take()
         drive.hangs = True
@@ -302,7 +304,7 @@ async def test_too_much_at_once_is_refused_and_nothing_is_kept_for_later(
         assert passed_on == [*sequences[:8], sequences[-1] + 1]
 
 
-async def test_a_client_that_takes_nothing_is_let_go(
+async def test_a_client_that_stops_reading_is_dropped(
     served: Any, drive: Any, eventually: Any
 ) -> None:
     async with served.socket("/api/drive") as socket:
@@ -377,7 +379,7 @@ class Elsewhere(threading.Thread):
                 return
 
 
-async def test_commands_that_waited_while_the_loop_stood_are_all_refused(
+async def test_commands_queued_during_a_stall_are_refused(
     served: Any, drive: Any, eventually: Any, token: str
 ) -> None:
     """Two seconds of commands wait in the kernel; their age is known when they are read."""
@@ -409,6 +411,6 @@ async def test_commands_that_waited_while_the_loop_stood_are_all_refused(
     assert max(c.sequence for c in drive.of(DriveCommand)) > max(waited)
 
 
-async def test_the_connection_is_not_compressed_and_sends_at_once(served: Any) -> None:
+async def test_the_connection_is_not_compressed(served: Any) -> None:
     async with served.socket("/api/drive") as socket:
         assert "sec-websocket-extensions" not in socket.response.headers

@@ -33,7 +33,7 @@ def read(**changes: Any) -> Any:
     return read_message(json.dumps({**DRIVE, **changes}))
 
 
-def test_what_a_page_sends_is_understood() -> None:
+def test_messages_from_a_page_are_parsed() -> None:
     assert read() == Command("observer", 3, 1.5005, (0.2, -1.0))
     assert read(type="present") == Command("observer", 3, 1.5005, None)
     assert read_message('{"type": "take", "role": "obstacle"}') == Take("obstacle", False)
@@ -49,7 +49,7 @@ def test_what_a_page_sends_is_understood() -> None:
 @pytest.mark.parametrize(
     "value", ["NaN", "Infinity", "-Infinity", "1e999", "true", '"1"', "null", "[]", "1" * 400]
 )
-def test_a_command_with_what_is_no_number_is_unusable(key: str, value: str) -> None:
+def test_a_command_with_an_invalid_number_is_unusable(key: str, value: str) -> None:
     text = json.dumps({**DRIVE, key: "HERE"}).replace('"HERE"', value)
     found = read_message(text)
     assert isinstance(found, Unusable)
@@ -61,12 +61,12 @@ def test_a_command_with_what_is_no_number_is_unusable(key: str, value: str) -> N
 
 
 @pytest.mark.parametrize("role", [None, "driver", 1, ["observer"], {}])
-def test_a_command_for_nobody_is_unusable(role: Any) -> None:
+def test_a_command_without_a_valid_role_is_unusable(role: Any) -> None:
     assert read(role=role) == Unusable(None, 3, "role must be observer or obstacle")
 
 
 @pytest.mark.parametrize("sequence", [-1, 1.5, 2**53 + 1])
-def test_a_sequence_is_counted(sequence: float) -> None:
+def test_an_invalid_sequence_is_unusable(sequence: float) -> None:
     assert isinstance(read(sequence=sequence), Unusable)
 
 
@@ -89,7 +89,7 @@ def test_a_sequence_is_counted(sequence: float) -> None:
         " " * 1001,
     ],
 )
-def test_garbage_is_none_of_these(text: str) -> None:
+def test_garbage_is_a_bad_message(text: str) -> None:
     with pytest.raises(BadMessage):
         read_message(text)
 
@@ -108,7 +108,7 @@ _JSON = st.recursive(
     st.dictionaries(st.sampled_from(list(DRIVE)), _JSON),
     st.sampled_from(["drive", "present", "take", "release", "pong", "stop", "x"]),
 )
-def test_nothing_but_a_finite_command_comes_through(more: dict[str, Any], kind: str) -> None:
+def test_every_parsed_command_is_finite(more: dict[str, Any], kind: str) -> None:
     try:
         found = read_message(json.dumps({**more, "type": kind}))
     except BadMessage:

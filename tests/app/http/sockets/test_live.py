@@ -41,7 +41,7 @@ async def painted(socket: Any, sequence: int) -> None:
     await socket.send(json.dumps({"type": "painted", "sequence": sequence}))
 
 
-async def test_a_page_hears_status_heartbeat_and_observations(served: Any, peer: Any) -> None:
+async def test_a_page_receives_status_heartbeats_and_observations(served: Any, peer: Any) -> None:
     async with served.socket("/api/live") as socket:
         status = await next_of(socket, "status")
         rest = (await served.http.get("/api/status")).json()
@@ -57,7 +57,7 @@ async def test_a_page_hears_status_heartbeat_and_observations(served: Any, peer:
         assert 0 <= beat["observation_age_s"] < 5
 
 
-async def test_a_page_that_comes_later_sees_what_stands(served: Any, peer: Any) -> None:
+async def test_a_late_page_gets_only_the_current_observation(served: Any, peer: Any) -> None:
     peer.observe()
     async with served.socket("/api/live") as socket:
         seen = await next_of(socket, "observation")
@@ -69,7 +69,7 @@ async def test_a_page_that_comes_later_sees_what_stands(served: Any, peer: Any) 
         assert kinds == {"status", "robots", "heartbeat"}
 
 
-async def test_twenty_slow_pages_take_little_memory_and_nobodys_rate(
+async def test_twenty_slow_pages_use_little_memory_and_slow_no_other_page(
     served: Any, peer: Any
 ) -> None:
     async with contextlib.AsyncExitStack() as stack:
@@ -90,7 +90,7 @@ async def test_twenty_slow_pages_take_little_memory_and_nobodys_rate(
             socket.transport.abort()
 
 
-async def test_heartbeats_come_while_nothing_happens(served: Any) -> None:
+async def test_heartbeats_and_status_are_sent_while_idle(served: Any) -> None:
     async with served.socket("/api/live") as socket:
         messages = await heard_for(socket, 2.0)
         kinds = [message["type"] for message in messages]
@@ -99,7 +99,7 @@ async def test_heartbeats_come_while_nothing_happens(served: Any) -> None:
         assert kinds.count("status") >= 3
 
 
-async def test_a_change_is_told_at_once(served: Any, peer: Any) -> None:
+async def test_a_change_is_sent_immediately(served: Any, peer: Any) -> None:
     async with served.socket("/api/live") as socket:
         await next_of(socket, "status")
         peer.lose("the engine ended with exit code 1")
@@ -134,7 +134,7 @@ async def test_latency_ends_with_the_acknowledgement(served: Any, peer: Any) -> 
         assert latency["p95"] == latency["median"]
 
 
-async def test_a_page_that_does_not_acknowledge_gets_two_and_then_the_newest(
+async def test_a_page_without_acks_gets_two_messages_and_then_the_newest(
     served: Any, peer: Any
 ) -> None:
     async with served.socket("/api/live") as socket:
@@ -154,7 +154,7 @@ async def test_a_page_that_does_not_acknowledge_gets_two_and_then_the_newest(
         assert drops["live_messages_dropped"] == 29
 
 
-async def test_a_slow_page_costs_the_others_nothing(served: Any, peer: Any) -> None:
+async def test_a_slow_page_does_not_affect_others(served: Any, peer: Any) -> None:
     async with served.socket("/api/live"), served.socket("/api/live") as quick:
         await next_of(quick, "status")
         for frame in range(40):
@@ -186,7 +186,7 @@ GARBAGE: tuple[str | bytes, ...] = (
 )
 
 
-async def test_garbage_closes_with_1007_and_nothing_else_ends(served: Any) -> None:
+async def test_garbage_closes_only_its_own_page_with_1007(served: Any) -> None:
     async with served.socket("/api/live") as other:
         for garbage in GARBAGE:
             async with served.socket("/api/live") as socket:
@@ -199,7 +199,7 @@ async def test_garbage_closes_with_1007_and_nothing_else_ends(served: Any) -> No
             pass
 
 
-async def test_text_that_is_no_utf8_closes_with_1007(served: Any) -> None:
+async def test_invalid_utf8_closes_with_1007(served: Any) -> None:
     async with served.socket("/api/live") as socket:
         await socket.send(b"\xff\xfe\xfd", text=True)
         with pytest.raises(ConnectionClosed):
@@ -208,7 +208,7 @@ async def test_text_that_is_no_utf8_closes_with_1007(served: Any) -> None:
         assert (await served.http.get("/api/status")).is_success
 
 
-async def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_due(
+async def test_garbage_ends_a_page_even_at_the_moment_a_message_is_due(
     served: Any, peer: Any
 ) -> None:
     """A wait cancelled just as it ends must still be cancelled, or the page would never close."""
@@ -232,7 +232,7 @@ async def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_du
         await closed(served, later)
 
 
-async def test_the_server_ends_while_pages_are_open(serve: Any) -> None:
+async def test_the_server_shuts_down_while_pages_are_open(serve: Any) -> None:
     async with serve() as served:
         socket = await served.socket("/api/live")
         await next_of(socket, "status")

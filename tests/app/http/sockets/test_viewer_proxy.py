@@ -53,7 +53,7 @@ async def started(served: Any) -> Any:
     return door.viewer
 
 
-async def test_the_scene_comes_through_and_follows(
+async def test_the_scene_is_proxied_and_updated(
     serve: Any, peer: Any, eventually: Any, capsys: Any
 ) -> None:
     async with serve(viewer=real_viewer) as served:
@@ -94,9 +94,7 @@ def messages_of(data: bytes) -> list[dict[str, Any]]:
     return messages
 
 
-async def test_layers_hang_from_nodes_that_the_server_leaves_to_the_page(
-    served: Any, peer: Any
-) -> None:
+async def test_layers_are_children_of_nodes_left_to_the_page(served: Any, peer: Any) -> None:
     await started(served)
     facts = (await served.http.get("/api/scene")).json()
     sent: list[dict[str, Any]] = []
@@ -122,7 +120,7 @@ async def test_layers_hang_from_nodes_that_the_server_leaves_to_the_page(
     assert any(m["name"].endswith("/cloud/points") and m["visible"] for m in shown)
 
 
-async def test_a_page_that_comes_before_the_viewer_comes_again(serve: Any, eventually: Any) -> None:
+async def test_a_page_opened_before_the_viewer_reloads(serve: Any, eventually: Any) -> None:
     ready = threading.Event()
 
     def late(_: Any) -> NullViewer:
@@ -140,7 +138,7 @@ async def test_a_page_that_comes_before_the_viewer_comes_again(serve: Any, event
         assert "refresh" not in page.text
 
 
-async def test_nobody_reaches_viser_or_the_world_through_it(
+async def test_the_proxy_gives_no_access_to_viser_controls_or_tunnels(
     serve: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tunnels = []
@@ -161,9 +159,7 @@ async def test_nobody_reaches_viser_or_the_world_through_it(
 
 
 @pytest.mark.parametrize("shown", [{}, {"X-Dynamic-Observer-Viewer": "guessed"}])
-async def test_visers_own_port_admits_nobody_but_the_proxy(
-    serve: Any, shown: dict[str, str]
-) -> None:
+async def test_visers_own_port_admits_only_the_proxy(serve: Any, shown: dict[str, str]) -> None:
     async with serve(viewer=real_viewer) as served:
         viewer = await started(served)
         own = f"127.0.0.1:{viewer.port}"
@@ -179,7 +175,7 @@ async def test_visers_own_port_admits_nobody_but_the_proxy(
             assert (await http.get(f"http://{own}/")).status_code == 403
 
 
-async def test_a_flood_of_camera_poses_delays_nobody_else(serve: Any) -> None:
+async def test_a_flood_of_camera_poses_does_not_delay_others(serve: Any) -> None:
     async with serve(viewer=real_viewer) as served:
         await started(served)
         async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
@@ -199,7 +195,7 @@ async def test_a_flood_of_camera_poses_delays_nobody_else(serve: Any) -> None:
                 flooding.cancel()
 
 
-def test_only_a_sound_camera_pose_goes_through() -> None:
+def test_only_a_valid_camera_pose_is_forwarded() -> None:
     encode = msgspec.msgpack.encode
     assert passes(encode(CAMERA))
     for kind in (
@@ -237,7 +233,7 @@ async def test_garbage_closes_with_1007(served: Any, garbage: Any) -> None:
     assert (await served.http.get("/api/status")).is_success
 
 
-async def test_a_client_of_another_version_is_told(serve: Any, capsys: Any) -> None:
+async def test_a_client_of_another_version_is_closed_with_1002(serve: Any, capsys: Any) -> None:
     async with serve(viewer=real_viewer) as served:
         await started(served)
         async with served.socket("/viewer", subprotocols=["viser-v0.0.1"]) as socket:
@@ -269,7 +265,7 @@ async def test_without_viewer_everything_else_works(
         assert (await served.http.get("/api/status")).is_success
 
 
-async def test_a_viewer_that_dies_takes_nobody_along(served: Any) -> None:
+async def test_a_dead_viewer_does_not_affect_the_server(served: Any) -> None:
     viewer = await started(served)
     async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
         await socket.recv()
@@ -284,7 +280,7 @@ async def test_a_viewer_that_dies_takes_nobody_along(served: Any) -> None:
     assert (await served.http.get("/api/status")).is_success
 
 
-async def test_a_slow_viewer_holds_nothing_up(served: Any, peer: Any) -> None:
+async def test_a_slow_viewer_client_does_not_delay_others(served: Any, peer: Any) -> None:
     await started(served)
     slow = await served.socket("/viewer", subprotocols=[PROTOCOL])
     # It never reads again: its transport fills up, and viser waits for it alone.

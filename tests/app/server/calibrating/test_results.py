@@ -48,7 +48,7 @@ def locked(path: Path) -> Iterator[None]:
 # --- computing ------------------------------------------------------------------------------
 
 
-async def test_a_computation_is_going_from_the_moment_it_is_asked_for(
+async def test_a_computation_is_in_progress_as_soon_as_it_is_requested(
     peer: Any, computing: Computing, server: Server
 ) -> None:
     session = server.calibrating.session
@@ -76,7 +76,7 @@ async def test_a_computation_is_going_from_the_moment_it_is_asked_for(
     assert (facts.computing, facts.result) == (None, ["1", "2", "3"])
 
 
-async def test_cancelling_leaves_views_and_the_earlier_result(
+async def test_cancelling_keeps_views_and_the_earlier_result(
     peer: Any, computing: Computing, server: Server
 ) -> None:
     await computed(peer, server, computing)
@@ -106,7 +106,7 @@ async def test_cancelling_leaves_views_and_the_earlier_result(
         ),
     ],
 )
-async def test_a_computation_that_fails_says_why_until_the_next(
+async def test_a_failed_computation_shows_its_reason_until_the_next(
     peer: Any, computing: Computing, error: Exception, words: str, server: Server
 ) -> None:
     await captured(peer, server)
@@ -156,9 +156,7 @@ def workers() -> list[psutil.Process]:
 # --- images sent in -------------------------------------------------------------------------
 
 
-async def test_images_take_the_place_of_the_cameras(
-    peer: Any, computing: Computing, server: Server
-) -> None:
+async def test_images_replace_the_cameras(peer: Any, computing: Computing, server: Server) -> None:
     await captured(peer, server)
     computing.fails = CalibrationError("the file is not a ZIP archive")
     computing.release.set()
@@ -189,7 +187,7 @@ async def test_images_take_the_place_of_the_cameras(
     assert names(server) == []
 
 
-async def test_looking_through_images_holds_nothing_up_and_can_be_cancelled(
+async def test_searching_images_blocks_nothing_and_can_be_cancelled(
     peer: Any, computing: Computing, server: Server
 ) -> None:
     images = Path("/nowhere")
@@ -210,7 +208,7 @@ async def test_looking_through_images_holds_nothing_up_and_can_be_cancelled(
 # --- saving ---------------------------------------------------------------------------------
 
 
-async def test_what_is_saved_is_used_and_the_session_is_cleared(
+async def test_a_saved_calibration_is_used_and_the_session_cleared(
     peer: Any, storage: Storage, computing: Computing
 ) -> None:
     peer.devices = ("usb-0000:00:14.0-1", "usb-0000:00:14.0-2")
@@ -228,7 +226,7 @@ async def test_what_is_saved_is_used_and_the_session_is_cleared(
         await until(lambda: storage.active_calibration() == record)
 
 
-async def test_saving_only_leaves_the_session(
+async def test_saving_without_activating_keeps_the_session(
     peer: Any, storage: Storage, computing: Computing, server: Server
 ) -> None:
     await captured(peer, server)
@@ -271,7 +269,7 @@ async def test_a_full_disk_or_a_busy_database_loses_nothing(
 
 
 @pytest.mark.parametrize(("refusal", "kind"), [("input", FieldError), ("failure", NotAvailable)])
-async def test_what_cannot_be_used_is_saved_all_the_same(
+async def test_an_unusable_calibration_is_saved_but_not_activated(
     peer: Any,
     storage: Storage,
     computing: Computing,
@@ -294,7 +292,7 @@ async def test_what_cannot_be_used_is_saved_all_the_same(
     assert storage.active_calibration() is None
 
 
-async def test_saving_again_keeps_what_was_measured(
+async def test_saving_again_keeps_tape_checks(
     peer: Any, storage: Storage, computing: Computing, server: Server
 ) -> None:
     await computed(peer, server, computing)
@@ -307,7 +305,7 @@ async def test_saving_again_keeps_what_was_measured(
     assert second.info["report"] == {"stereo_rms_px": 0.2}
 
 
-async def test_a_new_name_is_told_everywhere(
+async def test_a_new_name_is_shown_everywhere(
     peer: Any, storage: Storage, computing: Computing, server: Server
 ) -> None:
     await computed(peer, server, computing)

@@ -32,9 +32,7 @@ from .capturing import (
 # --- beginning and leaving ------------------------------------------------------------------
 
 
-async def test_views_outlive_the_engine_and_the_numbering_goes_on(
-    peer: Any, server: Server
-) -> None:
+async def test_views_survive_the_engine_and_numbering_continues(peer: Any, server: Server) -> None:
     await captured(peer, server)
     await server.calibrating.change(ChangeCalibration(undo=True))
     await server.calibrating.change(ChangeCalibration(automatic=False))
@@ -81,7 +79,7 @@ async def test_a_run_is_not_ended_by_calibrating(peer: Any, server: Server) -> N
     assert server.calibrating.session.facts() is None
 
 
-async def test_leaving_observes_again_what_was_open(peer: Any, server: Server) -> None:
+async def test_leaving_reopens_the_previous_source(peer: Any, server: Server) -> None:
     await server.source.open("a/folder", None)
     await captured(peer, server)
     await server.calibrating.end()
@@ -95,7 +93,7 @@ async def test_leaving_observes_again_what_was_open(peer: Any, server: Server) -
 
 
 @pytest.mark.parametrize("refusal", ["input", "state", "failure"])
-async def test_leaving_closes_the_cameras_where_nothing_can_be_opened(
+async def test_leaving_closes_the_cameras_when_the_source_cannot_be_reopened(
     peer: Any, monkeypatch: pytest.MonkeyPatch, refusal: Any, server: Server
 ) -> None:
     await captured(peer, server)
@@ -112,7 +110,9 @@ async def test_leaving_closes_the_cameras_where_nothing_can_be_opened(
     assert server.calibrating.session.facts() is None
 
 
-async def test_leaving_a_source_that_never_opened(peer: Any, storage: Storage) -> None:
+async def test_leaving_restores_the_failure_of_a_source_that_never_opened(
+    peer: Any, storage: Storage
+) -> None:
     async with started(peer, storage, "uncalibrated") as server:
         assert server.source.state.state is EngineState.FAILED
         # The source that is open, or should be: this is how a source gets its first calibration.
@@ -123,7 +123,7 @@ async def test_leaving_a_source_that_never_opened(peer: Any, storage: Storage) -
         assert "has no calibration" in str(server.source.state.reason)
 
 
-async def test_a_second_begin_replaces_the_first(peer: Any, server: Server) -> None:
+async def test_starting_again_replaces_the_first_calibration(peer: Any, server: Server) -> None:
     await captured(peer, server)
     other = Board("charuco", 7, 5, 0.03)
     # The same cameras again, since they are open.
@@ -135,7 +135,7 @@ async def test_a_second_begin_replaces_the_first(peer: Any, server: Server) -> N
     assert facts.board.kind == "charuco"
 
 
-async def test_a_begin_that_fails_leaves_everything_as_it_was(peer: Any, server: Server) -> None:
+async def test_a_failed_start_leaves_everything_unchanged(peer: Any, server: Server) -> None:
     with pytest.raises(FieldError, match="name one that exists") as refused:
         await server.calibrating.begin("missing", BOARD)
     assert refused.value.field == ("body", "source")
@@ -152,7 +152,9 @@ async def test_a_begin_that_fails_leaves_everything_as_it_was(peer: Any, server:
     assert server.calibrating.session.facts() == before
 
 
-async def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, server: Server) -> None:
+async def test_engine_losses_far_apart_do_not_count_as_consecutive(
+    peer: Any, server: Server
+) -> None:
     await captured(peer, server)
     for _ in range(5):
         peer.look()
@@ -173,7 +175,7 @@ async def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, server
     assert server.source.state.state is EngineState.PREVIEW
 
 
-async def test_an_engine_lost_as_it_answers_is_not_taken_for_the_next(
+async def test_an_engine_lost_while_answering_is_not_mistaken_for_the_next(
     peer: Any, server: Server
 ) -> None:
     await captured(peer, server)
@@ -194,9 +196,7 @@ async def test_an_engine_lost_as_it_answers_is_not_taken_for_the_next(
     assert names(server) == ["1", "2", "3"]
 
 
-async def test_cameras_that_are_gone_with_the_engine_leave_the_views(
-    peer: Any, server: Server
-) -> None:
+async def test_cameras_lost_with_the_engine_leave_the_views(peer: Any, server: Server) -> None:
     await captured(peer, server)
     server.calibrating.session.source = "missing"
     peer.lose()
@@ -209,7 +209,7 @@ async def test_cameras_that_are_gone_with_the_engine_leave_the_views(
 # --- views ----------------------------------------------------------------------------------
 
 
-async def test_views_are_captured_taken_back_and_removed(peer: Any, server: Server) -> None:
+async def test_views_are_captured_undone_and_removed(peer: Any, server: Server) -> None:
     with pytest.raises(Conflict, match="start one first"):
         await server.calibrating.change(CAPTURE)
     await server.calibrating.begin(CAMERAS, BOARD)
@@ -231,7 +231,7 @@ async def test_views_are_captured_taken_back_and_removed(peer: Any, server: Serv
     assert names(server) == ["1"]
 
 
-async def test_what_is_seen_is_in_the_status(peer: Any, server: Server) -> None:
+async def test_the_status_shows_the_board_detection(peer: Any, server: Server) -> None:
     # Looks of a session that is over are ignored.
     peer.look()
     assert status(server).calibrating is None
@@ -250,7 +250,7 @@ async def test_what_is_seen_is_in_the_status(peer: Any, server: Server) -> None:
 # --- left and right -------------------------------------------------------------------------
 
 
-async def test_swapping_turns_the_views_round_and_forgets_the_result(
+async def test_swapping_cameras_swaps_the_views_and_drops_the_result(
     peer: Any, computing: Computing, server: Server
 ) -> None:
     with pytest.raises(Conflict, match="start one first"):
@@ -280,7 +280,7 @@ async def test_swapping_turns_the_views_round_and_forgets_the_result(
     assert begin_requests(peer)[-1].views == again.views
 
 
-async def test_what_cannot_be_swapped_stays_as_it_is(
+async def test_a_failed_swap_changes_nothing(
     peer: Any, monkeypatch: pytest.MonkeyPatch, server: Server
 ) -> None:
     def unplugged(_: BeginCalibration) -> Any:

@@ -1,4 +1,4 @@
-"""The rig's file: written whole, and never overwritten if it is somebody's work."""
+"""The rig's file: written whole, and never overwritten if someone wrote it by hand."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def loaded(path: Path | None) -> RigStore:
     return store
 
 
-def test_what_is_kept_is_found_again(path: Path) -> None:
+def test_a_saved_rig_is_loaded_again(path: Path) -> None:
     store = loaded(path)
     assert store.rig.mount.values() == {}
     store.keep(FULL)
@@ -47,7 +47,7 @@ def test_what_is_kept_is_found_again(path: Path) -> None:
     assert [each.name for each in path.parent.iterdir()] == ["rig.yaml"]
 
 
-def test_without_a_file_it_lives_in_memory() -> None:
+def test_without_a_file_the_rig_is_kept_in_memory() -> None:
     store = loaded(None)
     store.keep(FULL)
     assert store.rig is FULL
@@ -57,12 +57,12 @@ def test_without_a_file_it_lives_in_memory() -> None:
     "content",
     [b"mount: {height_m: 9}\n", b"mount: [", b"\xff\xfe\x00", b"a: &a [1]\nb: *a\n", b"x: 1\n"],
 )
-def test_what_cannot_be_read_is_told_and_put_aside(path: Path, content: bytes) -> None:
+def test_an_unreadable_file_is_reported_and_moved_aside_on_save(path: Path, content: bytes) -> None:
     path.parent.mkdir()
     path.write_bytes(content)
     store = RigStore(path)
     assert "the rig is unknown" in (store.load() or "")
-    # It stays in place until somebody saves a rig.
+    # It stays in place until a rig is saved.
     assert path.read_bytes() == content
     store.keep(FULL)
     assert path.with_name("rig.yaml.unreadable").read_bytes() == content
@@ -77,7 +77,7 @@ def test_what_cannot_be_read_is_told_and_put_aside(path: Path, content: bytes) -
     assert len(list(path.parent.iterdir())) == 3
 
 
-def test_a_folder_in_its_place_is_refused_and_the_old_rig_stays(path: Path) -> None:
+def test_a_folder_in_place_of_the_file_is_refused_and_the_old_rig_stays(path: Path) -> None:
     path.mkdir(parents=True)
     store = RigStore(path)
     assert "cannot be read" in (store.load() or "")
@@ -86,7 +86,9 @@ def test_a_folder_in_its_place_is_refused_and_the_old_rig_stays(path: Path) -> N
     assert store.rig is not FULL
 
 
-def test_a_full_disk_leaves_the_old_file_whole(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_the_old_file_intact(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     store = loaded(path)
     store.keep(FULL)
     before = path.read_text()
@@ -102,7 +104,7 @@ def test_a_full_disk_leaves_the_old_file_whole(path: Path, monkeypatch: pytest.M
     assert [each.name for each in path.parent.iterdir()] == ["rig.yaml"]
 
 
-def test_a_change_leaves_what_it_does_not_name(path: Path) -> None:
+def test_a_change_keeps_values_it_does_not_name(path: Path) -> None:
     store = loaded(path)
     store.keep(FULL)
     rig = store.changed(
@@ -137,7 +139,7 @@ def test_a_value_out_of_range_names_its_key(key: str) -> None:
         assert rig.mount.values()[key].value == value
 
 
-def test_a_file_that_somebody_sent() -> None:
+def test_an_uploaded_file_is_parsed_or_refused() -> None:
     store = RigStore(None)
     store.keep(FULL)
     parsed = store.parsed(store.text)

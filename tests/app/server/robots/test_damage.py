@@ -63,14 +63,14 @@ def hold(folder: Path, content: bytes) -> None:
 
 @examples(100)
 @given(data=st.data())
-def test_a_damaged_record_is_left_out_or_listed(
+def test_a_damaged_record_is_skipped_or_listed(
     folder: Path, whole: bytes, data: st.DataObject
 ) -> None:
     hold(folder, data.draw(damaged([whole], PIECES) | damaged_json(json.loads(whole), WORDS)))
 
 
 @pytest.mark.parametrize("time", ["0001-01-01T00:00:00+23:59", "9999-12-31T23:59:59-23:59", "x"])
-def test_a_record_of_no_time_is_left_out(folder: Path, whole: bytes, time: str) -> None:
+def test_a_record_with_an_invalid_time_is_skipped(folder: Path, whole: bytes, time: str) -> None:
     hold_none(folder, whole.replace(NOW.encode(), time.encode()))
 
 
@@ -78,7 +78,7 @@ def test_a_record_of_no_time_is_left_out(folder: Path, whole: bytes, time: str) 
 @given(content=hostile_bytes(PIECES))
 @example(b"[" * 100_000)
 @example(b'{"started_at": ' + b"9" * 5000 + b"}")
-def test_what_is_no_record_is_left_out(folder: Path, content: bytes) -> None:
+def test_an_invalid_record_is_skipped(folder: Path, content: bytes) -> None:
     hold_none(folder, content)
 
 

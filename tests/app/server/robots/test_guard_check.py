@@ -79,7 +79,7 @@ def states(check: GuardCheck) -> list[str]:
     return [step.state for step in check.steps]
 
 
-def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
+def test_each_step_accepts_the_first_stop_of_its_kind_from_motion() -> None:
     check = start_check()
     assert [step.name for step in check.steps] == [
         "walk_in", "cover_lens", "unplug", "close_browser",
@@ -120,7 +120,7 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
         ({"separation_m": 0.05}, "0.05 m from the obstacle: less than the margin of 0.08 m"),
     ],
 )
-def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> None:
+def test_a_stop_that_breaks_the_promise_fails(changes: dict[str, Any], words: str) -> None:
     check = start_check("obstacle")
     assert [step.name for step in check.steps] == ["walk_in", "close_browser"]
     check.stopped(replace(STOP, role="obstacle", **changes), NOW)
@@ -130,7 +130,7 @@ def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> N
     assert check.outcome == "failed"
 
 
-def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
+def test_driving_is_shown_and_skips_and_aborts_name_the_operator() -> None:
     check = start_check()
     check.robot_said(replace(ROBOT, report=replace(REPORT, speed_mps=-0.2)))
     assert states(check)[0] == "driving"
@@ -158,7 +158,7 @@ def ended(outcome: str = "passed", started_at: str = NOW) -> CheckRecord:
     return check.record(circumstances(guard={"guard.margin_m": 0.1}))
 
 
-def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
+def test_a_record_is_dated_complete_and_never_overwritten(tmp_path: Path) -> None:
     records = CheckRecords(tmp_path / "guard-checks")
     assert records.all() == []
     names = [records.save(replace(ended(), started_by=str(n))) for n in range(11)]
@@ -191,7 +191,7 @@ def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
     assert not [each for each in (tmp_path / "guard-checks").iterdir() if each.name[0] == "."]
 
 
-def test_only_records_are_found_whatever_is_asked_for(tmp_path: Path) -> None:
+def test_only_records_are_found_by_any_name(tmp_path: Path) -> None:
     folder = tmp_path / "guard-checks"
     records = CheckRecords(folder)
     records.save(ended())
@@ -213,7 +213,7 @@ def test_only_records_are_found_whatever_is_asked_for(tmp_path: Path) -> None:
         CheckRecords(tmp_path / "file").save(ended())
 
 
-def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
+def test_the_advice_states_when_to_check_again(tmp_path: Path) -> None:
     records = CheckRecords(tmp_path)
     today = datetime.fromisoformat(NOW) + timedelta(days=3)
     assert "not been checked yet" in str(advice(records.newest("observer"), circumstances(), today))
@@ -244,7 +244,7 @@ def checks_at(folder: Path, work: list[Any]) -> CheckManager:
     )
 
 
-async def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> None:
+async def test_an_unwritable_record_is_not_lost(tmp_path: Path) -> None:
     work: list[Any] = []
     in_the_way = tmp_path / "guard-checks"
     in_the_way.write_text("")
@@ -273,7 +273,7 @@ async def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> No
     checks.start("observer", None, "Anna")
 
 
-async def test_the_servers_end_keeps_what_there_is(tmp_path: Path) -> None:
+async def test_closing_the_server_saves_an_unfinished_check(tmp_path: Path) -> None:
     checks = checks_at(tmp_path, [])
     await checks.close()
     checks.start("observer", None, "Anna")

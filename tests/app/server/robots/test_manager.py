@@ -59,7 +59,7 @@ async def server(peer: Any, drive: Any, storage: Storage) -> AsyncIterator[Serve
         yield server
 
 
-def test_robots_belong_to_the_world_that_is_seen() -> None:
+def test_robots_belong_to_the_observed_world() -> None:
     assert wanted_robots(shows("simulated:lab/1", OWN), RIG) == {
         "observer": ConnectRobot(
             "observer", "socket://127.0.0.1:5001", "amigo-sh", "simulated:lab/1", "the observer"
@@ -97,7 +97,7 @@ async def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage:
         assert len(drive.commands) == told
 
 
-async def test_a_lost_engine_keeps_the_robots_and_the_next_one_brings_others(
+async def test_a_lost_engine_keeps_the_robots_until_the_next_engine(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
@@ -112,7 +112,7 @@ async def test_a_lost_engine_keeps_the_robots_and_the_next_one_brings_others(
         assert len(drive.of(ConnectRobot)) == 4
 
 
-async def test_the_guard_is_told_first_and_of_every_change(
+async def test_guard_parameters_are_sent_first_and_on_every_change(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
     names = [name for name in AllParameters().flat() if name.startswith("guard.")]
@@ -139,7 +139,7 @@ async def test_the_guard_is_told_first_and_of_every_change(
         assert server.driving.warnings == ["guard.speed_max_mps is too high"]
 
 
-async def test_what_cannot_be_connected_is_said_and_not_repeated(
+async def test_a_refused_connection_is_reported_and_not_retried(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
@@ -161,7 +161,7 @@ async def test_what_cannot_be_connected_is_said_and_not_repeated(
         assert server.driving.warnings == []
 
 
-async def test_a_robot_that_does_not_answer_is_asked_again(
+async def test_an_unresponsive_robot_is_retried(
     peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("app.server.robots.connecting._RETRY_S", 0.02)
@@ -176,7 +176,7 @@ async def test_a_robot_that_does_not_answer_is_asked_again(
         assert server.driving.warnings == []
 
 
-async def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_more(
+async def test_an_unresponsive_robot_is_disconnected_when_no_longer_wanted(
     peer: Any, drive: Any, storage: Storage
 ) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
@@ -191,7 +191,7 @@ async def test_a_robot_that_did_not_answer_is_let_go_where_it_is_not_wanted_any_
         await until(lambda: server.driving.warnings == [])
 
 
-async def test_a_stop_while_another_one_is_reset_holds(drive: Any, server: Server) -> None:
+async def test_a_stop_during_a_reset_holds(drive: Any, server: Server) -> None:
     await until(lambda: drive.health.alive)
     await server.driving.stop_robots("Anna")
     request = drive.request
@@ -211,9 +211,7 @@ async def test_a_stop_while_another_one_is_reset_holds(drive: Any, server: Serve
     assert drive.stopped.by == "Bert"
 
 
-async def test_a_stop_that_nobody_heard_is_told_the_next_process(
-    drive: Any, server: Server
-) -> None:
+async def test_an_undelivered_stop_is_sent_to_the_next_process(drive: Any, server: Server) -> None:
     await until(lambda: drive.health.alive)
     drive.lose()
     with pytest.raises(NotAvailable, match="starts in the stopped state"):
@@ -230,7 +228,7 @@ async def test_a_stop_that_nobody_heard_is_told_the_next_process(
     assert drive.stopped is None
 
 
-async def test_the_robots_stop_before_anything_else_ends(
+async def test_the_drive_process_stops_before_the_engine(
     peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order: list[str] = []
@@ -248,7 +246,7 @@ async def test_the_robots_stop_before_anything_else_ends(
     assert order == ["drive", "engine"]
 
 
-def test_the_newest_samples_are_kept_by_number() -> None:
+def test_the_newest_samples_are_numbered_and_kept() -> None:
     log = WheelLog()
     for number in range(501):
         event = WheelSpeedEvent("observer", float(number), 0.3, 0.25)
@@ -279,7 +277,7 @@ async def test_a_driven_roles_command_is_written_once(
     }
 
 
-def test_incidents_have_the_time_of_day_and_the_newest_twenty_stay() -> None:
+def test_incidents_have_wall_clock_times_and_the_newest_twenty_stay() -> None:
     incidents = Incidents(lambda: 100.0, lambda: None)
     for number in range(25):
         incidents.take(IncidentEvent("observer", "fault", f"number {number}", 90.0, None))
@@ -290,7 +288,7 @@ def test_incidents_have_the_time_of_day_and_the_newest_twenty_stay() -> None:
     assert incidents.newest[-1].sentence == "number 24"
 
 
-def test_incidents_are_kept_with_their_run_and_go_with_it(storage: Storage) -> None:
+def test_incidents_are_stored_with_their_run_and_deleted_with_it(storage: Storage) -> None:
     storage.open()
     record = storage.create_run(name="a", source="b", parameters={}, versions={})
     at = "2026-01-01T00:00:00.000+00:00"
@@ -312,7 +310,7 @@ def test_incidents_are_kept_with_their_run_and_go_with_it(storage: Storage) -> N
         storage.append_stop(number, "observer", known)
 
 
-async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
+async def test_a_stop_is_stored_in_its_incidents_run_even_after_its_end(
     drive: Any, server: Server
 ) -> None:
     first = (await begin(server)).id
@@ -351,7 +349,7 @@ async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
     assert (other.sentence, other.stops) == ("a wheel stalled", {})
 
 
-async def test_what_wheels_tell_is_kept_while_no_frame_comes(
+async def test_wheel_speeds_are_stored_while_no_frames_arrive(
     peer: Any, drive: Any, storage: Storage, server: Server
 ) -> None:
     record = await begin(server)
@@ -366,7 +364,7 @@ async def test_what_wheels_tell_is_kept_while_no_frame_comes(
     assert told > 1
 
 
-async def test_a_lease_that_comes_after_its_operator_left_is_given_back() -> None:
+async def test_a_lease_granted_after_its_operator_left_is_released() -> None:
     asked: list[Any] = []
     answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
 
@@ -387,7 +385,7 @@ async def test_a_lease_that_comes_after_its_operator_left_is_given_back() -> Non
     assert operators.holder("observer") is None
 
 
-def test_every_operator_has_a_name_of_their_own() -> None:
+def test_every_operator_gets_a_unique_name() -> None:
     async def ask(_: Any) -> dict[str, Any]:
         return {}
 
@@ -398,7 +396,7 @@ def test_every_operator_has_a_name_of_their_own() -> None:
     assert len(set(names)) == len(given)
 
 
-def test_what_is_told_is_json() -> None:
+def test_messages_are_valid_json() -> None:
     report = RobotReport(
         RobotPhase.CONNECTED, speed_mps=float("nan"), battery_v=float("inf"), warnings=("x",)
     )

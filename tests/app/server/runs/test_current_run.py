@@ -15,7 +15,7 @@ from app.server.writer import Writer
 from app.storage import RunState, Storage, StorageBusy
 
 
-def test_rows_are_written_once_although_the_database_was_locked(
+def test_rows_are_written_once_despite_a_locked_database(
     storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     storage.open()
@@ -46,7 +46,7 @@ def test_rows_are_written_once_although_the_database_was_locked(
     assert writer.dropped == 0
 
 
-def test_a_run_lasts_as_long_as_it_does_whatever_the_time_of_day_does(storage: Storage) -> None:
+def test_a_run_duration_is_independent_of_the_wall_clock(storage: Storage) -> None:
     storage.open()
     record = storage.create_run(name="a", source="b", parameters={}, versions={})
     # As if the wall clock suddenly went back an hour.
@@ -78,9 +78,7 @@ def test_a_coasting_obstacle_is_a_gap(peer: Any) -> None:
     ]
 
 
-def test_the_length_is_what_was_observed_and_not_how_long_it_took(
-    storage: Storage, peer: Any
-) -> None:
+def test_the_length_is_source_time_not_elapsed_time(storage: Storage, peer: Any) -> None:
     storage.open()
     record = storage.create_run(name="a", source="b", parameters={}, versions={})
     run = CurrentRun(record, storage, Writer(), lambda: 0.0)
@@ -97,7 +95,7 @@ def test_the_length_is_what_was_observed_and_not_how_long_it_took(
     for k in range(21):
         observed(3.0 + k / 20, 100.0 + k / 2)
     assert (run.snapshot().begin_s, run.snapshot().duration_s) == pytest.approx((3.0, 1.0))
-    # The next engine opens the source anew: its clock begins again.
+    # The next engine reopens the source: its clock starts over.
     run.resumed(1)
     for k in range(11):
         observed(k / 20, 120.0 + k / 2, segment=1)

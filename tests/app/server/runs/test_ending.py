@@ -14,7 +14,7 @@ from app.server.writer import Writer
 from app.storage import RunRecord, RunState, Storage, StorageFull, StorageMissing
 
 
-async def test_an_end_without_room_is_written_once_there_is(
+async def test_a_run_end_is_written_once_there_is_room(
     storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     storage.open()
@@ -45,7 +45,7 @@ async def test_an_end_without_room_is_written_once_there_is(
     assert (refusals[0], found.state) == (0, RunState.FINISHED)
 
 
-async def test_what_more_room_does_not_help_is_not_tried_again() -> None:
+async def test_an_error_other_than_a_full_disk_is_not_retried() -> None:
     tries: list[str] = []
 
     def missing() -> RunRecord:

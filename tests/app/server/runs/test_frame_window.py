@@ -43,7 +43,7 @@ def content(count: int) -> bytes:
         ((99, None, 3), (), 1),
     ],
 )
-def test_a_window_is_told_as_it_is_kept(
+def test_a_window_contains_the_stored_frames(
     window: tuple[int, int | None, int | None], numbers: tuple[int, ...], every: int
 ) -> None:
     whole = json.loads(content(10))

@@ -1,4 +1,4 @@
-"""The current run: begun, ended, refused."""
+"""The current run: started, ended, refused."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ async def test_a_recordings_run_ends_with_the_recording(peer: Any, server: Serve
     found = await server.runs.archive.find(record.id)
     assert (found.state, found.frames) == (RunState.FINISHED, 1)
     assert peer.playback["loop"] is True
-    # The simulated lab runs until somebody ends it.
+    # The simulated lab runs until the run is stopped.
     await begin(server, source="simulated:lab")
     assert peer.opened.loop is True
 
 
-async def test_one_run_at_a_time_also_when_asked_at_once(server: Server) -> None:
+async def test_concurrent_requests_start_only_one_run(server: Server) -> None:
     results = await asyncio.gather(*(begin(server) for _ in range(4)), return_exceptions=True)
     assert sum(isinstance(result, Conflict) for result in results) == 3
     assert len(await server.runs.archive.newest()) == 1
 
 
-async def test_a_run_snapshots_what_it_was_made_with(storage: Storage, server: Server) -> None:
+async def test_a_run_snapshots_its_configuration(storage: Storage, server: Server) -> None:
     record = await begin(server, preset="paper", parameters={"flow.window_px": 9})
     assert record.preset is None
     assert record.parameters["flow.window_px"] == 9
@@ -48,7 +48,7 @@ async def test_a_run_snapshots_what_it_was_made_with(storage: Storage, server: S
     assert [change.difference for change in changes][-1] == {"flow.window_px": 11}
 
 
-async def test_bad_parameters_start_no_run_and_stay_out(peer: Any, server: Server) -> None:
+async def test_bad_parameters_start_no_run_and_are_not_applied(peer: Any, server: Server) -> None:
     with pytest.raises(ParameterError):
         await begin(server, parameters={"flow.window_px": 1000})
     with pytest.raises(FieldError):
@@ -57,7 +57,7 @@ async def test_bad_parameters_start_no_run_and_stay_out(peer: Any, server: Serve
     assert len(opens(peer)) == 1
 
 
-async def test_a_run_that_has_ended_gives_back_its_memory(
+async def test_an_ended_run_returns_its_memory(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     returned: list[bool] = []

@@ -44,7 +44,7 @@ def _record(path: Path, *, finished: bool) -> None:
     source.close()
 
 
-def test_a_run_of_before_lengths_were_kept_gets_that_of_its_recording(storage: Storage) -> None:
+def test_an_old_run_without_a_length_gets_that_of_its_recording(storage: Storage) -> None:
     storage.open()
     old = storage.create_run(name="old", source="s", parameters={}, versions={})
     storage.update_run(old.id, frames=FRAMES, state=RunState.FINISHED)

@@ -51,7 +51,7 @@ def record(storage: Storage) -> RunRecord:
     return storage.create_run(name="a", source="b", parameters={}, versions={})
 
 
-def test_no_row_is_lost_however_often_the_database_is_locked(
+def test_no_row_is_lost_when_the_database_is_repeatedly_locked(
     storage: Storage, record: RunRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lock = Locked(storage, monkeypatch)
@@ -72,7 +72,7 @@ def test_no_row_is_lost_however_often_the_database_is_locked(
     assert (kept.state, kept.reason, kept.ended_at) == (RunState.FINISHED, None, ended.ended_at)
 
 
-def test_while_a_write_is_tried_again_no_further_one_is_queued(
+def test_no_write_is_queued_during_a_retry(
     storage: Storage, record: RunRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lock = Locked(storage, monkeypatch)
@@ -92,7 +92,7 @@ def test_while_a_write_is_tried_again_no_further_one_is_queued(
     assert writer.dropped == 0
 
 
-def test_the_oldest_rows_make_place_and_the_run_says_so(
+def test_the_oldest_rows_are_dropped_and_the_run_reports_it(
     storage: Storage, record: RunRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(CurrentRun, "most_rows", 30)

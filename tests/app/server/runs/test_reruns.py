@@ -77,7 +77,7 @@ async def rerun(server: Server, run_id: str, **more: Any) -> RunRecord:
     return await server.runs.rerun(run_id, **given | more)
 
 
-async def test_nothing_that_is_live_changes(server: Server, workers: Workers, peer: Any) -> None:
+async def test_a_rerun_changes_nothing_live(server: Server, workers: Workers, peer: Any) -> None:
     original = await recorded(server)
     opened, before = len(opens(peer)), server.parameters.current
     again = await rerun(server, original.id, preset="paper")
@@ -108,7 +108,7 @@ async def test_nothing_that_is_live_changes(server: Server, workers: Workers, pe
     assert [each.run_id for each in opens(peer)[opened:]] == [live.id]
 
 
-async def test_its_parameters_are_the_runs_own_and_wrong_ones_are_refused(
+async def test_a_rerun_starts_from_the_runs_parameters_and_refuses_bad_ones(
     server: Server, workers: Workers
 ) -> None:
     original = await recorded(server)
@@ -123,7 +123,7 @@ async def test_its_parameters_are_the_runs_own_and_wrong_ones_are_refused(
     assert len(workers.jobs) <= 1
 
 
-async def test_one_after_the_other_and_a_robot_goes_first(
+async def test_reruns_run_one_at_a_time_and_yield_to_an_armed_robot(
     server: Server, workers: Workers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     original = await recorded(server)
@@ -146,7 +146,7 @@ async def test_one_after_the_other_and_a_robot_goes_first(
     assert not workers.held()
 
 
-async def test_what_is_cancelled_leaves_nothing(server: Server, workers: Workers) -> None:
+async def test_a_cancelled_rerun_leaves_nothing(server: Server, workers: Workers) -> None:
     original = await recorded(server)
     first, second = await rerun(server, original.id), await rerun(server, original.id)
     await until(lambda: workers.jobs)
@@ -160,7 +160,7 @@ async def test_what_is_cancelled_leaves_nothing(server: Server, workers: Workers
     assert (await server.runs.archive.find(second.id)).state is RunState.FINISHED
 
 
-async def test_one_that_fails_says_why(server: Server, workers: Workers) -> None:
+async def test_a_failed_rerun_states_the_reason(server: Server, workers: Workers) -> None:
     original = await recorded(server)
     workers.refusal = "recording.mcap is damaged"
     workers.done.set()
@@ -170,7 +170,7 @@ async def test_one_that_fails_says_why(server: Server, workers: Workers) -> None
     assert (ended.state, ended.reason) == (RunState.FAILED, workers.refusal)
 
 
-async def test_it_is_interrupted_with_the_server(
+async def test_a_rerun_is_interrupted_when_the_server_stops(
     peer: Any, storage: Storage, workers: Workers, tmp_path: Path
 ) -> None:
     async with started(peer, storage) as server:

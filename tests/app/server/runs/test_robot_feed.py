@@ -38,14 +38,14 @@ def _goal(state: str) -> GoalNow:
     return GoalNow(state, "", (1.0, 0.0), 1.0, 0.5, [(0.1, 0.0)], 1e-3, 0.0, None, None)  # type: ignore[arg-type]
 
 
-def test_a_goal_is_kept_to_its_end_and_not_beyond() -> None:
+def test_a_goal_is_recorded_until_its_end_only() -> None:
     lab = Lab()
     states = [None, "driving", "driving", "reached", "reached", "driving", "ended", "ended", None]
     kept = [None, "driving", "driving", "reached", None, "driving", "ended", None, None]
     assert [lab.hear(state) for state in states] == kept
 
 
-def test_the_end_of_an_earlier_goal_is_not_kept() -> None:
+def test_the_end_of_an_earlier_goal_is_not_recorded() -> None:
     lab = Lab()
     assert lab.hear("reached") is None
     assert lab.hear("driving") == "driving"

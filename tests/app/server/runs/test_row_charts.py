@@ -40,6 +40,6 @@ def test_each_track_is_a_curve_and_gaps_are_gaps() -> None:
     assert len(truth.times) == len(truth.speeds)
 
 
-def test_a_run_of_which_nothing_is_known_has_an_empty_chart() -> None:
+def test_a_run_without_rows_has_an_empty_chart() -> None:
     assert chart_of_rows([]).curves == []
     assert chart_of_rows([]).aligned is False

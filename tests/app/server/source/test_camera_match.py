@@ -46,7 +46,7 @@ def state(*devices: str, focus: str = "0", live: bool = True) -> StateEvent:
     )
 
 
-def test_the_newest_calibration_of_the_named_cameras_is_taken(opened: Storage) -> None:
+def test_the_newest_calibration_of_the_named_cameras_is_used(opened: Storage) -> None:
     kept(opened, "older", LEFT, RIGHT)
     newer = kept(opened, "newer", LEFT, RIGHT)
     kept(opened, "others", LEFT, "http://10.0.0.3/v")
@@ -61,7 +61,7 @@ def test_the_newest_calibration_of_the_named_cameras_is_taken(opened: Storage) -
         assert make_opening(opened, other, None).calibration is None
 
 
-def test_other_cameras_swapped_ones_and_another_focus_are_told(opened: Storage) -> None:
+def test_other_or_swapped_cameras_and_focus_changes_give_warnings(opened: Storage) -> None:
     record = kept(opened, "stereo.yaml", LEFT, RIGHT)
     assert camera_match_warnings(state(LEFT, RIGHT), record) == []
     (swapped,) = camera_match_warnings(state(RIGHT, LEFT), record)
@@ -74,7 +74,7 @@ def test_other_cameras_swapped_ones_and_another_focus_are_told(opened: Storage) 
     assert "focus 0 of the left camera, which is now 35" in focus[0]
 
 
-def test_nothing_is_said_where_nothing_is_bound(opened: Storage) -> None:
+def test_unbound_calibrations_give_no_warnings(opened: Storage) -> None:
     record = kept(opened, "stereo.yaml", LEFT, RIGHT)
     unbound = opened.save_calibration("uploaded", name="uploaded")
     assert camera_match_warnings(state(LEFT, RIGHT), None) == []
@@ -82,7 +82,7 @@ def test_nothing_is_said_where_nothing_is_bound(opened: Storage) -> None:
     assert camera_match_warnings(state(LEFT, RIGHT, live=False), record) == []
 
 
-def test_a_kept_run_is_a_source_by_its_id(opened: Storage) -> None:
+def test_a_recorded_run_is_a_source_by_its_id(opened: Storage) -> None:
     run = opened.create_run(name="a", source="b", parameters={}, versions={})
     with pytest.raises(FieldError, match=r"was not recorded|no run"):
         make_opening(opened, f"run:{run.id}", None)

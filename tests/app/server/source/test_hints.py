@@ -30,7 +30,7 @@ def test_every_kind_can_be_chosen_and_is_named_in_every_hint() -> None:
     assert "coppeliasim:HOST:PORT" in str(unknown.value)
 
 
-def test_every_scenario_is_offered_and_a_newcomer_s_come_first() -> None:
+def test_every_scenario_is_listed_with_beginners_scenarios_first() -> None:
     entries = [entry for entry in source_entries() if entry.spec.startswith("simulated:")]
     names = [entry.spec.removeprefix("simulated:") for entry in entries]
     assert sorted(names) == sorted(scenario_names())
@@ -38,7 +38,7 @@ def test_every_scenario_is_offered_and_a_newcomer_s_come_first() -> None:
     assert all(entry.picture and not entry.template for entry in entries)
 
 
-def test_a_scenario_with_a_board_brings_it_along() -> None:
+def test_a_scenario_with_a_board_lists_it() -> None:
     boards = {entry.spec: entry.board for entry in source_entries() if entry.board is not None}
     assert set(boards) == {"simulated:calibration", "simulated:calibration_charuco"}
     for spec, board in boards.items():
@@ -52,7 +52,7 @@ def test_a_scenario_with_a_board_brings_it_along() -> None:
         )
 
 
-def test_what_was_opened_lately_is_told_in_its_group() -> None:
+def test_recent_sources_are_listed_in_their_groups() -> None:
     recent = ["/data/KITTI/05", "simulated:people", "run:a1", "simulated:lab?seed=3", "gone:1",
               "rtsp://a/1,rtsp://b/2", "video:/v/l.mp4,/v/r.mp4"]  # fmt: skip
     entries = {entry.spec: entry for entry in source_entries(recent, {"run:a1": "Morning"})}

@@ -24,7 +24,7 @@ def told(server: Server) -> tuple[str, str | None]:
     return source.name, source.before
 
 
-async def test_a_recording_bears_its_runs_name_and_there_is_a_way_back(
+async def test_a_recording_has_its_runs_name_and_can_be_left_again(
     server: Server,
 ) -> None:
     id = await recorded(server)
@@ -47,7 +47,7 @@ async def test_a_recording_bears_its_runs_name_and_there_is_a_way_back(
     await until(lambda: told(server) == ("simulated:lab", None))
 
 
-async def test_the_name_of_a_deleted_run_is_not_told(server: Server) -> None:
+async def test_the_name_of_a_deleted_run_is_not_shown(server: Server) -> None:
     id = await recorded(server)
     path = str(server.storage.folder.run(id).absolute() / "recording.mcap")
     assert server.storage.recording_name(path) == "Recording of Morning"

@@ -10,7 +10,9 @@ from app.storage import Storage
 from ..servers import started, until
 
 
-async def test_the_last_one_is_first_and_all_survive_a_restart(peer: Any, storage: Storage) -> None:
+async def test_the_latest_source_is_first_and_all_survive_a_restart(
+    peer: Any, storage: Storage
+) -> None:
     async with started(peer, storage) as server:
         for spec in ("a/folder", "simulated:people", "a/folder"):
             await server.source.open(spec, None)
@@ -20,7 +22,7 @@ async def test_the_last_one_is_first_and_all_survive_a_restart(peer: Any, storag
         assert [entry.spec for entry in entries if entry.recent == 0] == ["a/folder"]
 
 
-async def test_a_run_is_told_by_its_name_and_not_once_it_is_deleted(
+async def test_a_run_is_listed_by_name_until_it_is_deleted(
     server: Server, storage: Storage
 ) -> None:
     run = storage.create_run(name="Morning", source="b", parameters={}, versions={})
@@ -36,7 +38,7 @@ async def test_a_run_is_told_by_its_name_and_not_once_it_is_deleted(
     assert all(entry.spec != spec for entry in await server.source.recent.entries())
 
 
-async def test_no_password_is_kept(server: Server) -> None:
+async def test_no_password_is_stored(server: Server) -> None:
     before = server.source.recent.specs
     server.source.recent.opened("rtsp://ada:secret@10.0.0.1/a,rtsp://ada:secret@10.0.0.2/b")
     assert server.source.recent.specs == before
@@ -44,7 +46,7 @@ async def test_no_password_is_kept(server: Server) -> None:
     assert server.source.recent.specs[0] == "rtsp://10.0.0.1/a,rtsp://10.0.0.2/b"
 
 
-async def test_damaged_ones_are_left_out(peer: Any, storage: Storage) -> None:
+async def test_damaged_entries_are_skipped(peer: Any, storage: Storage) -> None:
     storage.open()
     storage.set_setting("recent_sources", ["simulated:people", 7, None])
     async with started(peer, storage) as server:

@@ -38,7 +38,7 @@ class Maker:
         return spec.encode()
 
 
-async def test_a_picture_is_made_once_however_many_ask(tmp_path: Path) -> None:
+async def test_a_picture_is_made_once_for_many_requests(tmp_path: Path) -> None:
     make = Maker()
     pictures = Thumbnails(tmp_path / "thumbnails", make)
     asking = [asyncio.ensure_future(pictures.find(each)) for each in (LAB, LAB, PEOPLE)]
@@ -58,7 +58,7 @@ async def test_a_picture_is_made_once_however_many_ask(tmp_path: Path) -> None:
     assert again.asked == []
 
 
-async def test_a_client_that_leaves_ends_the_making_and_the_next_one_begins_anew(
+async def test_a_leaving_client_cancels_the_picture_and_the_next_restarts_it(
     tmp_path: Path,
 ) -> None:
     make = Maker()
@@ -72,7 +72,7 @@ async def test_a_client_that_leaves_ends_the_making_and_the_next_one_begins_anew
     assert await pictures.find(LAB) == b"simulated:lab"
 
 
-async def test_what_has_no_picture_is_not_tried_twice_until_it_changes(tmp_path: Path) -> None:
+async def test_a_source_without_picture_is_not_retried_until_it_changes(tmp_path: Path) -> None:
     make = Maker()
     make.let.set()
     folder = tmp_path / "images"
@@ -91,7 +91,7 @@ async def test_what_has_no_picture_is_not_tried_twice_until_it_changes(tmp_path:
         await pictures.find(replace(LAB, picture=False))
 
 
-async def test_a_full_disk_costs_only_the_keeping(tmp_path: Path) -> None:
+async def test_an_unwritable_cache_still_gives_the_picture(tmp_path: Path) -> None:
     make = Maker()
     make.let.set()
     (tmp_path / "thumbnails").touch()

@@ -17,7 +17,7 @@ from ..servers import opens, until
 
 
 @pytest.mark.parametrize("spec", ["simulated:calibration", "simulated:calibration?seed=3"])
-async def test_it_is_not_opened_at_the_start_and_the_page_is_told(
+async def test_a_source_to_calibrate_is_not_opened_at_start_but_shown(
     peer: Any, storage: Storage, spec: str
 ) -> None:
     server = Server(peer, storage, source=spec)
@@ -36,12 +36,12 @@ async def test_it_is_not_opened_at_the_start_and_the_page_is_told(
         await server.stop()
 
 
-async def test_every_other_source_is_opened(server: Any) -> None:
+async def test_other_sources_are_opened_at_start(server: Any) -> None:
     await until(lambda: server.source.state.state is EngineState.PREVIEW)
     assert status(server).to_calibrate is None
 
 
-def test_it_is_what_is_listed_with_a_board() -> None:
+def test_sources_to_calibrate_are_those_listed_with_a_board() -> None:
     listed = source_entries(())
     boards = {entry.spec for entry in listed if entry.board is not None}
     assert boards == {entry.spec for entry in listed if is_for_calibrating(entry.spec)}

@@ -54,7 +54,9 @@ def children() -> list[psutil.Process]:
     ]
 
 
-def test_it_remembers_until_it_is_lost_and_begins_anew(worker: AlignmentWorker) -> None:
+def test_the_worker_keeps_its_state_until_lost_and_then_starts_over(
+    worker: AlignmentWorker,
+) -> None:
     first = worker.solve(job(0, 4))
     assert first is not None
     assert isinstance(first.state, str)
@@ -82,7 +84,7 @@ def test_it_remembers_until_it_is_lost_and_begins_anew(worker: AlignmentWorker) 
     assert children() == []
 
 
-def test_what_is_ignored_need_not_be_there() -> None:
+def test_ignored_bodies_need_not_exist() -> None:
     aligner = Aligner()
     told = aligner.solve(job(0, 18, Choices(ignore=("P3DX", "hat"), mount=MOUNT)))
     assert isinstance(told.state, Alignment)

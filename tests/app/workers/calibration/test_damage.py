@@ -39,6 +39,6 @@ def read(path: Path) -> None:
        | hostile_bytes((b"PK\x03\x04", b"PK\x05\x06", *WHOLE)))  # fmt: skip
 @example(WHOLE[3])
 @example(packed({"/.png": b"", "left/.png": b"", "left/..png": b"", "right/..png": b""}))
-def test_damage_is_refused_or_leaves_pairs(path: Path, content: bytes) -> None:
+def test_a_damaged_archive_is_refused_or_readable(path: Path, content: bytes) -> None:
     path.write_bytes(content)
     read_or_refused(lambda: read(path), CalibrationError)

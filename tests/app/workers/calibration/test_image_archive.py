@@ -64,7 +64,7 @@ def packed(entries: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> byt
         (["left.png", "right.png"], ["pair"]),
     ],
 )
-def test_what_belongs_together(names: list[str], pairs: list[str]) -> None:
+def test_images_are_paired_by_their_names(names: list[str], pairs: list[str]) -> None:
     found, alone = pair_names(names)
     assert [pair.name for pair in found] == pairs
     assert len(alone) == len(names) - 2 * len(pairs)
@@ -73,14 +73,14 @@ def test_what_belongs_together(names: list[str], pairs: list[str]) -> None:
         assert not set(pair.name) & set("/\\")
 
 
-def test_long_names_stay_different_and_short() -> None:
+def test_long_names_are_shortened_but_stay_distinct() -> None:
     names = [f"{side}/{'x' * 300}{end}.png" for side in ("left", "right") for end in "ab"]
     found, _ = pair_names(names)
     assert len({pair.name for pair in found}) == 2
     assert all(len(pair.name) < 120 for pair in found)
 
 
-def test_an_archive_tells_pairs_and_what_it_leaves_out(zipped: Any) -> None:
+def test_an_archive_lists_pairs_and_skipped_files(zipped: Any) -> None:
     more = {
         "left/2.png": b"alone",
         "notes.txt": b"x",
@@ -159,7 +159,7 @@ DANGEROUS: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("name", DANGEROUS)
-def test_what_is_dangerous_or_useless_is_refused(name: str, zipped: Any) -> None:
+def test_dangerous_or_useless_archives_are_refused(name: str, zipped: Any) -> None:
     entries, words = DANGEROUS[name]
     path = zipped(entries() if callable(entries) else entries)
     tracemalloc.start()
@@ -176,7 +176,7 @@ def test_what_is_dangerous_or_useless_is_refused(name: str, zipped: Any) -> None
     assert len(str(refused.value)) < 300
 
 
-def test_many_that_grow_a_little_are_too_much_together(
+def test_many_moderately_compressed_entries_are_refused_by_their_sum(
     zipped: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(image_archive, "MAX_EXPANDED_BYTES", 2**20)
@@ -187,7 +187,7 @@ def test_many_that_grow_a_little_are_too_much_together(
         ImageArchive(zipped(entries))
 
 
-def test_an_entry_that_grows_beyond_an_image_is_not_read_on(
+def test_reading_stops_at_an_entry_larger_than_an_image(
     zipped: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(image_archive, "MAX_IMAGE_BYTES", 2**20)

@@ -142,7 +142,7 @@ async def test_boards_are_found_in_an_archive(tmp_path: Path) -> None:
     assert len(heard) >= 7
 
 
-async def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
+async def test_an_impossible_job_is_refused_with_a_reason(tmp_path: Path) -> None:
     R, t = poses()[0]
     other = archive_of(
         tmp_path / "a.zip",
@@ -169,7 +169,7 @@ async def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
 # --- ends -----------------------------------------------------------------------------------
 
 
-async def test_a_worker_that_dies_is_one_sentence() -> None:
+async def test_a_dying_worker_is_reported() -> None:
     doing = asyncio.create_task(work(endless(), lambda _: None))
     (await worker()).kill()
     with pytest.raises(
@@ -178,7 +178,9 @@ async def test_a_worker_that_dies_is_one_sentence() -> None:
         await doing
 
 
-async def test_a_worker_that_breaks_is_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
+async def test_a_crashing_worker_is_reported_without_its_traceback(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     with pytest.raises(
         CalibrationError, match="the computation ended with exit code 1 without a result"
     ):
@@ -218,7 +220,7 @@ async def test_a_worker_ends_with_its_server(repository: Path, tmp_path: Path) -
     assert alive == []
 
 
-async def test_what_cannot_be_sent_or_started_is_one_sentence(
+async def test_an_unsendable_job_or_unstartable_worker_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def too_large(_: object) -> bytes:

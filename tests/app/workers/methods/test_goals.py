@@ -75,7 +75,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_each_frame_tells_the_goal_of_its_instant(recording: Path) -> None:
+def test_each_frame_has_the_goal_of_its_time(recording: Path) -> None:
     with Recording(recording) as opened:
         goals = [entry.goal for entry in run_frames(opened, None).frames]
     assert goals[:3] == [None, _GOAL, replace(_GOAL, elapsed_s=1.1)]

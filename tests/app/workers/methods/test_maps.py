@@ -30,7 +30,7 @@ _CELLS = np.array([[FREE, FREE], [BLOCKED, 0]], np.uint8)
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> RunFrames:
-    """Frames of a camera that stands, two of them with a map."""
+    """Frames of a camera at rest, two of them with a map."""
     path = tmp_path_factory.mktemp("run") / "run.mcap"
     source = open_source("simulated:drive").source
     assert source.calibration is not None
@@ -67,7 +67,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> RunFrames:
         return run_frames(recording, None)
 
 
-def test_a_map_lies_before_the_robot_as_it_saw_it(found: RunFrames) -> None:
+def test_a_map_is_placed_ahead_of_the_robot(found: RunFrames) -> None:
     first, second = found.maps
     assert (first.first, first.last) == (2, 5)
     assert (second.first, second.last) == (6, _FRAMES - 1)
@@ -87,7 +87,7 @@ def test_a_map_lies_before_the_robot_as_it_saw_it(found: RunFrames) -> None:
         ((0, None, 3), []),
     ],
 )
-def test_a_window_has_the_maps_that_count_in_it(
+def test_a_window_has_the_maps_in_effect_in_it(
     found: RunFrames, window: tuple[int, int | None, int | None], first_of_maps: list[int]
 ) -> None:
     content = json_text(plain(found))

@@ -82,7 +82,7 @@ _GOAL = GoalNow(
 )
 
 
-def test_goal_and_path_lie_where_the_robot_is_that_drives_to_them() -> None:
+def test_goal_and_path_are_placed_relative_to_the_robot() -> None:
     """The camera is 0.2 m before the axle, looks down and has gone 3 m and turned left by 90°."""
     mount = CameraMount(1.0, math.radians(20), forward_m=0.2)
     T_level_base = Pose.from_rotvec([0.0, 0.0, math.pi / 2], [3.0, 0.5, 0.0])
@@ -99,7 +99,7 @@ def test_goal_and_path_lie_where_the_robot_is_that_drives_to_them() -> None:
     assert (lost.goal, list(lost.path)) == (None, [])
 
 
-def test_an_ellipse_holds_95_per_cent() -> None:
+def test_an_ellipse_contains_95_per_cent() -> None:
     covariance = np.diag([0.01, 1.0, 0.04])
     plan = Plans(_Recording(None), None).of(  # type: ignore[arg-type]
         frame(0, 0.0), line(Pose.identity(), [0, 0, 2], covariance.tolist())
@@ -113,7 +113,7 @@ def test_an_ellipse_holds_95_per_cent() -> None:
     assert inside.mean() == pytest.approx(0.95, abs=0.006)
 
 
-def test_time_goes_on_where_the_source_began_anew_and_a_lost_frame_has_a_plan(
+def test_time_continues_after_a_source_restart_and_lost_frames_have_plans(
     tmp_path: Path,
 ) -> None:
     with Recording(plant_run(tmp_path)) as recording:

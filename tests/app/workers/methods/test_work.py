@@ -59,7 +59,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Compared]:
         cv2.setNumThreads(threads)
 
 
-def test_every_frame_is_observed_by_both(compared: tuple[Path, Compared]) -> None:
+def test_every_frame_is_processed_by_both_methods(compared: tuple[Path, Compared]) -> None:
     folder, done = compared
     assert (done.frames, done.segments, done.begin_s) == (15, (1, 1), 0.0)
     assert done.duration_s == pytest.approx(14 / 15)
@@ -86,7 +86,9 @@ def test_every_frame_is_observed_by_both(compared: tuple[Path, Compared]) -> Non
     assert picture.shape == (256, 1024, 3)
 
 
-def test_the_threads_change_no_result(compared: tuple[Path, Compared], tmp_path: Path) -> None:
+def test_running_methods_in_threads_changes_no_result(
+    compared: tuple[Path, Compared], tmp_path: Path
+) -> None:
     folder, _ = compared
     images = str(folder / "paper" / "recording.mcap")
     compare(_job(tmp_path, ("default",), replace(_JOB, source=images)), _told)
@@ -97,7 +99,7 @@ def test_the_threads_change_no_result(compared: tuple[Path, Compared], tmp_path:
     assert told[0] == told[1]
 
 
-def test_of_a_clip_the_last_seconds_are_taken(
+def test_the_last_seconds_of_a_clip_are_used(
     compared: tuple[Path, Compared], tmp_path: Path
 ) -> None:
     folder, _ = compared
@@ -108,7 +110,7 @@ def test_of_a_clip_the_last_seconds_are_taken(
         assert [frame.index for frame in recording.frames] == [12, 13, 14]
 
 
-def test_what_cannot_be_observed_is_refused(tmp_path: Path) -> None:
+def test_an_unusable_source_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError):
         compare(_job(tmp_path / "a", ("paper",), replace(_JOB, source="nowhere")), _told)
     bare = replace(_JOB, source="simulated:webcams")

@@ -34,7 +34,7 @@ FIRST, SECOND = 10, 5
 def recorded(
     path: Path, lab: OpenedSource, frames: Sequence[StereoFrame], images: Images = "lossless"
 ) -> list[dict[str, Any]]:
-    """Record a run whose engine was replaced: its source began anew. Return its lines."""
+    """Record a run whose engine was replaced: its source was restarted. Return its lines."""
     lines: list[dict[str, Any]] = []
     assert lab.source.calibration is not None
     assert lab.truth is not None
@@ -107,7 +107,7 @@ def test_the_same_parameters_give_the_same_run(
     assert {body["role"] for each in kept for body in each.truth} == {"observer", "obstacle"}
 
 
-def test_other_parameters_are_recorded_with_it(
+def test_other_parameters_are_recorded_with_the_rerun(
     tmp_path: Path, lab: OpenedSource, frames: tuple[StereoFrame, ...]
 ) -> None:
     lines = recorded(tmp_path / "recording.mcap", lab, frames)

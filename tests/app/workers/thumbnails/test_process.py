@@ -21,7 +21,7 @@ def decoded(jpeg: bytes) -> np.ndarray:
     return np.asarray(image)
 
 
-async def test_a_process_makes_the_picture_or_says_why_there_is_none() -> None:
+async def test_a_process_makes_the_picture_or_states_the_reason() -> None:
     made = decoded(await picture("simulated:lab"))
     assert made.shape == (HEIGHT, WIDTH, 3)
     assert made.std() > 20
@@ -37,6 +37,6 @@ def test_a_folder_shows_its_first_image(tmp_path: Path) -> None:
     assert np.abs(made.astype(float) - small).mean() < 5
 
 
-def test_images_of_another_shape_are_cut_to_the_same_size() -> None:
+def test_images_of_another_shape_are_cropped_to_the_same_size() -> None:
     made = decoded(do_job(Picture("simulated:calibration"), lambda *_: None).jpeg)
     assert made.shape == (HEIGHT, WIDTH, 3)

@@ -64,7 +64,7 @@ def test_fisheye_lenses_are_read() -> None:
         (sensor(T_BODY_RIGHT, -459), "intrinsics must be a camera matrix"),
         (RIGHT.replace("T_BS", "T_SB"), "T_BS is missing"),
         (RIGHT.replace("camera_model: pinhole", "camera_model: omni"), "camera_model must be pin"),
-        (RIGHT.replace("0.0, 1.0]", "1.0, 1.0]"), "T_BS must hold a rotation"),
+        (RIGHT.replace("0.0, 1.0]", "1.0, 1.0]"), "T_BS must contain a rotation"),
     ],
 )
 def test_refuses(right: str, expected: str) -> None:

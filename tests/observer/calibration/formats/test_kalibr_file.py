@@ -77,17 +77,17 @@ def test_additional_cameras_are_ignored_with_a_note() -> None:
         ("distortion_model: radtan", "distortion_model: fov", "cam0.distortion_model is 'fov'"),
         ("distortion_model: radtan", "x: radtan", "cam0.distortion_model is missing"),
         ("distortion_coeffs: [0.11, ", "distortion_coeffs: [",
-         "cam1.distortion_coeffs must hold 4 numbers, not 3"),
-        ("[462.0, 463.0", "[462.0, .nan", "cam1.intrinsics must hold finite numbers only"),
+         "cam1.distortion_coeffs must contain 4 numbers, not 3"),
+        ("[462.0, 463.0", "[462.0, .nan", "cam1.intrinsics must contain finite numbers only"),
         ("[462.0, 463.0", "[-462.0, 463.0", "cam1.intrinsics must be a camera matrix with positi"),
         ("resolution: [752, 480]\n  rostopic: /cam1", "resolution: [640, 480]\n  rostopic: /cam1",
          "cam1.resolution is 640x480, but cam0's is 752x480"),
-        ("resolution: [752, 480]", "resolution: [752.5, 480]", "cam0.resolution must hold two who"),
+        ("resolution: [752, 480]", "resolution: [752.5, 480]", "cam0.resolution must contain two"),
         ("  - [0.0, 0.0, 0.0, 1.0]", "", "cam1.T_cn_cnm1 must have shape 4 x 4, not 3 x 4"),
         ("  - [0.0, 0.0, 0.0, 1.0]", "  - [0.0, 0.0, 1.0, 1.0]",
-         "cam1.T_cn_cnm1 must hold a rotation"),
+         "cam1.T_cn_cnm1 must contain a rotation"),
         ("[0.0, 0.0, 0.0, 1.0]", "&a [0.0, 0.0, 0.0, 1.0]", "line 14 uses a YAML alias"),
-        ("cam1:", "cam1: 3\nx:", "cam1 must hold the keys camera_model, intrinsics"),
+        ("cam1:", "cam1: 3\nx:", "cam1 must contain the keys camera_model, intrinsics"),
     ],
 )  # fmt: skip
 def test_refuses(old: str, new: str, expected: str) -> None:
@@ -102,7 +102,7 @@ def test_refuses(old: str, new: str, expected: str) -> None:
 @pytest.mark.parametrize(
     ("chained", "expected"),
     [
-        (chain(R=1.5 * R), "cam1.T_cn_cnm1 must hold a rotation"),
+        (chain(R=1.5 * R), "cam1.T_cn_cnm1 must contain a rotation"),
         (chain(T=0 * T), "cam1.T_cn_cnm1 must not be zero"),
         (
             chain(T=1000 * T),

@@ -10,6 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from observer.calibration.formats.kitti_file import read_kitti_odometry, read_kitti_raw
+from observer.calibration.formats.recognition import read_any
+from observer.calibration.formats.understanding import NamedFile
 from observer.errors import CalibrationError
 
 SIZE = (1392, 512)
@@ -69,8 +71,8 @@ def test_rectified_cameras_2_and_3_subtract_both_offsets(tmp_path: Path) -> None
         ("-350.0", "0.0", "T must not be zero"),
         ("-350.0", "-350000.0", r"in millimetres \(500 mm\), set unit=.mm."),
         ("P1: 700.0", "P1: 701.0", "P0 and P1 must share one camera matrix"),
-        ("P1: 700.0", "P1: inf", "P1 must hold finite numbers"),
-        ("P1: 700.0", "P1:", "P1 must hold 12 numbers, not 11"),
+        ("P1: 700.0", "P1: inf", "P1 must contain finite numbers"),
+        ("P1: 700.0", "P1:", "P1 must contain 12 numbers, not 11"),
     ],
 )
 def test_refuses(old: str, new: str, expected: str, tmp_path: Path) -> None:
@@ -86,3 +88,13 @@ def test_refuses(old: str, new: str, expected: str, tmp_path: Path) -> None:
 def test_refuses_an_unreadable_file(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="cannot be read"):
         read_kitti_odometry(tmp_path / "absent.txt", 0, 1241, 376)
+
+
+def test_a_raw_file_without_sizes_is_refused(cameras: tuple[Path, dict[str, np.ndarray]]) -> None:
+    path, _ = cameras
+    lines = path.read_text().splitlines(keepends=True)
+    colour = "".join(each for each in lines if "_00" not in each and "_01" not in each)
+    with pytest.raises(CalibrationError, match=r"^colour\.txt: S_00 is missing$"):
+        read_any([NamedFile("colour.txt", colour.encode())], cameras="grey")
+    with pytest.raises(CalibrationError, match=r"^K\.txt: S_00 is missing$"):
+        read_any([NamedFile("K.txt", b"K_00: 1.0 2\n")])

@@ -53,13 +53,13 @@ def test_depth_follows_the_documented_formula() -> None:
             r"outside 0.001 to 2 m; .*in metres \(193 mm\)",
         ),
         ("baseline=193.001", "baseline=-193", "must be negative.*swap left and right"),
-        ("baseline=193.001", "baseline=wide", "baseline must hold numbers only, not 'wide'"),
+        ("baseline=193.001", "baseline=wide", "baseline must contain numbers only, not 'wide'"),
         ("width=2964", "width=29.5", "width must be a whole number"),
         ("width=2964", "width=3", "between 8 and 16384 pixels"),
         ("; 0 0 1]\ncam1", "]\ncam1", "cam0 must have three rows, not 2"),
         ("; 0 0 1]\ncam1", "; 0 0 1\ncam1", "cam0 must be a matrix"),
         ("; 0 0 1]\ncam1", "; 0 1]\ncam1", "cam0 must have three numbers in each row"),
-        (f"cam0=[{FOCAL}", "cam0=[nan", "cam0 must hold finite numbers only"),
+        (f"cam0=[{FOCAL}", "cam0=[nan", "cam0 must contain finite numbers only"),
     ],
 )
 def test_refuses(old: str, new: str, expected: str) -> None:

@@ -110,7 +110,7 @@ def test_fisheye_lenses_are_read() -> None:
     assert made.distortion_model == "equidistant"
     assert made.D1.tolist() == [0.01, -0.02, 0.003, 0.001]
     data["cameraData"][1][1]["distortionCoeff"][7] = 1.0
-    with pytest.raises(CalibrationError, match="of a fisheye camera must hold 4 coefficients"):
+    with pytest.raises(CalibrationError, match="of a fisheye camera must contain 4 coefficients"):
         read(data)
 
 
@@ -155,9 +155,9 @@ LEFT = ("cameraData", 1, 1)
          "has 0, 1, 2)"),
         (changed("stereoRectificationData", "leftCameraSocket", to=2), "as both left and right"),
         (changed("stereoRectificationData", "leftCameraSocket", to="a"),
-         "stereoRectificationData.leftCameraSocket must hold numbers only, not 'a'"),
+         "stereoRectificationData.leftCameraSocket must contain numbers only, not 'a'"),
         (changed("cameraData", to=[]), "cameraData has no such camera (it has none)"),
-        (changed("cameraData", 1, to=[1]), "cameraData must hold pairs of [socket, camera]"),
+        (changed("cameraData", 1, to=[1]), "cameraData must contain pairs of [socket, camera]"),
         (changed("cameraData", 1, 0, to=0), "cameraData[0] is given twice"),
         (changed(*LEFT, to=[1]), "cameraData[1] must contain keys with values, not several"),
         (changed(*LEFT, "width", to=320), "cameraData[2] width x height is 640x480, but the left"),
@@ -169,8 +169,8 @@ LEFT = ("cameraData", 1, 1)
         (changed(*LEFT, "intrinsicMatrix", to=np.zeros((3, 3)).tolist()),
          "cameraData[1].intrinsicMatrix must be a camera matrix with positive focal"),
         (changed(*LEFT, "distortionCoeff", to=[1, 2]),
-         "cameraData[1].distortionCoeff must hold 4, 5, 8, 12 or 14"),
-        (changed(*LEFT, "distortionCoeff", 0, to=float("nan")), "must hold finite numbers only"),
+         "cameraData[1].distortionCoeff must contain 4, 5, 8, 12 or 14"),
+        (changed(*LEFT, "distortionCoeff", 0, to=float("nan")), "must contain finite numbers only"),
         (changed(*LEFT, "extrinsics", to=None), "cameraData[1].extrinsics is missing"),
         (changed(*LEFT, "extrinsics", "translation", "x", to=None),
          "cameraData[1].extrinsics.translation.x is missing"),

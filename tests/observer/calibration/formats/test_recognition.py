@@ -221,17 +221,17 @@ WHOLE = exported("opencv")[0].content.decode()
         ((NamedFile("a.mat", b"MATLAB 5.0 MAT-file" + bytes(1_000_000)),), "larger than the 10"),
         (texts("K1: &a [1, 2]\nK2: *a\n"), "line 1 uses a YAML alias"),
         (texts(WHOLE.replace("[ -0.12, ", "[ 0.12, ")), "swap left and right"),
-        (texts(WHOLE.replace("[ -0.12, ", "[ .inf, ")), "T must hold finite numbers only"),
+        (texts(WHOLE.replace("[ -0.12, ", "[ .inf, ")), "T must contain finite numbers only"),
         (texts(WHOLE.replace("[ -0.12, 0.001, 0.002 ]", "[0, 0, 0]")), "T must not be zero"),
         (texts(re.sub(r"(D1.*?)dt: d\n.*?]", r"\1data: [0.1]", WHOLE, count=1, flags=re.DOTALL)),
-         "D1 must hold 1 x 4 numbers, but it holds 1"),
+         "D1 must contain 1 x 4 numbers, but it holds 1"),
         (texts(WHOLE.replace("[ 500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0 ]",
                              "[ 500.0, 0, 0, 0, 501.0, 0, 320, 240, 1.0 ]")),
          "K1 must have the rows fx, 0, cx; 0, fy, cy; 0, 0, 1; it is transposed"),
         (texts(WHOLE + "distortion_model: ds\n"), "distortion_model must be radtan or equidistant"),
         (texts(WHOLE.replace("[ -0.1, 0.02, 0.0, 0.0 ]", "[0.1, 0, 0, 0, 0]")
                .replace("cols: 4", "cols: 5", 1) + "distortion_model: equidistant\n"),
-         "D1 of an equidistant (fisheye) lens must hold 4 coefficients, not 5"),
+         "D1 of an equidistant (fisheye) lens must contain 4 coefficients, not 5"),
     ],
 )  # fmt: skip
 def test_refuses(files: tuple[NamedFile, ...], expected: str) -> None:

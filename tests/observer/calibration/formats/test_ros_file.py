@@ -119,7 +119,7 @@ GOOD = {side: camera_info(side) for side in ("left", "right")}
         (GOOD["left"], camera_info("right", R=2 * np.eye(3)), "rectification_matrix must be a rot"),
         (GOOD["left"], camera_info("right", P=np.zeros((3, 4))), "projection_matrix must have a"),
         (GOOD["left"], camera_info("right", P=np.full((3, 4), np.inf)),
-         "projection_matrix must hold finite numbers only"),
+         "projection_matrix must contain finite numbers only"),
         (GOOD["left"], GOOD["right"].replace("rectification_matrix", "r"), "rectification_matrix "
          "is missing"),
         (GOOD["left"], GOOD["right"].replace("image_height", "h"), "image_height is missing"),

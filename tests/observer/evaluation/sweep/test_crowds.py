@@ -78,7 +78,7 @@ def test_crowd_spec_is_parsed_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kind.digest == sweep_crowd("crowd:kind:.050").digest
     assert kind.digest != sweep_crowd("crowd:hard:0.05").digest
     for spec in ("crowd:", "crowd:soft:0.1", "crowd:hard:many", "crowd:hard:2", "crowd:hard:-0.1"):
-        with pytest.raises(InputError, match="is no crowd; give crowd:hard:DENSITY"):
+        with pytest.raises(InputError, match="is not a crowd; give crowd:hard:DENSITY"):
             sweep_crowd(spec)
     # Later seeds are reserved for the benchmark.
     with pytest.raises(InputError, match="at most 900 runs"):

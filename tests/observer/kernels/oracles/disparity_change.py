@@ -23,7 +23,7 @@ def disparity_change(
     camera: StereoCamera,
     least_px: float,
 ) -> tuple[float, float, Float64Array]:
-    """The constant and its deviation, pixels, and the flow (M,) of the points that tell it."""
+    """The constant and its deviation, pixels, and the flow (M,) of the points that determine it."""
     known = (before_disparity > least_px) & (now_disparity > least_px)
     start, end = before_px[known], now_px[known]
     d0, d1 = before_disparity[known], now_disparity[known]

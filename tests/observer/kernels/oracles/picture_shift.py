@@ -73,7 +73,7 @@ class View:
     ) -> tuple[Float64Array, Float64Array] | None:
         """(2,) place of the middle near ``place``, and its covariance (2, 2), see ``found_in``.
 
-        None if most of it has left the image, or all of it that tells where it is.
+        None if most of it has left the image, or all of it that shows where it is.
 
         Args:
             chosen: (N,) the cells whose differences give the noise.
@@ -135,7 +135,7 @@ class View:
 
     @cached_property
     def _steep(self) -> NDArray[np.bool_]:
-        """(N,) which cells tell where it is.
+        """(N,) which cells show where it is.
 
         On plain clothes in front of a plain wall they are few and differ most: by the noise of
         all cells, just these would be outliers.

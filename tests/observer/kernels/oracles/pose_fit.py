@@ -164,7 +164,7 @@ def linearised(points: SeenPoints, pose: Pose, camera: StereoCamera) -> Linearis
     fu, fv, ga = J[3, 0], J[4, 1], J[5, 2]
     a, b = J[5, 0] / fu, J[5, 1] / fv
     variance = points.variance
-    # Of u, v and disparity, each also by the place: the rows of J are (fu, 0, fu a) and so on.
+    # Of u, v and disparity, each also by the place: the rows of J are (fu, 0, fu a) etc.
     xza, yzb = xz + a * zz, yz + b * zz
     s00 = variance[0] + fu * fu * (xx + a * (xz + xza))
     s11 = variance[1] + fv * fv * (yy + b * (yz + yzb))

@@ -35,7 +35,7 @@ def box_at(ahead: float, nearer: float) -> tuple[RayPoints, np.ndarray]:
 
 
 @pytest.mark.parametrize(("nearer", "floats"), [(1.0, False), (1.5, False), (3.3, True)])
-def test_what_is_far_nearer_than_its_foot_floats(nearer: float, floats: bool) -> None:
+def test_an_object_much_nearer_than_its_foot_floats(nearer: float, floats: bool) -> None:
     points, image = box_at(4.0, nearer)
     _, inverse = off_ground(points, VIEW)
     groups, significance = floating(
@@ -46,7 +46,7 @@ def test_what_is_far_nearer_than_its_foot_floats(nearer: float, floats: bool) ->
     assert (significance > 3).all() == floats
 
 
-def test_the_floor_itself_is_not_clear_of_the_floor() -> None:
+def test_points_on_the_floor_are_not_off_the_ground() -> None:
     rng = np.random.default_rng(0)
     px = np.column_stack([rng.uniform(50, 450, 40), rng.uniform(150, 240, 40)]).astype(np.float32)
     ray = lines_of_sight(px, Pose.identity(), CAMERA)
@@ -56,7 +56,7 @@ def test_the_floor_itself_is_not_clear_of_the_floor() -> None:
     assert not clear.any()
 
 
-def test_what_is_farther_than_the_floor_in_reach_is_left_alone() -> None:
+def test_an_object_beyond_the_floor_in_reach_is_ignored() -> None:
     points, image = box_at(9.0, 3.3)
     _, inverse = off_ground(points, VIEW)
     groups, _ = floating(

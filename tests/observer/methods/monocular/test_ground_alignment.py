@@ -58,7 +58,7 @@ def wrong_guess(T: Pose, ground: GroundPlane, metres: Float64Array) -> Pose:
 
 @pytest.mark.parametrize(("height", "tilt"), [(0.25, 10.0), (0.5, 15.0), (0.9, 25.0)])
 @pytest.mark.parametrize("turn", [0.0, 4.0])
-def test_joints_tell_the_way_to_three_percent(height: float, tilt: float, turn: float) -> None:
+def test_joints_give_the_distance_to_three_percent(height: float, tilt: float, turn: float) -> None:
     ground = ground_of(height, tilt)
     T = driven(ground, 0.12, turn)
     mark = GroundMark(drawn(ground, Pose.identity()), ground, CAMERA)
@@ -71,14 +71,14 @@ def test_joints_tell_the_way_to_three_percent(height: float, tilt: float, turn: 
     assert np.linalg.norm(gap) < 0.006
 
 
-def test_a_bare_ground_tells_no_way() -> None:
+def test_a_bare_ground_gives_no_distance() -> None:
     ground = ground_of(0.5, 15.0)
     T = driven(ground, 0.1)
     mark = GroundMark(drawn(ground, Pose.identity(), 0.0), ground, CAMERA)
     assert mark.aligned(drawn(ground, T, 0.0), T, 0.003) is None
 
 
-def test_another_ground_tells_no_way() -> None:
+def test_a_different_ground_gives_no_distance() -> None:
     ground = ground_of(0.5, 15.0)
     T = driven(ground, 0.1)
     mark = GroundMark(drawn(ground, Pose.identity()), ground, CAMERA)
@@ -86,32 +86,32 @@ def test_another_ground_tells_no_way() -> None:
     assert mark.aligned(other, T, 0.003) is None
 
 
-def test_the_ground_is_followed_from_the_first_view_on() -> None:
+def test_the_ground_is_followed_from_the_first_view() -> None:
     ground = ground_of(0.5, 15.0)
     follower = GroundFollower(drawn(ground, Pose.identity()), ground, CAMERA)
-    told = [
+    measurements = [
         follower.followed(drawn(ground, driven(ground, distance)), np.eye(3), 0.01)
         for distance in (0.01, 0.025, 0.04, 0.06)
     ]
-    assert told[-1] is not None
-    assert told[-1].distance_m == pytest.approx(0.06, rel=0.04)
+    assert measurements[-1] is not None
+    assert measurements[-1].distance_m == pytest.approx(0.06, rel=0.04)
     assert follower.followed(drawn(ground, driven(ground, 0.07)), np.eye(3), 0.0) is None
 
 
-def test_a_map_that_is_too_large_is_told_so_and_the_next_mark_made() -> None:
+def test_the_scale_error_of_a_map_is_measured_once_per_mark() -> None:
     ground = ground_of(0.5, 15.0)
     odometer = GroundOdometer(drawn(ground, Pose.identity()), Pose.identity(), ground, CAMERA)
     now = drawn(ground, driven(ground, 0.13))
     by_map = driven(ground, 0.13 * 1.08)
     assert odometer.measured(now, by_map, 1e-6 * np.eye(6)) is not None
     assert odometer.sees
-    told = odometer.compared(now, by_map)
-    assert told is not None
-    assert told[0] == pytest.approx(-np.log(1.08), abs=0.03)
+    measurement = odometer.compared(now, by_map)
+    assert measurement is not None
+    assert measurement[0] == pytest.approx(-np.log(1.08), abs=0.03)
     assert odometer.compared(now, by_map) is None
 
 
-def test_what_contradicts_the_points_is_not_taken_for_the_ground() -> None:
+def test_motion_that_contradicts_the_points_is_not_taken_for_the_ground() -> None:
     ground = ground_of(0.5, 15.0)
     odometer = GroundOdometer(drawn(ground, Pose.identity()), Pose.identity(), ground, CAMERA)
     # According to the points, the camera certainly stands still.
@@ -136,7 +136,7 @@ def initialized(true_ahead: float, told_ahead: float) -> Initialization | None:
     return initialize_over_ground(points, first, now, motion, CAMERA)
 
 
-def test_points_start_with_depth_over_the_way_that_the_ground_tells() -> None:
+def test_points_start_with_depth_from_the_distance_measured_on_the_ground() -> None:
     start = initialized(0.1, 0.1)
     assert start is not None
     assert np.linalg.norm(start.T_now_first.translation) == pytest.approx(0.1, rel=0.05)
@@ -145,10 +145,10 @@ def test_points_start_with_depth_over_the_way_that_the_ground_tells() -> None:
     assert np.all(np.abs(1 / start.points.inverse[sure] - 3.5) < 2.5)
 
 
-def test_what_drives_ahead_is_not_taken_for_the_ground() -> None:
+def test_a_robot_driving_ahead_is_not_taken_for_the_ground() -> None:
     # A robot covers the ground and drives faster: relative to it the camera moves backwards.
     assert initialized(0.1, -0.1) is None
 
 
-def test_a_way_that_is_too_short_starts_nothing() -> None:
+def test_too_short_a_distance_initializes_nothing() -> None:
     assert initialized(0.02, 0.02) is None

@@ -49,13 +49,13 @@ def test_the_foot_of_a_known_box_is_found_and_placed(ahead: float) -> None:
     assert np.sqrt(placed[1][1, 1]) == pytest.approx(ahead**2 / (443 * 0.4), rel=0.15)
 
 
-def test_there_is_no_floor_above_the_horizon_and_no_edge_on_a_plain_wall() -> None:
+def test_no_floor_above_the_horizon_and_no_edge_on_a_plain_wall() -> None:
     assert ground_place((255.0, 20.0), (1.0, 1.0), VIEW) is None
     plain = np.full((256, 512), 90, np.uint8)
     assert lower_edge(plain, (100.0, 100.0, 150.0, 150.0), 150.0) is None
 
 
-def test_a_wrong_height_or_tilt_moves_places_as_the_covariance_says() -> None:
+def test_a_wrong_height_or_tilt_shifts_positions_as_the_covariance_states() -> None:
     px = foot_px(0.5, 3.0)
     true = ground_place(tuple(px), (1.0, 1.0), VIEW)
     tilted = GroundPlane.below(CameraMount(0.4, np.radians(5.2)))

@@ -49,7 +49,7 @@ def travelled(steps: int, noise: float = 0.05) -> RayPoints:
     return points
 
 
-def test_travelling_sideways_tells_every_depth_as_well_as_it_says() -> None:
+def test_sideways_travel_gives_every_depth_with_its_stated_uncertainty() -> None:
     points = travelled(12)
     true = 1 / np.linalg.norm(PLACES, axis=1)
     error = (points.inverse - true) / np.sqrt(points.variance)
@@ -58,7 +58,7 @@ def test_travelling_sideways_tells_every_depth_as_well_as_it_says() -> None:
     assert 0.2 < np.std(error) < 1.5
 
 
-def test_without_travel_no_depth_is_told() -> None:
+def test_no_depth_is_known_without_travel() -> None:
     points = first_seen()
     turned = Pose.from_rotvec([0.0, 0.1, 0.0], np.zeros(3))
     points = updated(points.but(px=seen_from(turned)), turned, 1e-10 * np.eye(6), 1.0, CAMERA)
@@ -67,7 +67,7 @@ def test_without_travel_no_depth_is_told() -> None:
     np.testing.assert_allclose(points.residual, 0, atol=1e-3)
 
 
-def test_what_moves_leaves_a_residual_across_its_line() -> None:
+def test_moving_points_leave_a_residual_across_their_line() -> None:
     points = travelled(6)
     px = points.px.copy()
     px[:10, 1] += 3
@@ -76,7 +76,7 @@ def test_what_moves_leaves_a_residual_across_its_line() -> None:
     assert np.abs(points.residual[10:, 1]).max() < 0.5
 
 
-def test_a_new_anchor_keeps_place_and_knowledge() -> None:
+def test_reanchoring_preserves_position_and_uncertainty() -> None:
     points = travelled(12)
     T = moved(0.24)
     again = anchored_anew(points, np.ones(120, np.bool_), T.inverse(), CAMERA)
@@ -87,31 +87,31 @@ def test_a_new_anchor_keeps_place_and_knowledge() -> None:
     np.testing.assert_allclose(expected_sightings(again, T, CAMERA).px, again.px, atol=1e-3)
 
 
-def test_the_pose_is_found_from_known_depths_although_some_points_move() -> None:
+def test_the_pose_is_found_from_known_depths_despite_moving_points() -> None:
     points = travelled(12)
     T = Pose.from_rotvec([0.002, 0.03, 0.0], [-0.26, 0.0, -0.02])
     px = seen_from(T, 0.05, 99)
     px[:25] += (6.0, 0.0)
     prior = np.diag([1 / 0.02**2] * 3 + [1 / 0.03**2] * 3)
-    told = estimate_pose(
+    estimate = estimate_pose(
         points.but(px=px), np.ones(120, np.bool_), np.ones(120), moved(0.25), prior, None, 0.02,
         CAMERA,
     )  # fmt: skip
-    assert np.linalg.norm(told.T_camera_world.translation - T.translation) < 0.01
-    assert np.linalg.norm((told.T_camera_world @ T.inverse()).rotvec) < 0.003
-    assert told.inliers[:25].sum() <= 2
-    assert told.inliers[25:].mean() > 0.9
+    assert np.linalg.norm(estimate.T_camera_world.translation - T.translation) < 0.01
+    assert np.linalg.norm((estimate.T_camera_world @ T.inverse()).rotvec) < 0.003
+    assert estimate.inliers[:25].sum() <= 2
+    assert estimate.inliers[25:].mean() > 0.9
 
 
-def test_the_mount_keeps_height_and_tilt() -> None:
+def test_the_mount_constrains_height_and_tilt() -> None:
     mount = CameraMount(0.4, 0.1)
     nothing = np.zeros(120, np.bool_)
     start = Pose.from_rotvec([0.03, 0.0, 0.0], [0.0, 0.05, 0.0])
     ground = GroundPlane.below(mount)
-    told = estimate_pose(
+    estimate = estimate_pose(
         first_seen(), nothing, np.ones(120), start, 1.0 * np.eye(6), ground, 0.0, CAMERA
     )
-    pose = told.T_camera_world
+    pose = estimate.T_camera_world
     height = ground.height_of(pose.inverse().translation)
     assert height == pytest.approx(0.4, abs=1e-3)
     np.testing.assert_allclose(pose.rotate(mount.down), mount.down, atol=1e-3)

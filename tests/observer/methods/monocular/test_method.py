@@ -75,7 +75,7 @@ def distance_share(seen: Sequence[Observation], frames: Sequence[StereoFrame]) -
     return float(distance / np.linalg.norm(true[1].translation - true[0].translation))
 
 
-def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(
+def test_a_crossing_robot_is_confirmed_with_its_position_and_velocity(
     seen: list[Observation], lateral: list[StereoFrame]
 ) -> None:
     for observation, frame in list(zip(seen, lateral, strict=True))[25:]:
@@ -92,7 +92,7 @@ def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(
     assert "ground contact" in seen[-1].reported[0].reason
 
 
-def test_odometry_and_mount_tell_the_pose_in_metres(
+def test_odometry_and_mount_give_the_pose_in_metres(
     seen: list[Observation], lateral: list[StereoFrame]
 ) -> None:
     assert [s.status for s in seen[30:]] == [Status.OK] * (COUNT - 30)
@@ -103,7 +103,7 @@ def test_odometry_and_mount_tell_the_pose_in_metres(
         assert np.linalg.norm(gap) < 0.03
 
 
-def test_the_height_above_the_floor_alone_tells_metres(lateral: list[StereoFrame]) -> None:
+def test_the_camera_height_alone_gives_metric_scale(lateral: list[StereoFrame]) -> None:
     seen = observe(without_odometry(lateral))
     assert seen[5].T_world_camera is None
     assert seen[5].status is Status.DEGRADED
@@ -119,7 +119,7 @@ def bare() -> list[StereoFrame]:
     return without_odometry(read(SimulatedSource(World(scenario_from_text(text, "x"), 3)), COUNT))
 
 
-def test_plain_tiles_and_the_height_tell_metres_and_a_crossing_robot(
+def test_plain_tiles_and_the_height_give_metric_scale_and_a_crossing_robot(
     bare: list[StereoFrame],
 ) -> None:
     seen = observe(bare)
@@ -134,7 +134,7 @@ def test_plain_tiles_and_the_height_tell_metres_and_a_crossing_robot(
         assert np.linalg.norm(o.velocity - true.velocity) < 0.2
 
 
-def test_a_ground_without_any_joint_is_told_not_to_show_the_scale(
+def test_a_ground_without_joints_is_reported_as_giving_no_scale(
     bare: list[StereoFrame],
 ) -> None:
     rows = slice(130, None)
@@ -147,14 +147,14 @@ def test_a_ground_without_any_joint_is_told_not_to_show_the_scale(
     assert seen[-1].reasons == (NO_GROUND,)
 
 
-def test_odometry_alone_tells_metres(lateral: list[StereoFrame]) -> None:
+def test_odometry_alone_gives_metric_scale(lateral: list[StereoFrame]) -> None:
     seen = observe(lateral, mount=None)
     assert distance_share(seen, lateral) == pytest.approx(1, abs=0.05)
     # The ground on which obstacles stand is unknown.
     assert not any(s.obstacles for s in seen)
 
 
-def test_a_given_height_counts_rather_than_the_rig(lateral: list[StereoFrame]) -> None:
+def test_a_given_height_takes_precedence_over_the_rig(lateral: list[StereoFrame]) -> None:
     assert MOUNT is not None
     tilt = float(np.degrees(MOUNT.tilt_rad))
     given = {"monocular.height_m": 2 * MOUNT.height_m, "monocular.tilt_deg": tilt}
@@ -162,7 +162,7 @@ def test_a_given_height_counts_rather_than_the_rig(lateral: list[StereoFrame]) -
     assert distance_share(seen, lateral) == pytest.approx(2, abs=0.1)
 
 
-def test_without_scale_it_refuses_and_says_what_it_needs(lateral: list[StereoFrame]) -> None:
+def test_missing_scale_is_reported_as_lost_with_a_reason(lateral: list[StereoFrame]) -> None:
     for observation in observe(without_odometry(lateral[:12]), mount=None)[1:]:
         assert observation.status is Status.LOST
         assert observation.T_world_camera is None
@@ -171,7 +171,7 @@ def test_without_scale_it_refuses_and_says_what_it_needs(lateral: list[StereoFra
         assert observation.segment == 0
 
 
-def test_a_camera_that_only_turns_is_told_so() -> None:
+def test_a_camera_that_only_turns_is_reported() -> None:
     text = "based_on: static_turning\ncamera: {forward_m: 0.0}\ntitle: x\nhelp: x\n"
     source = SimulatedSource(World(scenario_from_text(text, "x"), 3))
     seen = observe(without_odometry(read(source, 25)))
@@ -182,7 +182,7 @@ def test_a_camera_that_only_turns_is_told_so() -> None:
         assert observation.obstacles == ()
 
 
-def test_the_right_image_changes_nothing_to_the_last_digit(
+def test_the_right_image_does_not_change_the_result(
     seen: list[Observation], lateral: list[StereoFrame]
 ) -> None:
     rng = np.random.default_rng(1)
@@ -190,13 +190,13 @@ def test_the_right_image_changes_nothing_to_the_last_digit(
     assert as_text(observe(noisy)) == as_text(seen)
 
 
-def test_equal_input_gives_equal_results_to_the_last_digit(
+def test_equal_input_gives_identical_results(
     seen: list[Observation], lateral: list[StereoFrame]
 ) -> None:
     assert as_text(observe(lateral)) == as_text(seen)
 
 
-def test_it_states_a_larger_uncertainty_than_two_cameras(seen: list[Observation]) -> None:
+def test_one_camera_states_a_larger_uncertainty_than_two(seen: list[Observation]) -> None:
     source = SimulatedSource(LATERAL)
     frames = [source.read() for _ in range(COUNT)]
     observer = Observer(source.calibration, Parameters().changed({"ego_motion.model": "rigid"}))
@@ -207,7 +207,7 @@ def test_it_states_a_larger_uncertainty_than_two_cameras(seen: list[Observation]
         assert np.trace(wide) > np.trace(narrow)
 
 
-def test_it_recovers_from_black_images(lateral: list[StereoFrame]) -> None:
+def test_the_method_recovers_from_black_images(lateral: list[StereoFrame]) -> None:
     dark = [
         replace(f, left=np.zeros_like(f.left), right=np.zeros_like(f.left)) for f in lateral[20:30]
     ]
@@ -219,10 +219,10 @@ def test_it_recovers_from_black_images(lateral: list[StereoFrame]) -> None:
     assert seen[-1].T_world_camera is not None
 
 
-def test_only_a_confirmed_track_has_a_number_that_lasts(seen: list[Observation]) -> None:
-    told = {(o.id, o.state is TrackState.TENTATIVE) for each in seen for o in each.obstacles}
-    assert {number for number, tentative in told if not tentative} == {1}
-    provisional = {number for number, tentative in told if tentative}
+def test_only_a_confirmed_track_has_a_permanent_number(seen: list[Observation]) -> None:
+    numbers = {(o.id, o.state is TrackState.TENTATIVE) for each in seen for o in each.obstacles}
+    assert {number for number, tentative in numbers if not tentative} == {1}
+    provisional = {number for number, tentative in numbers if tentative}
     assert provisional
     assert max(provisional) < -1
 
@@ -249,7 +249,7 @@ def test_a_track_coasts_through_black_images_and_keeps_its_number(
     assert after.position is not None
 
 
-def test_any_pixel_can_be_asked(lateral: list[StereoFrame]) -> None:
+def test_any_pixel_can_be_explained(lateral: list[StereoFrame]) -> None:
     observer = Observer(SOURCE.calibration, ONE_CAMERA, mount=MOUNT)
     early = Observer(SOURCE.calibration, ONE_CAMERA, mount=None)
     for f in lateral[:40]:

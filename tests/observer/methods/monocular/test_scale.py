@@ -34,46 +34,46 @@ def planted(seed: int, enlarged: float, floor_share: float = 0.6) -> RayPoints:
 
 
 @pytest.mark.parametrize("enlarged", [0.2, 1.0, 7.0])
-def test_the_floor_gives_the_scale_at_the_start_to_one_percent(enlarged: float) -> None:
+def test_the_floor_gives_the_initial_scale_to_one_percent(enlarged: float) -> None:
     points = planted(1, enlarged)
     slope = points.ray @ MOUNT.down
     low = slope > 0.06
-    told = scale_by_ground(
+    estimate = scale_by_ground(
         points.inverse[low] / slope[low], np.full(low.sum(), 0.02), MOUNT.height_m, np.inf
     )
-    assert told is not None
-    assert np.exp(told[0]) * enlarged == pytest.approx(1, abs=0.01)
-    assert 0 < told[1] < 0.03
+    assert estimate is not None
+    assert np.exp(estimate[0]) * enlarged == pytest.approx(1, abs=0.01)
+    assert 0 < estimate[1] < 0.03
 
 
-def test_a_map_that_has_drifted_is_corrected_by_the_floor() -> None:
+def test_a_drifted_map_is_corrected_by_the_floor() -> None:
     ground = GroundPlane.below(MOUNT)
-    told = ground_scale(planted(2, 1.06), Pose.identity(), ground, 0.05)
-    assert told is not None
-    assert np.exp(told[0]) == pytest.approx(1 / 1.06, abs=0.01)
-    factor, after = correction(0.05, *told)
+    estimate = ground_scale(planted(2, 1.06), Pose.identity(), ground, 0.05)
+    assert estimate is not None
+    assert np.exp(estimate[0]) == pytest.approx(1 / 1.06, abs=0.01)
+    factor, after = correction(0.05, *estimate)
     assert factor == pytest.approx(1 / 1.06, abs=0.015)
     assert after < 0.05
 
 
-def test_without_a_floor_there_is_no_scale_rather_than_a_wrong_one() -> None:
+def test_no_scale_is_given_without_a_floor() -> None:
     assert scale_by_ground(np.ones(5), np.full(5, 0.02), 0.4, np.inf) is None
     assert scale_by_ground(np.ones(50), np.full(50, 0.9), 0.4, np.inf) is None
 
 
-def test_odometry_gives_the_scale_once_the_way_is_long_enough() -> None:
+def test_odometry_gives_the_scale_once_the_distance_is_long_enough() -> None:
     assert odometry_scale(0.01, 0.05, 0.0, 0.02) is None
-    told = odometry_scale(0.15, 0.30, 0.0, 0.02)
-    assert told is not None
-    assert np.exp(told[0]) == pytest.approx(2)
-    assert told[1] >= 0.02
+    estimate = odometry_scale(0.15, 0.30, 0.0, 0.02)
+    assert estimate is not None
+    assert np.exp(estimate[0]) == pytest.approx(2)
+    assert estimate[1] >= 0.02
     # A turn moves the camera about an axle whose place is uncertain.
     turning = odometry_scale(0.15, 0.30, 0.2, 0.02)
     assert turning is not None
-    assert turning[1] > told[1]
+    assert turning[1] > estimate[1]
 
 
-def test_the_scale_gets_less_certain_with_the_way_and_more_by_measuring() -> None:
+def test_scale_uncertainty_grows_with_distance_and_shrinks_by_measuring() -> None:
     later = sigma_after_distance(0.01, 1.0)
     assert later > 0.02
     _, measured = correction(later, 0.0, 0.02)

@@ -25,19 +25,19 @@ def views(T: Pose, seed: int = 0, moving: int = 0) -> tuple[np.ndarray, np.ndarr
     return unit[0], unit[1], distance
 
 
-def test_two_views_tell_the_way_and_the_depths_but_for_their_scale() -> None:
+def test_two_views_give_motion_and_depths_up_to_scale() -> None:
     T = Pose.from_rotvec([0.01, 0.05, 0.0], [-0.06, 0.0, -0.25])
     first, second, distance = views(T, moving=20)
-    told = two_views(first, second, 0.1 / 443, CAMERA)
-    assert told is not None
+    estimate = two_views(first, second, 0.1 / 443, CAMERA)
+    assert estimate is not None
     distance_m = float(np.linalg.norm(T.translation))
-    direction = float(told.T_second_first.translation @ T.translation) / distance_m
+    direction = float(estimate.T_second_first.translation @ T.translation) / distance_m
     assert np.degrees(np.arccos(min(direction, 1.0))) < 3
-    assert not told.inliers[:20].all()
-    sharp = told.inliers & (told.sigma * distance / distance_m < 0.05)
+    assert not estimate.inliers[:20].all()
+    sharp = estimate.inliers & (estimate.sigma * distance / distance_m < 0.05)
     sharp[:20] = False
     assert sharp.sum() > 30
-    ratio = told.inverse[sharp] / distance_m * distance[sharp]
+    ratio = estimate.inverse[sharp] / distance_m * distance[sharp]
     assert abs(np.median(ratio) - 1) < 0.05
 
 
@@ -49,12 +49,12 @@ def test_turning_leaves_no_parallax() -> None:
     assert np.degrees(np.median(parallax)) < 0.05
 
 
-def test_travel_leaves_parallax_that_no_turning_explains() -> None:
+def test_travel_leaves_parallax_that_no_rotation_explains() -> None:
     first, second, _ = views(Pose.from_rotvec([0.0, 0.1, 0.0], [0.0, 0.0, -0.4]))
     _, parallax = turned_between(first, second)
     assert np.degrees(np.median(parallax)) > 0.5
 
 
-def test_too_few_points_start_nothing() -> None:
+def test_too_few_points_give_no_result() -> None:
     first, second, _ = views(Pose.from_rotvec([0, 0, 0], [0.3, 0, 0]))
     assert two_views(first[:10], second[:10], 0.1 / 443, CAMERA) is None

@@ -16,7 +16,7 @@ def blob(centre: tuple[float, float, float], count: int, seed: int = 0) -> np.nd
     return np.array(centre) + np.random.default_rng(seed).uniform(-0.15, 0.15, (count, 3))
 
 
-def test_two_groups_and_a_stray_point() -> None:
+def test_two_groups_and_an_outlier_are_found() -> None:
     points = np.concatenate([blob((1, 0, 4), 10), [[-2.0, 0, 3]], blob((0, 0, 2), 8, 1)])
     labels = group_points(points, np.full(19, 0.01), ClusteringParameters())
     assert labels.tolist() == [1] * 10 + [-1] + [0] * 8  # the nearest first
@@ -31,7 +31,7 @@ def test_depth_noise_stretches_the_neighbourhood_along_the_ray_only() -> None:
     assert group_points(across, np.full(2, 0.3), parameters).tolist() == [-1, -1]
 
 
-def test_no_points_no_groups() -> None:
+def test_no_points_give_no_groups() -> None:
     assert group_points(np.empty((0, 3)), np.empty(0), ClusteringParameters()).shape == (0,)
     single = group_points(np.array([[0, 0, 1.0]]), np.zeros(1), ClusteringParameters(min_points=1))
     assert single.tolist() == [0]
@@ -81,7 +81,7 @@ def detect(measured: PointMotions, **motion: float) -> tuple[Detection, ...]:
     return detect_obstacles(measured, 1.5, ClusteringParameters(), parameters)
 
 
-def test_an_obstacle_has_the_mean_velocity_and_the_extent_of_its_points() -> None:
+def test_an_obstacle_has_the_mean_velocity_and_extent_of_its_points() -> None:
     points = np.array([[0, 0, 2], [0.2, 0, 2], [0.2, 0.1, 2.1], [0, 0.1, 2.2]], float)
     velocity = np.array([[0.3, 0, 0], [0.32, 0, 0], [0.28, 0.02, 0], [0.3, -0.02, 0]])
     (found,) = detect(motions(points, velocity))
@@ -94,7 +94,7 @@ def test_an_obstacle_has_the_mean_velocity_and_the_extent_of_its_points() -> Non
     assert found.velocity_time == 1.5
 
 
-def test_a_point_that_moves_otherwise_is_no_part_of_it() -> None:
+def test_a_point_with_a_different_motion_is_excluded() -> None:
     points = blob((0, 0, 2), 12)
     velocity = np.tile([0.3, 0.0, 0.0], (12, 1))
     velocity[4] = (0.3, 0.0, 5.0)
@@ -104,7 +104,7 @@ def test_a_point_that_moves_otherwise_is_no_part_of_it() -> None:
 
 
 @pytest.mark.parametrize("shared", [0.0, 0.4, 1.0])
-def test_averaging_reduces_only_the_noise_that_points_do_not_share(shared: float) -> None:
+def test_averaging_reduces_only_noise_that_points_do_not_share(shared: float) -> None:
     rng = np.random.default_rng(2)
     count, sigma, truth = 16, 0.1, np.array([0.3, 0.1, -0.2])
     points = blob((0, 0, 2), count)
@@ -133,7 +133,7 @@ def test_motion_that_parallax_explains_is_not_significant() -> None:
     assert found.velocity_cov[0, 0] > 0.09
 
 
-def test_without_a_pose_the_uncertainty_is_unknown_and_not_small() -> None:
+def test_the_uncertainty_is_unknown_without_a_pose() -> None:
     points = blob((0, 0, 2), 10)
     measured = motions(points, np.tile([0.3, 0.0, 0.0], (10, 1)), error=(np.nan,) * 3)
     (found,) = detect(measured, min_significance=3.0)
@@ -141,11 +141,11 @@ def test_without_a_pose_the_uncertainty_is_unknown_and_not_small() -> None:
     assert np.isfinite(found.significance)
 
 
-def test_no_motions_no_obstacles() -> None:
+def test_no_motions_give_no_obstacles() -> None:
     assert detect(motions(np.empty((0, 3)), np.empty((0, 3)))) == ()
 
 
-def test_the_poses_error_is_common_to_all_points_and_not_averaged_away() -> None:
+def test_the_pose_error_is_shared_by_all_points_and_not_averaged_away() -> None:
     points = blob((0, 0, 2), 100)
     velocity = np.tile([0.3, 0.0, 0.0], (100, 1))
     (certain,) = detect(motions(points, velocity), noise_correlation=0.0)
@@ -157,7 +157,7 @@ def test_the_poses_error_is_common_to_all_points_and_not_averaged_away() -> None
     assert doubtful.significance < certain.significance
 
 
-def test_points_that_scatter_more_than_their_noise_make_the_velocity_less_certain() -> None:
+def test_scatter_beyond_the_noise_makes_the_velocity_less_certain() -> None:
     points = blob((0, 0, 2), 60)
     scatter = np.random.default_rng(0).normal(0, (0.3, 0.01, 0.01), (60, 3))
     velocity = np.array([0.4, 0.0, 0.0]) + scatter
@@ -167,7 +167,7 @@ def test_points_that_scatter_more_than_their_noise_make_the_velocity_less_certai
     np.testing.assert_allclose(sigma, (0.3, 0.1, 0.1), rtol=0.2)
 
 
-def test_unseen_turning_makes_the_velocity_less_certain_but_not_less_significant() -> None:
+def test_unseen_turning_lowers_the_certainty_but_not_the_significance() -> None:
     points = np.array([[0, 0, 2], [0.2, 0, 2], [0.2, 0.1, 2.15], [0, 0.1, 2.15]], float)
     measured = motions(points, np.tile([0.3, 0.0, 0.0], (4, 1)), sigma=0.02)
     (straight,) = detect(measured)
@@ -179,7 +179,7 @@ def test_unseen_turning_makes_the_velocity_less_certain_but_not_less_significant
     assert turning.significance == straight.significance
 
 
-def test_points_of_which_none_moves_as_the_middle_one_does_are_all_kept() -> None:
+def test_all_points_are_kept_when_none_moves_like_the_median() -> None:
     # Each is far from the median along one axis, on which the others agree.
     velocity = np.repeat(5.0 * np.eye(3), 3, axis=0)
     (found,) = detect(motions(blob((0, 0, 2), 9), velocity, sigma=1e-3))

@@ -32,7 +32,7 @@ def mapped(H: np.ndarray, count: int, outliers: int, noise: float = 0.2, seed: i
 
 
 @pytest.mark.parametrize(("model", "H"), [("affine", AFFINE), ("homography", HOMOGRAPHY)])
-def test_the_map_is_found_and_the_obstacle_is_no_inlier(model: str, H: np.ndarray) -> None:
+def test_the_map_is_found_and_obstacle_points_are_outliers(model: str, H: np.ndarray) -> None:
     matches = mapped(H, 200, 60)
     ego = estimate_ego_motion(matches, None, CAMERA, EgoMotionParameters(model=model), 0)
     assert not ego.inliers[:60].any()
@@ -42,7 +42,7 @@ def test_the_map_is_found_and_the_obstacle_is_no_inlier(model: str, H: np.ndarra
     assert ego.residual_rms_px == pytest.approx(0.2, rel=0.2)
 
 
-def test_it_keeps_the_contract_and_says_that_the_pose_is_unknown() -> None:
+def test_an_unknown_pose_is_degraded_with_a_reason() -> None:
     ego: EgoMotion = estimate_ego_motion(
         mapped(AFFINE, 100, 0), None, CAMERA, EgoMotionParameters(), 0
     )
@@ -66,7 +66,7 @@ def prediction_covariance(ego: PlanarEgoMotion, px: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("model", "H", "size"), [("affine", AFFINE, 6), ("homography", HOMOGRAPHY, 8)]
 )
-def test_the_covariance_tells_the_spread_of_the_estimates(
+def test_the_covariance_matches_the_spread_of_the_estimates(
     model: str, H: np.ndarray, size: int
 ) -> None:
     parameters = EgoMotionParameters(model=model)
@@ -110,7 +110,7 @@ def rigid_matches(T_current_previous: Pose, seed: int = 0) -> tuple[Matches, np.
     return Matches(px.astype(np.float32), after.astype(np.float32)), measured
 
 
-def test_the_pose_is_found_on_the_inliers() -> None:
+def test_the_pose_is_found_from_the_inliers() -> None:
     true = Pose.from_rotvec((0.004, -0.01, 0.003), (0.01, 0.002, -0.02))
     matches, disparity = rigid_matches(true)
     ego = estimate_ego_motion(matches, disparity, CAMERA, EgoMotionParameters(), 0)
@@ -121,7 +121,7 @@ def test_the_pose_is_found_on_the_inliers() -> None:
     assert np.linalg.norm(error.translation) < 0.006
 
 
-def test_without_depth_there_is_no_pose() -> None:
+def test_there_is_no_pose_without_depth() -> None:
     matches, disparity = rigid_matches(Pose.identity())
     unknown = np.full_like(disparity, np.nan)
     ego = estimate_ego_motion(matches, unknown, CAMERA, EgoMotionParameters(), 0)
@@ -142,7 +142,7 @@ def test_too_few_matches_are_lost_with_a_reason(model: str, count: int) -> None:
     assert np.isnan(ego.predict(np.zeros((2, 2)), None)).all()
 
 
-def test_matches_at_random_are_lost() -> None:
+def test_random_matches_are_lost() -> None:
     rng = np.random.default_rng(0)
     previous, current = rng.uniform((0, 0), (511, 255), (2, 60, 2)).astype(np.float32)
     ego = estimate_ego_motion(Matches(previous, current), None, CAMERA, EgoMotionParameters(), 0)
@@ -161,7 +161,7 @@ def test_an_implausible_motion_is_lost(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", ["affine", "homography"])
-def test_points_on_one_line_are_lost_and_not_an_error(model: str) -> None:
+def test_collinear_points_do_not_raise_an_error(model: str) -> None:
     px = np.stack([np.linspace(0, 500, 50), np.full(50, 100.0)], axis=1).astype(np.float32)
     ego = estimate_ego_motion(
         Matches(px, px + 1), np.full(50, 20.0), CAMERA, EgoMotionParameters(model=model), 0
@@ -170,7 +170,7 @@ def test_points_on_one_line_are_lost_and_not_an_error(model: str) -> None:
     assert ego.homography is None or np.isfinite(ego.homography).all()
 
 
-def test_few_inliers_are_degraded_with_the_reason() -> None:
+def test_few_inliers_are_degraded_with_a_reason() -> None:
     matches = mapped(AFFINE, 45, 0)
     scattered = np.random.default_rng(99).uniform(-90, 90, (28, 2))
     matches.current[:28] += scattered.astype(np.float32)
@@ -188,7 +188,7 @@ def test_few_inliers_are_degraded_with_the_reason() -> None:
     scale_y=st.floats(0.2, 3),
     reflected=st.booleans(),
 )
-def test_the_decomposition_gives_back_what_was_composed(
+def test_the_decomposition_recovers_the_composed_parameters(
     angle: float, shear: float, scale_x: float, scale_y: float, reflected: bool
 ) -> None:
     scale_y = -scale_y if reflected else scale_y
@@ -221,7 +221,7 @@ def test_the_decomposition_follows_table_one(
     assert found.scale == pytest.approx(expected[2])
 
 
-def test_the_poses_covariance_tells_its_scatter() -> None:
+def test_the_pose_covariance_matches_its_scatter() -> None:
     true = Pose.from_rotvec((0.004, -0.01, 0.003), (0.01, 0.002, -0.02))
     poses, stated = [], []
     for seed in range(40):

@@ -19,7 +19,7 @@ def smooth(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("H", [AFFINE, HOMOGRAPHY])
-def test_the_image_at_t_comes_back(H: np.ndarray) -> None:
+def test_the_image_at_t_is_recovered(H: np.ndarray) -> None:
     v, u = np.mgrid[0:256, 0:512].astype(float)
     at_t = smooth(u, v)
     # A point at px in the frame of t is at H px in the frame of t+dt.
@@ -34,7 +34,7 @@ def test_the_image_at_t_comes_back(H: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("H", [AFFINE, HOMOGRAPHY])
-def test_valid_is_where_the_image_of_t_dt_reaches(H: np.ndarray) -> None:
+def test_the_valid_mask_is_the_area_covered_by_the_image_at_t_dt(H: np.ndarray) -> None:
     white = np.full((256, 512), 200, np.uint8)
     pair = transform_images(white, white, H)
     v, u = np.nonzero(pair.valid)
@@ -45,7 +45,7 @@ def test_valid_is_where_the_image_of_t_dt_reaches(H: np.ndarray) -> None:
     assert ((outside <= 0.05) | (outside >= (510.95, 254.95))).any(axis=1).all()
 
 
-def test_standing_still_changes_nothing() -> None:
+def test_the_identity_changes_nothing() -> None:
     image = np.random.default_rng(0).integers(0, 256, (64, 96)).astype(np.uint8)
     pair = transform_images(image, image, np.eye(3))
     np.testing.assert_array_equal(pair.left, image)

@@ -65,7 +65,7 @@ def test_the_interval_chooses_the_pair_and_dt_is_measured() -> None:
     assert board.velocity_time == pytest.approx(6.5 * DT)
 
 
-def test_every_step_is_kept_in_the_trace_and_fits_the_others() -> None:
+def test_every_step_is_in_the_trace_and_consistent_with_the_others() -> None:
     sequence = frames(6, camera_velocity=(0.1, 0.0, 0.0))
     observer = Observer(CALIBRATION, preset("paper"))
     observe_all(observer, sequence[:5])
@@ -77,7 +77,7 @@ def test_every_step_is_kept_in_the_trace_and_fits_the_others() -> None:
     assert set(trace["decomposition"]) == {"translation_px", "rotation_rad", "shear", "scale"}
 
 
-def test_velocity_is_the_raw_displacement_over_dt_and_tracking_only_numbers_it() -> None:
+def test_velocity_is_the_raw_displacement_over_dt_without_filtering() -> None:
     """Reports follow each frame's detection; nothing is filtered over time."""
     observer = Observer(CALIBRATION, preset("paper"))
     sequence = frames(8)

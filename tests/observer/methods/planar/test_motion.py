@@ -73,7 +73,7 @@ def test_only_dynamic_points_with_depth_within_limits_are_measured() -> None:
     assert len(measured.velocity) == 0
 
 
-def test_the_points_of_now_are_where_the_camera_of_now_sees_them() -> None:
+def test_current_points_are_where_the_current_camera_sees_them() -> None:
     """The transformed pair's coordinates are mapped back to the pair that was really seen."""
     point_now = np.array([[0.3, -0.2, 2.5]])
     px_now, d_now = CAMERA.project(point_now)
@@ -89,7 +89,7 @@ def test_the_points_of_now_are_where_the_camera_of_now_sees_them() -> None:
     np.testing.assert_allclose(motions.px_current, px_now, atol=1e-3)
 
 
-def test_the_covariance_is_the_scatter_of_noisy_measurements() -> None:
+def test_the_covariance_matches_the_scatter_of_noisy_measurements() -> None:
     rng = np.random.default_rng(0)
     count, dt = 4000, 0.1
     sigma_px, sigma_d = 0.15, 0.35
@@ -135,13 +135,13 @@ def test_the_model_error_is_the_velocity_a_static_point_would_show() -> None:
         assert error < 1e-6 if depth == 3.0 else error > 0.1
 
 
-def test_without_a_pose_the_model_error_is_unknown() -> None:
+def test_the_model_error_is_unknown_without_a_pose() -> None:
     flow, d, d_after = displaced(np.array([[0, 0, 2.0]]), np.array([0.3, 0, 0]), 0.1)
     motions = measure_motion(flow, d, d_after, 0.1, ego(np.eye(3)), CAMERA, Parameters())
     assert np.isnan(motions.model_error).all()
 
 
-def test_no_dynamic_points_and_a_lost_motion() -> None:
+def test_no_dynamic_points_give_no_motion_and_a_lost_motion_is_an_error() -> None:
     none = all_dynamic(np.empty((0, 2)), np.empty((0, 2)))
     empty = np.empty(0)
     motions = measure_motion(none, empty, empty, 0.1, ego(np.eye(3)), CAMERA, Parameters())
@@ -151,7 +151,7 @@ def test_no_dynamic_points_and_a_lost_motion() -> None:
         measure_motion(none, empty, empty, 0.1, ego(None), CAMERA, Parameters())
 
 
-def test_the_poses_covariance_becomes_the_model_errors() -> None:
+def test_the_pose_covariance_propagates_to_the_model_error() -> None:
     """A sideways camera uncertainty of 1 mm gives 1 mm of displacement at any depth."""
     point = np.array([[0.4, 0.2, 2.5]])
     flow, d, d_after = displaced(point, np.array([0.3, 0, 0]), 0.1)

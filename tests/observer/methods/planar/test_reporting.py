@@ -64,7 +64,7 @@ def test_world_and_camera_quantities_are_in_their_frames() -> None:
     assert o.speed == 0.5
 
 
-def test_without_a_pose_the_world_is_unknown_and_the_camera_is_not() -> None:
+def test_only_camera_quantities_are_known_without_a_pose() -> None:
     o = described(track(), known=False)
     for name in ("position", "velocity", "position_cov", "velocity_cov", "orientation_wxyz"):
         assert getattr(o, name) is None
@@ -83,14 +83,14 @@ def test_without_a_pose_the_world_is_unknown_and_the_camera_is_not() -> None:
         ((0, 0, -0.2), (0, 0, 0.1), -0.3),
     ],
 )
-def test_closing_speed_is_how_fast_the_range_shrinks(
+def test_closing_speed_is_the_rate_at_which_the_range_shrinks(
     camera: tuple[float, float, float], obstacle: tuple[float, float, float], closing: float
 ) -> None:
     moving = track(velocity=POSE.rotate(np.array(obstacle, float)))
     assert described(moving, camera_velocity=camera).closing_speed == pytest.approx(closing)
 
 
-def test_a_coasting_obstacle_grows_less_certain_and_says_why() -> None:
+def test_a_coasting_obstacle_becomes_less_certain_and_says_why() -> None:
     seen = described(track())
     coasting = described(track(state=TrackState.COASTING, missed=3))
     assert coasting.points == 0

@@ -40,7 +40,7 @@ def inside(px: np.ndarray, margin: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("move", [(4.0, 0.0), (-3.0, 2.5), (2.2, -0.4)])
-def test_what_moves_is_dynamic_by_its_own_motion(move: tuple[float, float]) -> None:
+def test_a_moving_patch_is_dynamic_with_its_own_motion(move: tuple[float, float]) -> None:
     flow = residual_flow(*scene(move), ALL, POINTS, FlowParameters())
     within = inside(flow.px, -12)
     assert within.sum() >= 10
@@ -59,7 +59,7 @@ def test_motion_below_the_threshold_is_static() -> None:
     assert residual_flow(first, second, ALL, POINTS, low).dynamic.sum() >= 10
 
 
-def test_points_near_the_border_of_what_is_known_are_left_out() -> None:
+def test_points_near_the_border_of_the_valid_area_are_excluded() -> None:
     first, second = scene((4.0, 0.0))
     valid = ALL.copy()
     valid[:, 380:] = False
@@ -75,7 +75,7 @@ def test_points_near_the_border_of_what_is_known_are_left_out() -> None:
     assert not flow.dynamic[~inside(flow.px, 16)].any()
 
 
-def test_what_is_covered_at_t_dt_is_left_out() -> None:
+def test_points_covered_at_t_dt_are_excluded() -> None:
     first, second = scene((0.0, 0.0))
     second[50:120, 350:450] = np.random.default_rng(0).integers(0, 256, (70, 100))
     flow = residual_flow(first, second, ALL, POINTS, FlowParameters())
@@ -95,7 +95,7 @@ def test_no_usable_point_gives_an_empty_flow(points: np.ndarray) -> None:
     assert len(nowhere.px) == 0
 
 
-def test_along_a_straight_edge_nothing_is_followed() -> None:
+def test_no_point_on_a_straight_edge_is_followed() -> None:
     """Along an edge only the motion across it is observable; corners show all of it."""
     v, u = np.mgrid[0:256, 0:512]
     edges = (128 + 90 * np.sin((u + 0.3 * v) / 9)).astype(np.float64)

@@ -47,7 +47,7 @@ class Run:
         return self.tracker.update(detections, pose, self.time, self.parameters)
 
 
-def test_a_track_is_confirmed_after_as_many_sightings_as_asked_for() -> None:
+def test_a_track_is_confirmed_after_the_configured_number_of_sightings() -> None:
     run = Run(confirm_hits=3)
     states = [run.see(detection((0, 0, 2)))[0].state for _ in range(4)]
     tentative, confirmed = TrackState.TENTATIVE, TrackState.CONFIRMED
@@ -55,14 +55,14 @@ def test_a_track_is_confirmed_after_as_many_sightings_as_asked_for() -> None:
     assert Run(confirm_hits=1).see(detection((0, 0, 2)))[0].state is confirmed
 
 
-def test_the_velocity_is_the_newest_displacement_and_nothing_else() -> None:
+def test_the_velocity_is_that_of_the_latest_displacement_only() -> None:
     run = Run()
     for speed in (0.1, 0.9, -0.3):
         (track,) = run.see(detection((0, 0, 2), (speed, 0, 0)))
         np.testing.assert_allclose(track.velocity, (speed, 0, 0))
 
 
-def test_two_that_cross_keep_their_identities() -> None:
+def test_two_crossing_tracks_keep_their_identities() -> None:
     run = Run(gate=0.6, confirm_hits=1)
     path = np.arange(-1.0, 1.0, 0.5 * DT)
     numbers = set()
@@ -75,7 +75,7 @@ def test_two_that_cross_keep_their_identities() -> None:
     assert len(numbers) == 1
 
 
-def test_a_confirmed_track_coasts_along_its_way_and_then_ends() -> None:
+def test_a_confirmed_track_coasts_along_its_path_and_then_ends() -> None:
     run = Run(coast_frames=4)
     for k in range(6):
         tracks = run.see(detection((0.5 * DT * k, 0, 2), (0.5, 0, 0)))
@@ -102,7 +102,7 @@ def test_a_coasting_track_is_found_again() -> None:
     assert again.missed == 0
 
 
-def test_a_tentative_track_does_not_live_long() -> None:
+def test_a_tentative_track_ends_after_two_misses() -> None:
     run = Run(coast_frames=30)
     (track,) = run.see(detection((0, 0, 2)))
     (still,) = run.see()
@@ -111,7 +111,7 @@ def test_a_tentative_track_does_not_live_long() -> None:
     assert run.see() == ()
 
 
-def test_beyond_the_gate_a_new_track_begins() -> None:
+def test_a_new_track_starts_beyond_the_gate() -> None:
     run = Run(gate=0.3, confirm_hits=1)
     (first,) = run.see(detection((0, 0, 2)))
     (near,) = run.see(detection((0.25, 0, 2)))
@@ -121,7 +121,7 @@ def test_beyond_the_gate_a_new_track_begins() -> None:
     assert len({t.id for t in tracks}) == 2
 
 
-def test_what_stands_in_the_world_keeps_its_identity_while_the_camera_moves() -> None:
+def test_a_static_obstacle_keeps_its_identity_while_the_camera_moves() -> None:
     run = Run(gate=0.1, confirm_hits=1)
     numbers = set()
     for k in range(10):
@@ -133,7 +133,7 @@ def test_what_stands_in_the_world_keeps_its_identity_while_the_camera_moves() ->
     assert len(numbers) == 1
 
 
-def test_numbers_are_not_used_again() -> None:
+def test_numbers_are_not_reused() -> None:
     run = Run(confirm_hits=1)
     (first,) = run.see(detection((0, 0, 2)))
     run.tracker = Tracker(run.numbers)
@@ -142,7 +142,7 @@ def test_numbers_are_not_used_again() -> None:
     assert second.sightings == 1
 
 
-def test_only_what_is_confirmed_uses_up_a_number() -> None:
+def test_only_confirmed_tracks_use_up_a_number() -> None:
     run = Run(confirm_hits=3)
     fleeting = set()
     for k in range(9):  # Each is too far from the last one to be the same.
@@ -158,7 +158,7 @@ def test_only_what_is_confirmed_uses_up_a_number() -> None:
 
 
 @pytest.mark.parametrize("dt", [0.02, 0.5])
-def test_where_a_track_is_expected_follows_the_time_that_passed(dt: float) -> None:
+def test_the_expected_position_of_a_track_accounts_for_elapsed_time(dt: float) -> None:
     run = Run(gate=0.05, confirm_hits=1)
     numbers = {run.see(detection((0.8 * dt * k, 0, 2), (0.8, 0, 0)), dt=dt)[0].id for k in range(5)}
     assert len(numbers) == 1

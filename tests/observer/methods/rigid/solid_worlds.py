@@ -246,7 +246,7 @@ def tracked(
 
 
 def outlined(shape: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
-    """The list of tracks, and in it the track of somebody who has just arrived."""
+    """The list of tracks, and in it the track of a person who has just arrived."""
     tracks: list[BodyTrack] = []
     tracked(tracks, TrackedPoints.none(), arrived(shape), numbers)
     (host,) = tracks

@@ -65,7 +65,7 @@ def driven(world: World, source: SimulatedSource, until_s: float) -> Iterator[St
         ),
     ],
 )
-def test_speeds_are_right_while_a_robot_starts_stops_and_goes_to_and_fro(
+def test_speeds_are_accurate_while_a_robot_starts_stops_and_reverses(
     seed: int, seconds: float
 ) -> None:
     world = World(load_scenario("drive"), seed)

@@ -129,7 +129,7 @@ shifts = st.tuples(*[st.floats(-0.15, 0.15)] * 3)
 
 @quick
 @given(turns, shifts, st.integers(0, 1000))
-def test_without_noise_the_motion_is_found_exactly(
+def test_the_motion_is_exact_without_noise(
     turn: tuple[float, float, float], shift: tuple[float, float, float], seed: int
 ) -> None:
     truth = Pose.from_rotvec(turn, shift) @ BEFORE
@@ -141,13 +141,13 @@ def test_without_noise_the_motion_is_found_exactly(
     np.testing.assert_allclose((ego.T_current_previous @ BEFORE).matrix, truth.matrix, atol=1e-7)
 
 
-def test_a_camera_at_rest_is_found_at_rest() -> None:
+def test_a_camera_at_rest_is_estimated_at_rest() -> None:
     ego = estimated(exactly_seen(np.random.default_rng(0), pose=BEFORE))
     assert ego.T_current_previous is not None
     np.testing.assert_allclose(ego.T_current_previous.matrix, np.eye(4), atol=1e-9)
 
 
-def test_the_road_is_no_other_case_than_the_lab() -> None:
+def test_the_motion_is_found_on_the_road() -> None:
     rng = np.random.default_rng(0)
     driven = Pose.from_rotvec((0.001, 0.01, 0.0), (0.02, 0.0, -1.4))
     truth = driven @ BEFORE
@@ -161,7 +161,7 @@ def test_the_road_is_no_other_case_than_the_lab() -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("moved", [(0.05, 0.0, 0.0), (0.0, 0.0, -0.15), (0.03, 0.01, 0.08)])
-def test_two_fifths_of_the_points_may_move_together(
+def test_two_fifths_of_the_points_may_move_with_an_obstacle(
     moved: tuple[float, float, float], seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -186,7 +186,7 @@ def test_a_well_textured_obstacle_cannot_outvote_the_background(seed: int) -> No
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_points_that_were_followed_wrongly_are_left_out(seed: int) -> None:
+def test_wrongly_tracked_points_are_excluded(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene = seen(rng, 200)
     wrong = rng.permutation(200)[:80]
@@ -197,7 +197,7 @@ def test_points_that_were_followed_wrongly_are_left_out(seed: int) -> None:
     assert ego.inliers.sum() > 110
 
 
-def test_a_wrong_expectation_does_no_harm() -> None:
+def test_a_wrong_expected_pose_does_no_harm() -> None:
     rng = np.random.default_rng(3)
     scene = seen(rng)
     for off in (Pose.identity(), Pose.from_rotvec((0.0, 0.1, 0.05), (0.2, 0.0, -0.3))):
@@ -207,7 +207,7 @@ def test_a_wrong_expectation_does_no_harm() -> None:
 # --- what is unknown -----------------------------------------------------------------------
 
 
-def test_points_without_disparity_help_without_harm() -> None:
+def test_points_without_disparity_are_used_as_inliers() -> None:
     rng = np.random.default_rng(4)
     scene = seen(rng)
     scene.disparity[rng.permutation(200)[:120]] = np.nan
@@ -217,7 +217,7 @@ def test_points_without_disparity_help_without_harm() -> None:
     assert_right(ego, 6e-4, 2.5e-3)
 
 
-def test_without_any_disparity_the_places_alone_tell_the_pose() -> None:
+def test_positions_alone_give_the_pose_without_any_disparity() -> None:
     scene = seen(np.random.default_rng(4))
     scene.disparity[:] = np.nan
     ego = estimated(scene, expected=AFTER)
@@ -228,7 +228,7 @@ def test_without_any_disparity_the_places_alone_tell_the_pose() -> None:
     assert np.trace(ego.pose_covariance) > np.trace(known.pose_covariance)
 
 
-def test_points_of_which_nothing_is_known_count_for_nothing() -> None:
+def test_points_with_unknown_positions_are_ignored() -> None:
     rng = np.random.default_rng(5)
     scene = both(seen(rng, 60), seen(rng, 150))
     scene.covariance[:60] = np.eye(3) * 1e12
@@ -237,7 +237,7 @@ def test_points_of_which_nothing_is_known_count_for_nothing() -> None:
     assert_right(ego, 7e-4, 3e-3)
 
 
-def test_points_behind_the_camera_are_no_inliers() -> None:
+def test_points_behind_the_camera_are_not_inliers() -> None:
     rng = np.random.default_rng(6)
     behind = seen(rng, 60)
     behind.position[:] = AFTER.inverse().apply(AFTER.apply(behind.position) * [1, 1, -1])
@@ -250,7 +250,7 @@ def test_points_behind_the_camera_are_no_inliers() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, P.min_inliers - 1])
-def test_too_few_points_lose_the_motion_and_say_so(count: int) -> None:
+def test_too_few_points_are_lost_with_a_reason(count: int) -> None:
     ego = estimated(seen(np.random.default_rng(0), count))
     assert ego.status is Status.LOST
     assert any(f"only {count} static points" in reason for reason in ego.reasons)
@@ -261,7 +261,7 @@ def test_too_few_points_lose_the_motion_and_say_so(count: int) -> None:
     assert not ego.inliers.any()
 
 
-def test_points_of_which_no_two_agree_lose_the_motion() -> None:
+def test_points_without_agreement_are_lost_with_a_reason() -> None:
     rng = np.random.default_rng(1)
     scene = seen(rng, 60)
     scene.px[:] = rng.uniform((0, 0), (511, 255), (60, 2))
@@ -271,7 +271,7 @@ def test_points_of_which_no_two_agree_lose_the_motion() -> None:
     assert ego.T_current_previous is None
 
 
-def test_few_points_are_enough_but_said_to_be_few() -> None:
+def test_few_points_are_enough_but_degraded() -> None:
     count = P.min_inliers + 4
     ego = estimated(seen(np.random.default_rng(2), count))
     assert ego.status is Status.DEGRADED
@@ -279,7 +279,7 @@ def test_few_points_are_enough_but_said_to_be_few() -> None:
     assert_right(ego, 3e-3, 1e-2)
 
 
-def test_a_motion_that_most_points_contradict_is_said_to_be_weak() -> None:
+def test_a_motion_contradicted_by_most_points_is_degraded() -> None:
     rng = np.random.default_rng(3)
     scene = seen(rng, 200)
     scene.px[:140] += rng.uniform(5, 60, (140, 2)) * rng.choice([-1, 1], (140, 2))
@@ -290,7 +290,7 @@ def test_a_motion_that_most_points_contradict_is_said_to_be_weak() -> None:
 
 
 @pytest.mark.parametrize("right", [True, False])
-def test_people_filling_the_view_do_not_weaken_a_pose_confirmed_by_the_wheels(right: bool) -> None:
+def test_people_filling_the_view_do_not_degrade_a_pose_confirmed_by_odometry(right: bool) -> None:
     rng = np.random.default_rng(3)
     scene = seen(rng, 200)
     scene.px[:140] += rng.uniform(5, 60, (140, 2)) * rng.choice([-1, 1], (140, 2))
@@ -306,7 +306,7 @@ def test_people_filling_the_view_do_not_weaken_a_pose_confirmed_by_the_wheels(ri
     np.testing.assert_allclose(step.matrix, STEP.matrix, atol=5e-3)
 
 
-def test_the_wheels_are_not_asked_where_most_points_agree() -> None:
+def test_wheel_odometry_is_not_consulted_when_most_points_agree() -> None:
     def refuse(_: Pose) -> bool:
         raise AssertionError
 
@@ -337,14 +337,14 @@ NEES_BOUNDS = np.asarray(chi2.ppf([0.0005, 0.9995], 6 * DRAWS)) / DRAWS
 
 
 @pytest.mark.parametrize("count", [40, 120])
-def test_the_stated_covariance_is_that_of_the_errors(count: int) -> None:
+def test_the_stated_covariance_matches_the_errors(count: int) -> None:
     independent = P.model_copy(update={"noise_correlation": 0.0})
     mean = nees(DRAWS, count, independent).mean()
     # Outlying points count less and the worst not at all, which costs a little precision.
     assert NEES_BOUNDS[0] < mean < 1.1 * NEES_BOUNDS[1]
 
 
-def test_errors_that_points_share_are_allowed_for() -> None:
+def test_shared_errors_of_points_increase_the_covariance() -> None:
     few = P.model_copy(update={"noise_correlation": 0.0})
     scene = seen(np.random.default_rng(0), 100)
     alone, shared = estimated(scene, parameters=few), estimated(scene)
@@ -354,7 +354,7 @@ def test_errors_that_points_share_are_allowed_for() -> None:
     np.testing.assert_allclose(shared.pose_covariance, factor * alone.pose_covariance, rtol=1e-6)
 
 
-def test_far_points_tell_the_turn_and_not_the_shift() -> None:
+def test_far_points_give_rotation_but_not_translation() -> None:
     rng = np.random.default_rng(7)
     near = estimated(seen(rng, 200, depths=(1.0, 8.0)))
     far = estimated(seen(rng, 200, depths=(60.0, 200.0)))
@@ -368,7 +368,7 @@ def test_far_points_tell_the_turn_and_not_the_shift() -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0])
-def test_more_noise_than_stated_is_noticed_and_makes_it_less_sure(factor: float) -> None:
+def test_excess_noise_is_detected_and_increases_the_uncertainty(factor: float) -> None:
     scales, stds = [], []
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -394,7 +394,7 @@ def test_obstacles_do_not_count_as_noise() -> None:
 # --- the contract --------------------------------------------------------------------------
 
 
-def test_equal_input_and_frame_number_give_an_equal_result() -> None:
+def test_equal_input_and_frame_number_give_an_identical_result() -> None:
     scene = both(
         obstacle(np.random.default_rng(0), 80, (0.05, 0, 0)), seen(np.random.default_rng(1), 120)
     )
@@ -410,7 +410,7 @@ def test_equal_input_and_frame_number_give_an_equal_result() -> None:
     np.testing.assert_allclose(error_of(other), error_of(first), atol=3e-4)
 
 
-def test_the_input_is_left_as_it_was() -> None:
+def test_the_input_is_unchanged() -> None:
     scene = seen(np.random.default_rng(0), 60)
     before = {f.name: getattr(scene, f.name).copy() for f in dataclasses.fields(scene)}
     estimated(scene)
@@ -420,7 +420,7 @@ def test_the_input_is_left_as_it_was() -> None:
 
 @quick
 @given(turns, shifts)
-def test_it_predicts_where_static_points_are_seen_next(
+def test_static_points_are_predicted_in_the_next_image(
     turn: tuple[float, float, float], shift: tuple[float, float, float]
 ) -> None:
     rng = np.random.default_rng(0)
@@ -433,7 +433,7 @@ def test_it_predicts_where_static_points_are_seen_next(
     np.testing.assert_allclose(predicted, scene.px[in_front], atol=1e-3)
 
 
-def test_what_cannot_be_predicted_is_unknown() -> None:
+def test_unpredictable_points_are_nan() -> None:
     px = np.array([[100.0, 50.0], [300.0, 200.0]])
     ego = estimated(seen(np.random.default_rng(0)))
     predicted = ego.predict(px, np.array([8.0, np.nan]))

@@ -79,7 +79,7 @@ def check_sane(observation: Observation) -> None:
         assert o.reason
 
 
-def test_the_walk_through_an_observation_finds_its_numbers(lateral: Clip) -> None:
+def test_numbers_of_finds_every_number_of_an_observation(lateral: Clip) -> None:
     observer = observer_of(lateral)
     for frame in lateral.frames[:10]:
         observation = observer.observe(frame)
@@ -93,7 +93,7 @@ def test_the_walk_through_an_observation_finds_its_numbers(lateral: Clip) -> Non
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_black_frames_are_a_loss_that_is_told_and_got_over(lateral: Clip, count: int) -> None:
+def test_black_frames_are_reported_as_lost_and_recovered_from(lateral: Clip, count: int) -> None:
     observer = observer_of(lateral)
     seen = []
     for k, frame in enumerate(lateral.frames[:40]):
@@ -131,7 +131,7 @@ def test_black_frames_are_a_loss_that_is_told_and_got_over(lateral: Clip, count:
     assert min(abs(now.speed - b.speed) for b in robots) < 0.04
 
 
-def test_a_long_darkness_ends_the_world_and_a_new_one_begins(lateral: Clip) -> None:
+def test_long_darkness_starts_a_new_segment(lateral: Clip) -> None:
     observer = observer_of(lateral)
     dark = range(12, 12 + RIGID.ego_motion.recover_frames + 3)
     seen = [observer.observe(black(f) if k in dark else f) for k, f in enumerate(lateral.frames)]
@@ -148,7 +148,7 @@ def test_a_long_darkness_ends_the_world_and_a_new_one_begins(lateral: Clip) -> N
     assert min(after) > max(before)
 
 
-def test_swapped_cameras_are_told_and_nothing_is_invented(lateral: Clip) -> None:
+def test_swapped_cameras_are_reported_and_nothing_is_invented(lateral: Clip) -> None:
     observer = observer_of(lateral)
     seen = []
     for frame in lateral.frames[:25]:
@@ -159,25 +159,25 @@ def test_swapped_cameras_are_told_and_nothing_is_invented(lateral: Clip) -> None
     assert not any(each.reported for each in seen)
 
 
-def test_rows_that_do_not_match_are_told(lateral: Clip) -> None:
+def test_mismatched_rows_are_reported(lateral: Clip) -> None:
     def lowered(image: np.ndarray, rows: int) -> np.ndarray:
         moved = np.array([[1, 0, 0], [0, 1, rows]], np.float32)
         size = image.shape[1], image.shape[0]
         return cv2.warpAffine(image, moved, size, borderMode=cv2.BORDER_REFLECT)
 
-    for rows, told in ((2, True), (0, False)):
+    for rows, expected in ((2, True), (0, False)):
         observer = observer_of(lateral)
         seen = [
             observer.observe(replace(f, right=lowered(f.right, rows))) for f in lateral.frames[:20]
         ]
         found = [r for each in seen for r in each.reasons if "recalibrate" in r]
-        assert bool(found) == told
-        if told:
+        assert bool(found) == expected
+        if expected:
             assert "epipolar error is 2.0 px" in found[0]
             assert seen[-1].status is not Status.OK
 
 
-def test_the_same_input_gives_the_same_result_whatever_the_threads(lateral: Clip) -> None:
+def test_the_result_does_not_depend_on_the_number_of_threads(lateral: Clip) -> None:
     before, lines = cv2.getNumThreads(), []
     try:
         for threads in (1, 2, 4, 1):
@@ -195,7 +195,7 @@ def test_the_same_input_gives_the_same_result_whatever_the_threads(lateral: Clip
     assert '"confirmed"' in lines[0][-1]
 
 
-def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(lateral: Clip) -> None:
+def test_changing_the_model_kind_starts_a_new_segment_and_numbers_continue(lateral: Clip) -> None:
     observer, seen = observer_of(lateral), []
     for k, frame in enumerate(lateral.frames):
         if k == 15:
@@ -220,7 +220,7 @@ def test_another_kind_of_model_begins_a_new_segment_and_numbers_run_on(lateral: 
     assert seen[-1].reported
 
 
-def test_other_values_of_the_same_model_leave_the_world_as_it_is(lateral: Clip) -> None:
+def test_new_values_of_the_same_model_keep_the_segment_and_obstacles(lateral: Clip) -> None:
     observer = observer_of(lateral)
     for frame in lateral.frames[:15]:
         before = observer.observe(frame)
@@ -230,7 +230,7 @@ def test_other_values_of_the_same_model_leave_the_world_as_it_is(lateral: Clip) 
     assert {o.id for o in after.reported} == {o.id for o in before.reported} != set()
 
 
-def test_reduced_processing_keeps_the_world_and_the_obstacles(lateral: Clip) -> None:
+def test_reduced_processing_keeps_the_segment_and_obstacles(lateral: Clip) -> None:
     observer = observer_of(lateral)
     seen = []
     for k, frame in enumerate(lateral.frames):
@@ -295,7 +295,7 @@ FAULTS = st.dictionaries(
 
 @given(faults=FAULTS, recover=st.integers(0, 5))
 @settings(max_examples=EXAMPLES, deadline=None, derandomize=True)
-def test_whatever_happens_to_frames_everything_told_is_finite(
+def test_reported_values_are_finite_for_any_frame_faults(
     lateral: Clip, faults: dict[int, tuple[str, int]], recover: int
 ) -> None:
     observer = observer_of(lateral, RIGID.changed({"ego_motion.recover_frames": recover}))
@@ -315,7 +315,7 @@ def test_whatever_happens_to_frames_everything_told_is_finite(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_after_any_fault_the_robot_is_found_again(lateral: Clip, kind: str) -> None:
+def test_the_robot_is_found_again_after_any_fault(lateral: Clip, kind: str) -> None:
     observer, frames = observer_of(lateral), lateral.frames
     for k, frame in enumerate(frames[:32]):
         if 12 <= k < 15:

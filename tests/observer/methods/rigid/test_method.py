@@ -52,7 +52,7 @@ def obstacles(clip: Clip, time: float) -> list[TrueBody]:
 
 
 @pytest.mark.parametrize("spec", LATERAL)
-def test_a_robot_that_crosses_is_found_with_the_velocity_it_has(
+def test_a_crossing_robot_is_found_with_its_true_velocity(
     spec: str, clip: OpenClip, seen: Seen
 ) -> None:
     here, inside, numbers = clip(spec, 45), [], set()
@@ -75,21 +75,21 @@ def test_a_robot_that_crosses_is_found_with_the_velocity_it_has(
 
 
 @pytest.mark.parametrize("spec", LATERAL)
-def test_the_robot_is_confirmed_within_half_a_second_of_moving(spec: str, seen: Seen) -> None:
+def test_the_robot_is_confirmed_shortly_after_it_starts_moving(spec: str, seen: Seen) -> None:
     first = next(o for o in seen(spec, 45) if o.reported)
     assert first.time <= 0.6
     assert "σ above zero" in first.reported[0].reason
 
 
 @pytest.mark.parametrize("spec", LATERAL)
-def test_the_velocity_belongs_to_the_frames_own_time(spec: str, seen: Seen) -> None:
-    told = [(o.time, each.velocity_time) for o in seen(spec, 45) for each in o.obstacles]
-    assert told
-    assert all(time == velocity_time for time, velocity_time in told)
+def test_the_velocity_time_is_the_frame_time(spec: str, seen: Seen) -> None:
+    times = [(o.time, each.velocity_time) for o in seen(spec, 45) for each in o.obstacles]
+    assert times
+    assert all(time == velocity_time for time, velocity_time in times)
 
 
 @pytest.mark.parametrize("spec", LATERAL)
-def test_the_camera_knows_its_way(spec: str, clip: OpenClip, seen: Seen) -> None:
+def test_the_camera_pose_matches_the_ground_truth(spec: str, clip: OpenClip, seen: Seen) -> None:
     here = clip(spec, 45)
     assert here.truth is not None
     for observation in seen(spec, 45):
@@ -101,7 +101,7 @@ def test_the_camera_knows_its_way(spec: str, clip: OpenClip, seen: Seen) -> None
 
 
 @pytest.mark.parametrize("seed", [11, 5])
-def test_where_nothing_moves_but_the_camera_nothing_is_confirmed(seed: int, seen: Seen) -> None:
+def test_nothing_is_confirmed_when_only_the_camera_moves(seed: int, seen: Seen) -> None:
     for observation in seen(f"simulated:static_turning?seed={seed}", 50):
         # Plain walls that have just come into view are not yet known to be static.
         blind = observation.unseen.reasons if observation.unseen else ()
@@ -110,11 +110,11 @@ def test_where_nothing_moves_but_the_camera_nothing_is_confirmed(seed: int, seen
 
 
 @pytest.mark.parametrize("spec", LATERAL)
-def test_a_track_not_confirmed_uses_up_no_number(spec: str, seen: Seen) -> None:
+def test_an_unconfirmed_track_uses_up_no_number(spec: str, seen: Seen) -> None:
     every = [o for each in seen(spec, 45) for o in each.obstacles]
-    told = {(o.id, o.state is TrackState.TENTATIVE) for o in every}
-    assert {number for number, tentative in told if not tentative} == {1}
-    assert max(number for number, tentative in told if tentative) < -1
+    numbers = {(o.id, o.state is TrackState.TENTATIVE) for o in every}
+    assert {number for number, tentative in numbers if not tentative} == {1}
+    assert max(number for number, tentative in numbers if tentative) < -1
 
 
 # A column hides a robot for about a second.
@@ -167,7 +167,7 @@ def test_a_robot_keeps_its_identity_behind_a_column(
     assert len(numbers) == 1
 
 
-def test_the_edge_of_the_column_makes_no_obstacle(
+def test_the_edge_of_the_column_is_not_reported_as_an_obstacle(
     behind_a_column: tuple[Clip, list[Observation]],
 ) -> None:
     here, seen = behind_a_column
@@ -178,7 +178,7 @@ def test_the_edge_of_the_column_makes_no_obstacle(
             assert distance < 0.5, (observation.frame, found.position, found.reason)
 
 
-def test_a_robot_that_stops_stays_known_as_stopped(clip: OpenClip, seen: Seen) -> None:
+def test_a_robot_that_stops_stays_reported_as_stopped(clip: OpenClip, seen: Seen) -> None:
     spec, standing, moving = "simulated:stop_and_go?seed=11", 0, 0
     here, numbers = clip(spec, 90), set()
     still = 0
@@ -202,7 +202,7 @@ def test_a_robot_that_stops_stays_known_as_stopped(clip: OpenClip, seen: Seen) -
 
 
 @pytest.mark.parametrize("seed", [11, 3])
-def test_cameras_that_expose_one_after_the_other_give_the_same_speed(
+def test_skewed_exposures_give_the_same_speed(
     seed: int, clip: OpenClip, rigid: Parameters, seen: Seen
 ) -> None:
     """16 ms apart; ignoring that places the robot at a wrong depth and makes it too fast."""
@@ -241,10 +241,10 @@ def test_dropped_frames_and_uneven_times_do_not_change_the_speed(
     seen = observed(Clip(here.calibration, frames, here.truth), rigid)
     for (before, after), observation in zip(itertools.pairwise(kept), seen[1:], strict=True):
         missing = after - before - 1
-        told = [r for r in observation.reasons if "missing before this one" in r]
-        assert len(told) == (missing > 0)
+        notices = [r for r in observation.reasons if "missing before this one" in r]
+        assert len(notices) == (missing > 0)
         if missing:
-            assert told[0].startswith(f"{missing} frame")
+            assert notices[0].startswith(f"{missing} frame")
         if after < SETTLED:
             continue
         assert observation.status is Status.OK

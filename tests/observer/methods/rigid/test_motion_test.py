@@ -77,7 +77,7 @@ def alarm_rate(
     parameters: EvidenceParameters,
     *,
     step_std: Float64Array | None = None,
-    told: Float64Array = STILL,
+    stated_cov: Float64Array = STILL,
     camera: StereoCamera = LAB,
     memory_s: float = 0.5,
 ) -> float:
@@ -89,7 +89,7 @@ def alarm_rate(
             camera, ground(camera, 150, rng), np.zeros(3), rng,
             frames=6, step_std=step_std, memory_s=memory_s,
         )  # fmt: skip
-        motion = pooled(points, camera=camera, step_covariance=told, parameters=parameters)
+        motion = pooled(points, camera=camera, step_covariance=stated_cov, parameters=parameters)
         alarms += bool(motion.dynamic.any())
     return alarms / draws
 
@@ -101,7 +101,7 @@ def likely(rate: float, draws: int) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("rate", [0.05, 0.4])
-def test_false_alarms_come_at_the_declared_rate(rate: float) -> None:
+def test_false_alarms_occur_at_the_declared_rate(rate: float) -> None:
     """If all assumptions hold: independent errors, and nothing is forgotten."""
     draws = 120
     p = P.model_copy(
@@ -112,17 +112,17 @@ def test_false_alarms_come_at_the_declared_rate(rate: float) -> None:
 
 
 @pytest.mark.parametrize("camera", [LAB, ROAD])
-def test_by_default_there_are_no_more_false_alarms_than_declared(camera: StereoCamera) -> None:
+def test_false_alarms_do_not_exceed_the_declared_rate_by_default(camera: StereoCamera) -> None:
     draws, rate = 120, 0.05
     p = P.model_copy(update={"false_alarms_per_frame": rate})
     assert alarm_rate(draws, p, camera=camera) <= likely(rate, draws)[1]
 
 
-def test_the_pose_s_error_makes_no_false_alarms_if_it_is_told() -> None:
+def test_a_stated_pose_error_causes_no_false_alarms() -> None:
     draws, rate = 120, 0.05
     p = P.model_copy(update={"false_alarms_per_frame": rate})
-    told = alarm_rate(draws, p, step_std=5 * STEP_STD, told=np.diag((5 * STEP_STD) ** 2))
-    assert told <= likely(rate, draws)[1]
+    alarms = alarm_rate(draws, p, step_std=5 * STEP_STD, stated_cov=np.diag((5 * STEP_STD) ** 2))
+    assert alarms <= likely(rate, draws)[1]
     assert alarm_rate(20, p, step_std=5 * STEP_STD) > 0.5
 
 
@@ -150,7 +150,7 @@ def test_the_threshold_follows_from_the_declared_rate() -> None:
     [((0.1, 0, 0), 3, 0.35), ((0, 0, 0.25), 7, 0.12), ((0, 0, -0.2), 8, 0.12)],
     ids=["aside", "away", "towards"],
 )
-def test_motion_that_no_point_shows_alone_is_seen_together(
+def test_motion_too_small_for_single_points_is_found_by_pooling(
     velocity: tuple[float, float, float], frames: int, sigma_px: float
 ) -> None:
     seen, single = [], []
@@ -170,7 +170,7 @@ def test_motion_that_no_point_shows_alone_is_seen_together(
     assert np.mean(single) < 0.3
 
 
-def test_around_what_moves_the_background_stays_static() -> None:
+def test_the_background_around_moving_points_stays_static() -> None:
     rng = np.random.default_rng(1)
     moving = board(rng, depth=2.0, count=20)
     wall = points_in_view(LAB, 150, rng, 4.0, 6.0)
@@ -185,7 +185,7 @@ def test_around_what_moves_the_background_stays_static() -> None:
     )
 
 
-def test_a_scene_in_motion_is_seen_by_any_pose_of_the_camera() -> None:
+def test_motion_is_found_for_any_camera_pose() -> None:
     """World axes differ from the camera's."""
     rng = np.random.default_rng(2)
     place, velocity = board(rng), np.array([0.2, 0.0, 0.1])
@@ -209,7 +209,7 @@ def test_a_scene_in_motion_is_seen_by_any_pose_of_the_camera() -> None:
 # --- errors that all points share ----------------------------------------------------------
 
 
-def test_the_pose_s_error_does_not_average_away() -> None:
+def test_the_pose_error_does_not_average_away() -> None:
     """However many points are pooled, the uncertainty of the camera's own motion remains."""
     step = np.diag((10 * STEP_STD) ** 2)
     spread = {}
@@ -229,7 +229,7 @@ def test_the_pose_s_error_does_not_average_away() -> None:
     assert spread[100] == pytest.approx(spread[4], rel=0.1)
 
 
-def test_more_points_do_not_turn_the_pose_s_error_into_motion() -> None:
+def test_more_points_do_not_turn_the_pose_error_into_motion() -> None:
     step_std = 10 * STEP_STD
     for count in (6, 60):
         worst = []
@@ -246,7 +246,7 @@ def test_more_points_do_not_turn_the_pose_s_error_into_motion() -> None:
             assert blind.significance.max() > blind.threshold
 
 
-def test_a_stretched_edge_of_the_image_is_no_motion() -> None:
+def test_a_stretched_edge_of_the_image_is_not_motion() -> None:
     """As at the edge of KITTI's images, where hedges pass 3 % faster than they should."""
     rng, rate = np.random.default_rng(6), CameraRate(np.zeros(3), np.array([0.0, 0.0, -12.0]))
     edge = board(rng, depth=12.0, side_px=50, count=20, centre_px=(60.0, 200.0), camera=ROAD)
@@ -262,7 +262,7 @@ def test_a_stretched_edge_of_the_image_is_no_motion() -> None:
     assert pooled(points, camera=ROAD, rate=rate).dynamic.mean() > 0.8
 
 
-def test_errors_that_neighbours_share_are_allowed_for() -> None:
+def test_shared_errors_of_neighbours_lower_the_significance() -> None:
     rng = np.random.default_rng(4)
     points = watched(LAB, board(rng, side_px=20, count=40), np.array([0.2, 0, 0]), rng)
     independent = pooled(points, parameters=P.model_copy(update={"noise_correlation": 0.0}))
@@ -275,7 +275,7 @@ def test_errors_that_neighbours_share_are_allowed_for() -> None:
 
 @quick
 @given(st.floats(0.05, 50.0))
-def test_only_the_images_decide_and_not_how_large_the_world_is(scale: float) -> None:
+def test_the_result_does_not_depend_on_the_scale_of_the_world(scale: float) -> None:
     """The lab at 3 m and a road at 60 m, seen by a camera scaled by the same factor."""
     camera = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12 * scale)
     step = np.diag(STEP_STD**2 * [1, 1, 1, *[scale**2] * 3])
@@ -305,7 +305,7 @@ def test_only_the_images_decide_and_not_how_large_the_world_is(scale: float) -> 
     ids=["robot at 3 m", "car at 60 m", "bicycle at 15 m"],
 )
 @pytest.mark.parametrize("along", [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0)], ids=["aside", "towards"])
-def test_the_same_parameters_see_the_lab_and_the_road(
+def test_the_same_parameters_work_in_the_lab_and_on_the_road(
     camera: StereoCamera,
     depth: float,
     speed: float,
@@ -325,7 +325,7 @@ def test_the_same_parameters_see_the_lab_and_the_road(
 # --- what is judged, and on which evidence ------------------------------------------------
 
 
-def test_points_seen_too_seldom_are_not_judged() -> None:
+def test_points_with_too_few_sightings_are_not_judged() -> None:
     rng = np.random.default_rng(8)
     points = watched(LAB, board(rng), np.array([1.0, 0, 0]), rng)
     sightings = points.sightings.copy()
@@ -339,7 +339,7 @@ def test_points_seen_too_seldom_are_not_judged() -> None:
     assert not np.isin(motion.pairs, np.arange(0, 16, 2)).any()
 
 
-def test_what_was_measured_at_one_instant_only_is_not_judged() -> None:
+def test_points_measured_at_a_single_instant_are_not_judged() -> None:
     """Seen ever since, but without depth: differences of its sums are rounding errors."""
     rng = np.random.default_rng(11)
     place = board(rng, count=400, side_px=200)
@@ -353,7 +353,7 @@ def test_what_was_measured_at_one_instant_only_is_not_judged() -> None:
         assert np.isfinite(motion.covariance).all()
 
 
-def test_seen_only_once_nothing_is_known_and_nothing_breaks() -> None:
+def test_points_seen_once_give_finite_but_unjudged_motion() -> None:
     rng = np.random.default_rng(9)
     points = watched(LAB, board(rng), np.zeros(3), rng, frames=1)
     motion = pooled(points.but(sightings=np.full(16, 5, np.int64)))
@@ -363,7 +363,7 @@ def test_seen_only_once_nothing_is_known_and_nothing_breaks() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_a_point_or_two_are_no_evidence(count: int) -> None:
+def test_one_or_two_points_are_not_enough_evidence(count: int) -> None:
     rng = np.random.default_rng(10)
     points = watched(LAB, board(rng, count=count), np.array([1.0, 0, 0]), rng)
     motion = pooled(points)
@@ -404,7 +404,7 @@ def crossing() -> tuple[PooledMotion, np.ndarray]:
     return pooled(watched(LAB, place, velocities[owner], rng)), owner
 
 
-def test_groups_hang_together_in_place_and_in_velocity_largest_first() -> None:
+def test_groups_share_position_and_velocity_and_the_largest_is_first() -> None:
     motion, owner = crossing()
     assert motion.dynamic.mean() > 0.9
     groups = group_dynamic(motion, np.ones(len(owner), np.bool_), 3)
@@ -414,7 +414,7 @@ def test_groups_hang_together_in_place_and_in_velocity_largest_first() -> None:
     assert not grouped[~motion.dynamic].any()
 
 
-def test_only_free_points_are_grouped_and_small_groups_are_none() -> None:
+def test_only_free_points_are_grouped_and_small_groups_are_dropped() -> None:
     motion, owner = crossing()
     free = owner != 0
     groups = group_dynamic(motion, free, 3)

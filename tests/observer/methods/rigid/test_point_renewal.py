@@ -42,7 +42,7 @@ def test_new_points_have_the_disparity_of_the_left_exposure() -> None:
 
 
 @pytest.mark.parametrize(("right_time", "rate"), [(None, RATE), (0.0, RATE), (SKEW_S, None)])
-def test_where_no_skew_or_no_motion_is_known_it_stays_as_seen(
+def test_disparity_is_uncorrected_without_known_skew_or_motion(
     right_time: float | None, rate: CameraRate | None
 ) -> None:
     points = new_points(right_time, rate)

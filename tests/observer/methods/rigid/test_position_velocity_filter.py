@@ -76,9 +76,7 @@ def sightings(
 
 @quick
 @given(seeds, memories)
-def test_the_sums_give_what_least_squares_over_all_sightings_gives(
-    seed: int, memory_s: float
-) -> None:
+def test_the_sums_match_least_squares_over_all_sightings(seed: int, memory_s: float) -> None:
     _, places, weights, times = sightings(seed)
     sums = gathered(places, weights, times, memory_s)
     velocity, velocity_cov = velocity_of(sums)
@@ -100,9 +98,7 @@ def test_the_sums_give_what_least_squares_over_all_sightings_gives(
 
 @quick
 @given(seeds, memories)
-def test_a_straight_course_is_found_exactly_and_scatters_by_nothing(
-    seed: int, memory_s: float
-) -> None:
+def test_a_straight_course_is_exact_and_has_no_excess(seed: int, memory_s: float) -> None:
     straight, _, weights, times = sightings(seed)
     sums = gathered(straight, weights, times, memory_s)
     truth = (straight[-1] - straight[0]) / (times[-1] - times[0])
@@ -112,7 +108,7 @@ def test_a_straight_course_is_found_exactly_and_scatters_by_nothing(
     np.testing.assert_allclose(excess_of(sums), 1.0, atol=1e-2)
 
 
-def test_if_it_does_not_move_the_place_is_the_weighted_mean() -> None:
+def test_the_static_position_is_the_weighted_mean() -> None:
     rng = np.random.default_rng(2)
     place = rng.uniform(-3, 3, (4, 3))
     weights = np.stack([informations(rng, 4) for _ in range(6)])
@@ -127,7 +123,7 @@ def test_if_it_does_not_move_the_place_is_the_weighted_mean() -> None:
 
 @quick
 @given(seeds, memories, st.floats(0.0, 3.0), st.floats(0.0, 3.0))
-def test_time_may_pass_in_one_step_or_in_two(
+def test_one_or_two_time_steps_give_the_same_result(
     seed: int, memory_s: float, first: float, second: float
 ) -> None:
     _, places, weights, times = sightings(seed)
@@ -139,7 +135,7 @@ def test_time_may_pass_in_one_step_or_in_two(
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(b).max()))
 
 
-def test_what_was_seen_a_memory_ago_counts_a_third() -> None:
+def test_the_weight_of_a_sighting_decays_by_e_per_memory_time() -> None:
     memory_s = 0.7
     sums = PositionVelocityFilter.begin(np.zeros((1, 3)), np.eye(3)[None]).advanced(
         memory_s, memory_s
@@ -150,7 +146,7 @@ def test_what_was_seen_a_memory_ago_counts_a_third() -> None:
     assert now.static_position()[0][0, 0] == pytest.approx(1 / (1 + 1 / np.e))
 
 
-def test_a_new_velocity_takes_the_place_of_the_old_one() -> None:
+def test_a_new_velocity_replaces_the_old_one() -> None:
     dt, memory_s = 0.05, 0.3
     times = np.arange(0, 4, dt)
     x = np.where(times < 2, times, 2 - 0.5 * (times - 2))
@@ -166,7 +162,7 @@ def test_a_new_velocity_takes_the_place_of_the_old_one() -> None:
     assert for_ever[0, 0] > 0.0
 
 
-def test_the_stated_covariance_is_that_of_the_errors() -> None:
+def test_the_stated_covariance_matches_the_errors() -> None:
     """Joint squared Mahalanobis lengths of position and velocity follow chi-squared."""
     rng = np.random.default_rng(5)
     count, times = 3000, np.arange(7) * 0.07
@@ -185,7 +181,7 @@ def test_the_stated_covariance_is_that_of_the_errors() -> None:
 
 @pytest.mark.parametrize(("memory_s", "most"), [(1e9, 1.1), (0.5, 1.4)])
 @pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_the_excess_tells_how_much_noisier_the_sightings_are(
+def test_the_excess_is_the_ratio_of_actual_to_stated_noise(
     factor: float, memory_s: float, most: float
 ) -> None:
     """If old sightings are forgotten, it may be somewhat too large, never too small."""
@@ -199,7 +195,7 @@ def test_the_excess_tells_how_much_noisier_the_sightings_are(
     assert 0.95 < excess.mean() / factor**2 < most
 
 
-def test_a_body_that_brakes_or_turns_does_not_fit_a_straight_course() -> None:
+def test_a_braking_or_turning_body_does_not_fit_a_straight_course() -> None:
     rng = np.random.default_rng(7)
     times = np.arange(12) / 15
     places = np.zeros((12, 3, 3))
@@ -224,7 +220,7 @@ def test_a_sighting_without_information_adds_nothing(position: float) -> None:
         np.testing.assert_array_equal(getattr(same, field.name), getattr(sums, field.name))
 
 
-def test_seen_once_its_velocity_is_unknown_and_its_window_empty() -> None:
+def test_a_single_sighting_gives_no_velocity_and_an_empty_window() -> None:
     sums = PositionVelocityFilter.begin(np.ones((2, 3)), informations(np.random.default_rng(0), 2))
     for later in (sums, sums.advanced(0.2, 0.5)):
         information, vector = later.velocity_information()
@@ -234,7 +230,7 @@ def test_seen_once_its_velocity_is_unknown_and_its_window_empty() -> None:
         np.testing.assert_allclose(later.static_position()[0], 1.0)
 
 
-def test_the_window_is_as_long_as_the_sightings_lie_apart() -> None:
+def test_the_window_is_the_time_span_of_the_sightings() -> None:
     places, weight = np.zeros((2, 3)), np.broadcast_to(np.eye(3), (2, 3, 3))
     even = PositionVelocityFilter.begin(places, weight)
     for _ in range(59):
@@ -247,7 +243,7 @@ def test_the_window_is_as_long_as_the_sightings_lie_apart() -> None:
     np.testing.assert_allclose(fading.window_s(), np.sqrt(12) * 0.5, rtol=0.01)
 
 
-def test_far_from_the_world_s_origin_no_digit_is_lost() -> None:
+def test_no_precision_is_lost_far_from_the_world_origin() -> None:
     _, places, weights, times = sightings(9)
     near = gathered(places, weights, times, 1.0)
     far = gathered(places + 1e5, weights, times, 1.0)
@@ -255,7 +251,7 @@ def test_far_from_the_world_s_origin_no_digit_is_lost() -> None:
     np.testing.assert_allclose(far.static_position()[0] - 1e5, near.static_position()[0], atol=1e-5)
 
 
-def test_some_of_the_points_and_others_behind_them() -> None:
+def test_take_and_join_select_and_order_points() -> None:
     _, places, weights, times = sightings(10, count=5)
     sums = gathered(places, weights, times, 0.5)
     mask = np.array([True, False, True, True, False])
@@ -267,7 +263,7 @@ def test_some_of_the_points_and_others_behind_them() -> None:
         np.testing.assert_array_equal(getattr(again, field.name), getattr(sums, field.name)[order])
 
 
-def test_sightings_shifted_along_a_course_are_those_of_a_shifted_course() -> None:
+def test_shifting_the_sums_equals_shifting_the_sightings() -> None:
     rng = np.random.default_rng(5)
     times = np.array([0.0, 0.1, 0.25, 0.3])
     places, weights = rng.normal(size=(4, 2, 3)), np.stack([informations(rng, 2) for _ in times])

@@ -54,7 +54,7 @@ def reported(clip: Clip, parameters: Parameters) -> tuple[list[float], list[floa
 
 
 @pytest.mark.parametrize("seed", [1, 4])
-def test_a_short_baseline_sees_a_person_coming_closer_from_far_away(
+def test_a_short_baseline_detects_an_approaching_person_from_far_away(
     seed: int, clip: OpenClip, rigid: Parameters
 ) -> None:
     """Four cells of disparity, needed for precise depth, reach only 3.4 m there."""
@@ -64,7 +64,7 @@ def test_a_short_baseline_sees_a_person_coming_closer_from_far_away(
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_what_crosses_beyond_the_reach_of_segments_is_reported_by_its_points(
+def test_a_body_crossing_beyond_segment_range_is_reported_by_its_points(
     seed: int, clip: OpenClip, rigid: Parameters, tmp_path: Path
 ) -> None:
     """Four cells of disparity reach 6.6 m there."""

@@ -32,7 +32,7 @@ VISIBLE = 0.5
         pytest.param(3, 0.025, marks=pytest.mark.patient),
     ],
 )
-def test_speed_is_right_while_a_robot_turns(seed: int, rmse_mps: float) -> None:
+def test_speed_is_accurate_while_a_robot_turns(seed: int, rmse_mps: float) -> None:
     world = World(load_scenario("lab"), seed)
     source, truth = SimulatedSource(world), SimulatedTruth(world)
     observer = Observer(source.calibration, Parameters(), mount=source.info.mount)

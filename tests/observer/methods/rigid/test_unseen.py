@@ -77,7 +77,7 @@ def view(index: int, paint: Paint, disparity: float = 10.0) -> View:
     return View(index, 0.4 * index, None, left, right)
 
 
-def told(*paints: Paint, boxes: Sequence[Box] = ()) -> Unseen:
+def unseen_in(*paints: Paint, boxes: Sequence[Box] = ()) -> Unseen:
     """The result for the last of several views, 0.4 s apart, from a static camera."""
     vision, regions = DenseVision(CAMERA, MOUNT), UnseenRegions(CAMERA)
     for index, paint in enumerate(paints):
@@ -91,8 +91,8 @@ def letters(unseen: Unseen) -> np.ndarray:
     return np.array([list(row) for row in unseen.rows])
 
 
-def test_on_a_textured_wall_everything_is_seen() -> None:
-    unseen = told(nothing, nothing)
+def test_everything_on_a_textured_wall_is_seen() -> None:
+    unseen = unseen_in(nothing, nothing)
     assert unseen.cell_px == CELL_PX
     assert letters(unseen).shape == (25, 40)
     assert unseen.share < 0.03
@@ -101,8 +101,8 @@ def test_on_a_textured_wall_everything_is_seen() -> None:
 
 
 @pytest.mark.parametrize(("level", "cause"), [(120, "plain"), (6, "dark"), (255, "dark")])
-def test_a_patch_without_texture_is_unseen_where_it_is(level: float, cause: str) -> None:
-    unseen = told(flat(level), flat(level))
+def test_a_patch_without_texture_is_marked_unseen_at_its_position(level: float, cause: str) -> None:
+    unseen = unseen_in(flat(level), flat(level))
     cells = letters(unseen)
     assert (cells[INSIDE] == cause[0]).mean() > 0.95
     outside = cells.copy()
@@ -115,56 +115,56 @@ def test_a_patch_without_texture_is_unseen_where_it_is(level: float, cause: str)
     assert unseen.cause_at((60.0, 60.0)) is None
 
 
-def test_a_plain_part_of_a_wall_that_stands_does_not_degrade_but_a_dark_one_does() -> None:
+def test_a_dark_part_of_a_static_wall_degrades_but_a_plain_one_does_not() -> None:
     """A person walking in front of the wall shows an outline; in the dark there is none."""
-    assert not told(flat(120), flat(120)).hides_person
-    dark = told(flat(6), flat(6))
+    assert not unseen_in(flat(120), flat(120)).hides_person
+    dark = unseen_in(flat(6), flat(6))
     assert dark.hides_person
     (reason,) = dark.reasons
     assert reason.startswith("motion could not be detected in ")
     assert "too dark or saturated (" in reason
 
 
-def test_a_small_dark_place_hides_nobody() -> None:
+def test_a_small_dark_spot_cannot_hide_a_person() -> None:
     def spot(left: Image, right: Image) -> None:
         left[96:160, 240:336] = right[96:160, 230:326] = 3
 
-    assert told(spot, spot).share > 0
-    assert not told(spot, spot).hides_person
+    assert unseen_in(spot, spot).share > 0
+    assert not unseen_in(spot, spot).hides_person
 
 
-def test_an_unreported_mover_in_plain_clothes_degrades_and_a_reported_one_does_not() -> None:
+def test_only_an_unreported_mover_in_plain_clothes_degrades() -> None:
     """Its outline has just arrived; its middle is as plain as a wall."""
-    mover = told(nothing, plain_person_before_wall(40))
+    mover = unseen_in(nothing, plain_person_before_wall(40))
     assert (letters(mover)[INSIDE] == "p").mean() > 0.6
     assert mover.hides_person
     rows, columns = PATCH
     box = (columns.start, rows.start, columns.stop, rows.stop)
-    assert not told(nothing, plain_person_before_wall(40), boxes=[box]).hides_person
+    assert not unseen_in(nothing, plain_person_before_wall(40), boxes=[box]).hides_person
     elsewhere = (0.0, 0.0, 100.0, 200.0)
-    assert told(nothing, plain_person_before_wall(40), boxes=[elsewhere]).hides_person
+    assert unseen_in(nothing, plain_person_before_wall(40), boxes=[elsewhere]).hides_person
 
 
 def test_a_view_without_any_texture_degrades() -> None:
     def blank(left: Image, right: Image) -> None:
         left[:] = right[:] = 120
 
-    unseen = told(blank, blank)
+    unseen = unseen_in(blank, blank)
     assert unseen.share == 1.0
     assert unseen.causes == {"plain": 1.0}
     assert unseen.hides_person
 
 
 @pytest.mark.parametrize("disparity", [120, 150, 190])
-def test_what_is_nearer_than_stereo_searches_is_told_as_near(disparity: int) -> None:
-    unseen = told(nothing, person_before_wall(disparity))
+def test_objects_nearer_than_the_stereo_range_are_marked_near(disparity: int) -> None:
+    unseen = unseen_in(nothing, person_before_wall(disparity))
     cells = letters(unseen)[INSIDE]
     assert (cells == "n").mean() > 0.6
     assert unseen.hides_person
     assert "too close" in unseen.reasons[0]
 
 
-def test_what_may_move_but_is_not_reported_yet_is_marked() -> None:
+def test_a_possible_unreported_mover_is_marked_tentative() -> None:
     unseen = seen_with(tentative=[(64.0, 64.0, 95.0, 95.0)])
     assert unseen.cause_at((70.0, 70.0)) == "tentative"
     assert unseen.cause_at((130.0, 70.0)) != "tentative"
@@ -172,12 +172,12 @@ def test_what_may_move_but_is_not_reported_yet_is_marked() -> None:
     assert unseen.share < 0.03
 
 
-def test_what_is_reported_is_not_marked_as_tentative() -> None:
+def test_a_reported_obstacle_is_not_marked_tentative() -> None:
     box = (320.0, 180.0, 351.0, 243.0)
     assert seen_with(tentative=[box], reported=[box]).reasons == ()
 
 
-def test_boxes_may_reach_beyond_the_image() -> None:
+def test_boxes_may_extend_beyond_the_image() -> None:
     unseen = seen_with(tentative=[(-50.0, -50.0, 20.0, 2000.0)])
     assert unseen.cause_at((0.0, 0.0)) == unseen.cause_at((0.0, 399.0)) == "tentative"
     assert not seen_with(tentative=[(-50.0, 20.0, -10.0, 80.0)]).reasons
@@ -190,7 +190,7 @@ def seen_with(*, tentative: Sequence[Box] = (), reported: Sequence[Box] = ()) ->
     return UnseenRegions(CAMERA).look(now, scene, TrackedPoints.none(), reported, tentative, P)
 
 
-def test_at_speed_only_points_tell() -> None:
+def test_cells_without_points_are_unseen_at_speed() -> None:
     regions = UnseenRegions(CAMERA)
     now = view(0, nothing)
     unseen = regions.look(now, None, TrackedPoints.none(), (), (), P)
@@ -200,7 +200,7 @@ def test_at_speed_only_points_tell() -> None:
 
 @pytest.mark.parametrize(("sightings", "depth", "sees"), [(5, 10.0, True), (1, 10.0, False),
                                                           (5, np.nan, False)])  # fmt: skip
-def test_a_cell_is_seen_by_a_point_with_depth_that_was_followed(
+def test_a_cell_is_seen_through_a_tracked_point_with_depth(
     sightings: int, depth: float, sees: bool
 ) -> None:
     px = np.array([[100.0, 50.0], [330.0, 200.0]], np.float32)
@@ -215,5 +215,5 @@ def test_a_cell_is_seen_by_a_point_with_depth_that_was_followed(
     assert unseen.cause_at((200.0, 50.0)) == "fast"
 
 
-def test_the_same_view_tells_the_same_to_the_last_digit() -> None:
-    assert told(nothing, flat(120)) == told(nothing, flat(120))
+def test_the_same_view_gives_an_identical_result() -> None:
+    assert unseen_in(nothing, flat(120)) == unseen_in(nothing, flat(120))

@@ -33,7 +33,7 @@ def tell(sentence: str) -> None:
 
 @contextmanager
 def reporting(port: int, **more: Any) -> Iterator[ExternalClient]:
-    """A client that reports every 20 ms that its robot stands."""
+    """A client that reports every 20 ms that its robot is at rest."""
     client = ExternalClient("127.0.0.1", port, **more)
     client.connect()
     ending = threading.Event()

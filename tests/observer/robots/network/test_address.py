@@ -16,7 +16,7 @@ from .sides import RawRobot, Wire, driving, reporting, tell, until
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_driver_that_fails_waits_for_nobody(
+def test_a_failed_driver_is_reported_and_can_be_closed(
     free_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def failing(*_: object) -> None:
@@ -29,7 +29,7 @@ def test_a_driver_that_fails_waits_for_nobody(
     robot.close()
 
 
-def test_what_the_robot_says_is_reported_and_what_is_driven_is_permitted(
+def test_robot_messages_are_reported_and_velocities_are_permitted(
     robot: ExternalRobot, free_port: int
 ) -> None:
     with reporting(free_port, name="Robbie") as client:
@@ -46,7 +46,7 @@ def test_what_the_robot_says_is_reported_and_what_is_driven_is_permitted(
             assert (permit.speed_mps, permit.turn_rate_radps, permit.stop) == (0.3, 0.1, False)
             assert robot.drive(7.0, 0.0).speed_mps == 0.5
             until(lambda: robot.report().motors_enabled)
-        # Nobody drives any more.
+        # No velocity is requested any more.
         until(lambda: client.permitted().speed_mps == 0)
         assert client.permitted().reason == "no speed has been requested"
         assert not client.permitted().stop
@@ -58,7 +58,9 @@ def test_what_the_robot_says_is_reported_and_what_is_driven_is_permitted(
         until(lambda: client.permitted().stop)
 
 
-def test_a_guarded_robot_says_what_it_wants(robot: ExternalRobot, free_port: int) -> None:
+def test_the_wanted_velocity_of_a_guarded_robot_is_reported(
+    robot: ExternalRobot, free_port: int
+) -> None:
     with reporting(free_port, guarded=True):
         until(lambda: robot.report().wanted == (0.4, 0.0))
 
@@ -83,7 +85,7 @@ def test_a_stop_does_not_wait_for_the_next_permit(robot: ExternalRobot, free_por
         (0.35, ["its motors switched off by themselves", "no odometry received for 0.5 s"]),
     ],
 )
-def test_a_link_that_stalls_stops_the_robot_and_its_recovery_does_not_move_it(
+def test_a_stalled_link_stops_the_robot_and_recovery_does_not_move_it(
     robot: ExternalRobot, wire: Wire, stall_s: float, faults: list[str]
 ) -> None:
     with reporting(wire.port) as client, driving(robot, client):
@@ -102,7 +104,7 @@ def test_a_link_that_stalls_stops_the_robot_and_its_recovery_does_not_move_it(
         while time.monotonic() < deadline:
             assert client.permitted().speed_mps == 0
             time.sleep(0.001)
-        # The link has recovered, but the robot stands until somebody clears and arms it.
+        # The link has recovered, but the robot does not move until it is cleared and armed.
         assert client.permitted().reason == robot.report().fault
         assert robot.report().fault in faults
         robot.clear()
@@ -110,7 +112,7 @@ def test_a_link_that_stalls_stops_the_robot_and_its_recovery_does_not_move_it(
         until(lambda: client.permitted().speed_mps == 0.3)
 
 
-def test_a_robot_that_falls_silent_has_a_fault(robot: ExternalRobot, free_port: int) -> None:
+def test_a_silent_robot_has_a_fault(robot: ExternalRobot, free_port: int) -> None:
     raw = RawRobot(free_port)
     assert raw.next() == {
         "type": "welcome", "protocol": 1, "interval_ms": 50, "expires_ms": 250,
@@ -123,7 +125,7 @@ def test_a_robot_that_falls_silent_has_a_fault(robot: ExternalRobot, free_port: 
     raw.close()
 
 
-def test_a_link_that_breaks_stops_both_sides(robot: ExternalRobot, wire: Wire) -> None:
+def test_a_broken_link_stops_both_sides(robot: ExternalRobot, wire: Wire) -> None:
     with reporting(wire.port) as client, driving(robot, client):
         wire.reset()
         assert until(lambda: client.permitted().stop) < 1.0

@@ -17,7 +17,7 @@ from observer.robots.network.robot import ExternalRobot
 from .sides import driving, until
 
 
-def test_the_demo_drives_and_comes_back_after_a_loss(
+def test_the_demo_drives_and_reconnects_at_standstill(
     robot: ExternalRobot, free_port: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     client = ExternalClient("127.0.0.1", free_port, name="demo")
@@ -29,7 +29,7 @@ def test_the_demo_drives_and_comes_back_after_a_loss(
         client.close()
         until(lambda: robot.report().fault is not None)
         until(lambda: robot.report().phase is RobotPhase.CONNECTED)
-        # It reconnected by itself, and stands.
+        # It reconnected by itself, and does not move.
         until(lambda: robot.report().speed_mps == 0)
         assert client.permitted().speed_mps == 0
     thread.join()
@@ -40,9 +40,7 @@ def test_the_demo_drives_and_comes_back_after_a_loss(
     assert "0.3 m/s" in capsys.readouterr().out
 
 
-def test_the_reference_client_needs_nothing_but_python(
-    robot: ExternalRobot, free_port: int
-) -> None:
+def test_the_reference_client_needs_only_python(robot: ExternalRobot, free_port: int) -> None:
     file = Path(external_client.__file__)
     # Isolated and without site-packages, so it cannot import any of our code.
     command = [sys.executable, "-I", "-S", str(file), "--demo", "127.0.0.1", str(free_port)]

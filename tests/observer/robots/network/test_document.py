@@ -46,7 +46,7 @@ def _until(is_so: Callable[[], bool], keep: Callable[[], object] = lambda: None)
         time.sleep(DRIVE_S)
 
 
-def test_the_example_is_driven_and_stops(document: str, free_port: int) -> None:
+def test_the_documented_example_drives_and_stops(document: str, free_port: int) -> None:
     example = _block(document, "python")
     assert len([line for line in example.splitlines() if line.strip()]) <= 15
     assert example.count("7700") == 1
@@ -95,7 +95,7 @@ def test_the_example_is_driven_and_stops(document: str, free_port: int) -> None:
     assert len(ended) == 1
 
 
-def test_the_messages_are_those_that_are_spoken(document: str) -> None:
+def test_the_documented_messages_match_the_protocol(document: str) -> None:
     lines = _block(document, "json").splitlines()
     hello, welcome, odometry, permit = lines
     said = parse_hello(hello.encode())
@@ -112,7 +112,7 @@ def test_the_messages_are_those_that_are_spoken(document: str) -> None:
         assert set(json.loads(line)) <= explained | plain
 
 
-def test_the_ports_are_taken_as_they_stand_there(document: str) -> None:
+def test_the_documented_ports_are_accepted(document: str) -> None:
     key = "0123456789abcdef"
     ports = re.findall(r"^\| `(external:\S+)` \|", document, re.M)
     assert len(ports) == 3

@@ -36,7 +36,7 @@ def line(message: dict[str, Any], **changes: Any) -> bytes:
     return json.dumps({**message, **changes}).encode()
 
 
-def test_a_hello_and_odometry_are_read() -> None:
+def test_hello_and_odometry_are_parsed() -> None:
     hello = parse_hello(line(HELLO, more="is ignored"))
     assert (hello.name, hello.mode, hello.key) == ("Robbie", "guarded", "k")
     assert hello.limits == RobotLimits(0.5, 1.0, 0.4, 2.0)
@@ -74,7 +74,7 @@ def without(message: dict[str, Any], key: str) -> bytes:
         (b'{"type": "hello", "protocol": ' + 4000 * b"9" + b"}", "protocol must be 1"),
     ],
 )
-def test_what_is_no_hello_is_refused(text: bytes, sentence: str) -> None:
+def test_an_invalid_hello_is_refused(text: bytes, sentence: str) -> None:
     with pytest.raises(BadMessage, match=sentence):
         parse_hello(text)
 
@@ -97,13 +97,13 @@ def test_what_is_no_hello_is_refused(text: bytes, sentence: str) -> None:
         (line(ODOMETRY, fault=3), "fault must be 1 to 200"),
     ],
 )
-def test_what_is_no_odometry_is_refused(text: bytes, sentence: str) -> None:
+def test_invalid_odometry_is_refused(text: bytes, sentence: str) -> None:
     with pytest.raises(BadMessage, match=sentence):
         parse_odometry(text)
 
 
 @given(st.binary(max_size=300))
-def test_no_bytes_do_more_than_be_refused(data: bytes) -> None:
+def test_arbitrary_bytes_are_refused(data: bytes) -> None:
     for parse in (parse_hello, parse_odometry):
         with pytest.raises(BadMessage):
             parse(data)
@@ -126,9 +126,7 @@ def test_a_damaged_value_is_refused_or_finite(key: str, value: Any) -> None:
 
 @given(st.lists(st.binary(min_size=1, max_size=20).filter(lambda b: b.strip() and b"\n" not in b)),
        st.lists(st.integers(1, 7)))  # fmt: skip
-def test_lines_come_out_as_they_went_in_however_they_arrive(
-    sent: list[bytes], cuts: list[int]
-) -> None:
+def test_lines_are_reassembled_however_they_are_split(sent: list[bytes], cuts: list[int]) -> None:
     data = b"".join(each + b"\n" for each in sent)
     lines, taken = Lines(), []
     for cut in (*cuts, len(data) + 1):
@@ -137,14 +135,14 @@ def test_lines_come_out_as_they_went_in_however_they_arrive(
     assert taken == sent
 
 
-def test_a_line_without_end_is_not_kept() -> None:
+def test_an_endless_line_is_refused() -> None:
     lines = Lines()
     assert list(lines.feed(b"x" * LONGEST_LINE)) == []
     with pytest.raises(BadMessage, match="at most 4096 bytes"):
         list(lines.feed(b"x"))
 
 
-def test_a_permit_says_what_it_holds() -> None:
+def test_a_permit_is_written_with_all_its_fields() -> None:
     text = permit_line(Permit(0.2, -0.1, False, "half a metre left"), 12, 34.5678901, 0.25)
     assert text.endswith(b"\n")
     assert json.loads(text) == {

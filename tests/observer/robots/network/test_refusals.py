@@ -31,7 +31,7 @@ KEY = "a-key-of-the-tests-only"
          .encode() + b"\n"), "at most 1000 messages per second"),
     ],
 )  # fmt: skip
-def test_garbage_ends_the_connection_with_one_sentence(
+def test_garbage_ends_the_connection_with_the_reason(
     robot: ExternalRobot, free_port: int, text: bytes, sentence: str
 ) -> None:
     raw = RawRobot(free_port)
@@ -49,7 +49,7 @@ def test_garbage_ends_the_connection_with_one_sentence(
     raw.close()
 
 
-def test_a_second_robot_is_refused_while_the_first_speaks(
+def test_a_second_robot_is_refused_while_the_first_is_connected(
     robot: ExternalRobot, free_port: int
 ) -> None:
     with reporting(free_port, name="first") as client, driving(robot, client):
@@ -61,9 +61,7 @@ def test_a_second_robot_is_refused_while_the_first_speaks(
         assert robot.report().fault is None
 
 
-def test_a_robot_that_comes_anew_takes_the_place_of_its_silent_connection(
-    robot: ExternalRobot, free_port: int
-) -> None:
+def test_a_new_connection_replaces_a_silent_one(robot: ExternalRobot, free_port: int) -> None:
     raw = RawRobot(free_port)
     raw.odometry(1)
     until(lambda: robot.report().fault is not None)
@@ -78,7 +76,7 @@ def test_a_robot_that_comes_anew_takes_the_place_of_its_silent_connection(
     raw.close()
 
 
-def test_one_who_does_not_say_hello_is_sent_away(
+def test_a_client_that_sends_no_hello_is_disconnected(
     robot: ExternalRobot, free_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("observer.robots.network.link._HELLO_WITHIN_S", 0.2)
@@ -92,7 +90,7 @@ def test_one_who_does_not_say_hello_is_sent_away(
         assert robot.report().phase is RobotPhase.CONNECTED
 
 
-def test_a_key_is_asked_for_where_one_is_set(free_port: int) -> None:
+def test_a_configured_key_is_required(free_port: int) -> None:
     robot = ExternalRobot(f"external:127.0.0.1:{free_port}?key={KEY}")
     until(lambda: robot.report().phase is RobotPhase.WAITING)
     for wrong in (None, "", "wrong", KEY + "x"):
@@ -106,7 +104,7 @@ def test_a_key_is_asked_for_where_one_is_set(free_port: int) -> None:
     robot.close()
 
 
-def test_where_to_listen_is_read_strictly() -> None:
+def test_the_listening_address_is_parsed_strictly() -> None:
     assert parse_external("external:localhost:7700").host == "localhost"
     assert parse_external("external:[::1]:7700").host == "::1"
     open_to_others = parse_external(f"external:0.0.0.0:7700?key={KEY}")
@@ -130,7 +128,7 @@ def test_where_to_listen_is_read_strictly() -> None:
         ExternalRobot("external:127.0.0.1:7700", "tank")
 
 
-def test_a_port_that_is_taken_is_said_and_tried_again(
+def test_a_port_in_use_is_reported_and_retried(
     free_port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("observer.robots.network.link._RETRY_S", 0.05)

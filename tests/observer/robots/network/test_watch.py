@@ -97,7 +97,7 @@ def test_a_velocity_that_is_not_repeated_is_no_longer_permitted() -> None:
     assert scene.watch.permit(scene.now) == Permit(0, 0, False, "no speed has been requested")
 
 
-def test_what_is_asked_for_is_kept_within_the_limits_and_says_why() -> None:
+def test_requested_velocities_are_limited_and_explained() -> None:
     scene = driving()
     assert scene.watch.drive(9, -9, scene.now) == (0.5, -1.0)
     assert scene.watch.explain("it is as fast as may be")
@@ -113,7 +113,7 @@ def test_what_is_asked_for_is_kept_within_the_limits_and_says_why() -> None:
     assert amigo.watch.drive(9, 0, amigo.now) == (robot_spec("amigo-sh").speed_max_mps, 0)
 
 
-def test_silence_is_a_fault_that_stays_until_it_is_cleared() -> None:
+def test_silence_is_a_fault_until_it_ends_and_is_cleared() -> None:
     scene = driving()
     scene.speaks = False
     before = scene.now
@@ -132,7 +132,7 @@ def test_silence_is_a_fault_that_stays_until_it_is_cleared() -> None:
     assert scene.step((0.3, 0.1)) == Permit(0, 0, True, "not armed")
 
 
-def test_permits_that_are_not_confirmed_are_a_fault() -> None:
+def test_unacknowledged_permits_are_a_fault() -> None:
     scene = driving()
     scene.confirms = False
     scene.steps(UNHEARD_S - STEP_S, (0.3, 0.1))
@@ -141,7 +141,7 @@ def test_permits_that_are_not_confirmed_are_a_fault() -> None:
     assert scene.fault == "it has not acknowledged a permit for 0.7 s"
 
 
-def test_odometry_that_waited_on_its_way_is_as_old_as_it_is() -> None:
+def test_delayed_odometry_counts_as_old() -> None:
     """A link that falls behind delivers often enough, but only old data."""
     scene = driving()
     while scene.late_s < 0.6:
@@ -152,7 +152,7 @@ def test_odometry_that_waited_on_its_way_is_as_old_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("drift", [-1e-3, 1e-3])
-def test_clocks_that_drift_apart_are_no_silence(drift: float) -> None:
+def test_clock_drift_does_not_count_as_silence(drift: float) -> None:
     scene = driving()
     for _ in range(round(600 / STEP_S)):
         scene.late_s += drift * STEP_S
@@ -177,7 +177,7 @@ def test_old_and_repeated_odometry_is_ignored_and_counted() -> None:
     assert told.counters["bad_packets"] == heard.counters["bad_packets"] + 3
 
 
-def test_motors_that_go_off_by_themselves_or_stay_off_are_a_fault() -> None:
+def test_motors_that_switch_off_by_themselves_or_stay_off_are_a_fault() -> None:
     scene = driving()
     scene.obeys = scene.enabled = False
     scene.steps(2 * STEP_S, (0.3, 0.1))
@@ -192,7 +192,7 @@ def test_motors_that_go_off_by_themselves_or_stay_off_are_a_fault() -> None:
     assert scene.fault == "its motors did not switch on"
 
 
-def test_arming_again_at_once_is_not_taken_for_motors_that_went_off() -> None:
+def test_rearming_at_once_is_not_mistaken_for_motors_switching_off() -> None:
     """The robot's answer to the disarming arrives after the arming."""
     scene = driving()
     scene.watch.disable()
@@ -202,7 +202,7 @@ def test_arming_again_at_once_is_not_taken_for_motors_that_went_off() -> None:
     assert scene.steps(0.2, (0.3, 0.1)) == Permit(0.3, 0.1, False, None)
 
 
-def test_its_own_fault_is_ours_until_it_is_over_and_cleared() -> None:
+def test_a_fault_reported_by_the_robot_lasts_until_it_ends_and_is_cleared() -> None:
     scene = driving()
     scene.more = {"fault": "a bumper is pressed"}
     scene.step((0.3, 0.1))
@@ -215,7 +215,7 @@ def test_its_own_fault_is_ours_until_it_is_over_and_cleared() -> None:
     assert scene.fault is None
 
 
-def test_a_lost_connection_is_a_fault_and_the_next_one_stands() -> None:
+def test_a_lost_connection_is_a_fault_until_reconnected_and_cleared() -> None:
     scene = driving()
     scene.watch.lost("the robot closed the connection")
     report = scene.watch.report(scene.now, 0.25)
@@ -230,7 +230,7 @@ def test_a_lost_connection_is_a_fault_and_the_next_one_stands() -> None:
     assert scene.watch.report(scene.now, 0.25).counters["reconnects"] == 1
 
 
-def test_odometry_is_summed_up_from_wherever_the_robot_counts() -> None:
+def test_odometry_accumulates_from_any_origin() -> None:
     scene = Scene()
     for x, y, yaw in ((5, 5, 1.0), (5 + math.cos(1.0), 5 + math.sin(1.0), 1.0 + math.pi / 2)):
         scene.more = {"x": x, "y": y, "yaw": yaw}
@@ -252,7 +252,7 @@ def test_odometry_is_summed_up_from_wherever_the_robot_counts() -> None:
     )
 
 
-def test_only_a_guarded_robot_wants() -> None:
+def test_only_a_guarded_robot_reports_a_wanted_velocity() -> None:
     for mode, expected in (("driven", None), ("guarded", (0.4, 0.1))):
         scene = Scene(hello=dataclasses.replace(HELLO, mode=mode))  # type: ignore[arg-type]
         scene.more = {"wanted": (0.4, 0.1)}

@@ -48,7 +48,7 @@ def turned(rng: np.random.Generator) -> Float64Array:
 
 @given(st.integers(0, 10_000))
 @settings(deadline=None, max_examples=60)
-def test_a_ray_meets_an_ellipsoid_where_it_lies_on_its_surface(seed: int) -> None:
+def test_rays_hit_an_ellipsoid_on_its_surface(seed: int) -> None:
     rng = np.random.default_rng(seed)
     centre = np.array([*rng.uniform(-1, 1, 2), rng.uniform(1.0, 5.0)])
     axes, semi = turned(rng), rng.uniform(0.05, 0.6, 3)
@@ -65,13 +65,13 @@ def test_a_ray_meets_an_ellipsoid_where_it_lies_on_its_surface(seed: int) -> Non
     assert ((x[hit] >= x0) & (x[hit] <= x1) & (y[hit] >= y0) & (y[hit] <= y1)).all()
 
 
-def test_what_is_behind_the_camera_is_not_seen() -> None:
+def test_an_ellipsoid_behind_the_camera_is_not_seen() -> None:
     behind = Ellipsoids(np.array([[0.0, 0.0, -2.0]]), np.eye(3)[None], np.full((1, 3), 0.5))
     assert silhouettes(behind) == [None]
 
 
 @pytest.mark.parametrize("speed", [0.4, 0.9, 1.4])
-def test_one_foot_stands_on_the_floor_while_the_body_moves_on(speed: float) -> None:
+def test_one_foot_stays_on_the_floor_while_the_body_moves(speed: float) -> None:
     motion = walking(speed)
     it = figure(motion)
     slides, step = [], 0.02
@@ -86,7 +86,7 @@ def test_one_foot_stands_on_the_floor_while_the_body_moves_on(speed: float) -> N
     assert abs(np.median(slides)) < 0.35 * speed
 
 
-def test_steps_follow_the_way_and_a_person_who_stands_keeps_still() -> None:
+def test_strides_grow_with_speed_and_a_standing_person_is_still() -> None:
     standing = figure(Parked(1.0, 2.0, 0.5))
     assert np.array_equal(standing.shape(0.3).centres, standing.shape(7.1).centres)
     slow, quick = figure(walking(0.5)), figure(walking(1.4))
@@ -95,7 +95,7 @@ def test_steps_follow_the_way_and_a_person_who_stands_keeps_still() -> None:
     assert reach[0] < 0.8 * reach[1]
 
 
-def test_a_waving_person_moves_one_arm_alone() -> None:
+def test_a_waving_person_moves_only_one_arm() -> None:
     it = figure(Parked(0, 0, 0), gesture="wave")
     places = np.array([it.shape(t).centres for t in np.arange(0, 2, 0.1)])
     moves = np.ptp(places, axis=0).max(axis=1)
@@ -105,7 +105,7 @@ def test_a_waving_person_moves_one_arm_alone() -> None:
 
 @given(st.integers(0, 500))
 @settings(deadline=None, max_examples=30)
-def test_clothes_that_are_given_are_worn_and_others_drawn_alike_for_equal_seeds(seed: int) -> None:
+def test_given_clothes_are_worn_and_equal_seeds_draw_equal_others(seed: int) -> None:
     given_clothes = ClothesSpec(top="printed", top_tone="red")
     first, again = dressed(given_clothes, seed), dressed(given_clothes, seed)
     assert first == again
@@ -113,13 +113,13 @@ def test_clothes_that_are_given_are_worn_and_others_drawn_alike_for_equal_seeds(
     assert first["trousers"].kind.removeprefix("cloth_") in PATTERNS
 
 
-def test_scenarios_know_every_pattern_and_tone() -> None:
+def test_scenarios_accept_every_pattern_and_tone() -> None:
     assert set(Pattern.__args__) == set(PATTERNS)  # type: ignore[attr-defined]
     assert set(Tone.__args__) == set(TONES)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_a_person_is_drawn_where_the_rays_meet_them(scene: str) -> None:
+def test_people_are_drawn_where_rays_hit_them(scene: str) -> None:
     """Images with and without people differ exactly where rays hit people."""
     scenario = load_scenario(scene)
     world = World(scenario, seed=1)
@@ -141,7 +141,7 @@ def test_a_person_is_drawn_where_the_rays_meet_them(scene: str) -> None:
     assert (drawn & beside & above).mean() < 0.01
 
 
-def test_truth_tells_the_trunks_velocity_and_what_is_seen_of_a_person() -> None:
+def test_truth_gives_the_velocity_and_visible_share_of_a_person() -> None:
     text = """
 title: One person
 help: A person walks across.
@@ -166,14 +166,14 @@ people:
     assert visible_parts(world, 0.0)[body.id].share < person.visible, "half out of view at first"
 
 
-def test_another_seed_draws_another_person() -> None:
+def test_different_seeds_draw_different_people() -> None:
     scenario = load_scenario(SCENES[0])
     people = [World(scenario, seed).scenario.people[0] for seed in (0, 1, 2)]
     assert len({person.height_m for person in people}) == 3
     assert all(math.isfinite(person.build) for person in people)
 
 
-def test_a_person_who_waves_or_stands_has_no_speed() -> None:
+def test_a_waving_or_standing_person_has_no_speed() -> None:
     truth = SimulatedTruth(World(load_scenario("people_standing")))
     for time in (0.0, 1.3, 4.2):
         people = [body for body in truth.bodies(time) if body.kind == "person"]
@@ -181,13 +181,13 @@ def test_a_person_who_waves_or_stands_has_no_speed() -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_seed_leaves_people_inside_the_room(name: str) -> None:
+def test_people_stay_inside_the_room_with_every_seed(name: str) -> None:
     for seed in range(1, 60):
         World(load_scenario(name), seed)
 
 
 @pytest.mark.parametrize("name", ["people_near", "people_toward"])
-def test_an_observer_that_is_said_to_stand_stands(name: str) -> None:
+def test_the_camera_is_static_in_scenes_with_a_standing_observer(name: str) -> None:
     assert World(load_scenario(name), 2).camera_is_static
 
 

@@ -91,7 +91,7 @@ def newest(packets: list[bytes]) -> dict[str, int]:
 # ---------------------------------------------------------------------- sessions
 
 
-def test_the_handshake_echoes_and_then_tells_names() -> None:
+def test_the_handshake_echoes_and_then_gives_names() -> None:
     talk = Talk(EmulatedRobot("amigo-sh"))
     assert talk.robot.receive(SYNC[0], 0.0) == SYNC[0]
     assert talk.robot.receive(SYNC[1], 0.0) == SYNC[1]
@@ -104,7 +104,7 @@ def test_the_handshake_echoes_and_then_tells_names() -> None:
     assert len(talk.wait(2)) == pytest.approx(20, abs=1)
 
 
-def test_out_of_order_or_repeated_synchronization_is_taken_as_far_as_it_goes() -> None:
+def test_sync_is_ignored_out_of_order_but_may_be_repeated() -> None:
     talk = Talk(EmulatedRobot("p3dx"))
     assert talk.say(SYNC[2], SYNC[1], command(Command.ENABLE, 1)) == []
     assert [each[0] for each in talk.say(SYNC[0], SYNC[0], SYNC[1], SYNC[1], SYNC[2], SYNC[2])] == [
@@ -112,7 +112,7 @@ def test_out_of_order_or_repeated_synchronization_is_taken_as_far_as_it_goes() -
     ]  # fmt: skip
 
 
-def test_a_session_that_was_never_closed_goes_on_until_close() -> None:
+def test_an_unclosed_session_continues_until_close() -> None:
     talk = opened()
     talk.robot.cut_off()
     # In a session, the next client's SYNC bytes mean PULSE, OPEN, CLOSE.
@@ -123,7 +123,7 @@ def test_a_session_that_was_never_closed_goes_on_until_close() -> None:
     assert [each[0] for each in talk.say(*SYNC)] == [0, 1, 2]
 
 
-def test_motors_are_off_at_first_and_take_no_velocity() -> None:
+def test_motors_are_off_at_first_and_ignore_velocities() -> None:
     talk = opened()
     heard = talk.hold(1, VEL_200)
     assert newest(heard)["flags"] & 1 == 0
@@ -134,7 +134,7 @@ def test_motors_are_off_at_first_and_take_no_velocity() -> None:
 
 
 @pytest.mark.parametrize("watchdog_s", [2.0, 0.7])
-def test_config_tells_limits_and_watchdog(watchdog_s: float) -> None:
+def test_config_reports_limits_and_watchdog(watchdog_s: float) -> None:
     [reply] = opened("p3dx-sh", watchdog_s=watchdog_s).say(command(Command.CONFIG))
     words = reply[1:].split(b"\0", 3)
     assert (reply[0], words[:2]) == (0x20, [b"Pioneer", b"p3dx-sh"])
@@ -153,7 +153,7 @@ def test_config_tells_limits_and_watchdog(watchdog_s: float) -> None:
 # ---------------------------------------------------------------------- velocities
 
 
-def test_velocity_is_reached_by_the_acceleration_and_told_in_status() -> None:
+def test_velocity_follows_the_acceleration_and_is_in_the_status() -> None:
     talk = opened()
     talk.say(ENABLE, command(Command.SETA, 500), command(Command.SETA, -250))
     talk.hold(0.3, VEL_200)
@@ -173,7 +173,7 @@ def test_velocity_is_reached_by_the_acceleration_and_told_in_status() -> None:
     assert talk.heard[-1][0] == 0x32
 
 
-def test_backwards_and_e_stop_which_brakes_harder_than_stop() -> None:
+def test_it_drives_backwards_and_e_stop_brakes_hard() -> None:
     talk = opened()
     talk.say(ENABLE)
     talk.hold(2, VEL_MINUS_200)
@@ -189,7 +189,7 @@ def test_backwards_and_e_stop_which_brakes_harder_than_stop() -> None:
 
 
 @pytest.mark.parametrize(("model", "factor"), [("p3dx-sh", 0.0056), ("amigo-sh", 0.011)])
-def test_turning_to_the_left_is_positive_and_wheels_differ_by_the_models_factor(
+def test_a_left_turn_is_positive_and_wheels_differ_by_the_models_factor(
     model: str, factor: float
 ) -> None:
     talk = opened(model)
@@ -202,7 +202,7 @@ def test_turning_to_the_left_is_positive_and_wheels_differ_by_the_models_factor(
     assert talk.robot.vehicle.state.heading > 0.3
 
 
-def test_wheel_velocities_and_the_other_kind_exclude_each_other() -> None:
+def test_wheel_velocities_and_forward_velocity_replace_each_other() -> None:
     talk = opened()
     talk.say(ENABLE, command(Command.SETA, 1000), command(Command.SETRA, 300))
     # Left 5 and right 10, times 20 mm/s.
@@ -217,7 +217,7 @@ def test_wheel_velocities_and_the_other_kind_exclude_each_other() -> None:
     assert (seen["left"], seen["right"]) == (200, 200)
 
 
-def test_what_is_asked_for_is_bounded_by_setv_and_by_the_model() -> None:
+def test_velocity_is_limited_by_setv_and_by_the_model() -> None:
     talk = opened("amigo-sh")
     talk.say(ENABLE, command(Command.SETA, 2000))
     talk.hold(3, command(Command.VEL, 5000))
@@ -229,7 +229,7 @@ def test_what_is_asked_for_is_bounded_by_setv_and_by_the_model() -> None:
     assert talk.robot.log.unintended == 30
 
 
-def test_the_watchdog_stops_it_and_any_command_lets_it_go_on_as_before() -> None:
+def test_the_watchdog_stops_it_until_any_command_resumes_the_velocity() -> None:
     talk = driving()
     talk.wait(1.9)
     assert talk.robot.speed_mps == pytest.approx(0.2, abs=0.005)
@@ -247,7 +247,7 @@ def test_the_watchdog_stops_it_and_any_command_lets_it_go_on_as_before() -> None
     assert talk.robot.speed_mps == 0.0
 
 
-def test_motors_that_are_switched_off_forget_what_was_asked_for() -> None:
+def test_switching_the_motors_off_discards_the_velocity() -> None:
     talk = driving()
     talk.say(command(Command.ENABLE, 0))
     talk.wait(1)
@@ -257,7 +257,7 @@ def test_motors_that_are_switched_off_forget_what_was_asked_for() -> None:
     assert talk.robot.speed_mps == 0.0
 
 
-def test_motors_that_go_off_by_themselves_show_in_the_flags() -> None:
+def test_motors_that_switch_off_by_themselves_show_in_the_flags() -> None:
     talk = driving()
     talk.robot.motors_off()
     heard = talk.hold(1, VEL_200)
@@ -300,7 +300,7 @@ def test_positions_wrap_in_15_bits_of_the_models_unit(model: str, mm: float) -> 
     assert (raw[0] + unwrapped) * mm / 1000 == pytest.approx(driven_m, abs=0.1)
 
 
-def test_seto_makes_here_and_this_heading_zero() -> None:
+def test_seto_zeroes_position_and_heading() -> None:
     talk = driving()
     talk.hold(1, command(Command.RVEL, 60))
     talk.say(STOP)
@@ -315,7 +315,7 @@ def test_seto_makes_here_and_this_heading_zero() -> None:
     assert yaw == 0.0
 
 
-def test_encoders_are_told_once_or_with_every_status() -> None:
+def test_encoders_are_sent_once_or_with_every_status() -> None:
     talk = driving()
     [reply] = talk.say(command(Command.ENCODER, 1))
     kind, left, right = struct.unpack("<Bii", reply)
@@ -335,7 +335,7 @@ def walled() -> Surroundings:
     return Surroundings(outlines=(Outline.of_box(1.2, 0.0, 0.0, 0.4, 2.0),))
 
 
-def test_it_stalls_at_a_box_relaxes_and_tries_again_by_itself() -> None:
+def test_it_stalls_at_a_box_and_retries_by_itself() -> None:
     talk = opened(around=walled())
     talk.say(ENABLE)
     heard = talk.hold(6, VEL_200)
@@ -352,7 +352,7 @@ def test_it_stalls_at_a_box_relaxes_and_tries_again_by_itself() -> None:
     assert (seen["stall"], seen["left"]) == (0, -200)
 
 
-def test_sonar_tells_only_what_is_new_and_everything_within_half_a_second() -> None:
+def test_sonar_sends_only_new_readings_and_all_within_half_a_second() -> None:
     talk = opened(around=walled())
     ranges: dict[int, int] = {}
     for packet in talk.wait(0.5):
@@ -371,7 +371,7 @@ def test_sonar_tells_only_what_is_new_and_everything_within_half_a_second() -> N
     assert newest(talk.heard)["flags"] & 0b110 == 0
 
 
-def test_bumpers_stall_the_motors_where_that_is_asked_for() -> None:
+def test_bumpers_stall_the_motors_only_if_requested() -> None:
     talk = driving()
     talk.robot.faults.front_bumpers = 0b00100
     seen = newest(talk.hold(1, VEL_200))
@@ -386,7 +386,7 @@ def test_bumpers_stall_the_motors_where_that_is_asked_for() -> None:
 # ---------------------------------------------------------------------- injected faults
 
 
-def test_flags_battery_and_temperature_are_as_they_are_made() -> None:
+def test_flags_battery_and_temperature_are_as_set() -> None:
     talk = driving()
     faults = talk.robot.faults
     faults.battery_v, faults.temperature_c, faults.charge_state = 11.34, -5, 2
@@ -409,7 +409,7 @@ def test_flags_battery_and_temperature_are_as_they_are_made() -> None:
     assert newest(talk.hold(1, VEL_200))["flags"] & 1 == 0
 
 
-def test_packets_are_as_strange_as_they_are_made() -> None:
+def test_packet_faults_are_simulated_as_set() -> None:
     talk = opened(around=walled())
     faults = talk.robot.faults
     faults.sonar_overrun = True
@@ -433,7 +433,7 @@ def test_packets_are_as_strange_as_they_are_made() -> None:
     assert [each[0] for each in found] == [0x32, 0x98, 0xB0, 0xB8]
 
 
-def test_synchronization_can_go_unanswered_or_be_answered_strangely() -> None:
+def test_sync_can_go_unanswered_or_get_an_invalid_reply() -> None:
     talk = Talk(EmulatedRobot("p3dx-sh"))
     talk.robot.faults.no_sync_reply = True
     assert talk.say(*SYNC) == []
@@ -444,7 +444,7 @@ def test_synchronization_can_go_unanswered_or_be_answered_strangely() -> None:
     assert len(talk.say(*SYNC)) == 3
 
 
-def test_damaged_commands_do_nothing_and_cost_no_other() -> None:
+def test_damaged_commands_are_ignored_and_lose_no_other() -> None:
     talk = opened()
     talk.say(ENABLE)
     count = talk.robot.log.count
@@ -462,7 +462,7 @@ def test_damaged_commands_do_nothing_and_cost_no_other() -> None:
     assert talk.robot.log.bad_bytes > 10
 
 
-def test_the_log_tells_when_it_was_first_told_to_stand() -> None:
+def test_the_log_gives_the_first_command_to_stand_still() -> None:
     talk = driving()
     log, begin = talk.robot.log, talk.now
     assert log.first_standing(begin) is None

@@ -99,7 +99,7 @@ def soon(condition: Callable[[], bool], seconds: float = 10) -> bool:
     return False
 
 
-def test_status_comes_ten_times_a_second_and_commands_are_kept_with_their_time(
+def test_status_is_sent_repeatedly_and_commands_are_logged_with_their_time(
     served: Robots,
 ) -> None:
     with client_of(served) as client:
@@ -127,7 +127,7 @@ def test_a_second_client_is_refused_and_a_later_one_finds_the_session_open(
         client.hear(0.2)
     with client_of(served) as client:
         client.write(SYNC[0])
-        # Status packets arrive during SYNC, because nobody sent CLOSE.
+        # Status packets arrive during SYNC, because no client sent CLOSE.
         client.until(0x32)
         client.write(command(Command.CLOSE))
         client.open()
@@ -141,7 +141,7 @@ def refuses(served: Robots) -> bool:
     return False
 
 
-def test_unplugging_ends_the_connection_until_it_is_plugged_again(served: Robots) -> None:
+def test_unplugging_ends_the_connection_until_it_is_plugged_in_again(served: Robots) -> None:
     with client_of(served) as client:
         client.open()
         served.robot.faults.unplugged = True
@@ -159,7 +159,7 @@ def ended(client: Client) -> bool:
         return error.errno in (errno.EIO, errno.ECONNRESET)
 
 
-def test_silence_deafness_pieces_and_delays(served: Robots) -> None:
+def test_silence_deafness_splitting_and_merging_are_simulated(served: Robots) -> None:
     with client_of(served) as client:
         client.open()
         faults, log = served.robot.faults, served.robot.log
@@ -212,7 +212,7 @@ def test_noise_damages_packets_both_ways_and_moves_nothing(served: Robots) -> No
         assert log.unintended == 0
 
 
-def test_a_port_that_is_taken_is_one_sentence(served: Robots) -> None:
+def test_a_port_in_use_is_refused(served: Robots) -> None:
     with pytest.raises(InputError, match=r"port \d+ on this machine cannot be used"):
         serve_tcp(EmulatedRobot("amigo"), address(served)[1])
 
@@ -237,7 +237,7 @@ def set_rate(fd: int, rate: int) -> None:
     termios.tcsetattr(fd, termios.TCSANOW, settings)
 
 
-def test_a_pseudo_terminal_is_unplugged_and_plugged_under_its_name(tmp_path: Path) -> None:
+def test_a_pseudo_terminal_keeps_its_name_when_plugged_in_again(tmp_path: Path) -> None:
     link = tmp_path / "robot"
     robot = EmulatedRobot("amigo-sh", now=time.monotonic())
     with serve_pty(robot, link) as serving:
@@ -254,7 +254,7 @@ def test_a_pseudo_terminal_is_unplugged_and_plugged_under_its_name(tmp_path: Pat
     assert not link.is_symlink()
 
 
-def test_where_rates_matter_the_wrong_one_hears_garbage(tmp_path: Path) -> None:
+def test_a_client_at_the_wrong_rate_receives_no_packet(tmp_path: Path) -> None:
     robot = EmulatedRobot("p3dx-sh", now=time.monotonic())
     with serve_pty(robot, tmp_path / "robot", rates=True) as serving:
         with terminal(serving.port, termios.B38400) as client:

@@ -28,7 +28,7 @@ def vehicle(drive: Drive, state: PlanarState = START, seed: int | None = None) -
     return made
 
 
-def test_it_follows_its_ramp_with_inertia_and_arrives() -> None:
+def test_it_follows_its_ramp_with_inertia_up_to_its_speed() -> None:
     one = vehicle(asked(0.5))
     seen = []
     for _ in range(200):
@@ -42,7 +42,7 @@ def test_it_follows_its_ramp_with_inertia_and_arrives() -> None:
     assert one.state.x == pytest.approx(0.5 - 0.5 * 0.08 + 0.5 * 1.0 - 0.25, abs=0.02)
 
 
-def test_it_goes_round_a_circle_and_both_odometries_come_home() -> None:
+def test_a_full_circle_returns_pose_and_odometry_to_the_start() -> None:
     one = vehicle(asked(0.3, 0.5))
     one.advance(10, EMPTY)
     before = one.state, one.wheels()
@@ -56,7 +56,7 @@ def test_it_goes_round_a_circle_and_both_odometries_come_home() -> None:
     assert right - left == pytest.approx(2 * 2 * math.pi / (1000 * P3DX.wheel_turn), abs=1e-3)
 
 
-def test_through_zero_it_brakes_first_and_without_power_it_runs_out() -> None:
+def test_reversing_brakes_first_and_without_power_it_coasts_to_rest() -> None:
     one = vehicle(asked(0.4))
     one.advance(3, EMPTY)
     one.drive = asked(-0.4)
@@ -71,7 +71,7 @@ def test_through_zero_it_brakes_first_and_without_power_it_runs_out() -> None:
     assert one.state.vx == 0.0
 
 
-def test_equal_calls_give_equal_states_and_seeds_give_equal_errors() -> None:
+def test_states_are_repeatable_and_odometry_errors_depend_on_the_seed() -> None:
     def driven(seed: int | None) -> Vehicle:
         one = vehicle(asked(0.3, 0.2), seed=seed)
         for _ in range(100):
@@ -98,7 +98,7 @@ def test_equal_calls_give_equal_states_and_seeds_give_equal_errors() -> None:
         Surroundings(outlines=(Outline.of_box(1.0 + math.sqrt(0.5), 0.0, math.pi / 4, 1, 1),)),
     ],
 )
-def test_it_stops_at_what_is_in_its_way_and_stalls_while_it_pushes(around: Surroundings) -> None:
+def test_it_stops_at_an_obstacle_and_stalls_while_it_pushes(around: Surroundings) -> None:
     one = vehicle(asked(0.5))
     one.advance(4, around)
     assert one.state.x == pytest.approx(1.0 - 0.25, abs=0.006)
@@ -119,7 +119,7 @@ def test_it_stops_at_what_is_in_its_way_and_stalls_while_it_pushes(around: Surro
     assert one.wheels().front_bumpers == 0
 
 
-def test_what_came_over_it_may_be_left_and_not_gone_deeper_into() -> None:
+def test_an_overlapping_obstacle_can_be_left_but_not_entered_further() -> None:
     over = Surroundings(outlines=(Outline.of_box(0.4, 0.0, 0.0, 0.5, 0.5),))
     one = vehicle(asked(0.3))
     one.advance(1, over)
@@ -129,7 +129,7 @@ def test_what_came_over_it_may_be_left_and_not_gone_deeper_into() -> None:
     assert one.state.x < -0.3
 
 
-def test_outlines_overlap_by_the_least_way_out() -> None:
+def test_the_overlap_depth_is_the_shortest_distance_out() -> None:
     one = Outline.of_box(0, 0, 0, 2, 1)
     assert one.depth(Outline.of_box(1.9, 0, 0, 2, 1)) == pytest.approx(0.1)
     assert one.depth(Outline.of_box(0.5, 0.8, 0, 2, 1)) == pytest.approx(0.2)

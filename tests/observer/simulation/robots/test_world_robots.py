@@ -155,7 +155,7 @@ def holding(lab: Lab, role: Role, speed: int, turn_rate: int = 0) -> Callable[[]
 # ---------------------------------------------------------------------- before anybody drives
 
 
-def test_nothing_runs_before_it_is_asked_for_and_every_world_has_its_own_name() -> None:
+def test_no_thread_runs_before_serving_and_each_world_has_its_own_name() -> None:
     threads = set(threading.enumerate())
     one, other = open_source("simulated:drive?seed=2"), open_source("simulated:drive?seed=2")
     assert set(threading.enumerate()) == threads
@@ -167,7 +167,7 @@ def test_nothing_runs_before_it_is_asked_for_and_every_world_has_its_own_name() 
     one.robots.close()
 
 
-def test_a_person_showing_a_board_to_the_cameras_meets_no_robots() -> None:
+def test_the_calibration_scene_has_no_robots() -> None:
     assert open_source("simulated:calibration").robots is None
 
 
@@ -185,7 +185,7 @@ def test_roles_models_and_ports(make_lab: MakeLab) -> None:
     assert list(alone.ports) == ["observer"]
 
 
-def test_robots_that_nobody_drives_change_no_frame_and_end_with_the_scenario(
+def test_robots_that_are_not_driven_change_no_frame_and_end_with_the_scenario(
     make_lab: MakeLab,
 ) -> None:
     lab = make_lab()
@@ -203,7 +203,7 @@ def test_robots_that_nobody_drives_change_no_frame_and_end_with_the_scenario(
         plain.rewind()
 
 
-def test_a_robot_on_its_script_tells_how_it_really_moves(lab: Lab) -> None:
+def test_a_scripted_robot_reports_its_true_motion(lab: Lab) -> None:
     lab.frames(1.0)
     lab.links["obstacle"].drain()
     heard: list[bytes] = []
@@ -224,7 +224,7 @@ def test_a_robot_on_its_script_tells_how_it_really_moves(lab: Lab) -> None:
 # ---------------------------------------------------------------------- driven
 
 
-def test_it_is_driven_from_where_its_script_had_brought_it(lab: Lab) -> None:
+def test_driving_starts_where_the_script_left_the_robot(lab: Lab) -> None:
     lab.frames(1.0)
     last = lab.time
     scripted = [lab.state("obstacle", last - k / 100) for k in range(3)]
@@ -233,7 +233,7 @@ def test_it_is_driven_from_where_its_script_had_brought_it(lab: Lab) -> None:
     before, after = lab.state("obstacle", last), lab.state("obstacle")
     assert before == scripted[0]
     assert [lab.state("obstacle", last - k / 100) for k in range(3)] == scripted
-    # The pose is continuous, and it brakes from now on, because nobody asks for a velocity.
+    # The pose is continuous, and it brakes from now on, because no velocity is requested.
     assert math.hypot(before.vx, before.vy) == pytest.approx(0.4)
     assert math.hypot(after.x - before.x, after.y - before.y) == pytest.approx(0.02, abs=2e-3)
     lab.frames(2.5, lambda: lab.tell("obstacle", Command.PULSE))
@@ -263,7 +263,7 @@ def test_a_velocity_moves_the_camera_truth_odometry_and_commanded_speed(lab: Lab
     assert np.allclose(lab.truth.camera_pose(0.0).matrix, np.eye(4))
 
 
-def test_while_somebody_drives_frames_do_not_end_and_scripts_go_on(lab: Lab) -> None:
+def test_frames_and_scripts_continue_while_a_robot_is_driven(lab: Lab) -> None:
     lab.frames(2.9)
     lab.enable("observer")
     lab.frames(2.0, lambda: lab.tell("observer", Command.PULSE))
@@ -317,13 +317,13 @@ def test_two_robots_do_not_pass_through_each_other(make_lab: MakeLab) -> None:
     assert gap == pytest.approx((0.33 + 0.455) / 2, abs=0.02)
 
 
-def test_frames_make_the_time_and_not_the_clock(lab: Lab) -> None:
+def test_robots_move_in_frame_time_not_in_real_time(lab: Lab) -> None:
     lab.enable("observer")
     lab.frames(0.5, holding(lab, "observer", 300))
     place = lab.state("observer")
     link = lab.links["observer"]
     moving = time.monotonic()
-    # While paused it stays where it is and its wheels stand, though it is told to drive.
+    # While paused it stays where it is and its wheels do not turn, despite drive commands.
     while time.monotonic() < moving + 0.8:
         holding(lab, "observer", 300)()
         time.sleep(0.02)
@@ -336,7 +336,7 @@ def test_frames_make_the_time_and_not_the_clock(lab: Lab) -> None:
     assert lab.state("observer").x > place.x + 0.005
 
 
-def test_the_watchdog_of_a_client_that_died_stops_it(lab: Lab) -> None:
+def test_the_watchdog_stops_the_robot_of_a_dead_client(lab: Lab) -> None:
     lab.enable("observer")
     lab.frames(1.0, holding(lab, "observer", 200))
     assert lab.truth.bodies(lab.time)[0].speed > 0.15
@@ -351,7 +351,7 @@ def test_the_watchdog_of_a_client_that_died_stops_it(lab: Lab) -> None:
     assert (body.speed, body.commanded_speed) == (0.0, 0.0)
 
 
-def test_rewound_they_stand_at_their_start_again_with_motors_off(lab: Lab) -> None:
+def test_rewinding_puts_robots_back_at_the_start_with_motors_off(lab: Lab) -> None:
     frame = lab.source.read()
     assert frame is not None
     lab.enable("observer")
@@ -383,7 +383,7 @@ def test_rewound_they_stand_at_their_start_again_with_motors_off(lab: Lab) -> No
     assert lab.truth.bodies(lab.time)[0].speed > 0.2
 
 
-def test_equal_commands_at_equal_frames_drive_equal_ways(make_lab: MakeLab) -> None:
+def test_equal_commands_at_equal_frames_give_equal_paths(make_lab: MakeLab) -> None:
     ends = []
     for _ in range(2):
         lab = make_lab(seed=3)
@@ -398,7 +398,7 @@ def test_equal_commands_at_equal_frames_drive_equal_ways(make_lab: MakeLab) -> N
 # ---------------------------------------------------------------------- the motion itself
 
 
-def test_between_steps_it_interpolates_and_behind_the_last_it_goes_on() -> None:
+def test_motion_is_interpolated_between_steps_and_extrapolated_after_the_last() -> None:
     motion = Driven(Parked(1.0, 2.0, 0.0), threading.RLock())
     assert motion.state(5.0) == PlanarState(1.0, 2.0, 0.0)
     motion.begin(5.0, PlanarState(1.0, 2.0, 0.0))
@@ -419,7 +419,7 @@ def test_between_steps_it_interpolates_and_behind_the_last_it_goes_on() -> None:
     assert motion.state(5.025) == PlanarState(1.0, 2.0, 0.0)
 
 
-def test_what_is_longer_ago_than_it_remembers_is_the_oldest_it_knows() -> None:
+def test_times_before_the_memory_give_the_oldest_known_state() -> None:
     motion = Driven(Parked(0.0, 0.0, 0.0), threading.RLock())
     motion.begin(0.0, PlanarState(0.0, 0.0, 0.0))
     for k in range(1, 3000):

@@ -50,7 +50,7 @@ def test_all_settings_are_read() -> None:
         ("power_line=55", "50, 60, off or auto"),
     ],
 )
-def test_a_setting_that_cannot_be_meant_is_refused_by_name(query: str, words: str) -> None:
+def test_an_invalid_setting_is_refused_by_name(query: str, words: str) -> None:
     with pytest.raises(SourceError) as refusal:
         parse_settings(query)
     assert words in str(refusal.value)
@@ -67,7 +67,7 @@ def test_devices_are_named_by_number_or_path(tmp_path: Path) -> None:
     assert [target.address for target in both.targets] == ["/dev/video2"]
 
 
-def test_a_device_is_called_by_the_name_that_lasts(tmp_path: Path) -> None:
+def test_a_device_is_called_by_its_stable_name(tmp_path: Path) -> None:
     device = tmp_path / "video7"
     device.touch()
     by_path = tmp_path / "by-path"
@@ -94,13 +94,13 @@ def test_a_device_is_called_by_the_name_that_lasts(tmp_path: Path) -> None:
         ("0,1?size=big", "size=big is not valid"),
     ],
 )
-def test_a_text_that_names_no_cameras_is_refused(rest: str, words: str, tmp_path: Path) -> None:
+def test_an_invalid_pair_of_devices_is_refused(rest: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(SourceError) as refusal:
         parse_devices(rest, tmp_path)
     assert words in str(refusal.value)
 
 
-def test_addresses_may_hold_commas_questions_and_passwords() -> None:
+def test_addresses_may_contain_commas_queries_and_passwords() -> None:
     left = "rtsp://user:p@ss,word@10.0.0.1:554/a,b?channel=1&subtype=0"
     right = "https://10.0.0.2/video.mjpg?usr=me&pwd=s3cret&size=1,2"
     spec = parse_urls(f"{left}, {right}")
@@ -130,17 +130,17 @@ def test_addresses_may_hold_commas_questions_and_passwords() -> None:
         ("sbs:rtsp://a/x", "sbs_swapped:rtsp://a/x"),
     ],
 )
-def test_left_and_right_are_exchanged_and_back(text: str, swapped: str) -> None:
+def test_left_and_right_are_swapped_and_swapped_back(text: str, swapped: str) -> None:
     assert swapped_spec(text) == swapped
     assert swapped_spec(swapped) == text.replace(", ", ",")
 
 
-def test_what_is_not_live_cannot_be_swapped() -> None:
+def test_only_live_cameras_can_be_swapped() -> None:
     with pytest.raises(SourceError, match="only live cameras"):
         swapped_spec("video:a.mp4,b.mp4")
 
 
-def test_an_address_without_secrets_stays_as_it_is() -> None:
+def test_an_address_without_secrets_is_unchanged() -> None:
     for url in ("rtsp://cam/stream", "http://[::1]:8080/v?a=1&b=%20", "http://h/x?flag"):
         assert without_password(url) == url
 
@@ -156,14 +156,14 @@ def test_an_address_without_secrets_stays_as_it_is() -> None:
         ("sbs:ftp://h/x", "incomplete"),
     ],
 )
-def test_addresses_that_cannot_be_meant_are_refused(text: str, words: str) -> None:
+def test_invalid_addresses_are_refused(text: str, words: str) -> None:
     with pytest.raises(SourceError) as refusal:
         parse_urls(text)
     assert words in str(refusal.value)
     assert "a:b" not in str(refusal.value)
 
 
-def test_devices_that_are_not_there_are_told_by_the_one_door_to_all_sources() -> None:
+def test_open_source_reports_devices_that_are_not_connected() -> None:
     with pytest.raises(SourceError, match=r"the left camera \(/dev/video98\) is not connected"):
         open_source("camera:98,99?format=MJPG")
     with pytest.raises(SourceError, match=r"the camera \(/dev/video98\) is not connected"):

@@ -62,7 +62,7 @@ def opened(capture: DeviceCapture) -> StandIn:
     return inner
 
 
-def test_a_device_is_opened_where_its_name_points_to_and_its_format_set_first(
+def test_a_link_to_a_device_is_resolved_and_the_format_is_set_first(
     device: Path, tmp_path: Path
 ) -> None:
     link = tmp_path / "by-path"
@@ -80,7 +80,7 @@ def test_a_device_is_opened_where_its_name_points_to_and_its_format_set_first(
     assert opened(DeviceCapture(str(link), CameraSettings())).asked == []
 
 
-def test_the_buffers_stamp_is_taken_until_it_proves_to_be_of_another_clock(device: Path) -> None:
+def test_buffer_stamps_are_used_until_one_is_of_another_clock(device: Path) -> None:
     capture = DeviceCapture(str(device), CameraSettings())
     exposed = time.monotonic() - 0.02
     opened(capture).values[cv2.CAP_PROP_POS_MSEC] = exposed * 1e3
@@ -91,7 +91,7 @@ def test_the_buffers_stamp_is_taken_until_it_proves_to_be_of_another_clock(devic
     assert capture.stamp() is None
 
 
-def test_what_is_no_image_is_none(device: Path) -> None:
+def test_an_unusable_image_is_none(device: Path) -> None:
     capture = DeviceCapture(str(device), CameraSettings())
     image = capture.retrieve()
     assert image is not None
@@ -105,14 +105,16 @@ def test_what_is_no_image_is_none(device: Path) -> None:
         assert capture.retrieve() is None
 
 
-def test_a_rate_that_cannot_be_meant_is_unknown(device: Path) -> None:
+def test_an_implausible_rate_is_unknown(device: Path) -> None:
     capture = DeviceCapture(str(device), CameraSettings())
     for said, rate in ((30.0, 30.0), (0.0, None), (-1.0, None), (90_000.0, None)):
         opened(capture).values[cv2.CAP_PROP_FPS] = said
         assert capture.rate == rate
 
 
-def test_why_a_device_cannot_be_opened(device: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reason_why_a_device_cannot_be_opened_is_reported(
+    device: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(SourceError, match="is not connected"):
         DeviceCapture(str(device) + "1", CameraSettings())
     monkeypatch.setattr(StandIn, "works", False)
@@ -120,7 +122,7 @@ def test_why_a_device_cannot_be_opened(device: Path, monkeypatch: pytest.MonkeyP
         DeviceCapture(str(device), CameraSettings())
 
 
-def test_why_a_stream_cannot_be_opened(free_port: int) -> None:
+def test_the_reason_why_a_stream_cannot_be_opened_is_reported(free_port: int) -> None:
     with pytest.raises(SourceError, match="refuses the connection"):
         NetworkCapture(f"http://127.0.0.1:{free_port}/video")
     with pytest.raises(SourceError, match="cannot be found"):

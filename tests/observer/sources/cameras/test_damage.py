@@ -120,7 +120,7 @@ def played(url: str) -> int:
     return count
 
 
-def test_a_whole_stream_is_read(camera: DamagedCamera) -> None:
+def test_an_intact_stream_is_read(camera: DamagedCamera) -> None:
     camera.content = STREAM
     assert played(camera.url) >= PARTS - 2
 
@@ -143,14 +143,14 @@ def test_a_damaged_stream_is_refused_or_gives_images(camera: DamagedCamera, cont
 @given(damaged_text(["http://a:b@h:80/x?user=c&pwd=d,rtsp://h/y", "sbs:http://[::1]:1/"])
        | hostile_text(("http://", "rtsp://", "sbs:", ",", "@", ":", "[", "]", "?")))  # fmt: skip
 @example("sbs:http://h/?pwd=a&b=\udcff")
-def test_addresses_are_understood_or_refused(text: str) -> None:
+def test_addresses_are_parsed_or_refused(text: str) -> None:
     spec = read_or_refused(lambda: parse_urls(text), SourceError)
     if spec is not None:
         assert 1 <= len(spec.targets) <= 2
         assert all(each.network for each in spec.targets)
 
 
-def test_a_part_without_an_end_is_told_and_got_over(camera: DamagedCamera) -> None:
+def test_an_endless_part_is_reported_and_recovered_from(camera: DamagedCamera) -> None:
     camera.content = None
     source = CameraSource(parse_urls(f"sbs:{camera.url}"))
     try:
@@ -174,7 +174,7 @@ def test_a_part_without_an_end_is_told_and_got_over(camera: DamagedCamera) -> No
 
 
 def endless() -> Iterator[bytes]:
-    """Yield a part that claims to exceed all memory, for as long as anybody reads it."""
+    """Yield a part that claims to exceed all memory, for as long as it is read."""
     yield b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: 2000000000\r\n\r\n"
     end = time.monotonic() + 20.0
     while time.monotonic() < end:

@@ -43,7 +43,9 @@ def read_while_stopped(source: CameraSource) -> StereoFrame | NoFrame:
 
 
 @pytest.mark.parametrize("tended", [False, True])
-def test_a_tended_pair_is_there_without_its_cameras(watch: Watch, tended: bool) -> None:
+def test_a_tended_pair_is_available_while_its_cameras_are_stopped(
+    watch: Watch, tended: bool
+) -> None:
     # A newer pair may have arrived just before the stop; then the read waits for that one.
     for _ in range(12 if tended else 3):
         watch.read_frames(2)
@@ -53,13 +55,13 @@ def test_a_tended_pair_is_there_without_its_cameras(watch: Watch, tended: bool) 
             time.sleep(4 * PERIOD_S)
         frame = read_while_stopped(watch.source)
         if isinstance(frame, StereoFrame):
-            assert tended, "nobody had asked for decoding"
+            assert tended, "decoding had not been requested"
             assert frame.time > watch.frames[-1].time + 2 * PERIOD_S
             return
     assert not tended, "none of many pairs was decoded ahead"
 
 
-def test_what_is_read_is_the_newest_and_the_others_do_not_count(watch: Watch) -> None:
+def test_the_newest_pair_is_read_and_skipped_ones_are_not_counted(watch: Watch) -> None:
     watch.read_frames(5)
     for busy_s in (0.05, 0.3, 1.2):
         before = watch.source.report()
@@ -75,7 +77,7 @@ def test_what_is_read_is_the_newest_and_the_others_do_not_count(watch: Watch) ->
     assert watch.troubles == []
 
 
-def test_a_pair_that_became_old_gives_way(watch: Watch) -> None:
+def test_an_outdated_pair_is_replaced(watch: Watch) -> None:
     watch.read_frames(5)
     for _ in range(3):
         tend_for(watch.source, 3 * PERIOD_S)
@@ -86,7 +88,7 @@ def test_a_pair_that_became_old_gives_way(watch: Watch) -> None:
         assert watch.frames[-1].received > asked - 2 * PERIOD_S
 
 
-def test_images_too_far_apart_are_dropped_while_tending_too(watch: Watch, right: Path) -> None:
+def test_images_too_far_apart_are_dropped_while_tending(watch: Watch, right: Path) -> None:
     watch.read_frames(5)
     write_script(right, phase=0.2, late=0.6)
     time.sleep(2 * PERIOD_S)
@@ -101,7 +103,7 @@ def test_images_too_far_apart_are_dropped_while_tending_too(watch: Watch, right:
         assert abs(frame.right_time - frame.time) <= 0.5 * PERIOD_S + 1e-6
 
 
-def test_images_slower_to_decode_than_to_come_are_read_all_the_same(
+def test_images_that_decode_slower_than_they_arrive_are_still_read(
     watch: Watch, left: Path, right: Path
 ) -> None:
     watch.read_frames(5)
@@ -113,7 +115,7 @@ def test_images_slower_to_decode_than_to_come_are_read_all_the_same(
     assert watch.troubles == []
 
 
-def test_one_camera_lost_after_decoding_leaves_no_odd_pair(watch: Watch) -> None:
+def test_a_camera_lost_after_decoding_leaves_no_mismatched_pair(watch: Watch) -> None:
     watch.read_frames(5)
     tend_for(watch.source, 4 * PERIOD_S)
     last = watch.frames[-1].time
@@ -132,7 +134,7 @@ def test_one_camera_lost_after_decoding_leaves_no_odd_pair(watch: Watch) -> None
         assert abs(frame.right_time - frame.time) <= 0.5 * PERIOD_S + 1e-6
 
 
-def test_one_device_and_a_closed_one(left: Path) -> None:
+def test_a_single_device_can_be_tended_even_when_closed(left: Path) -> None:
     write_script(left, size=[128, 48])
     source = CameraSource(scripted_spec(left), opener=OPENER)
     try:

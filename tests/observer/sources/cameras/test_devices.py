@@ -46,7 +46,7 @@ def test_two_webcams_are_listed_with_names_modes_controls_and_place(machine: Fak
     assert kernel.opened == {}
 
 
-def test_ten_devices_are_in_the_order_of_their_numbers(machine: FakeMachine) -> None:
+def test_devices_are_sorted_by_their_numbers(machine: FakeMachine) -> None:
     for number in (10, 2, 0):
         machine.camera(number, port=f"1-{number}")
     kernel = FakeKernel({f"video{number}": webcam() for number in (0, 2, 10)})
@@ -55,7 +55,7 @@ def test_ten_devices_are_in_the_order_of_their_numbers(machine: FakeMachine) -> 
     ]  # fmt: skip
 
 
-def test_a_machine_without_devices_has_none(tmp_path: Path) -> None:
+def test_a_machine_without_devices_lists_none(tmp_path: Path) -> None:
     assert list_devices(tmp_path) == ()
     (tmp_path / "dev").mkdir()
     assert list_devices(tmp_path) == ()
@@ -68,7 +68,7 @@ def test_a_camera_outside_usb_and_without_names_is_listed(machine: FakeMachine) 
     assert device.trouble is None
 
 
-def test_permission_names_the_group_and_how_to_join_it(machine: FakeMachine) -> None:
+def test_missing_permission_names_the_group_and_how_to_join_it(machine: FakeMachine) -> None:
     machine.camera(0, name="Locked Cam")
     kernel = FakeKernel({"video0": webcam()}, denied={"video0"})
     (device,) = list_devices(machine.root, kernel, STRANGER)
@@ -88,7 +88,7 @@ def test_permission_names_the_group_and_how_to_join_it(machine: FakeMachine) -> 
         (["video:x:77:"], {54321}, "only root may use"),
     ],
 )
-def test_each_want_of_permission_has_its_own_advice(
+def test_each_cause_of_missing_permission_has_its_own_advice(
     machine: FakeMachine, lines: list[str], groups: set[int | None], part: str
 ) -> None:
     node = machine.camera(0)
@@ -113,7 +113,7 @@ def test_a_camera_in_use_names_the_process(machine: FakeMachine) -> None:
     assert device.modes  # it can be asked all the same
 
 
-def test_what_our_own_processes_hold_is_ours(machine: FakeMachine) -> None:
+def test_a_camera_held_by_our_own_process_is_not_in_use(machine: FakeMachine) -> None:
     machine.camera(0)
     machine.process(900, "engine) 1 (", parent=os.getpid())
     machine.process(901, "python", "/dev/video0", parent=900)
@@ -131,9 +131,7 @@ def test_what_our_own_processes_hold_is_ours(machine: FakeMachine) -> None:
         (errno.EMFILE, "/dev/video0 cannot be used (Too many open files)"),
     ],
 )
-def test_a_bad_device_keeps_none_of_the_others_from_being_listed(
-    machine: FakeMachine, code: int, part: str
-) -> None:
+def test_a_bad_device_does_not_hide_the_others(machine: FakeMachine, code: int, part: str) -> None:
     machine.camera(0)
     machine.camera(2, port="1-2")
     kernel = FakeKernel({"video0": webcam(), "video2": webcam()}, refused={"video0": code})
@@ -142,7 +140,7 @@ def test_a_bad_device_keeps_none_of_the_others_from_being_listed(
     assert (good.use, good.trouble) == ("images", None)
 
 
-def test_a_camera_that_breaks_off_keeps_its_name(machine: FakeMachine) -> None:
+def test_a_camera_that_fails_while_being_listed_keeps_its_name(machine: FakeMachine) -> None:
     machine.camera(0)
     camera = webcam()
     camera.fails[74] = errno.EIO
@@ -158,14 +156,16 @@ def test_a_camera_that_breaks_off_keeps_its_name(machine: FakeMachine) -> None:
         (0x2, "output"), (0x3, "images"), (0x00800000, "metadata"), (0x00010000, "other"),
     ],
 )  # fmt: skip
-def test_what_a_node_is_for(machine: FakeMachine, capabilities: int, use: str) -> None:
+def test_the_use_of_a_node_follows_from_its_capabilities(
+    machine: FakeMachine, capabilities: int, use: str
+) -> None:
     machine.camera(0)
     node = FakeCamera(capabilities=capabilities)
     (device,) = list_devices(machine.root, FakeKernel({"video0": node}))
     assert device.use == use
 
 
-def test_a_node_without_formats_says_that_its_driver_is_not_supported(
+def test_a_node_without_formats_is_reported_as_unsupported(
     machine: FakeMachine,
 ) -> None:
     machine.camera(0)
@@ -179,7 +179,7 @@ def listed(machine: FakeMachine, *cameras: FakeCamera) -> tuple[CameraDevice, ..
     )
 
 
-def test_two_cameras_on_one_bus_are_told_the_arithmetic(machine: FakeMachine) -> None:
+def test_two_cameras_on_one_bus_get_a_hint_with_the_data_rates(machine: FakeMachine) -> None:
     machine.camera(0, port="1-1")
     machine.camera(2, port="1-2.4")
     (hint,) = shared_bus_hints(listed(machine, webcam(), webcam()))
@@ -191,7 +191,7 @@ def test_two_cameras_on_one_bus_are_told_the_arithmetic(machine: FakeMachine) ->
     )
 
 
-def test_cameras_without_compression_are_told_another_way(machine: FakeMachine) -> None:
+def test_cameras_without_compression_get_another_hint(machine: FakeMachine) -> None:
     machine.camera(0, port="1-1")
     machine.camera(2, port="1-2")
     machine.camera(4, port="1-3")
@@ -212,7 +212,7 @@ def test_cameras_without_compression_are_told_another_way(machine: FakeMachine) 
         {"port": "1-1"},  # another node of the same camera
     ],
 )
-def test_cameras_that_do_not_share_a_bus_are_told_nothing(
+def test_cameras_that_do_not_share_a_bus_get_no_hint(
     machine: FakeMachine, second: dict[str, object]
 ) -> None:
     machine.camera(0, port="1-1")

@@ -75,7 +75,7 @@ def test_streams_are_read_in_pairs(kind: str) -> None:
 
 @pytest.mark.patient
 @pytest.mark.slow
-def test_faults_of_the_network_are_told_in_time_and_get_over(
+def test_network_faults_are_reported_in_time_and_recovered_from(
     server: VideoServer, proxy: FaultProxy
 ) -> None:
     left = server.url.replace("http://", "http://someone:s3cret@")
@@ -150,7 +150,7 @@ def _in_ms(seconds: dict[str, float]) -> str:
     return ", ".join(f"{name} {value * 1e3:.0f}" for name, value in seconds.items())
 
 
-def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> None:
+def test_a_delay_shows_in_the_skew_and_a_long_one_drops_images() -> None:
     need_ffmpeg()
     rate, delay_s = 20.0, 0.02
     with VideoServer(rate=rate) as slow, FaultProxy(slow.port) as line:
@@ -190,7 +190,7 @@ def _median_skew(frames: list[StereoFrame]) -> float:
     return statistics.median(f.right_time - f.time for f in frames if f.right_time is not None)
 
 
-def test_a_change_of_resolution_is_told_and_not_handed_on() -> None:
+def test_a_change_of_resolution_is_reported_and_not_passed_on() -> None:
     need_ffmpeg()
     with VideoServer() as left, VideoServer() as right:
         source = CameraSource(parse_urls(f"{left.url},{right.url}"))
@@ -222,7 +222,7 @@ def test_one_stream_with_both_images() -> None:
             source.close()
 
 
-def test_what_cannot_be_opened_is_told_with_its_reason(
+def test_a_camera_that_cannot_be_opened_is_reported_with_the_reason(
     server: VideoServer, proxy: FaultProxy
 ) -> None:
     proxy.refused = True

@@ -25,14 +25,14 @@ from observer.sources.cameras.usb import bandwidth_hints
 T = 1 / 30
 
 
-def test_half_a_frame_is_the_border() -> None:
+def test_half_a_frame_is_the_limit() -> None:
     assert judge(1.0, 1.0 + 0.5 * T - 1e-9, T) == "pair"
     assert judge(1.0 + 0.5 * T - 1e-9, 1.0, T) == "pair"
     assert judge(1.0, 1.0 + 0.51 * T, T) == "drop left"
     assert judge(1.0 + 0.51 * T, 1.0, T) == "drop right"
 
 
-def test_the_skew_is_told_of_the_last_seconds_only() -> None:
+def test_the_skew_covers_only_the_last_seconds() -> None:
     skews = Skews()
     for index in range(9):
         skews.add(index * T, 0.001)
@@ -44,7 +44,7 @@ def test_the_skew_is_told_of_the_last_seconds_only() -> None:
     assert p95 == pytest.approx(0.0095)
 
 
-def test_the_period_is_what_was_measured() -> None:
+def test_the_period_is_measured_even_after_an_interruption() -> None:
     period = Period(60.0)
     assert period.seconds == pytest.approx(1 / 60)
     for index in range(9):
@@ -61,7 +61,7 @@ def test_the_period_is_what_was_measured() -> None:
     assert Period().seconds == pytest.approx(T)
 
 
-def test_frames_held_up_by_a_stall_are_old() -> None:
+def test_frames_delayed_by_a_stall_are_old() -> None:
     backlog = Backlog()
     # Frames buffered while the stream was opened.
     assert [backlog.holds(0.001 * index, T) for index in range(4)] == [True] * 4
@@ -74,14 +74,14 @@ def test_frames_held_up_by_a_stall_are_old() -> None:
     assert not backlog.holds(burst + 0.003 + 0.9 * T, T)
 
 
-def test_a_stream_that_always_comes_in_bursts_is_believed_in_the_end() -> None:
+def test_a_constantly_bursty_stream_is_eventually_accepted() -> None:
     backlog = Backlog()
     held = [backlog.holds(0.01 * index, T) for index in range(300)]
     assert all(held[:100])
     assert not held[-1]
 
 
-def test_only_stamps_of_the_hosts_clock_are_believed() -> None:
+def test_only_stamps_of_the_hosts_clock_are_accepted() -> None:
     now = 46_000.0
     assert is_monotonic_stamp(now - 0.03, now)
     assert is_monotonic_stamp(now, now)
@@ -103,7 +103,7 @@ def test_repeated_images_are_counted_but_not_dark_ones() -> None:
         assert [repeats.add(flat) for _ in range(4)] == [0, 0, 0, 0]
 
 
-def test_messages_come_as_they_went_and_notices_fit_into_an_atomic_write() -> None:
+def test_messages_round_trip_and_notices_fit_into_an_atomic_write() -> None:
     asked = CameraSettings(size=(640, 480), exposure="auto", power_line_hz=50)
     opening = Open("rtsp://a:b@c/d", asked, "module:function")
     back = decode_command(encode(opening).rstrip(b"\n"))
@@ -135,7 +135,7 @@ def _plug_in(root: Path, node: str, bus: int, port: str, speed: str) -> str:
     return f"/dev/{node}"
 
 
-def test_a_shared_bus_is_explained_where_it_is_too_narrow(tmp_path: Path) -> None:
+def test_a_hint_is_given_when_a_shared_bus_is_too_slow(tmp_path: Path) -> None:
     left = _plug_in(tmp_path, "video0", 1, "1-2", "480")
     right = _plug_in(tmp_path, "video2", 1, "1-3", "480")
     elsewhere = _plug_in(tmp_path, "video4", 3, "3-1", "480")

@@ -52,7 +52,7 @@ def test_pairs_have_the_stamps_of_their_exposures(watch: Watch) -> None:
     assert statistics.median(steps) == pytest.approx(PERIOD_S, abs=1e-4)
 
 
-def test_what_the_source_says_of_itself(left: Path, right: Path) -> None:
+def test_source_info_describes_the_cameras(left: Path, right: Path) -> None:
     spec = scripted_spec(left, right, settings=CameraSettings(gain=7))
     source = CameraSource(spec, opener=OPENER)
     try:
@@ -74,7 +74,7 @@ def test_what_the_source_says_of_itself(left: Path, right: Path) -> None:
         source.close()
 
 
-def test_one_device_that_shows_the_left_image_on_the_right(left: Path) -> None:
+def test_one_device_with_swapped_images(left: Path) -> None:
     write_script(left, size=[128, 48])
     spec = dataclasses.replace(scripted_spec(left), swapped=True)
     source = CameraSource(spec, opener=OPENER)
@@ -87,7 +87,7 @@ def test_one_device_that_shows_the_left_image_on_the_right(left: Path) -> None:
         source.close()
 
 
-def test_one_device_that_shows_both_images(left: Path) -> None:
+def test_one_device_with_both_images(left: Path) -> None:
     write_script(left, size=[128, 48])
     source = CameraSource(scripted_spec(left), opener=OPENER)
     try:
@@ -109,14 +109,14 @@ def test_one_device_that_shows_both_images(left: Path) -> None:
         source.close()
 
 
-def test_images_without_contrast_are_left_to_the_observers_health(watch: Watch, left: Path) -> None:
+def test_images_without_contrast_are_no_camera_trouble(watch: Watch, left: Path) -> None:
     write_script(left, mode="black")
     watch.read_until(lambda: watch.frames and not watch.frames[-1].left.any())
     watch.read_frames(20)
     assert watch.troubles == []
 
 
-def test_a_pair_that_shows_nothing_new_is_left_out(watch: Watch, left: Path) -> None:
+def test_a_pair_with_a_repeated_image_is_left_out(watch: Watch, left: Path) -> None:
     write_script(left, mode="twice")
     time.sleep(3 * PERIOD_S)
     watch.read_frames(1)
@@ -127,7 +127,9 @@ def test_a_pair_that_shows_nothing_new_is_left_out(watch: Watch, left: Path) -> 
     assert watch.troubles == []
 
 
-def test_cameras_that_repeat_in_turn_still_deliver(watch: Watch, left: Path, right: Path) -> None:
+def test_cameras_that_repeat_images_alternately_still_deliver(
+    watch: Watch, left: Path, right: Path
+) -> None:
     write_script(left, mode="twice")
     write_script(right, mode="twice, later", phase=0.2)
     time.sleep(3 * PERIOD_S)
@@ -169,7 +171,7 @@ def test_frames_are_fresh_after_the_observer_was_busy(watch: Watch) -> None:
         assert time.monotonic() - frame.time < 2 * PERIOD_S + LATE_S
 
 
-def test_arrival_stands_in_where_nothing_tells_the_exposure(left: Path, right: Path) -> None:
+def test_arrival_times_are_used_without_exposure_stamps(left: Path, right: Path) -> None:
     for path in (left, right):
         write_script(path, stamps="none")
     source = CameraSource(scripted_spec(left, right), opener=OPENER)
@@ -182,7 +184,7 @@ def test_arrival_stands_in_where_nothing_tells_the_exposure(left: Path, right: P
         source.close()
 
 
-def test_reading_costs_little_of_the_observers_own_time(left: Path, right: Path) -> None:
+def test_reading_takes_little_of_the_observers_processor_time(left: Path, right: Path) -> None:
     for path in (left, right):
         write_script(path, size=[640, 480])
     source = CameraSource(scripted_spec(left, right), opener=OPENER)
@@ -204,7 +206,7 @@ def test_reading_costs_little_of_the_observers_own_time(left: Path, right: Path)
         source.close()
 
 
-def test_what_cannot_be_opened_is_told_at_once(left: Path, right: Path) -> None:
+def test_cameras_that_cannot_be_opened_are_reported_at_once(left: Path, right: Path) -> None:
     write_script(right, mode="busy")
     began = time.monotonic()
     with pytest.raises(SourceError, match=r"the right camera \(right\) is in use by another"):
@@ -223,7 +225,7 @@ def test_what_cannot_be_opened_is_told_at_once(left: Path, right: Path) -> None:
         CameraSource(scripted_spec(left), opener=OPENER)
 
 
-def test_closing_leaves_nothing_and_may_come_twice(left: Path, right: Path) -> None:
+def test_closing_leaves_nothing_behind_and_may_be_repeated(left: Path, right: Path) -> None:
     process = psutil.Process()
     descriptors = process.num_fds()
     threads = threading.active_count()
@@ -259,14 +261,14 @@ def test_cameras_outlive_the_thread_that_opened_them(left: Path, right: Path) ->
         opened[0].close()
 
 
-def test_a_file_that_is_no_camera_is_refused_by_its_own_process(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_camera_is_refused(tmp_path: Path) -> None:
     for name in ("one", "two"):
         (tmp_path / name).write_bytes(b"no camera")
     with pytest.raises(SourceError, match=r"(one|two)\) cannot be used: .* not a camera"):
         CameraSource(parse_devices(f"{tmp_path / 'one'},{tmp_path / 'two'}"))
 
 
-def test_camera_processes_end_with_the_one_that_was_killed(left: Path, right: Path) -> None:
+def test_camera_processes_end_when_their_parent_is_killed(left: Path, right: Path) -> None:
     """A separate parent process is killed: its cameras must not keep the devices."""
     code = (
         f"from observer.sources.cameras.source import CameraSource\n"

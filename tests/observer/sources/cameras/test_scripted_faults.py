@@ -36,7 +36,7 @@ def tell(measured: str) -> None:
         ("die", "its process exited unexpectedly", 0.1),
     ],
 )
-def test_a_fault_is_told_by_name_in_time_and_gets_over(
+def test_a_fault_is_reported_by_name_in_time_and_recovered_from(
     watch: Watch, right: Path, mode: str, words: str, borne_s: float
 ) -> None:
     watch.read_frames(5)
@@ -66,9 +66,7 @@ def test_a_fault_is_told_by_name_in_time_and_gets_over(
     assert watch.longest_read_s < LIVE_PATIENCE_S + 4 * LATE_S
 
 
-def test_an_unplugged_camera_is_opened_by_its_name_when_it_is_back(
-    watch: Watch, left: Path
-) -> None:
+def test_an_unplugged_camera_is_reopened_when_it_is_back(watch: Watch, left: Path) -> None:
     watch.read_frames(5)
     left.unlink()
     after_s = watch.trouble_after("the left camera (left) is not connected; plug it in again")
@@ -85,7 +83,7 @@ def test_an_unplugged_camera_is_opened_by_its_name_when_it_is_back(
     assert watch.frames[-3].received - plugged < 5.0
 
 
-def test_opening_anew_that_hangs_is_given_up_and_tried_again(watch: Watch, left: Path) -> None:
+def test_a_hung_reopening_is_given_up_and_retried(watch: Watch, left: Path) -> None:
     watch.read_frames(5)
     write_script(left, mode="hang in opening")
     grabbers()[0].kill()
@@ -97,7 +95,7 @@ def test_opening_anew_that_hangs_is_given_up_and_tried_again(watch: Watch, left:
 
 
 @pytest.mark.parametrize("sent", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_process_that_stops_or_is_killed_is_replaced(watch: Watch, sent: signal.Signals) -> None:
+def test_a_stopped_or_killed_process_is_replaced(watch: Watch, sent: signal.Signals) -> None:
     watch.read_frames(5)
     victim = grabbers()[0]
     victim.send_signal(sent)
@@ -111,7 +109,7 @@ def test_a_process_that_stops_or_is_killed_is_replaced(watch: Watch, sent: signa
     assert len(grabbers()) == 2
 
 
-def test_changed_size_is_told_until_it_is_set_back(watch: Watch, left: Path) -> None:
+def test_a_changed_size_is_reported_until_it_is_set_back(watch: Watch, left: Path) -> None:
     watch.read_frames(5)
     write_script(left, size=[32, 24])
     after_s = watch.trouble_after("changed its images from 64x48 to 32x24 pixels")
@@ -126,7 +124,7 @@ def test_changed_size_is_told_until_it_is_set_back(watch: Watch, left: Path) -> 
     assert watch.frames[-1].left.shape == (48, 64, 3)
 
 
-def test_stamps_that_stand_still_are_a_fault(watch: Watch, left: Path) -> None:
+def test_stamps_that_do_not_advance_are_a_fault(watch: Watch, left: Path) -> None:
     watch.read_frames(5)
     write_script(left, stamps="standing")
     assert watch.trouble_after("images whose timestamps do not advance") < 0.2 + LATE_S

@@ -43,12 +43,12 @@ def opened(node: Path, camera: FakeCamera) -> V4l2Device:
     return V4l2Device(node, FakeKernel({"video0": camera}))
 
 
-def test_a_device_tells_who_it_is(node: Path) -> None:
+def test_a_device_identifies_itself(node: Path) -> None:
     identity = opened(node, webcam("Left Eye", "usb-3")).identity()
     assert (identity.driver, identity.card, identity.bus) == ("uvcvideo", "Left Eye", "usb-3")
 
 
-def test_a_nodes_own_capabilities_count_not_those_of_the_whole_device(node: Path) -> None:
+def test_the_capabilities_of_the_node_count_not_of_the_device(node: Path) -> None:
     assert opened(node, metadata_node()).identity().capabilities & 1 == 0
     old = webcam()
     old.old_driver = True
@@ -64,7 +64,7 @@ def test_modes_are_listed_by_format_and_size_with_the_highest_rate_first(node: P
     )
 
 
-def test_ranges_of_sizes_and_rates_become_the_usual_ones(node: Path) -> None:
+def test_ranges_of_sizes_and_rates_become_common_values(node: Path) -> None:
     camera = FakeCamera(
         formats={"YUYV": {}},
         stepwise=(320, 1296, 16, 240, 972, 4),
@@ -78,7 +78,7 @@ def test_ranges_of_sizes_and_rates_become_the_usual_ones(node: Path) -> None:
     assert modes[0].rates == (42.0, 30.0, 25.0, 20.0, 15.0)
 
 
-def test_what_is_in_force_is_read(node: Path) -> None:
+def test_the_current_size_format_and_rate_are_read(node: Path) -> None:
     camera = webcam()
     camera.current, camera.interval = ("YUYV", 800, 600), (1001, 30000)
     device = opened(node, camera)
@@ -88,7 +88,7 @@ def test_what_is_in_force_is_read(node: Path) -> None:
     assert device.rate() is None
 
 
-def test_controls_come_with_ranges_menus_and_flags(node: Path) -> None:
+def test_controls_are_listed_with_ranges_menus_and_flags(node: Path) -> None:
     camera = webcam()
     camera.controls[0x9A0913] = FakeControl(
         INTEGER_MENU, "Auto Exposure, Bias", 0, 2, menu={0: -1000, 2: 1000}
@@ -110,7 +110,7 @@ def test_controls_come_with_ranges_menus_and_flags(node: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_driver_that_does_not_list_its_controls_is_asked_for_each(node: Path) -> None:
+def test_a_driver_that_does_not_list_its_controls_is_queried_for_each(node: Path) -> None:
     camera = webcam()
     camera.old_driver = True
     assert EXPOSURE in {control.id for control in opened(node, camera).controls()}
@@ -124,7 +124,7 @@ def test_steps_are_counted_from_the_lowest_value(node: Path) -> None:
     assert [value for value in range(30) if focus.takes(value)] == [3, 9, 15, 21]
 
 
-def test_a_driver_that_names_a_control_again_and_again_ends_the_list(node: Path) -> None:
+def test_a_driver_that_repeats_a_control_ends_the_list(node: Path) -> None:
     camera = webcam()
     camera.repeats = True
     controls = opened(node, camera).controls()
@@ -132,14 +132,14 @@ def test_a_driver_that_names_a_control_again_and_again_ends_the_list(node: Path)
     assert EXPOSURE in {control.id for control in controls}
 
 
-def test_a_camera_that_is_unplugged_is_an_error_not_an_end_of_a_list(node: Path) -> None:
+def test_unplugging_is_an_error_and_not_the_end_of_a_list(node: Path) -> None:
     camera = webcam()
     camera.fails[2] = errno.ENODEV
     with pytest.raises(OSError, match=os.strerror(errno.ENODEV)):
         camera_modes(opened(node, camera))
 
 
-def test_descriptors_are_given_back_once(node: Path) -> None:
+def test_descriptors_are_closed_once(node: Path) -> None:
     kernel = FakeKernel({"video0": webcam()})
     with V4l2Device(node, kernel) as device:
         assert len(kernel.opened) == 1
@@ -149,7 +149,7 @@ def test_descriptors_are_given_back_once(node: Path) -> None:
         device.identity()
 
 
-def test_the_real_kernel_refuses_what_is_no_video_device(node: Path) -> None:
+def test_the_real_kernel_refuses_a_file_that_is_not_a_video_device(node: Path) -> None:
     before = len(os.listdir("/proc/self/fd"))
     with V4l2Device(node, LinuxAccess()) as device, pytest.raises(OSError, match="ioctl") as caught:
         device.identity()
@@ -168,7 +168,7 @@ class WindowSize(ctypes.Structure):
     ]
 
 
-def test_what_the_real_kernel_answers_arrives_in_the_structure() -> None:
+def test_the_real_kernels_answer_is_written_to_the_structure() -> None:
     # A terminal, because there is no camera; the answer takes the same path.
     ours, theirs = os.openpty()
     try:

@@ -130,7 +130,7 @@ def _fields(structure: type[ctypes.Structure]) -> list[str]:
 
 
 @pytest.mark.parametrize("name", STRUCTURES)
-def test_sizes_and_offsets_are_the_kernels(name: str, header: dict[str, int]) -> None:
+def test_sizes_and_offsets_match_the_kernels_header(name: str, header: dict[str, int]) -> None:
     ours, renamed = STRUCTURES[name]
     assert ctypes.sizeof(ours) == header[f"sizeof {name}"]
     for field in _fields(ours):
@@ -141,11 +141,11 @@ def test_sizes_and_offsets_are_the_kernels(name: str, header: dict[str, int]) ->
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_numbers_are_the_kernels(name: str, header: dict[str, int]) -> None:
+def test_numbers_match_the_kernels_header(name: str, header: dict[str, int]) -> None:
     assert NUMBERS[name] == header[name]
 
 
-def test_no_request_goes_unchecked() -> None:
+def test_every_number_is_checked() -> None:
     named = {name: value for name, value in vars(layout).items() if name.isupper()}
     unchecked = {
         name

@@ -64,7 +64,7 @@ def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
-def test_reading_says_everything_in_words_and_sets_nothing(bench: Bench) -> None:
+def test_reading_describes_all_settings_and_changes_none(bench: Bench) -> None:
     read = apply_settings(
         "/dev/video0", CameraSettings(), root=bench.machine.root, access=bench.kernel
     )
@@ -82,7 +82,7 @@ def test_reading_says_everything_in_words_and_sets_nothing(bench: Bench) -> None
     assert bench.kernel.opened == {}
 
 
-def test_values_are_set_after_their_automatic_is_off_and_read_back(bench: Bench) -> None:
+def test_values_are_set_after_disabling_automatics_and_read_back(bench: Bench) -> None:
     bench.add_focus()
     applied = bench.apply(exposure=156, gain=20, white_balance=4600, focus=35, power_line_hz=50)
     assert applied.refused == ()
@@ -137,7 +137,7 @@ def test_automatics_are_switched_on_again(bench: Bench) -> None:
         ),
     ],
 )
-def test_what_it_does_not_take_is_refused_and_nothing_is_changed(
+def test_an_unsupported_value_is_refused_and_nothing_is_changed(
     bench: Bench, settings: dict[str, object], sentence: str
 ) -> None:
     before = bench.apply().accepted
@@ -159,14 +159,14 @@ def test_one_refusal_does_not_keep_the_others_from_being_set(bench: Bench) -> No
     assert "exposure" not in applied.accepted
 
 
-def test_a_value_that_the_camera_moves_is_told(bench: Bench) -> None:
+def test_a_value_that_the_camera_changes_is_reported(bench: Bench) -> None:
     bench.camera.controls[EXPOSURE].moved = lambda value: value // 10 * 10
     applied = bench.apply(exposure=156)
     assert applied.refused == ("exposure 156: this camera set 150 instead",)
     assert applied.accepted["exposure"] == "150 (15.0 ms, locked)"
 
 
-def test_an_automatic_that_cannot_be_switched_off_is_told(bench: Bench) -> None:
+def test_an_automatic_that_cannot_be_switched_off_is_reported(bench: Bench) -> None:
     bench.camera.controls[AUTO_EXPOSURE].menu = {3: "Aperture Priority Mode"}
     applied = bench.apply(exposure=156)
     assert applied.refused == (
@@ -183,7 +183,7 @@ def test_an_automatic_that_cannot_be_switched_off_is_told(bench: Bench) -> None:
         (INACTIVE, "controls it and cannot be switched off"),
     ],
 )
-def test_controls_that_cannot_be_set_at_present_are_refused(
+def test_a_control_that_cannot_be_set_is_refused_with_the_reason(
     bench: Bench, flag: int, part: str
 ) -> None:
     bench.camera.controls[GAIN].flags = flag
@@ -202,14 +202,14 @@ def test_controls_that_cannot_be_set_at_present_are_refused(
         (errno.ETIMEDOUT, "did not answer"),
     ],
 )
-def test_the_kernels_refusals_are_sentences(bench: Bench, code: int, part: str) -> None:
+def test_errors_of_the_kernel_are_explained(bench: Bench, code: int, part: str) -> None:
     bench.camera.fails[0x1C] = code
     (sentence,) = bench.apply(gain=20).refused
     assert sentence.startswith("gain 20: ")
     assert part in sentence
 
 
-def test_cameras_with_an_iris_and_no_fixed_aperture_use_what_they_have(bench: Bench) -> None:
+def test_cameras_without_manual_mode_use_shutter_priority(bench: Bench) -> None:
     bench.camera.controls[AUTO_EXPOSURE] = FakeControl(
         MENU, "Auto Exposure", 0, 2, menu={0: "Auto Mode", 2: "Shutter Priority Mode"}
     )
@@ -219,7 +219,7 @@ def test_cameras_with_an_iris_and_no_fixed_aperture_use_what_they_have(bench: Be
     assert bench.value(AUTO_EXPOSURE) == 0
 
 
-def test_an_automatic_gain_by_name_is_switched(bench: Bench) -> None:
+def test_a_separate_automatic_gain_is_switched(bench: Bench) -> None:
     bench.camera.controls[AUTO_GAIN] = FakeControl(BOOLEAN, "Gain, Automatic", 0, 1, value=1)
     bench.camera.governed[AUTO_GAIN] = ((0,), (GAIN,))
     bench.camera.controls[GAIN].flags = VOLATILE
@@ -229,7 +229,7 @@ def test_an_automatic_gain_by_name_is_switched(bench: Bench) -> None:
     assert bench.value(AUTO_GAIN) == 1
 
 
-def test_a_camera_without_an_automatic_is_set_all_the_same(bench: Bench) -> None:
+def test_a_camera_without_automatic_exposure_can_still_be_set(bench: Bench) -> None:
     del bench.camera.controls[AUTO_EXPOSURE]
     bench.camera.governed.clear()
     applied = bench.apply(exposure=156)
@@ -237,20 +237,20 @@ def test_a_camera_without_an_automatic_is_set_all_the_same(bench: Bench) -> None
     assert applied.accepted["exposure"] == "156 (15.6 ms)"
 
 
-def test_asking_for_a_rate_keeps_the_exposure_from_lowering_it(bench: Bench) -> None:
+def test_requesting_a_rate_keeps_the_exposure_from_lowering_it(bench: Bench) -> None:
     applied = bench.apply(rate=30.0)
     assert bench.value(MAY_LOWER_RATE) == 0
     assert applied.accepted["rate"] == "30/s"
     assert applied.refused == ()
 
 
-def test_an_exposure_longer_than_a_frame_is_told(bench: Bench) -> None:
+def test_an_exposure_longer_than_a_frame_is_reported(bench: Bench) -> None:
     assert bench.apply(exposure=400).accepted["exposure"] == (
         "400 (40.0 ms, locked, longer than a frame, so the rate drops)"
     )
 
 
-def test_size_format_and_rate_that_are_not_in_force_are_refused_with_what_is_offered(
+def test_unavailable_sizes_formats_and_rates_are_refused_with_the_offer(
     bench: Bench,
 ) -> None:
     bench.camera.current, bench.camera.interval = ("YUYV", 1280, 720), (1, 10)
@@ -262,20 +262,20 @@ def test_size_format_and_rate_that_are_not_in_force_are_refused_with_what_is_off
     )
 
 
-def test_a_rate_of_the_same_name_is_no_other_rate(bench: Bench) -> None:
+def test_a_rate_of_29_97_is_accepted_for_30(bench: Bench) -> None:
     bench.camera.interval = (1001, 30000)
     applied = bench.apply(rate=30.0, size=(640, 480), pixel_format="MJPG")
     assert applied.refused == ()
     assert applied.accepted["rate"] == "29.97/s"
 
 
-def test_stable_names_reach_the_camera(bench: Bench) -> None:
+def test_a_camera_is_found_by_its_stable_name(bench: Bench) -> None:
     name = "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0"
     read = apply_settings(name, CameraSettings(), root=bench.machine.root, access=bench.kernel)
     assert read.accepted["size"] == "640x480"
 
 
-def test_a_camera_that_is_not_there_or_goes_away_is_one_sentence(bench: Bench) -> None:
+def test_a_missing_or_vanishing_camera_is_reported(bench: Bench) -> None:
     with pytest.raises(SourceError, match="there is no /dev/video7; plug the camera in"):
         apply_settings(
             "/dev/video7", CameraSettings(), root=bench.machine.root, access=bench.kernel
@@ -286,12 +286,12 @@ def test_a_camera_that_is_not_there_or_goes_away_is_one_sentence(bench: Bench) -
     assert bench.kernel.opened == {}
 
 
-def test_a_file_that_is_no_camera_is_one_sentence(bench: Bench) -> None:
+def test_a_file_that_is_not_a_camera_is_reported(bench: Bench) -> None:
     with pytest.raises(SourceError, match="/dev/video0 is not a video device"):
         apply_settings("/dev/video0", CameraSettings(), root=bench.machine.root)
 
 
-def test_a_camera_that_was_pulled_while_it_was_read_is_no_camera_without_controls(
+def test_a_camera_unplugged_while_being_read_is_an_error(
     bench: Bench,
 ) -> None:
     bench.camera.fails[0x1B] = errno.ENODEV

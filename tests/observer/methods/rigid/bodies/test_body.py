@@ -34,7 +34,7 @@ def soon(track: BodyTrack, dt: float) -> BodyTrack:
     return BodyTrack(id=1, filter=later, shape=track.shape, box=track.box)
 
 
-def test_the_centre_is_that_of_the_box_in_the_world(turning: BodyTrack) -> None:
+def test_the_centre_is_the_box_centre_in_the_world(turning: BodyTrack) -> None:
     expected = turning.mean[:3] + yaw_matrix(0.5) @ OFFSET
     np.testing.assert_allclose(turning.centre, expected)
     assert turning.yaw == 0.5
@@ -42,7 +42,7 @@ def test_the_centre_is_that_of_the_box_in_the_world(turning: BodyTrack) -> None:
     np.testing.assert_allclose(turning.R, yaw_matrix(0.5))
 
 
-def test_the_centres_velocity_is_how_the_centre_moves(turning: BodyTrack) -> None:
+def test_the_centre_velocity_is_the_derivative_of_the_centre(turning: BodyTrack) -> None:
     velocity, _ = turning.centre_velocity()
     moved = (soon(turning, 1e-4).centre - turning.centre) / 1e-4
     np.testing.assert_allclose(velocity, moved, atol=1e-4)
@@ -50,7 +50,7 @@ def test_the_centres_velocity_is_how_the_centre_moves(turning: BodyTrack) -> Non
     assert np.linalg.norm(velocity - turning.mean[3:6]) > 0.3
 
 
-def test_the_lever_carries_the_turns_uncertainty_to_the_centre(make_track: MakeTrack) -> None:
+def test_yaw_rate_uncertainty_propagates_to_the_centre_velocity(make_track: MakeTrack) -> None:
     track = make_track(yaw=0.5, yaw_rate=0.0, box=BOX)
     sigma = 0.2
     track.filter.covariances[:, YAW_RATE, YAW_RATE] = sigma**2
@@ -64,7 +64,9 @@ def test_the_lever_carries_the_turns_uncertainty_to_the_centre(make_track: MakeT
     assert np.trace(cov) > 10 * np.trace(track.filter.covariance[3:6, 3:6])
 
 
-def test_where_the_centre_is_matters_to_a_body_that_turns(make_track: MakeTrack) -> None:
+def test_uncertainty_of_the_centre_makes_a_turning_velocity_less_certain(
+    make_track: MakeTrack,
+) -> None:
     """The centre is uncertain, so a turning body's velocity is less certain, horizontally only."""
     covs = [
         make_track(yaw_rate=rate, box=Box(np.zeros(3), SIZE, 0.0)).centre_velocity()[1]
@@ -78,7 +80,7 @@ def test_where_the_centre_is_matters_to_a_body_that_turns(make_track: MakeTrack)
     assert big[0, 0] > 10 * covs[1][0, 0]
 
 
-def test_a_body_without_a_box_is_its_origin(make_track: MakeTrack) -> None:
+def test_a_body_without_a_box_is_a_point_at_its_origin(make_track: MakeTrack) -> None:
     track = make_track(yaw_rate=1.0)
     track.box = None
     np.testing.assert_array_equal(track.centre, [0, 0, 3])
@@ -88,7 +90,7 @@ def test_a_body_without_a_box_is_its_origin(make_track: MakeTrack) -> None:
     np.testing.assert_array_equal(track.corners(), np.tile([0.0, 0, 3], (8, 1)))
 
 
-def test_its_material_moves_as_its_points_do(turning: BodyTrack) -> None:
+def test_velocity_at_a_position_matches_the_motion_of_body_points(turning: BodyTrack) -> None:
     local = np.random.default_rng(1).normal(0, 0.4, (20, 3))
     places = turning.mean[:3] + local @ turning.R.T
     later = soon(turning, 1e-4)
@@ -107,7 +109,7 @@ def test_the_corners_are_those_of_the_box(turning: BodyTrack) -> None:
     np.testing.assert_allclose(np.ptp(along, axis=0), SIZE)
 
 
-def test_it_contains_what_lies_in_its_box_wherever_it_has_turned_to(turning: BodyTrack) -> None:
+def test_a_body_contains_the_points_in_its_box_at_any_yaw(turning: BodyTrack) -> None:
     rng = np.random.default_rng(2)
     own = rng.uniform(-1, 1, (500, 3)) * SIZE
     places = turning.centre + own @ yaw_matrix(0.9).T
@@ -152,7 +154,7 @@ def test_rebasing_moves_the_origin_to_the_centre_and_changes_nothing_else(
     )
 
 
-def test_rebasing_leaves_the_remembered_places_where_they_are(turning: BodyTrack) -> None:
+def test_rebasing_leaves_remembered_positions_unchanged_in_the_world(turning: BodyTrack) -> None:
     rng = np.random.default_rng(4)
     local = OFFSET + rng.uniform(-0.2, 0.2, (40, 3))
     for _ in range(6):
@@ -172,7 +174,7 @@ def with_offset(track: BodyTrack) -> BodyTrack:
     return track
 
 
-def test_a_loosened_body_goes_on_but_turns_no_more(turning: BodyTrack) -> None:
+def test_a_loosened_body_keeps_its_motion_but_stops_turning(turning: BodyTrack) -> None:
     before = turning.filter
     turning.loosen()
     assert (turning.rigid, turning.rigidity) == (False, 0.0)
@@ -180,7 +182,7 @@ def test_a_loosened_body_goes_on_but_turns_no_more(turning: BodyTrack) -> None:
     assert turning.yaw_rate == 0.0
 
 
-def test_a_stiffened_body_moves_as_its_points_do_and_forgets_how_it_was_measured(
+def test_a_stiffened_body_takes_the_motion_of_its_points_and_resets_its_shape(
     turning: BodyTrack, make_track: MakeTrack
 ) -> None:
     track = with_offset(turning)
@@ -198,13 +200,13 @@ def test_a_stiffened_body_moves_as_its_points_do_and_forgets_how_it_was_measured
     assert track.id == 1
 
 
-def test_a_body_that_was_never_seen_as_an_outline_can_be_stiffened(turning: BodyTrack) -> None:
+def test_a_body_without_an_outline_can_be_stiffened(turning: BodyTrack) -> None:
     turning.loosen()
     turning.stiffen(turning.filter)
     assert turning.rigid
 
 
-def test_the_box_of_a_body_that_is_not_seen_moves_with_its_prediction(
+def test_the_box_of_an_unseen_body_moves_with_its_prediction(
     make_track: MakeTrack,
 ) -> None:
     """It moves with the predicted place, grows as that comes nearer, and leaves the image."""
@@ -226,7 +228,7 @@ def test_the_box_of_a_body_that_is_not_seen_moves_with_its_prediction(
     assert track.box_px[0] > CAMERA.width * 0.75
 
 
-def test_the_box_of_a_body_that_is_seen_stays_where_it_is_seen(make_track: MakeTrack) -> None:
+def test_the_box_of_a_visible_body_stays_where_it_was_measured(make_track: MakeTrack) -> None:
     track = make_track()
     track.box_px = (10.0, 20.0, 30.0, 40.0)
     for x in (0.0, 0.2):

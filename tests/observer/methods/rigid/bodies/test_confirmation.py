@@ -15,13 +15,13 @@ from .judging import STEADY, STOOD, MakeTrack, P, judge_frames
 AWAY = (0.2, 0.0, 0.5)
 
 
-def test_a_body_entering_free_space_is_confirmed_without_any_point(
+def test_a_body_entering_free_space_is_confirmed_without_points(
     outlined_track: MakeTrack,
 ) -> None:
     assert judge_frames(outlined_track(arrived=3)) is TrackState.CONFIRMED
 
 
-def test_too_few_frames_of_evidence_confirm_nobody(outlined_track: MakeTrack) -> None:
+def test_too_few_frames_of_evidence_do_not_confirm(outlined_track: MakeTrack) -> None:
     assert judge_frames(outlined_track(arrived=2, uncovered=3), 20) is TrackState.TENTATIVE
 
 
@@ -29,7 +29,7 @@ def test_too_few_frames_of_evidence_confirm_nobody(outlined_track: MakeTrack) ->
 @pytest.mark.parametrize(
     ("height", "state"), [(0.5, TrackState.TENTATIVE), (1.2, TrackState.CONFIRMED)]
 )
-def test_a_patch_of_noise_on_what_stands_is_nobody(
+def test_a_patch_of_noise_on_a_static_surface_is_not_confirmed(
     outlined_track: MakeTrack, against: str, height: float, state: TrackState
 ) -> None:
     """A patch the height of a body part may belong to a wall, or have been there before."""
@@ -44,7 +44,7 @@ def test_a_patch_of_noise_on_what_stands_is_nobody(
     ("height", "state"), [(0.5, TrackState.TENTATIVE), (1.2, TrackState.CONFIRMED)]
 )
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_patch_beside_somebody_nearer_is_nobody(
+def test_a_patch_beside_a_nearer_person_is_not_confirmed(
     outlined_track: MakeTrack, side: int, height: float, state: TrackState
 ) -> None:
     """Only one camera sees that region; a person who passes behind is taller."""
@@ -54,7 +54,7 @@ def test_a_patch_beside_somebody_nearer_is_nobody(
     assert judge_frames(track) is state
 
 
-def test_a_person_waving_is_confirmed_as_a_separate_body(outlined_track: MakeTrack) -> None:
+def test_a_waving_person_is_confirmed_only_as_a_separate_body(outlined_track: MakeTrack) -> None:
     """A flicker on a wall is not."""
     for clear, state in ((1.0, TrackState.CONFIRMED), (0.0, TrackState.TENTATIVE)):
         track = outlined_track(STOOD)
@@ -65,7 +65,7 @@ def test_a_person_waving_is_confirmed_as_a_separate_body(outlined_track: MakeTra
         assert track.motion is MotionState.IN_PLACE
 
 
-def test_a_body_emerging_from_hiding_needs_more_frames_and_a_surer_velocity(
+def test_an_emerging_body_needs_more_frames_and_a_more_certain_velocity(
     outlined_track: MakeTrack,
 ) -> None:
     """A velocity of 3.9 standard deviations is too little; one of more than 16 suffices."""
@@ -74,7 +74,7 @@ def test_a_body_emerging_from_hiding_needs_more_frames_and_a_surer_velocity(
     assert judge_frames(outlined_track(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
 
 
-def test_what_others_uncover_seems_to_move_across_and_is_not_confirmed(
+def test_background_uncovered_by_others_is_not_confirmed(
     outlined_track: MakeTrack,
 ) -> None:
     for velocity in ((0.5, 0.0, 0.0), (0.5, 0.0, 0.4), (0.0, 0.0, -0.5)):
@@ -89,7 +89,7 @@ def test_an_outline_confirms_only_while_it_moves(outlined_track: MakeTrack) -> N
         assert track.motion is MotionState.STOPPED
 
 
-def test_a_velocity_that_is_hardly_known_confirms_nobody(outlined_track: MakeTrack) -> None:
+def test_a_very_uncertain_velocity_does_not_confirm(outlined_track: MakeTrack) -> None:
     assert judge_frames(outlined_track(arrived=10, sigma=0.4), 20) is TrackState.TENTATIVE
 
 
@@ -101,7 +101,7 @@ def test_an_outline_confirms_only_while_it_is_seen(outlined_track: MakeTrack) ->
     assert judge_frames(track) is TrackState.TENTATIVE
 
 
-def test_a_confirmed_one_stays_confirmed_when_it_stops(outlined_track: MakeTrack) -> None:
+def test_a_confirmed_body_stays_confirmed_when_it_stops(outlined_track: MakeTrack) -> None:
     track = outlined_track(arrived=3)
     judge_frames(track)
     track.filter = outlined_track(STOOD).filter
@@ -109,7 +109,9 @@ def test_a_confirmed_one_stays_confirmed_when_it_stops(outlined_track: MakeTrack
     assert track.motion is MotionState.STOPPED
 
 
-def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: MakeTrack) -> None:
+def test_points_of_a_body_merged_with_its_surroundings_do_not_confirm(
+    make_track: MakeTrack,
+) -> None:
     """Unless they are many and stand above the ground: reflections lie below it."""
     for points, merged_s, off_ground, state in (
         (11, 0.1, True, TrackState.TENTATIVE),
@@ -126,14 +128,14 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
     ("velocity", "crosses"),
     [((0.5, 0.0, 0.1), True), ((0.1, 0.0, -0.5), False), ((0.12, 0.0, 0.0), False)],
 )
-def test_points_of_what_is_one_with_its_surroundings_may_surely_cross_the_view(
+def test_points_of_a_merged_body_may_certainly_cross_the_view(
     make_track: MakeTrack, velocity: tuple[float, float, float], crosses: bool
 ) -> None:
     """They do not confirm it; and one that comes straight on or creeps may be a static edge."""
     track = make_track((0.0, 0.0, 4.0), velocity)
     track.points, track.merged_s = 9, 0.1
     judge_frames(track)
-    assert not track.crosses, "one frame tells nothing"
+    assert not track.crosses, "one frame is not enough"
     assert judge_frames(track, P.confirm_hits) is TrackState.TENTATIVE
     assert track.crosses is crosses
 
@@ -142,7 +144,7 @@ def test_points_of_what_is_one_with_its_surroundings_may_surely_cross_the_view(
     ("velocity", "state"),
     [((0.5, 0.0, 0.1), TrackState.CONFIRMED), ((0.1, 0.0, -0.5), TrackState.TENTATIVE)],
 )
-def test_what_is_farther_than_segments_is_confirmed_by_points_only_if_it_crosses_the_view(
+def test_points_beyond_segment_range_confirm_only_a_body_crossing_the_view(
     make_track: MakeTrack, velocity: tuple[float, float, float], state: TrackState
 ) -> None:
     for merged_s in (0.0, 0.1):
@@ -151,7 +153,7 @@ def test_what_is_farther_than_segments_is_confirmed_by_points_only_if_it_crosses
         assert judge_frames(track, P.confirm_hits + 5) is state
 
 
-def test_points_that_creep_where_something_was_before_confirm_nothing(
+def test_slow_points_in_formerly_filled_space_do_not_confirm(
     outlined_track: MakeTrack,
 ) -> None:
     """A highlight on a chair while the light changes, or a slow robot."""
@@ -174,7 +176,7 @@ def test_points_that_creep_where_something_was_before_confirm_nothing(
         ((0.7, 0.0, -0.7), STATIC, True, TrackState.CONFIRMED),
     ],
 )
-def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
+def test_limb_points_crossing_static_surfaces_do_not_confirm(
     outlined_track: MakeTrack,
     velocity: tuple[float, float, float],
     evidence: int,
@@ -197,7 +199,7 @@ def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
         ((0.0, 0.0, -0.25), ARRIVED, TrackState.CONFIRMED),
     ],
 )
-def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
+def test_flickering_light_prevents_confirmation_of_approach_or_retreat(
     outlined_track: MakeTrack,
     velocity: tuple[float, float, float],
     evidence: int,
@@ -210,7 +212,7 @@ def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
         assert judge_frames(track, 5, light=light) is expected
 
 
-def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(
+def test_swinging_exposure_requires_more_evidence_of_entering_free_space(
     outlined_track: MakeTrack,
 ) -> None:
     """A saturated region changes its depth when it is no longer saturated."""
@@ -226,7 +228,7 @@ def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(
 
 
 @pytest.mark.parametrize("why", ["part_moves", "loosened"])
-def test_a_person_of_whom_a_part_or_points_moved_is_confirmed_by_a_less_sure_velocity(
+def test_moving_parts_or_points_allow_confirmation_by_a_less_certain_velocity(
     outlined_track: MakeTrack, why: str
 ) -> None:
     """4 standard deviations suffice; 2.5, hardly more than a waving person may show, do not."""

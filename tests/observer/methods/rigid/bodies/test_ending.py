@@ -14,7 +14,7 @@ from observer.types import MotionState, TrackState
 from .judging import STOOD, MakeTrack, P, judge_frames
 
 
-def test_what_moves_as_a_thing_of_its_own_goes_on(outlined_track: MakeTrack) -> None:
+def test_a_track_that_moves_separately_continues(outlined_track: MakeTrack) -> None:
     track = outlined_track(arrived=3)
     judge_frames(track)
     track.age_s = 10.0
@@ -26,17 +26,19 @@ def ends_after(track: BodyTrack, most: int = 20) -> int | None:
     return next((k for k in range(1, most) if is_over(track, P)), None)
 
 
-def test_a_tentative_outline_that_stands_ends_after_a_few_frames(outlined_track: MakeTrack) -> None:
+def test_a_tentative_static_outline_ends_after_a_few_frames(outlined_track: MakeTrack) -> None:
     assert ends_after(outlined_track(STOOD, evidence=STATIC)) == 4
 
 
-def test_a_person_of_whom_a_part_moved_may_stand(outlined_track: MakeTrack) -> None:
+def test_a_static_person_with_a_moving_part_does_not_end(outlined_track: MakeTrack) -> None:
     track = outlined_track(STOOD, evidence=STATIC)
     track.part_moves = True
     assert ends_after(track) is None
 
 
-def test_one_whose_points_tell_that_it_moves_may_stand(outlined_track: MakeTrack) -> None:
+def test_a_static_outline_with_certainly_moving_points_does_not_end(
+    outlined_track: MakeTrack,
+) -> None:
     """A person coming straight on from afar hardly changes place for a second."""
     for sigma, ends in ((0.2, None), (0.5, 4)):
         track = outlined_track((0.0, 0.0, -0.8), sigma=sigma, evidence=STATIC)
@@ -46,7 +48,7 @@ def test_one_whose_points_tell_that_it_moves_may_stand(outlined_track: MakeTrack
         assert ends_after(track) == ends
 
 
-def test_a_confirmed_one_may_stand(outlined_track: MakeTrack) -> None:
+def test_a_confirmed_static_outline_does_not_end(outlined_track: MakeTrack) -> None:
     track = outlined_track(arrived=3, evidence=STATIC)
     judge_frames(track)
     assert track.state is TrackState.CONFIRMED
@@ -64,7 +66,7 @@ def ends_while_static(track: BodyTrack, at: tuple[float, float, float], frames: 
     return over
 
 
-def test_one_that_stands_where_it_was_confirmed_ends_and_one_that_walked_stays(
+def test_a_track_static_where_it_was_confirmed_ends_unless_it_walked(
     outlined_track: MakeTrack,
 ) -> None:
     for at, ends in (((0.3, 0.0, 4.1), True), ((0.9, 0.0, 4.0), False)):
@@ -75,7 +77,7 @@ def test_one_that_stands_where_it_was_confirmed_ends_and_one_that_walked_stays(
         assert any(over) is ends
 
 
-def test_one_that_walked_and_came_back_does_not_end_where_it_began(
+def test_a_track_that_walked_and_returned_does_not_end_where_it_started(
     outlined_track: MakeTrack,
 ) -> None:
     track = outlined_track(arrived=3)
@@ -84,7 +86,7 @@ def test_one_that_walked_and_came_back_does_not_end_where_it_began(
     assert not any(ends_while_static(track, (0.0, 0.0, 4.0), 20))
 
 
-def test_where_it_would_be_out_of_sight_it_was_not_seen_to_walk(outlined_track: MakeTrack) -> None:
+def test_motion_predicted_out_of_sight_does_not_count_as_walking(outlined_track: MakeTrack) -> None:
     track = outlined_track(arrived=3)
     judge_frames(track)
     track.missed_s = 0.1
@@ -93,7 +95,7 @@ def test_where_it_would_be_out_of_sight_it_was_not_seen_to_walk(outlined_track: 
     assert any(ends_while_static(track, (0.0, 0.0, 4.0), 20))
 
 
-def test_a_short_stop_and_points_that_show_it_end_nothing(outlined_track: MakeTrack) -> None:
+def test_short_stops_and_visible_points_do_not_end_a_track(outlined_track: MakeTrack) -> None:
     track = outlined_track(arrived=3)
     judge_frames(track)
     going = track.filter
@@ -105,14 +107,14 @@ def test_a_short_stop_and_points_that_show_it_end_nothing(outlined_track: MakeTr
     assert not any(ends_while_static(track, (0.0, 0.0, 4.0), 20))
 
 
-def test_a_confirmed_one_that_swallows_what_stands_ends(outlined_track: MakeTrack) -> None:
+def test_a_confirmed_track_that_absorbs_static_surroundings_ends(outlined_track: MakeTrack) -> None:
     track = outlined_track(arrived=3, evidence=STATIC)
     judge_frames(track)
     track.outline.moving_area /= 2
     assert ends_after(track) == 4
 
 
-def test_one_idle_frame_now_and_then_ends_nothing(outlined_track: MakeTrack) -> None:
+def test_occasional_idle_frames_do_not_end_a_track(outlined_track: MakeTrack) -> None:
     track = outlined_track(STOOD, evidence=STATIC)
     standing = track.outline.segment
     moving = outlined_track(STOOD).outline.segment
@@ -121,7 +123,7 @@ def test_one_idle_frame_now_and_then_ends_nothing(outlined_track: MakeTrack) -> 
         assert not is_over(track, P)
 
 
-def test_an_outline_is_given_more_time_to_move_than_points_are(
+def test_an_outline_gets_more_time_to_move_than_points(
     outlined_track: MakeTrack, make_track: MakeTrack
 ) -> None:
     ages = []
@@ -133,7 +135,7 @@ def test_an_outline_is_given_more_time_to_move_than_points_are(
     assert ages == pytest.approx([1.5, 0.5], abs=0.11)
 
 
-def test_a_track_merged_with_its_surroundings_for_long_ends(make_track: MakeTrack) -> None:
+def test_a_track_merged_with_its_surroundings_for_too_long_ends(make_track: MakeTrack) -> None:
     track = make_track()
     track.state, track.merged_s = TrackState.CONFIRMED, 0.9
     assert not is_over(track, P)
@@ -146,7 +148,7 @@ def test_a_track_merged_with_its_surroundings_for_long_ends(make_track: MakeTrac
     assert is_over(track, P)
 
 
-def test_a_track_without_outline_ends_when_static_and_not_while_it_moves(
+def test_a_track_without_outline_ends_only_when_static(
     outlined_track: MakeTrack,
 ) -> None:
     track = outlined_track(arrived=3)

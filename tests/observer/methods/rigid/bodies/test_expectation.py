@@ -27,10 +27,10 @@ ACROSS = np.array([SIGHT[2], 0.0, -SIGHT[0]])
 def walker(make_track: MakeTrack) -> Callable[..., BodyTrack]:
     """Gives a person seen as an outline, confirmed by default."""
 
-    def make(*, tells: bool, state: TrackState = TrackState.CONFIRMED) -> BodyTrack:
+    def make(*, measured: bool, state: TrackState = TrackState.CONFIRMED) -> BodyTrack:
         track = make_track(tuple(AT), (0.0, 0.0, -0.9))
         track.outline = outline_of(Solid(tuple(AT), (0.45, 1.2, 0.1)))
-        track.outline.depths.measured = tells
+        track.outline.depths.measured = measured
         track.rigid, track.state = False, state
         return track
 
@@ -47,23 +47,28 @@ def doubt(track: BodyTrack, axis: Float64Array) -> float:
 def test_a_turning_body_without_points_is_uncertain_along_the_line_of_sight(
     walker: MakeTrack,
 ) -> None:
-    told, untold = (doubt(walker(tells=tells), SIGHT) for tells in (True, False))
-    assert untold > 2.0 * told
-    told, untold = (doubt(walker(tells=tells), ACROSS) for tells in (True, False))
-    assert untold == pytest.approx(told, rel=0.1)
-
-
-def test_a_tentative_body_is_no_more_uncertain_for_that(walker: MakeTrack) -> None:
-    """Otherwise somebody coming straight on would never become certain to move."""
-    told, untold = (
-        doubt(walker(tells=tells, state=TrackState.TENTATIVE), SIGHT) for tells in (True, False)
+    with_points, without_points = (
+        doubt(walker(measured=measured), SIGHT) for measured in (True, False)
     )
-    assert untold == told
+    assert without_points > 2.0 * with_points
+    with_points, without_points = (
+        doubt(walker(measured=measured), ACROSS) for measured in (True, False)
+    )
+    assert without_points == pytest.approx(with_points, rel=0.1)
 
 
-def test_a_person_may_turn_any_way_whatever_a_limb_did_before(walker: MakeTrack) -> None:
+def test_a_tentative_body_is_not_more_uncertain_without_points(walker: MakeTrack) -> None:
+    """Otherwise a person coming straight on would never become certain to move."""
+    with_points, without_points = (
+        doubt(walker(measured=measured, state=TrackState.TENTATIVE), SIGHT)
+        for measured in (True, False)
+    )
+    assert without_points == with_points
+
+
+def test_a_person_may_turn_in_any_direction_regardless_of_limb_motion(walker: MakeTrack) -> None:
     aside = np.array([1.0, 0.0, 0.0])
-    swung, calm = walker(tells=True), walker(tells=True)
+    swung, calm = walker(measured=True), walker(measured=True)
     swung.shape.note_heading(aside, np.eye(3) * 1e-4, swung.yaw)
     for axis in (SIGHT, ACROSS):
         assert doubt(swung, axis) == pytest.approx(doubt(calm, axis))
@@ -71,6 +76,6 @@ def test_a_person_may_turn_any_way_whatever_a_limb_did_before(walker: MakeTrack)
 
 def test_a_person_close_by_turns_as_fast_as_one_far_away(walker: MakeTrack) -> None:
     """In the image a robot's least acceleration is the same; a person's is in the world."""
-    near, far = walker(tells=True), walker(tells=True)
+    near, far = walker(measured=True), walker(measured=True)
     near.filter = near.filter.shifted(-0.6 * AT, np.zeros(3))
     assert doubt(near, ACROSS) == pytest.approx(doubt(far, ACROSS))

@@ -73,7 +73,7 @@ def inside(mean: float, draws: int, freedom: int, share: float = 0.9999) -> bool
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.6, -1.2])
-def test_the_exact_circle_of_these_tests_is_one(rate: float) -> None:
+def test_the_exact_circle_matches_numerical_integration(rate: float) -> None:
     state = truth(rate=rate)
     small = state
     for _ in range(20000):
@@ -86,7 +86,7 @@ def test_the_exact_circle_of_these_tests_is_one(rate: float) -> None:
 
 @pytest.mark.parametrize("rate", [0.0, 0.6, -1.2])
 @pytest.mark.parametrize("steps", [1, 4, 30])
-def test_errors_are_as_large_as_stated_where_the_noise_is_as_declared(
+def test_errors_match_the_stated_covariance_under_the_modelled_noise(
     rate: float, steps: int
 ) -> None:
     """Normalised squared errors over many draws, for a truth that accelerates as modelled."""
@@ -110,7 +110,7 @@ def test_errors_are_as_large_as_stated_where_the_noise_is_as_declared(
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.5])
-def test_what_is_stated_of_steady_motion_is_never_too_little(rate: float) -> None:
+def test_the_covariance_of_steady_motion_is_never_too_small(rate: float) -> None:
     draws, rng = 100, np.random.default_rng(1)
     errors: dict[str, list[float]] = {"place": [], "velocity": [], "turn": []}
     for _ in range(draws):
@@ -132,7 +132,7 @@ def test_what_is_stated_of_steady_motion_is_never_too_little(rate: float) -> Non
         assert np.mean(kept) > 0.1 * freedom, name
 
 
-def test_two_modes_are_patient_with_steady_motion_and_quick_with_a_brake() -> None:
+def test_two_modes_are_smooth_in_steady_motion_and_quick_when_braking() -> None:
     """Steady: as good as the steady mode alone. Braking: almost as quick as the other one."""
     rng = np.random.default_rng(2)
     modes = {
@@ -168,7 +168,7 @@ def test_two_modes_are_patient_with_steady_motion_and_quick_with_a_brake() -> No
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.5, -0.8])
-def test_a_body_that_is_known_is_predicted_on_its_circle(rate: float) -> None:
+def test_a_known_body_is_predicted_along_its_circle(rate: float) -> None:
     state = truth(rate=rate)
     motion = started(state, np.full(STATE_SIZE, 1e-4))
     for _ in range(15):
@@ -199,7 +199,7 @@ def test_prediction_adds_up_over_time(parts: list[float], rate: float) -> None:
     assert np.abs(ratio).max() < 1e-6 + 0.1 * turned
 
 
-def test_unsteadiness_adds_up_over_time() -> None:
+def test_process_noise_adds_up_over_time() -> None:
     """White acceleration: velocity's variance grows with the number of frames."""
     motion = started(truth(speed=0.0), np.full(STATE_SIZE, 1e-6))
     for _ in range(9):
@@ -208,7 +208,7 @@ def test_unsteadiness_adds_up_over_time() -> None:
     assert motion.covariance[YAW_RATE, YAW_RATE] == pytest.approx(9 * DT**2, rel=1e-3)
 
 
-def test_along_its_axis_a_body_may_accelerate_more_than_across() -> None:
+def test_a_body_may_accelerate_more_along_its_axis_than_across_it() -> None:
     axis = np.array([0.6, 0.0, 0.8])
     motion = started(truth(), np.full(STATE_SIZE, 1e-6)).predicted(DT, (1, 1), (1, 1), axis)
     cov = motion.covariance[VELOCITY, VELOCITY]
@@ -219,7 +219,7 @@ def test_along_its_axis_a_body_may_accelerate_more_than_across() -> None:
     assert abs(cov[0, 2]) > 0.2 * np.sqrt(cov[0, 0] * cov[2, 2])
 
 
-def test_where_the_world_begins_makes_no_difference() -> None:
+def test_the_world_origin_makes_no_difference() -> None:
     """A kilometre from the origin a body moves just as it does near it."""
     shift = np.array([400.0, -30.0, 1000.0])
     rng = np.random.default_rng(3)
@@ -241,7 +241,7 @@ def test_where_the_world_begins_makes_no_difference() -> None:
         assert near.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
 
 
-def test_rebased_is_the_same_motion_told_of_another_point() -> None:
+def test_rebasing_describes_the_same_motion_at_another_point() -> None:
     """The other point of a turning body moves on its own circle."""
     state, offset = truth(rate=0.7), np.array([0.2, -0.1, 0.3])
     state[YAW] = 0.4
@@ -261,7 +261,7 @@ def test_rebased_is_the_same_motion_told_of_another_point() -> None:
     np.testing.assert_allclose(motion.mean[POSITION], expected, atol=1e-3)
 
 
-def test_rebased_there_and_back_is_nothing() -> None:
+def test_rebasing_there_and_back_changes_nothing() -> None:
     rng = np.random.default_rng(4)
     A = rng.normal(0, 0.05, (STATE_SIZE, STATE_SIZE))
     state = truth(rate=0.7)
@@ -274,19 +274,19 @@ def test_rebased_there_and_back_is_nothing() -> None:
     np.testing.assert_allclose(back.covariance, motion.covariance, atol=1e-12)
 
 
-def test_the_covariance_of_another_point_is_that_of_many_draws() -> None:
+def test_the_covariance_at_another_point_matches_sampling() -> None:
     rng = np.random.default_rng(5)
     A = rng.normal(0, 0.01, (STATE_SIZE, STATE_SIZE))
     state, offset = truth(rate=0.7), np.array([0.4, 0.0, 0.5])
     motion = started(state)
     motion.covariances[:] = A @ A.T + 1e-5 * np.eye(STATE_SIZE)
     drawn = rng.multivariate_normal(state, motion.covariance, 20000)
-    told = drawn.copy()
-    for each, out in zip(drawn, told, strict=True):
+    transformed = drawn.copy()
+    for each, out in zip(drawn, transformed, strict=True):
         arm = yaw_matrix(each[YAW]) @ offset
         out[POSITION] += arm
         out[VELOCITY] += np.cross([0, each[YAW_RATE], 0], arm)
-    expected = np.cov(told.T)
+    expected = np.cov(transformed.T)
     scale = np.sqrt(np.diag(expected))
     gap = (motion.rebased(offset).covariance - expected) / np.outer(scale, scale)
     assert np.abs(gap).max() < 0.05
@@ -318,7 +318,7 @@ ACTIONS = st.lists(
 
 @given(actions=ACTIONS, rate=st.floats(-2, 2), agile=st.floats(0.01, 20))
 @settings(max_examples=150, deadline=None)
-def test_the_covariance_stays_one_whatever_happens(
+def test_the_covariance_stays_valid_after_any_sequence_of_actions(
     actions: list[tuple[str, float, float]], rate: float, agile: float
 ) -> None:
     motion = started(truth(rate=rate))
@@ -361,7 +361,7 @@ def test_a_position_or_a_velocity_alone_corrects_its_own_part(rate: float) -> No
         np.testing.assert_allclose(seen.mean[other], state[other], atol=1e-12)
 
 
-def test_positions_alone_tell_the_velocity_over_time() -> None:
+def test_positions_alone_give_the_velocity_over_time() -> None:
     rng, state = np.random.default_rng(6), truth()
     motion = started(
         state * np.array([1, 1, 1, 0, 0, 0, 1, 1]), FIRST_SIGMA * [1, 1, 1, 4, 4, 4, 1, 1]
@@ -373,7 +373,7 @@ def test_positions_alone_tell_the_velocity_over_time() -> None:
     np.testing.assert_allclose(motion.mean[VELOCITY], state[VELOCITY], atol=0.08)
 
 
-def test_a_measurement_that_says_nothing_changes_nothing() -> None:
+def test_an_uninformative_measurement_changes_nothing() -> None:
     motion = started(truth())
     for measure in (motion.with_position, motion.with_velocity):
         seen = measure(np.full(3, 5.0), np.eye(3) * 1e12)
@@ -381,7 +381,7 @@ def test_a_measurement_that_says_nothing_changes_nothing() -> None:
         np.testing.assert_allclose(seen.covariance, motion.covariance, atol=1e-9)
 
 
-def test_straightened_it_moves_alike_but_turns_no_more() -> None:
+def test_a_straightened_filter_keeps_its_motion_but_stops_turning() -> None:
     motion = started(truth(rate=0.8)).predicted(DT, ACCELERATION, YAW_ACCELERATION, None)
     straight = motion.straightened()
     rest = [k for k in range(STATE_SIZE) if k != YAW_RATE]

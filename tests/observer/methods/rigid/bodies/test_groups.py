@@ -22,7 +22,7 @@ P = ObstacleParameters()
 REACH_M = 0.15
 
 
-def test_a_group_moves_as_its_points_do_on_the_whole() -> None:
+def test_a_group_has_the_mean_motion_of_its_points() -> None:
     rng = np.random.default_rng(1)
     places = np.array([0.2, 0, 3]) + rng.uniform(-0.2, 0.2, (12, 3))
     draws = []
@@ -41,7 +41,7 @@ def test_a_group_moves_as_its_points_do_on_the_whole() -> None:
     assert (stated < SIGMA**2).all()
 
 
-def test_better_known_points_count_more() -> None:
+def test_more_certain_points_have_more_weight() -> None:
     places = np.array([[0.1 * k, 0, 3] for k in range(4)], float)
     velocity = np.array([[0.4, 0, 0]] + [[0.1, 0, 0]] * 3)
     seen = motion(places, velocity)
@@ -51,7 +51,7 @@ def test_better_known_points_count_more() -> None:
     assert group.velocity[0] == pytest.approx((100 * 0.4 + 3 * 0.1) / 103)
 
 
-def test_strays_are_left_out_of_a_group() -> None:
+def test_outliers_are_excluded_from_a_group() -> None:
     rng = np.random.default_rng(2)
     places = np.array([0.2, 0, 3]) + rng.normal(0, 0.05, (12, 3))
     places[[3, 7]] += [[1.5, 0, 0], [0, 0, 2.0]]
@@ -62,7 +62,7 @@ def test_strays_are_left_out_of_a_group() -> None:
     assert len(group.members) >= 8
 
 
-def test_too_few_are_no_group() -> None:
+def test_too_few_points_form_no_group() -> None:
     places = np.array([[0.0, 0, 3], [0.1, 0.1, 3.05], [0.05, 0.05, 3.1]])
     seen = motion(places, np.array([0.3, 0, 0]))
     assert group_of(every(seen), seen, P) is not None
@@ -78,7 +78,7 @@ def grouped(centre: tuple[float, float, float], velocity: tuple[float, float, fl
     return group
 
 
-def test_a_group_belongs_to_the_nearest_body_that_moves_as_it_does(make_track: MakeTrack) -> None:
+def test_a_group_belongs_to_the_nearest_body_with_the_same_motion(make_track: MakeTrack) -> None:
     near, far = make_track((0, 0, 3), number=1), make_track((0.5, 0, 3), number=2)
     other = make_track((0.05, 0, 3), (-0.3, 0, 0), number=3)
     tracks = [far, near, other]
@@ -90,7 +90,7 @@ def test_a_group_belongs_to_the_nearest_body_that_moves_as_it_does(make_track: M
     assert body_of(grouped((0.1, 0, 3), (0.3, 0, 0)), []) is None
 
 
-def test_points_on_a_body_go_with_it_only_as_fast_as_it_is_known_to_be(
+def test_points_much_faster_than_their_body_do_not_go_with_it(
     make_track: MakeTrack,
 ) -> None:
     """Points on a swinging limb, or sliding off its edge, are faster."""
@@ -99,7 +99,7 @@ def test_points_on_a_body_go_with_it_only_as_fast_as_it_is_known_to_be(
         assert goes_with(track, grouped((0.1, 0, 3), (speed, 0, 0))) is goes
 
 
-def test_a_body_whose_place_is_uncertain_is_looked_for_farther_away(make_track: MakeTrack) -> None:
+def test_a_body_with_an_uncertain_position_is_searched_farther_away(make_track: MakeTrack) -> None:
     group = grouped((1.2, 0, 3), (0.3, 0, 0))
     assert body_of(group, [make_track()]) is None
     hidden = make_track(sigma=0.01)
@@ -114,7 +114,7 @@ def test_a_body_may_have_turned_a_little_while_it_was_hidden(make_track: MakeTra
         assert (found is not None) == same
 
 
-def test_what_rests_is_no_part_of_a_body_however_little_is_known_of_it(
+def test_resting_points_do_not_belong_to_a_body_however_uncertain(
     make_track: MakeTrack,
 ) -> None:
     """After a second out of sight, a body's place and velocity are nearly unknown."""
@@ -128,8 +128,8 @@ def test_what_rests_is_no_part_of_a_body_however_little_is_known_of_it(
     assert are_one(vague, make_track((0.1, 0, 3), (0.35, 0, 0), number=2), REACH_M, P)
 
 
-def test_what_steps_below_a_trunk_is_its_leg(make_track: MakeTrack) -> None:
-    """A foot at 1.9 m/s below somebody walking at 0.6 m/s, but not a thing beside them or known."""
+def test_a_foot_stepping_below_a_trunk_belongs_to_it(make_track: MakeTrack) -> None:
+    """A foot at 1.9 m/s below a person walking at 0.6 m/s, but no other object or known track."""
     walker = make_track(velocity=(0.6, 0, 0), box=Box(np.zeros(3), np.array([0.5, 1.7, 0.3]), 0.0))
     walker.rigid = False
 
@@ -150,21 +150,21 @@ def test_what_steps_below_a_trunk_is_its_leg(make_track: MakeTrack) -> None:
 # --- one body or two -----------------------------------------------------------------------
 
 
-def test_two_tracks_in_one_place_that_move_alike_are_one(make_track: MakeTrack) -> None:
+def test_two_tracks_at_one_place_with_the_same_motion_are_one(make_track: MakeTrack) -> None:
     older = make_track()
     assert are_one(older, make_track((0.15, 0, 3.1), number=2), REACH_M, P)
     assert not are_one(older, make_track((0.15, 0, 3.1), (-0.3, 0, 0), number=2), REACH_M, P)
     assert not are_one(older, make_track((0.15, 0, 3.1), (0, 0, 0.4), number=2), REACH_M, P)
 
 
-def test_two_that_drive_beside_each_other_are_two(make_track: MakeTrack) -> None:
+def test_tracks_driving_side_by_side_stay_separate(make_track: MakeTrack) -> None:
     assert not are_one(make_track(), make_track((0, 0, 4.5), number=2), REACH_M, P)
     assert not are_one(make_track(), make_track((1.2, 0, 3), number=2), REACH_M, P)
 
 
 @pytest.mark.parametrize(("apart_m", "seen", "same"), [(1.1, True, False), (1.1, False, True),
                                                        (0.5, True, True)])  # fmt: skip
-def test_two_people_beside_each_other_stay_two_while_both_are_seen(
+def test_two_people_side_by_side_stay_separate_while_both_are_seen(
     make_track: MakeTrack, apart_m: float, seen: bool, same: bool
 ) -> None:
     """Both rest, and are so tall that each lies within the space the other may occupy."""
@@ -194,7 +194,7 @@ def test_a_track_out_of_sight_does_not_take_the_number_of_a_reported_one(
 
 
 @pytest.mark.parametrize(("age_s", "same"), [(0.5, True), (1.5, False)])
-def test_two_that_were_both_known_for_a_while_stay_two(
+def test_two_long_known_tracks_stay_separate(
     make_track: MakeTrack, age_s: float, same: bool
 ) -> None:
     """A cart and the person pushing it move alike, side by side."""
@@ -208,7 +208,9 @@ def test_two_that_were_both_known_for_a_while_stay_two(
     assert are_one(cart, pusher, REACH_M, P) is same
 
 
-def test_the_end_of_a_turning_body_may_move_the_other_way(make_track: MakeTrack) -> None:
+def test_the_end_of_a_turning_body_may_move_in_the_opposite_direction(
+    make_track: MakeTrack,
+) -> None:
     box = Box(np.zeros(3), np.array([1.0, 0.3, 1.2]), 0.0)
     turning = make_track(velocity=(0.6, 0, 0), yaw_rate=1.2, box=box)
     at = np.array([0, 0, 2.0])
@@ -218,7 +220,7 @@ def test_the_end_of_a_turning_body_may_move_the_other_way(make_track: MakeTrack)
     assert not are_one(make_track(velocity=(0.6, 0, 0), box=box), end, REACH_M, P)
 
 
-def test_what_has_no_box_yet_is_not_merged(make_track: MakeTrack) -> None:
+def test_a_track_without_a_box_is_not_merged(make_track: MakeTrack) -> None:
     older, younger = make_track(), make_track(number=2)
     younger.box = None
     assert not are_one(older, younger, REACH_M, P)

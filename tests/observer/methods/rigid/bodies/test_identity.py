@@ -20,7 +20,7 @@ from ..solid_worlds import outline_of, person
 from .planted_bodies import DT, alive, to_the_right
 
 
-def test_its_number_is_provisional_until_it_is_confirmed_and_then_lasts(
+def test_the_number_is_provisional_until_confirmation_and_then_permanent(
     watched: Any, box: Any, crate: Any
 ) -> None:
     run = watched(box(to_the_right()), crate)
@@ -56,7 +56,7 @@ def test_a_confirmed_track_keeps_its_number_when_merged_with_an_older_one(
 
 
 @pytest.mark.parametrize("hidden_s", [0.4, 1.0])
-def test_a_hidden_body_coasts_along_its_way_and_returns_as_itself(
+def test_a_hidden_body_coasts_along_its_path_and_keeps_its_number(
     hidden_s: float, watched: Any, box: Any, crate: Any
 ) -> None:
     begin = 1.6
@@ -94,7 +94,9 @@ def test_a_body_that_does_not_return_ends(watched: Any, box: Any, crate: Any) ->
     assert states[-1] == []
 
 
-def test_what_comes_after_the_end_has_another_number(watched: Any, box: Any, crate: Any) -> None:
+def test_a_body_seen_after_the_end_of_its_track_gets_a_new_number(
+    watched: Any, box: Any, crate: Any
+) -> None:
     run = watched(box(to_the_right(x=-0.9), seen=lambda t: not 1.5 <= t < 2.5), crate, coast_s=0.3)
     run.run(1.5 - DT)
     (before,) = alive(run.tracks)
@@ -103,7 +105,7 @@ def test_what_comes_after_the_end_has_another_number(watched: Any, box: Any, cra
     assert after.id > before.id
 
 
-def test_one_that_stops_stays_known_as_stopped_and_drives_on_as_itself(
+def test_a_body_that_stops_and_drives_on_keeps_its_number(
     watched: Any, box: Any, crate: Any
 ) -> None:
     def stop_and_go(t: float) -> Any:
@@ -129,7 +131,7 @@ def test_one_that_stops_stays_known_as_stopped_and_drives_on_as_itself(
     assert np.linalg.norm(track.centre_velocity()[0] - [0.4, 0, 0]) < 0.05
 
 
-def test_two_that_cross_keep_their_numbers(watched: Any, box: Any) -> None:
+def test_two_crossing_bodies_keep_their_numbers(watched: Any, box: Any) -> None:
     """The nearer one hides the farther one for a good half second."""
 
     def apart(t: float) -> float:
@@ -156,7 +158,7 @@ def test_two_that_cross_keep_their_numbers(watched: Any, box: Any) -> None:
     assert len(numbers) == 1
 
 
-def test_a_body_found_in_two_parts_becomes_one(watched: Any, planted: Any) -> None:
+def test_a_body_found_in_two_parts_becomes_one_track(watched: Any, planted: Any) -> None:
     """Its ends are seen first, too far apart to be neighbours; then its middle."""
     rng = np.random.default_rng(3)
     local = rng.uniform(-0.5, 0.5, (90, 3)) * [1.1, 0.3, 0.1]
@@ -182,7 +184,7 @@ def test_a_body_found_in_two_parts_becomes_one(watched: Any, planted: Any) -> No
 @pytest.mark.parametrize(
     ("rigid", "seen", "joined"), [(True, False, True), (False, True, True), (False, False, False)]
 )
-def test_points_in_the_place_of_somebody_out_of_sight_do_not_show_him(
+def test_points_at_the_position_of_a_hidden_person_do_not_show_them(
     make_track: Any, rigid: bool, seen: bool, joined: bool
 ) -> None:
     """A mere shadow could have such points. Points of a rigid body do show it."""
@@ -204,7 +206,7 @@ def test_points_in_the_place_of_somebody_out_of_sight_do_not_show_him(
     assert set(points.obstacle) == {1 if joined else NO_OBSTACLE}
 
 
-def test_a_duplicate_is_merged_into_the_older(watched: Any, box: Any, crate: Any) -> None:
+def test_a_duplicate_is_merged_into_the_older_track(watched: Any, box: Any, crate: Any) -> None:
     run = watched(box(to_the_right()), crate)
     run.run(1.5)
     (track,) = alive(run.tracks)
@@ -222,7 +224,7 @@ def test_a_duplicate_is_merged_into_the_older(watched: Any, box: Any, crate: Any
     assert left.points < (run.points.obstacle == track.id).sum()
 
 
-def test_numbers_go_on_in_the_next_segment(watched: Any, box: Any, crate: Any) -> None:
+def test_numbers_continue_in_the_next_segment(watched: Any, box: Any, crate: Any) -> None:
     run, numbers = watched(box(to_the_right(x=-1.0)), crate), count(1)
     run.tracker = BodyTracker(numbers)
     run.run(1.0)
@@ -235,7 +237,7 @@ def test_numbers_go_on_in_the_next_segment(watched: Any, box: Any, crate: Any) -
     assert second.id > first.id
 
 
-def test_numbers_may_be_given(watched: Any, box: Any, crate: Any) -> None:
+def test_numbers_can_be_supplied_by_the_caller(watched: Any, box: Any, crate: Any) -> None:
     """A caller that keeps them over segments can supply them."""
     run = watched(box(to_the_right()), crate)
     run.tracker = BodyTracker(count(40))

@@ -59,13 +59,13 @@ def outlined(segment: Segment, scene: DenseScene) -> Outline:
 
 
 @pytest.mark.parametrize(("z", "only"), [(0.9, True), (1.2, True), (1.6, False), (4.0, False)])
-def test_only_the_legs_of_a_near_person_are_seen(z: float, only: bool) -> None:
+def test_only_legs_are_visible_of_a_near_person(z: float, only: bool) -> None:
     """The image ends 0.4 m above the camera per metre of distance."""
     scene, (segment,) = legs((0.0, z))
     assert shows_only_legs(segment, scene) is only
 
 
-def test_the_other_leg_is_taken_however_large_it_is() -> None:
+def test_the_other_leg_is_included_regardless_of_its_size() -> None:
     scene, (one, other) = legs((-0.25, 1.2), (0.2, 1.3))
     outline = outlined(one, scene)
     assert outline.only_legs
@@ -73,14 +73,14 @@ def test_the_other_leg_is_taken_however_large_it_is() -> None:
     np.testing.assert_array_equal(outline.segment.mask, one.mask | other.mask)
 
 
-def test_what_stands_beside_a_person_seen_whole_is_no_leg() -> None:
+def test_an_object_beside_a_fully_visible_person_is_not_a_leg() -> None:
     scene, (one, other) = legs((-0.25, 3.0), (0.2, 3.0))
     outline = outlined(one, scene)
     assert not outline.take(other, scene)
 
 
 @pytest.mark.parametrize("place", [(0.35, 2.2), (0.75, 1.35)], ids=["behind", "aside"])
-def test_the_leg_of_somebody_else_is_not_taken(place: tuple[float, float]) -> None:
+def test_the_leg_of_another_person_is_not_included(place: tuple[float, float]) -> None:
     scene, (one, other) = legs((-0.7, 1.35), place)
     assert not is_other_leg(scene, other, one)
     assert not outlined(one, scene).take(other, scene)
@@ -97,7 +97,7 @@ def test_the_hips_are_midway_between_the_legs(near: float, apart: float) -> None
 
 @pytest.mark.parametrize("x", [-0.3, 0.0, 0.4])
 @pytest.mark.parametrize("z", [1.1, 1.2])
-def test_the_hips_are_seen_though_a_foot_is_out_of_view(x: float, z: float) -> None:
+def test_the_hips_are_measured_with_a_foot_out_of_view(x: float, z: float) -> None:
     solids = striding(x, z)
     shapes = [*ROOM, *solids]
     mask = np.any([cells_of(each, shapes, LOW) for each in solids], axis=0)
@@ -113,7 +113,7 @@ def test_a_leg_swings_across_the_line_of_sight() -> None:
     np.testing.assert_allclose(np.sqrt(np.diag(swing_cov(along))), [0.2, 0.2, 0.0])
 
 
-def test_a_person_walking_past_close_by_is_one_body_moving_as_the_hips_do() -> None:
+def test_a_person_walking_past_close_by_is_one_body_moving_with_the_hips() -> None:
     """Each leg stands while the other one moves at twice the speed."""
     view, speed = SolidView(), 0.9
     omega = 2 * math.pi

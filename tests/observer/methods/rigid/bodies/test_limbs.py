@@ -1,4 +1,4 @@
-"""Bodies with limbs are told apart from rigid ones by their points."""
+"""Bodies with limbs are distinguished from rigid ones by their points."""
 
 from __future__ import annotations
 
@@ -46,18 +46,18 @@ def after_frames(track: BodyTrack, frames: int, moves_along: NDArray[np.bool_]) 
     return track
 
 
-def test_a_body_all_of_whose_points_move_along_stays_rigid(upright: BodyTrack) -> None:
+def test_a_body_stays_rigid_when_all_points_move_with_it(upright: BodyTrack) -> None:
     assert after_frames(upright, 100, ALONG).rigid
     assert upright.rigidity == pytest.approx(1.0)
 
 
-def test_a_body_most_of_whose_points_move_along_stays_rigid(upright: BodyTrack) -> None:
+def test_a_body_stays_rigid_when_most_points_move_with_it(upright: BodyTrack) -> None:
     most = ALONG.copy()
     most[:3] = False
     assert after_frames(upright, 100, most).rigid
 
 
-def test_an_upright_body_whose_points_move_by_themselves_has_limbs(upright: BodyTrack) -> None:
+def test_an_upright_body_with_independently_moving_points_has_limbs(upright: BodyTrack) -> None:
     upright.filter.means[:, YAW_RATE] = 0.4
     assert after_frames(upright, 1, APART).rigid
     assert not after_frames(upright, 4, APART).rigid
@@ -66,7 +66,7 @@ def test_an_upright_body_whose_points_move_by_themselves_has_limbs(upright: Body
 
 @pytest.mark.parametrize(("points", "steady_s", "rigid"), [(12, 0.5, True), (11, 0.5, False),
                                                            (12, 0.4, False)])  # fmt: skip
-def test_many_points_that_drive_steadily_are_of_no_limb(
+def test_many_steadily_driving_points_do_not_belong_to_a_limb(
     upright: BodyTrack, points: int, steady_s: float, rigid: bool
 ) -> None:
     """A robot's base, below a mast with only a few wrongly tracked points."""
@@ -74,30 +74,30 @@ def test_many_points_that_drive_steadily_are_of_no_limb(
     assert after_frames(upright, 20, APART).rigid is rigid
 
 
-def test_an_upright_body_is_rigid_only_after_points_drove_steadily(upright: BodyTrack) -> None:
+def test_an_upright_body_becomes_rigid_only_after_steady_driving(upright: BodyTrack) -> None:
     """A lying thing is, as soon as a group of points on it moves."""
     velocity = np.array([0.3, 0.0, 0.0])
     assert not may_be_rigid(upright), "it is already"
     upright.loosen()
     assert may_be_rigid(upright)
-    told = []
+    results = []
     for upright.age_s in (0.0, 0.3, 0.6):
-        told.append(moves_as_one(upright, velocity, 12))
-    assert told == [False, False, True]
+        results.append(moves_as_one(upright, velocity, 12))
+    assert results == [False, False, True]
     assert upright.outline is not None
     upright.outline.depths.measured = True
     assert not may_be_rigid(upright), "points on its trunk tell how it moves"
 
 
-def test_what_lies_is_rigid_once_a_group_of_points_on_it_moves(make_track: MakeTrack) -> None:
+def test_a_lying_body_becomes_rigid_once_a_group_of_its_points_moves(make_track: MakeTrack) -> None:
     track = with_outline(make_track(), size=(0.8, 0.4, 0.1))
     track.loosen()
     assert may_be_rigid(track)
     assert moves_as_one(track, np.array([0.3, 0.0, 0.0]), 3)
 
 
-def test_what_the_border_leaves_of_legs_is_not_rigid(make_track: MakeTrack) -> None:
-    """However wide it is: a few points on one shin move as one."""
+def test_legs_cut_off_by_the_border_are_not_rigid(make_track: MakeTrack) -> None:
+    """However wide they are: a few points on one shin move as one."""
     track = with_outline(make_track(), size=(0.8, 0.4, 0.1))
     track.loosen()
     assert track.outline is not None
@@ -112,7 +112,7 @@ def test_a_body_with_limbs_keeps_them(upright: BodyTrack) -> None:
     assert not after_frames(upright, 100, ALONG).rigid
 
 
-def test_what_lies_is_rigid_whatever_its_points_do(make_track: MakeTrack) -> None:
+def test_a_lying_body_is_rigid_whatever_its_points_do(make_track: MakeTrack) -> None:
     track = with_outline(make_track(), size=(0.8, 0.4, 0.1))
     assert after_frames(track, 50, APART).rigid
 
@@ -126,25 +126,25 @@ def shown_over(track: BodyTrack, height: float, width: float, points: int = 20) 
     return track
 
 
-def test_points_all_over_its_outline_show_a_body_whole(upright: BodyTrack) -> None:
+def test_points_all_over_an_outline_show_the_whole_body(upright: BodyTrack) -> None:
     assert points_show_whole(shown_over(upright, 0.9, 0.9), upright.outline)
 
 
 @pytest.mark.parametrize(
     ("height", "width", "points"), [(0.4, 0.9, 20), (0.9, 0.3, 20), (0.9, 0.9, 5)]
 )
-def test_points_on_a_part_of_it_or_few_do_not(
+def test_few_points_or_points_on_a_part_do_not_show_the_whole_body(
     upright: BodyTrack, height: float, width: float, points: int
 ) -> None:
     assert not points_show_whole(shown_over(upright, height, width, points), upright.outline)
 
 
-def test_points_never_show_a_body_with_limbs_whole(upright: BodyTrack) -> None:
+def test_points_never_show_the_whole_of_a_body_with_limbs(upright: BodyTrack) -> None:
     upright.loosen()
     assert not points_show_whole(shown_over(upright, 1.0, 1.0), upright.outline)
 
 
-def test_without_points_to_judge_by_a_body_stays_rigid_only_while_they_show_it_whole(
+def test_a_body_with_few_points_stays_rigid_only_while_they_show_it_whole(
     make_track: MakeTrack,
 ) -> None:
     few = np.ones(2, np.bool_)

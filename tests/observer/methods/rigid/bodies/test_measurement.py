@@ -74,7 +74,7 @@ def measured(members: Members, expected: Float64Array, **kinds: Float64Array) ->
     )
 
 
-def test_without_noise_the_pose_is_exact() -> None:
+def test_the_pose_is_exact_without_noise() -> None:
     rng = np.random.default_rng(0)
     places = body(rng)
     members = seen(rng, POSE, places)
@@ -87,7 +87,9 @@ def test_without_noise_the_pose_is_exact() -> None:
 
 @pytest.mark.parametrize("strangers", [0, 8])
 @pytest.mark.parametrize("place_sigma", [1e-4, 0.01])
-def test_the_pose_is_as_good_as_its_covariance_says(strangers: int, place_sigma: float) -> None:
+def test_the_pose_is_as_accurate_as_its_covariance_states(
+    strangers: int, place_sigma: float
+) -> None:
     """Normalised squared errors over many draws, without outliers and with 20 %."""
     draws, rng = 200, np.random.default_rng(strangers)
     squared, errors = [], []
@@ -104,7 +106,7 @@ def test_the_pose_is_as_good_as_its_covariance_says(strangers: int, place_sigma:
     assert np.mean(squared) > 0.4 * 4
 
 
-def test_strangers_leave_and_members_stay() -> None:
+def test_outliers_are_rejected_and_members_retained() -> None:
     rng, left, gone = np.random.default_rng(2), 0, 0
     for _ in range(60):
         members = seen(rng, POSE, body(rng), strangers=8)
@@ -126,7 +128,7 @@ def test_a_body_that_jumped_keeps_its_points() -> None:
     assert found.misfits[:6].sum() >= 3
 
 
-def test_noise_along_the_line_of_sight_does_not_pass_for_a_lever() -> None:
+def test_noise_along_the_line_of_sight_does_not_act_as_a_lever() -> None:
     """On a flat face it would hold the body at its expected yaw, however much it turned.
 
     At 3 cm of noise a good third of an unexpected turn is seen; without the precaution, none.
@@ -145,7 +147,7 @@ def test_noise_along_the_line_of_sight_does_not_pass_for_a_lever() -> None:
     assert 0.3 * 0.15 < np.mean(turned) < 1.05 * 0.15
 
 
-def test_points_whose_place_is_unknown_do_not_count() -> None:
+def test_points_with_unknown_positions_are_ignored() -> None:
     rng = np.random.default_rng(4)
     members = seen(rng, POSE, body(rng))
     known = np.arange(40) % 2 == 0
@@ -162,7 +164,7 @@ def test_points_whose_place_is_unknown_do_not_count() -> None:
     assert not found.misfits[~known].any()
 
 
-def test_points_in_one_place_say_nothing_of_the_yaw() -> None:
+def test_coincident_points_give_no_yaw() -> None:
     rng = np.random.default_rng(5)
     members = seen(rng, POSE, np.zeros((10, 3)))
     found = measured(members, POSE)
@@ -170,7 +172,7 @@ def test_points_in_one_place_say_nothing_of_the_yaw() -> None:
     np.testing.assert_allclose(found.pose[:3], POSE[:3], atol=0.06)
 
 
-def test_the_cameras_error_is_common_to_all_points() -> None:
+def test_the_camera_error_is_shared_by_all_points() -> None:
     """It turns by an unknown angle: at 3 m every point is off sideways by 3 m times that angle."""
     rng, sigma = np.random.default_rng(6), 0.01
     step_covariance = np.diag([0, sigma**2, 0, 0, 0, 0])
@@ -194,7 +196,7 @@ def test_the_cameras_error_is_common_to_all_points() -> None:
     assert 0.88 <= np.mean(np.array(squared) <= chi2.ppf(0.95, 3)) <= 1.0
 
 
-def test_what_points_share_makes_the_pose_less_certain() -> None:
+def test_shared_errors_make_the_pose_less_certain() -> None:
     rng = np.random.default_rng(7)
     members = seen(rng, POSE, body(rng, 100))
     covs = [
@@ -204,7 +206,7 @@ def test_what_points_share_makes_the_pose_less_certain() -> None:
     assert covs[1] == pytest.approx(covs[0] * 11, rel=0.05)
 
 
-def test_members_are_made_of_the_followed_points() -> None:
+def test_members_are_built_from_tracked_points() -> None:
     rng = np.random.default_rng(8)
     places, count = body(rng, 12), 12
     cov = np.broadcast_to(np.diag([1e-4, 2e-4, 3e-4]), (count, 3, 3))
@@ -229,7 +231,7 @@ def test_members_are_made_of_the_followed_points() -> None:
     assert (own < np.array([1e-4, 2e-4, 3e-4]) + 1e-4).all()
 
 
-def test_what_is_expected_is_the_measured_part_of_the_state() -> None:
+def test_the_expected_pose_is_the_measured_part_of_the_state() -> None:
     mean = np.arange(STATE_SIZE, dtype=float)
     covariance = np.arange(STATE_SIZE**2, dtype=float).reshape(STATE_SIZE, STATE_SIZE)
     pose, cov = expected_pose(mean, covariance)

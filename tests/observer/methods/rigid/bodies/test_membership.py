@@ -41,10 +41,10 @@ def on(track: BodyTrack, local: Float64Array) -> Float64Array:
     return track.mean[:3] + np.atleast_2d(local) @ track.R.T
 
 
-def test_points_on_a_body_that_move_with_it_join(track: BodyTrack) -> None:
+def test_points_on_a_body_moving_with_it_join(track: BodyTrack) -> None:
     places = on(track, np.random.default_rng(0).uniform(-0.5, 0.5, (30, 3)) * track.box.size)
     seen = motion(places, track.velocity_at(places))
-    # Some near the centre of rotation move too little to be told from static points.
+    # Some near the centre of rotation move too little to be distinguished from static points.
     assert joining(track, every(seen), seen, P).mean() > 0.9
 
 
@@ -54,14 +54,14 @@ def test_points_at_rest_do_not_join(track: BodyTrack) -> None:
 
 
 @pytest.mark.parametrize("other", [(-0.3, 0, 0), (0.3, 0, 0.5), (0.3, 0.4, 0), (0.9, 0, 0)])
-def test_points_that_move_otherwise_do_not_join(
+def test_points_with_a_different_motion_do_not_join(
     track: BodyTrack, other: tuple[float, float, float]
 ) -> None:
     seen = motion(on(track, np.zeros(3)), np.array(other))
     assert not joining(track, every(seen), seen, P).any()
 
 
-def test_points_whose_motion_is_hardly_known_do_not_join(track: BodyTrack) -> None:
+def test_points_with_very_uncertain_motion_do_not_join(track: BodyTrack) -> None:
     """They fit the body, but equally well a static scene."""
     places = on(track, np.zeros(3))
     for sigma, joins in ((0.03, True), (0.3, False)):
@@ -78,7 +78,7 @@ def test_points_beside_the_box_do_not_join(track: BodyTrack) -> None:
     assert joining(track, every(seen), seen, wide).all()
 
 
-def test_only_the_free_points_are_asked(track: BodyTrack) -> None:
+def test_only_free_points_are_considered(track: BodyTrack) -> None:
     places = on(track, np.zeros((4, 3)))
     velocity = track.velocity_at(places)
     velocity[1] = 0.0
@@ -86,7 +86,7 @@ def test_only_the_free_points_are_asked(track: BodyTrack) -> None:
     assert joining(track, np.array([1, 3]), seen, P).tolist() == [False, True]
 
 
-def test_a_point_seen_for_long_may_lag_behind_a_body_that_turns(make_track: MakeTrack) -> None:
+def test_a_long_observed_point_may_lag_behind_a_turning_body(make_track: MakeTrack) -> None:
     """Its velocity is the mean over its window; half a window ago the body had another heading."""
     rate, window = 1.5, 0.6
     track = make_track(velocity=(0.6, 0, 0), yaw_rate=rate)
@@ -98,7 +98,7 @@ def test_a_point_seen_for_long_may_lag_behind_a_body_that_turns(make_track: Make
     assert not joining(steady, every(seen), motion(place, before, 0.02, 0.05), P).any()
 
 
-def test_points_that_creep_do_not_join_a_body_of_which_little_is_known(
+def test_very_slow_points_do_not_join_an_uncertain_body(
     make_track: MakeTrack,
 ) -> None:
     """Points tracked along an edge creep; a body that turns and brakes could explain anything."""
@@ -110,7 +110,7 @@ def test_points_that_creep_do_not_join_a_body_of_which_little_is_known(
 # --- leaving -------------------------------------------------------------------------------
 
 
-def test_members_that_rest_are_found_also_where_the_body_turns_about_them(
+def test_resting_members_are_found_at_the_centre_of_rotation(
     make_track: MakeTrack,
 ) -> None:
     # It turns about the point (0, 0, -0.5) m from its centre.
@@ -121,7 +121,7 @@ def test_members_that_rest_are_found_also_where_the_body_turns_about_them(
     assert resting(turning, every(seen), seen).all()
 
 
-def test_members_that_move_with_it_do_not_rest(track: BodyTrack) -> None:
+def test_members_moving_with_the_body_are_not_resting(track: BodyTrack) -> None:
     places = on(track, np.random.default_rng(2).uniform(-0.5, 0.5, (30, 3)) * track.box.size)
     for sigma in (0.005, SIGMA):
         seen = motion(places, track.velocity_at(places), sigma)
@@ -129,7 +129,7 @@ def test_members_that_move_with_it_do_not_rest(track: BodyTrack) -> None:
 
 
 @pytest.mark.parametrize("sigma", [0.005, 0.03, 0.2])
-def test_the_members_of_a_body_that_stopped_are_none_that_rest(
+def test_members_of_a_stopped_body_do_not_count_as_resting(
     make_track: MakeTrack, sigma: float
 ) -> None:
     stopped = make_track(velocity=(0.0, 0, 0))
@@ -137,7 +137,7 @@ def test_the_members_of_a_body_that_stopped_are_none_that_rest(
     assert not resting(stopped, every(seen), seen).any()
 
 
-def test_noise_of_a_body_that_stopped_drives_nobody_away(make_track: MakeTrack) -> None:
+def test_noise_of_a_stopped_body_removes_no_members(make_track: MakeTrack) -> None:
     """Its points are known to rest, with a fraction of the body's own uncertainty."""
     stopped = make_track(velocity=(0.002, 0, 0), yaw_rate=-0.01)
     stopped.motion = MotionState.STOPPED
@@ -152,7 +152,7 @@ def drove(track: BodyTrack, speeds: Float64Array, rate: float = 15.0) -> BodyTra
     return track
 
 
-def test_members_of_a_body_that_begins_to_move_need_not_move_on_average_yet(
+def test_members_of_a_starting_body_need_not_move_on_average_yet(
     make_track: MakeTrack,
 ) -> None:
     """The velocity of a point seen for long hardly shows yet that its body has sped up."""
@@ -169,14 +169,14 @@ def test_members_of_a_body_that_begins_to_move_need_not_move_on_average_yet(
     assert resting(went, every(young), young).all()
 
 
-def test_members_of_a_body_that_goes_to_and_fro_stay(make_track: MakeTrack) -> None:
+def test_members_of_a_body_moving_back_and_forth_stay(make_track: MakeTrack) -> None:
     pulses = 0.15 * np.sign(np.sin(np.arange(50) / 15 * 2 * np.pi))
     back = drove(make_track(velocity=(pulses[-1], 0, 0)), pulses)
     seen = motion(on(back, np.zeros((5, 3))), np.array([0.13, 0, 0]), 0.002, 1.5)
     assert not resting(back, every(seen), seen).any()
 
 
-def test_of_members_of_which_little_is_known_none_rests(track: BodyTrack) -> None:
+def test_members_with_very_uncertain_motion_do_not_count_as_resting(track: BodyTrack) -> None:
     seen = motion(on(track, np.zeros((5, 3))), np.zeros(3), 0.3)
     assert not resting(track, every(seen), seen).any()
     sure = motion(on(track, np.zeros((5, 3))), np.zeros(3), 0.01)
@@ -189,7 +189,7 @@ def test_of_members_of_which_little_is_known_none_rests(track: BodyTrack) -> Non
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.8])
-def test_points_are_placed_where_the_body_has_taken_them(
+def test_points_are_placed_where_the_body_has_carried_them(
     rate: float, make_track: MakeTrack, sightings_of: Callable[..., PositionVelocityFilter]
 ) -> None:
     rng = np.random.default_rng(4)
@@ -219,7 +219,7 @@ def test_points_are_placed_where_the_body_has_taken_them(
     assert np.median(sigma) < 0.0015 if rate == 0 else np.median(sigma) > 0.005
 
 
-def test_where_a_body_has_gained_speed_points_are_placed_with_doubt(make_track: MakeTrack) -> None:
+def test_points_on_an_accelerating_body_are_placed_less_certainly(make_track: MakeTrack) -> None:
     """At their older sightings the body was slower than now."""
     eye = np.eye(3)[None] / 0.01**2
     sums = PositionVelocityFilter.begin(np.array([[0.2, 0, 3.0]]), eye)
@@ -238,7 +238,7 @@ def test_where_a_body_has_gained_speed_points_are_placed_with_doubt(make_track: 
     assert np.sqrt(doubtful) >= error
 
 
-def test_a_points_place_is_what_its_information_says() -> None:
+def test_the_position_of_a_point_follows_from_its_information() -> None:
     rng = np.random.default_rng(5)
     A = rng.normal(0, 1, (6, 3, 3))
     information = A @ np.swapaxes(A, 1, 2) + 10 * np.eye(3)

@@ -11,7 +11,7 @@ from observer.types import MotionState, TrackState
 from .judging import STOOD, MakeTrack, judge_frames
 
 
-def test_out_of_sight_a_body_moves_on_as_it_did_however_uncertain(make_track: MakeTrack) -> None:
+def test_a_body_out_of_sight_stays_moving_however_uncertain(make_track: MakeTrack) -> None:
     for missed_s, motion in ((0.0, MotionState.STOPPED), (1.0, MotionState.MOVING)):
         track = make_track(velocity=(0.5, 0.0, 0.0), sigma=0.3)
         track.state, track.missed_s = TrackState.CONFIRMED, missed_s
@@ -19,7 +19,7 @@ def test_out_of_sight_a_body_moves_on_as_it_did_however_uncertain(make_track: Ma
         assert track.motion is motion
 
 
-def test_a_body_of_lost_velocity_has_not_stopped_for_that(outlined_track: MakeTrack) -> None:
+def test_losing_the_velocity_does_not_count_as_stopping(outlined_track: MakeTrack) -> None:
     """Points on limbs were taken for the body, so it may be slower or faster than they are."""
     track = outlined_track(arrived=3)
     judge_frames(track)
@@ -30,7 +30,7 @@ def test_a_body_of_lost_velocity_has_not_stopped_for_that(outlined_track: MakeTr
         assert track.motion is motion
 
 
-def test_a_returning_body_of_unknown_velocity_has_not_stopped(
+def test_a_returning_body_with_unknown_velocity_has_not_stopped(
     outlined_track: MakeTrack,
 ) -> None:
     track = outlined_track(arrived=3)
@@ -43,7 +43,7 @@ def test_a_returning_body_of_unknown_velocity_has_not_stopped(
     assert track.motion is MotionState.STOPPED
 
 
-def test_a_body_that_stays_in_its_cells_has_stopped_however_uncertain(
+def test_a_body_that_stays_in_its_cells_has_stopped(
     outlined_track: MakeTrack,
 ) -> None:
     track = outlined_track(arrived=3)
@@ -55,7 +55,7 @@ def test_a_body_that_stays_in_its_cells_has_stopped_however_uncertain(
         assert track.motion is motion
 
 
-def test_what_was_not_reported_yet_and_is_hardly_known_does_not_move(
+def test_an_uncertain_unreported_body_does_not_count_as_moving(
     outlined_track: MakeTrack,
 ) -> None:
     track = outlined_track((0.5, 0.0, 0.0), sigma=0.5)
@@ -71,7 +71,7 @@ def test_what_was_not_reported_yet_and_is_hardly_known_does_not_move(
         (0.12, 2.4, MotionState.STOPPED),
     ],
 )
-def test_one_that_moves_is_not_said_to_stand_because_its_speed_became_uncertain(
+def test_a_moving_body_stays_moving_when_its_speed_becomes_uncertain(
     make_track: MakeTrack, speed: float, sigmas: float, motion: MotionState
 ) -> None:
     track = make_track((0.0, 0.0, 4.0), (0.0, 0.0, -speed), sigma=speed / sigmas)
@@ -80,7 +80,7 @@ def test_one_that_moves_is_not_said_to_stand_because_its_speed_became_uncertain(
     assert track.motion is motion
 
 
-def test_what_was_never_sure_to_move_is_not_said_to(make_track: MakeTrack) -> None:
+def test_a_body_that_never_certainly_moved_does_not_count_as_moving(make_track: MakeTrack) -> None:
     for state in (TrackState.TENTATIVE, TrackState.CONFIRMED):
         track = make_track((0.0, 0.0, 4.0), (0.0, 0.0, -0.4), sigma=0.4 / 2.4)
         track.state, track.motion = state, MotionState.STOPPED

@@ -64,14 +64,14 @@ def found(
     return tracks
 
 
-def test_a_person_who_waves_moves_in_place_and_does_not_travel() -> None:
+def test_a_waving_person_moves_in_place_and_does_not_travel() -> None:
     (track,) = found(WAVING)
     assert track.state is TrackState.CONFIRMED
     assert track.motion is MotionState.IN_PLACE
     assert np.linalg.norm(track.centre_velocity()[0]) < P.stopped_below_mps
 
 
-def test_the_whole_person_is_shown_not_the_hand() -> None:
+def test_the_whole_person_is_found_not_only_the_hand() -> None:
     (track,) = found(WAVING)
     assert track.outline is not None
     assert track.outline.height == pytest.approx(1.6, abs=0.3)
@@ -81,16 +81,16 @@ def test_a_person_standing_still_is_not_found() -> None:
     assert found([]) == []
 
 
-def test_one_flicker_is_no_motion() -> None:
+def test_a_single_flicker_is_not_motion() -> None:
     assert found(range(10, 16)) == []
 
 
-def test_what_changes_at_a_cabinet_is_no_person() -> None:
+def test_changes_at_a_cabinet_are_not_a_person() -> None:
     assert found(WAVING, CABINET) == []
 
 
 @pytest.mark.parametrize("turned_deg", [0, 90, 180])
-def test_two_places_beside_each_other_are_two_wherever_the_camera_looks(turned_deg: int) -> None:
+def test_adjacent_places_stay_separate_for_any_camera_direction(turned_deg: int) -> None:
     pose = Pose.from_rotvec((0, np.radians(turned_deg), 0), (0, 0, 0))
     # Twice at each of both is not enough, four times at one is.
     frames = [k for k in WAVING if k < 32]
@@ -98,11 +98,11 @@ def test_two_places_beside_each_other_are_two_wherever_the_camera_looks(turned_d
     assert len(found(frames, places=lambda _: hand(0.4), pose=pose)) == 1
 
 
-def test_what_passes_by_moves_in_no_place() -> None:
+def test_a_passing_hand_does_not_move_in_place() -> None:
     assert found(range(40), places=lambda k: hand(-1.5 + 0.075 * k)) == []
 
 
-def test_after_the_wave_the_person_has_stopped() -> None:
+def test_a_person_has_stopped_after_waving() -> None:
     (track,) = found([k for k in WAVING if k < 30], lasting=90)
     assert track.motion is MotionState.STOPPED
 
@@ -118,14 +118,14 @@ def test_after_the_wave_the_person_has_stopped() -> None:
         ([a + b for a in (0.0, 2.0, 4.0) for b in (0.0, 0.07, 0.14)], False),
     ],
 )
-def test_only_what_changes_again_and_again_recurs(times: list[float], recurring: bool) -> None:
+def test_only_repeated_changes_are_recurring(times: list[float], recurring: bool) -> None:
     changes = Changes()
     for time in times:
         changes.note(time, changed=True)
     assert changes.recurring is recurring
 
 
-def test_a_part_that_was_not_confirmed_becomes_the_whole() -> None:
+def test_an_unconfirmed_part_becomes_the_whole_person() -> None:
     """A waving person's part that already has a track."""
     numbers = TrackIds()
     now = scene(0.0, WHO, hand())

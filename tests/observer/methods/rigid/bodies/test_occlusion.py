@@ -19,7 +19,7 @@ ROBOT = Solid((0.0, 0.0, 4.1), (0.8, 0.5, 0.2))
 CRATE = Solid((-0.5, 0.0, 2.6), (1.0, 0.9, 0.2))
 
 
-def test_members_at_the_edge_of_what_hides_their_body_leave_it(make_track: MakeTrack) -> None:
+def test_members_at_the_edge_of_an_occluder_leave_their_body(make_track: MakeTrack) -> None:
     at_edge, clear = patch(0.01, 0.0, 4.0, side=0.01), patch(0.28, 0.0, 4.0, side=0.1)
     points = points_on(np.concatenate([at_edge, clear]))
     tracks = [make_track((0.0, 0.0, 4.1))]
@@ -29,7 +29,7 @@ def test_members_at_the_edge_of_what_hides_their_body_leave_it(make_track: MakeT
     assert (left.obstacle[9:] == 1).all()
 
 
-def test_members_at_the_edge_of_what_is_behind_stay(make_track: MakeTrack) -> None:
+def test_members_at_the_edge_of_the_background_stay(make_track: MakeTrack) -> None:
     points = points_on(patch(0.38, 0.0, 4.0, side=0.02))
     tracks = [make_track((0.0, 0.0, 4.1))]
     after = without_hidden(tracks, points, seen([*ROOM, ROBOT]), now_at())

@@ -73,7 +73,7 @@ def overlap(one: np.ndarray, other: np.ndarray) -> float:
 
 @quick
 @given(x=st.floats(-0.8, 0.8), z=st.floats(2.5, 6.0))
-def test_its_silhouette_is_what_is_seen_of_the_solid_within_its_box(x: float, z: float) -> None:
+def test_the_silhouette_covers_the_visible_solid_within_its_box(x: float, z: float) -> None:
     outline, _ = outlined(x, z)
     assert outline.silhouette is not None
     camera = GRID.camera
@@ -92,7 +92,7 @@ def test_its_silhouette_is_what_is_seen_of_the_solid_within_its_box(x: float, z:
     assert corners.max(axis=0).tolist() == [u1 - 0.5, v1 - 0.5]
 
 
-def test_a_body_that_is_not_seen_has_no_silhouette() -> None:
+def test_an_unseen_body_has_no_silhouette() -> None:
     outline, _ = outlined(0.1, 4.0)
     outline.seen = False
     assert outline.silhouette is None
@@ -103,7 +103,7 @@ def test_a_body_that_is_not_seen_has_no_silhouette() -> None:
 
 @quick
 @given(dx=small, dz=st.floats(-0.5, 0.5), turn=st.floats(-0.1, 0.1), x=small, ahead=small)
-def test_it_is_expected_at_its_new_place_after_body_and_camera_moved(
+def test_a_body_is_expected_at_its_new_position_after_both_moved(
     dx: float, dz: float, turn: float, x: float, ahead: float
 ) -> None:
     outline, _ = outlined(0.1, 4.0)
@@ -116,7 +116,7 @@ def test_it_is_expected_at_its_new_place_after_body_and_camera_moved(
     assert where.disparity == pytest.approx(truth, rel=0.02)
 
 
-def test_it_is_expected_at_its_place_after_another_point_became_the_origin() -> None:
+def test_the_expected_position_is_unchanged_by_a_new_origin() -> None:
     """For instance, points at its side."""
     outline, _ = outlined(0.1, 4.0)
     outline.offsets["middle"] = np.zeros(3)
@@ -138,7 +138,7 @@ def test_it_is_expected_at_its_place_after_another_point_became_the_origin() -> 
         pytest.param((0.0, 0.0, 12.0), id="much farther"),
     ],
 )
-def test_out_of_sight_or_much_nearer_or_farther_it_is_not_expected(
+def test_a_body_is_not_expected_out_of_sight_or_at_a_very_different_depth(
     place: tuple[float, float, float],
 ) -> None:
     outline, _ = outlined(0.0, 4.0)
@@ -149,7 +149,7 @@ PILLAR = Solid((0.15, 0.0, 2.5), (0.3, 2.5, 0.1))
 ORIGIN = np.array([0.1, 0.0, 4.0])
 
 
-def test_it_is_expected_whole_while_something_hides_part_of_it() -> None:
+def test_a_body_is_expected_whole_while_briefly_partly_hidden() -> None:
     outline, _ = outlined(0.1, 4.0)
     whole = outline.segment.mask
     scene, part = view(body(0.1, 4.0), PILLAR)
@@ -161,14 +161,14 @@ def test_it_is_expected_whole_while_something_hides_part_of_it() -> None:
         assert outline.segment is part
 
 
-def test_a_body_that_stays_partly_hidden_is_expected_as_it_is_seen() -> None:
+def test_a_body_partly_hidden_for_long_is_expected_as_visible() -> None:
     outline, _ = outlined(0.1, 4.0)
     scene, part = view(body(0.1, 4.0), PILLAR)
     outline.note(part, ORIGIN, scene, 1.1)
     assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, part.mask) > 0.99
 
 
-def test_a_body_seen_whole_again_is_expected_as_it_is_then() -> None:
+def test_a_body_seen_whole_again_is_expected_whole() -> None:
     scene, part = view(body(0.1, 4.0), PILLAR)
     outline = Outline.of(part, scene)
     outline.note(part, ORIGIN, scene, 0.0)
@@ -177,7 +177,7 @@ def test_a_body_seen_whole_again_is_expected_as_it_is_then() -> None:
     assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, whole.mask) > 0.99
 
 
-def test_a_body_walking_in_is_expected_as_most_of_it_was_seen() -> None:
+def test_an_emerging_body_is_expected_at_its_largest_visible_extent() -> None:
     """From frame to frame more of it emerges from behind a pillar."""
     scene, part = view(body(0.1, 4.0), PILLAR)
     outline = Outline.of(part, scene)
@@ -193,7 +193,7 @@ def test_a_body_walking_in_is_expected_as_most_of_it_was_seen() -> None:
 # --- where it is measured ------------------------------------------------------------------
 
 
-def test_the_anchor_is_the_side_that_is_not_cut() -> None:
+def test_the_anchor_is_on_a_side_that_is_not_cut() -> None:
     pillar_left = Solid((-0.1, 0.0, 2.5), (0.3, 2.5, 0.1))
     assert anchor_of(view(body(0.1, 4.0))[1]) == "middle"
     assert anchor_of(view(body(0.1, 4.0), PILLAR)[1]) == "left"
@@ -204,9 +204,7 @@ def test_the_anchor_is_the_side_that_is_not_cut() -> None:
 
 @quick
 @given(x=st.floats(-0.8, 0.8), z=st.floats(2.5, 5.5), turn=st.floats(-0.1, 0.1))
-def test_the_middle_is_measured_where_the_visible_surface_is(
-    x: float, z: float, turn: float
-) -> None:
+def test_the_middle_is_measured_at_the_visible_surface(x: float, z: float, turn: float) -> None:
     pose = Pose.from_rotvec([0.0, turn, 0.0], [0.3, 0.0, -0.2])
     scene, segment = view(body(x, z), pose=pose)
     place, cov = measured_anchor(segment, "middle", scene)
@@ -216,7 +214,7 @@ def test_the_middle_is_measured_where_the_visible_surface_is(
     np.testing.assert_allclose(cov, cov.T, atol=1e-12)
 
 
-def test_along_the_line_of_sight_it_is_less_sure_and_with_the_square_of_the_distance() -> None:
+def test_depth_uncertainty_grows_with_the_square_of_the_distance() -> None:
     sigmas = []
     for z in (2.5, 5.0):
         scene, segment = view(body(0.0, z))
@@ -226,7 +224,7 @@ def test_along_the_line_of_sight_it_is_less_sure_and_with_the_square_of_the_dist
     assert sigmas[1][0] == pytest.approx(sigmas[0][0], rel=0.05)
 
 
-def test_where_both_sides_are_cut_nothing_is_known_across_the_line_of_sight() -> None:
+def test_the_lateral_position_is_unknown_when_both_sides_are_cut() -> None:
     scene, segment = view(body(0.0, 4.0))
     known = measured_anchor(segment, "middle", scene)[1]
     unknown = measured_anchor(segment, "none", scene)[1]
@@ -244,12 +242,12 @@ def test_the_sides_are_half_a_width_from_the_middle() -> None:
 
 @quick
 @given(x=st.floats(-0.8, 0.8), z=st.floats(2.5, 5.5))
-def test_its_extent_is_that_of_the_body(x: float, z: float) -> None:
+def test_the_extent_matches_the_body(x: float, z: float) -> None:
     _, segment = view(Solid((x, 0.0, z), (0.45, 1.2, 0.01)))
     assert extent_m(segment, GRID) == pytest.approx((0.45, 1.2), abs=0.05)
 
 
-def test_the_middle_lies_behind_the_surface_that_is_seen() -> None:
+def test_the_middle_lies_behind_the_visible_surface() -> None:
     outline, _ = outlined(0.0, 4.0)
     assert 4.0 - SIZE[2] / 2 < outline.middle[2] < 4.2
 
@@ -257,7 +255,7 @@ def test_the_middle_lies_behind_the_surface_that_is_seen() -> None:
 # --- what is learned over time -------------------------------------------------------------
 
 
-def test_its_extent_shrinks_slowly_for_arms_and_legs_swing() -> None:
+def test_the_extent_shrinks_slowly() -> None:
     outline, _ = outlined(0.0, 4.0)
     before = outline.width
     scene, segment = view(Solid((0.0, 0.0, 4.0), (0.2, 1.2, 0.1)))
@@ -268,7 +266,7 @@ def test_its_extent_shrinks_slowly_for_arms_and_legs_swing() -> None:
     assert outline.width == pytest.approx(0.2, abs=0.05)
 
 
-def test_what_is_higher_than_wide_is_upright() -> None:
+def test_only_an_outline_taller_than_wide_is_upright() -> None:
     assert outlined(0.0, 4.0)[0].upright
     scene, segment = view(Solid((0.0, 0.5, 4.0), (0.6, 0.4, 0.1)))
     assert not Outline.of(segment, scene).upright
@@ -284,7 +282,7 @@ def test_what_is_higher_than_wide_is_upright() -> None:
         (-EDGE_M, (), True, False),
     ],
 )
-def test_what_something_nearer_cuts_off_is_beside_it_and_at_the_border_it_is_not(
+def test_only_an_outline_cut_off_by_a_nearer_object_is_beside_it(
     x: float, others: tuple[Shape, ...], cut: bool, beside: bool
 ) -> None:
     scene, segment = view(body(x, 4.0), *others)
@@ -292,7 +290,7 @@ def test_what_something_nearer_cuts_off_is_beside_it_and_at_the_border_it_is_not
     assert Outline.of(segment, scene).beside_nearer is beside
 
 
-def test_frames_are_counted_by_what_they_show_of_motion() -> None:
+def test_frames_are_counted_by_their_motion_evidence() -> None:
     outline, _ = outlined(0.0, 4.0)
     assert (outline.arrived_frames, outline.uncovered_frames, outline.is_static) == (1, 0, False)
     scene, still = view(body(0.0, 4.0), evidence=STATIC)
@@ -303,7 +301,7 @@ def test_frames_are_counted_by_what_they_show_of_motion() -> None:
     assert (outline.arrived_frames, outline.uncovered_frames, outline.is_static) == (1, 1, False)
 
 
-def test_a_limb_is_taken_and_a_stranger_is_not() -> None:
+def test_a_limb_is_included_and_another_body_is_not() -> None:
     trunk, leg = Solid((0.0, -0.2, 4.0), (0.5, 0.8, 0.2)), Solid((0.1, 0.5, 3.95), (0.18, 0.5, 0.1))
     scene, segment = view(trunk, leg)
     outline = Outline.of(segment, scene)
@@ -317,7 +315,7 @@ def test_a_limb_is_taken_and_a_stranger_is_not() -> None:
     assert overlap(where.mask, outline.segment.mask) > 0.99
 
 
-def test_of_a_body_that_was_seen_in_part_the_rest_is_taken_though_it_is_larger() -> None:
+def test_the_larger_rest_of_a_partly_seen_body_is_included() -> None:
     trunk, leg = Solid((0.0, -0.2, 4.0), (0.5, 0.8, 0.2)), Solid((0.1, 0.5, 3.95), (0.18, 0.5, 0.1))
     scene, whole = view(trunk, leg)
     limb = segment_of(scene, cells_of(leg, [*ROOM, trunk, leg]))
@@ -327,12 +325,12 @@ def test_of_a_body_that_was_seen_in_part_the_rest_is_taken_though_it_is_larger()
     np.testing.assert_array_equal(outline.segment.mask, whole.mask | limb.mask)
 
 
-def test_one_that_moves_as_a_thing_of_its_own_never_idles() -> None:
+def test_a_separately_moving_outline_never_idles() -> None:
     outline, _ = outlined(0.0, 4.0)
     assert [outline.count_idle(True) for _ in range(5)] == [0] * 5
 
 
-def test_a_tentative_one_that_stands_idles_and_a_confirmed_one_may_stand() -> None:
+def test_a_static_outline_idles_only_while_tentative() -> None:
     outline, scene = outlined(0.0, 4.0)
     still = view(body(0.0, 4.0), evidence=STATIC)[1]
     outline.note(still, np.array([0.0, 0.0, 4.0]), scene, 0.1)
@@ -342,20 +340,20 @@ def test_a_tentative_one_that_stands_idles_and_a_confirmed_one_may_stand() -> No
     assert outline.count_idle(True) == 0
 
 
-def test_a_confirmed_one_idles_while_it_swallows_what_stands_beside_it() -> None:
+def test_a_confirmed_outline_idles_while_absorbing_static_surroundings() -> None:
     outline, _ = outlined(0.0, 4.0)
     scene, twice = view(Solid((0.2, 0.0, 4.0), (0.9, 1.2, 0.1)), evidence=STATIC)
     outline.note(twice, np.array([0.0, 0.0, 4.0]), scene, 0.1)
     assert [outline.count_idle(False) for _ in range(3)] == [1, 2, 3]
 
 
-def test_cells_of_outlines_that_are_seen_are_not_free() -> None:
+def test_cells_of_visible_outlines_are_not_free() -> None:
     one, other = outlined(0.0, 4.0)[0], outlined(0.8, 4.0)[0]
     other.seen = False
     np.testing.assert_array_equal(free_cells([one, other], GRID), ~one.segment.mask)
     assert free_cells([], GRID).all()
 
 
-def test_a_thing_that_lies_on_the_floor_is_no_person() -> None:
+def test_an_object_lying_on_the_floor_is_not_upright() -> None:
     scene, segment = view(on_floor(0.0, 3.0, (0.5, 0.3, 0.6)))
     assert not Outline.of(segment, scene).upright

@@ -16,7 +16,7 @@ def remembered(seconds: float, acceleration: float, rate: float = 15.0) -> Recen
     return recent
 
 
-def test_of_nothing_noted_nothing_is_known() -> None:
+def test_an_empty_memory_gives_no_instants_and_no_acceleration() -> None:
     ago, moved = RecentMotion().instants()
     assert ago.shape == (0,)
     assert moved.shape == (0, 4)
@@ -24,7 +24,7 @@ def test_of_nothing_noted_nothing_is_known() -> None:
 
 
 @pytest.mark.parametrize("rate", [7.0, 15.0, 60.0])
-def test_the_instants_reach_from_now_back_as_far_as_points_remember(rate: float) -> None:
+def test_the_instants_reach_back_as_far_as_the_memory_of_points(rate: float) -> None:
     ago, moved = remembered(10.0, 0.3, rate).instants()
     assert len(ago) <= 16
     assert (ago[-1], ago[0]) == pytest.approx((0.0, 3.5), abs=1 / rate)
@@ -33,14 +33,14 @@ def test_the_instants_reach_from_now_back_as_far_as_points_remember(rate: float)
     assert moved[:, 3] == pytest.approx(0.1)
 
 
-def test_acceleration_is_the_change_of_velocity_over_its_time() -> None:
+def test_acceleration_is_velocity_change_over_elapsed_time() -> None:
     recent = remembered(2.0, 0.3)
     assert recent.acceleration(np.array([0.2, 1.0, 2.0])) == pytest.approx(0.3)
     # Before it was first seen, it is assumed to have moved as it did then.
     assert recent.acceleration(np.array([4.0])) == pytest.approx(0.15)
 
 
-def test_a_body_seen_anew_has_no_past() -> None:
+def test_a_forgotten_motion_has_no_past() -> None:
     recent = remembered(2.0, 0.3)
     recent.forget()
     recent.note(9.0, np.array([1.0, 0, 0]), 0.0)

@@ -32,7 +32,7 @@ def track(make_track: Callable[..., BodyTrack]) -> BodyTrack:
     return made
 
 
-def test_world_and_camera_tell_of_the_same_place_and_motion(track: BodyTrack) -> None:
+def test_world_and_camera_coordinates_agree(track: BodyTrack) -> None:
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert o.position is not None
     assert o.velocity is not None
@@ -45,7 +45,7 @@ def test_world_and_camera_tell_of_the_same_place_and_motion(track: BodyTrack) ->
     assert o.range == pytest.approx(np.linalg.norm(o.position - T_WORLD_CAMERA.translation))
 
 
-def test_numbers_are_handed_on(track: BodyTrack) -> None:
+def test_track_values_are_passed_on(track: BodyTrack) -> None:
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert (o.id, o.state, o.motion) == (7, TrackState.CONFIRMED, MotionState.MOVING)
     assert (o.points, o.significance, o.box_px) == (14, 12.3, (10.0, 20.0, 60.0, 90.0))
@@ -54,7 +54,7 @@ def test_numbers_are_handed_on(track: BodyTrack) -> None:
     np.testing.assert_array_equal(o.size, SIZE)
 
 
-def test_the_attitude_is_that_of_the_box(track: BodyTrack) -> None:
+def test_the_orientation_is_that_of_the_box(track: BodyTrack) -> None:
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert o.orientation_wxyz is not None
     R = Pose.from_quaternion(o.orientation_wxyz, np.zeros(3)).rotation
@@ -66,7 +66,7 @@ def test_the_attitude_is_that_of_the_box(track: BodyTrack) -> None:
     )
 
 
-def test_speed_is_as_uncertain_as_the_velocity_along_it(track: BodyTrack) -> None:
+def test_speed_uncertainty_is_that_of_the_velocity_along_its_direction(track: BodyTrack) -> None:
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert o.velocity is not None
     assert o.velocity_cov is not None
@@ -76,7 +76,7 @@ def test_speed_is_as_uncertain_as_the_velocity_along_it(track: BodyTrack) -> Non
     assert o.speed_std == pytest.approx(np.std(np.linalg.norm(drawn, axis=1)), rel=0.05)
 
 
-def test_the_centre_is_less_certain_than_the_place_the_larger_the_box(track: BodyTrack) -> None:
+def test_position_uncertainty_grows_with_the_box_size(track: BodyTrack) -> None:
     small = describe_body(track, T_WORLD_CAMERA, STILL, 3.5).position_cov
     assert track.box is not None
     track.box = Box(track.box.centre, 3 * SIZE, 0.6)
@@ -92,7 +92,7 @@ def test_the_centre_is_less_certain_than_the_place_the_larger_the_box(track: Bod
 
 
 @pytest.mark.parametrize("camera_speed", [0.0, 0.5])
-def test_the_closing_speed_is_by_how_much_the_range_shrinks(
+def test_the_closing_speed_is_the_rate_at_which_the_range_shrinks(
     track: BodyTrack, camera_speed: float
 ) -> None:
     own = np.array([0.1, 0.0, camera_speed])
@@ -105,7 +105,7 @@ def test_the_closing_speed_is_by_how_much_the_range_shrinks(
     assert o.closing_speed == pytest.approx((o.range - np.linalg.norm(later - eye)) / dt, abs=1e-4)
 
 
-def test_it_says_why_it_counts_as_dynamic(track: BodyTrack) -> None:
+def test_the_reason_explains_why_a_body_is_dynamic(track: BodyTrack) -> None:
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert "14 feature points" in o.reason
     assert f"{o.speed:.2f} m/s" in o.reason
@@ -114,21 +114,21 @@ def test_it_says_why_it_counts_as_dynamic(track: BodyTrack) -> None:
     assert "not seen" not in o.reason
 
 
-def test_a_body_moving_in_place_is_not_said_to_travel(track: BodyTrack) -> None:
+def test_a_body_moving_in_place_is_reported_as_such(track: BodyTrack) -> None:
     track.rigid, track.motion = False, MotionState.IN_PLACE
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert o.motion is MotionState.IN_PLACE
     assert "moves in place" in o.reason
 
 
-def test_one_that_coasts_says_for_how_long_it_was_not_seen(track: BodyTrack) -> None:
+def test_the_reason_of_a_coasting_body_states_how_long_it_was_unseen(track: BodyTrack) -> None:
     track.state, track.missed_s = TrackState.COASTING, 0.74
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert o.reason.startswith("not seen for 0.7 s")
     assert "14 feature points" in o.reason
 
 
-def test_one_that_stands_exactly_still_has_numbers_too(
+def test_a_body_exactly_at_rest_has_finite_values(
     make_track: Callable[..., BodyTrack],
 ) -> None:
     still = make_track(velocity=(0, 0, 0))
@@ -142,7 +142,7 @@ def test_one_that_stands_exactly_still_has_numbers_too(
     np.testing.assert_allclose(o.orientation_wxyz, [1, 0, 0, 0])
 
 
-def test_one_at_the_camera_itself_has_a_finite_closing_speed(
+def test_a_body_at_the_camera_has_a_finite_closing_speed(
     make_track: Callable[..., BodyTrack],
 ) -> None:
     o = describe_body(make_track((0, 0, 0)), Pose.identity(), STILL, 0.0)

@@ -37,7 +37,7 @@ MakeTrack = Callable[..., BodyTrack]
 NEAR_WALL = Solid((0.0, -0.5, 4.0), (4.0, 1.5, 0.1))
 
 
-def test_points_on_an_outline_know_whose_it_is() -> None:
+def test_points_on_an_outline_are_assigned_to_its_track() -> None:
     tracks: list[BodyTrack] = []
     on, beside = patch(0.1, 0.0, 3.87), patch(1.0, 0.0, 7.9)
     points = points_on(on, beside).but(obstacle=np.full(18, NO_OBSTACLE))
@@ -46,7 +46,7 @@ def test_points_on_an_outline_know_whose_it_is() -> None:
     assert points.within.tolist() == [track.id] * 9 + [NO_OBSTACLE] * 9
 
 
-def test_a_segment_with_a_body_s_points_on_it_is_that_body(make_track: MakeTrack) -> None:
+def test_a_segment_containing_points_of_a_body_is_that_body(make_track: MakeTrack) -> None:
     track = make_track((0.1, 0.0, 3.9), number=1)
     tracks = [track]
     tracked(tracks, points_on(patch(0.1, 0.0, 3.87)), arrived(person(0.1, 4.0)))
@@ -55,7 +55,7 @@ def test_a_segment_with_a_body_s_points_on_it_is_that_body(make_track: MakeTrack
     assert track.outline.seen
 
 
-def test_a_segment_with_the_points_of_two_bodies_on_it_is_both_in_one(
+def test_a_segment_containing_points_of_two_bodies_merges_them(
     make_track: MakeTrack,
 ) -> None:
     sure, part = make_track((0.1, -0.3, 3.9), number=1), make_track((0.1, 0.3, 3.9), number=2)
@@ -68,7 +68,7 @@ def test_a_segment_with_the_points_of_two_bodies_on_it_is_both_in_one(
 
 
 @pytest.mark.parametrize(("z", "same"), [(3.3, True), (6.0, False)])
-def test_points_of_a_body_that_was_seen_do_not_make_something_far_behind_it(
+def test_points_of_a_vanished_body_do_not_claim_a_segment_far_behind_it(
     z: float, same: bool
 ) -> None:
     tracks, host = outlined(person(0.1, 3.0), TrackIds())
@@ -81,7 +81,7 @@ def test_points_of_a_body_that_was_seen_do_not_make_something_far_behind_it(
 
 
 @pytest.mark.parametrize(("aside", "same"), [(0.3, True), (1.9, False)])
-def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, same: bool) -> None:
+def test_a_body_is_not_matched_to_a_side_far_from_it(aside: float, same: bool) -> None:
     """Even though the offset of a side seen for the first time is unknown."""
     tracks, host = outlined(person(0.0, 4.0), TrackIds())
     assert host.outline is not None
@@ -95,7 +95,7 @@ def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, 
 
 
 @pytest.mark.parametrize("seen_before", [True, False])
-def test_a_body_out_of_sight_is_found_only_where_a_segment_is_separate(
+def test_a_body_out_of_sight_is_found_only_at_a_separate_segment(
     seen_before: bool,
 ) -> None:
     """A part of a wall at the expected place does not count as the body."""
@@ -110,7 +110,7 @@ def test_a_body_out_of_sight_is_found_only_where_a_segment_is_separate(
     assert host.outline.seen
 
 
-def test_a_fragment_on_another_body_s_outline_is_absorbed(make_track: MakeTrack) -> None:
+def test_a_fragment_on_the_outline_of_another_body_is_absorbed(make_track: MakeTrack) -> None:
     newcomer = person(0.1, 4.0)
     tracks, host = outlined(newcomer, TrackIds())
     host.id, host.state = 7, TrackState.CONFIRMED
@@ -148,7 +148,7 @@ def test_a_body_beside_an_outline_is_not_absorbed(make_track: MakeTrack) -> None
     assert (points.obstacle == 1).all()
 
 
-def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTrack) -> None:
+def test_time_merged_with_the_surroundings_is_counted(make_track: MakeTrack) -> None:
     """Points move on a wall, from which no segment stands apart."""
     track = make_track((0.5, -0.2, 4.0), number=1)
     track.points = 9
@@ -160,7 +160,7 @@ def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTr
 
 
 @pytest.mark.parametrize("crosses", [True, False])
-def test_a_head_that_crosses_the_view_is_that_of_a_whole_person(
+def test_a_head_crossing_the_view_becomes_a_whole_person(
     make_track: MakeTrack, crosses: bool
 ) -> None:
     """In plain clothes that show no motion, in front of a ceiling without depth."""
@@ -176,11 +176,11 @@ def test_a_head_that_crosses_the_view_is_that_of_a_whole_person(
     assert (track.outline is not None) is crosses
     if track.outline is not None:
         assert track.outline.height == pytest.approx(1.6, abs=0.15)
-        assert track.part_moves, "his trunk tells whether he walks"
+        assert track.part_moves, "the trunk shows whether the person walks"
         np.testing.assert_array_equal(track.mean[VELOCITY], 0.0)
 
 
-def test_what_is_farther_than_segments_is_not_one_with_its_surroundings(
+def test_a_body_beyond_segment_range_does_not_count_as_merged(
     make_track: MakeTrack,
 ) -> None:
     track = make_track((0.5, -0.2, 7.9), number=1)
@@ -196,7 +196,7 @@ def test_what_is_farther_than_segments_is_not_one_with_its_surroundings(
     assert not track.far
 
 
-def test_a_body_that_lost_its_outline_is_one_with_its_surroundings(make_track: MakeTrack) -> None:
+def test_a_body_that_lost_its_outline_counts_as_merged(make_track: MakeTrack) -> None:
     """No cell stands out from its surroundings any more; its points are still tracked."""
     tracks, host = outlined(person(0.5, 4.0), TrackIds())
     host.filter = make_track((0.5, -0.2, 4.0), number=host.id).filter
@@ -211,7 +211,7 @@ def test_a_body_that_lost_its_outline_is_one_with_its_surroundings(make_track: M
     assert host.merged_s == pytest.approx(3 * DT)
 
 
-def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
+def test_members_on_the_floor_are_not_off_the_ground(make_track: MakeTrack) -> None:
     for place, off_ground in (((0.5, -0.2, 4.0), True), ((0.5, 0.9, 3.0), False)):
         track = make_track(place, number=1)
         track.points = 9
@@ -220,7 +220,7 @@ def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
         assert track.off_ground is off_ground
 
 
-def test_a_body_returns_from_behind_something_under_its_number(make_track: MakeTrack) -> None:
+def test_a_body_reappearing_from_occlusion_keeps_its_number(make_track: MakeTrack) -> None:
     newcomer = person(0.3, 4.0)
     for z, same in ((4.1, True), (6.5, False)):
         track = make_track((0.3, 0.2, z), (0.0, 0.0, 0.0), number=1, sigma=0.1)
@@ -231,7 +231,7 @@ def test_a_body_returns_from_behind_something_under_its_number(make_track: MakeT
         assert (track.missed_s == 0.0) is same
 
 
-def test_of_two_that_may_return_the_likelier_does_and_the_other_stays_known(
+def test_the_likelier_of_two_hidden_bodies_returns_and_the_other_remains(
     make_track: MakeTrack,
 ) -> None:
     """However long each was out of sight, and even if a few points still show one of them."""
@@ -248,7 +248,7 @@ def test_of_two_that_may_return_the_likelier_does_and_the_other_stays_known(
 
 
 @pytest.mark.parametrize(("z", "same"), [(4.2, True), (7.5, False)])
-def test_a_body_that_left_the_image_and_turned_returns_under_its_number(
+def test_a_body_that_left_the_image_and_turned_keeps_its_number(
     make_track: MakeTrack, z: float, same: bool
 ) -> None:
     """Even though it was expected to go straight on."""
@@ -263,7 +263,7 @@ def test_a_body_that_left_the_image_and_turned_returns_under_its_number(
         assert np.linalg.norm(track.mean[VELOCITY]) < 0.1, "the way that it went is over"
 
 
-def test_between_frames_with_depth_a_body_is_carried_on_as_seen() -> None:
+def test_a_body_stays_visible_between_frames_with_depth() -> None:
     newcomer = person(0.1, 4.0)
     tracks, host = outlined(newcomer, TrackIds())
     host.filter = host.filter.with_velocity(np.array([0.9, 0.0, 0.0]), np.eye(3) * 1e-6)
@@ -280,7 +280,7 @@ def test_between_frames_with_depth_a_body_is_carried_on_as_seen() -> None:
     assert host.outline.box_px[0] - before[0] == pytest.approx(went_px, abs=2 * GRID.reduction)
 
 
-def test_without_depth_for_long_no_outline_is_seen_and_no_point_lies_on_one() -> None:
+def test_outlines_expire_after_a_long_time_without_depth() -> None:
     newcomer = person(0.1, 4.0)
     tracks, host = outlined(newcomer, TrackIds())
     points = points_on(patch(0.1, 0.0, 3.87)).but(within=np.full(9, host.id))

@@ -71,7 +71,7 @@ def confirmed(view: SolidView) -> BodyTrack:
 # --- seen by depth alone -------------------------------------------------------------------
 
 
-def test_a_person_walking_in_is_found_confirmed_and_measured_without_any_point() -> None:
+def test_a_person_walking_in_is_confirmed_and_measured_without_points() -> None:
     view = watching(on_floor(1.6, 5.0, (0.6, 0.8, 0.4)))
     walk(view, lambda t: (-0.8 + 0.8 * t, 4.0), 18, on_floor(1.6, 5.0, (0.6, 0.8, 0.4)))
     track = confirmed(view)
@@ -83,7 +83,7 @@ def test_a_person_walking_in_is_found_confirmed_and_measured_without_any_point()
     assert track.box.size[0] == pytest.approx(0.45, abs=0.1)
 
 
-def test_so_is_a_person_walking_towards_a_moving_camera() -> None:
+def test_a_person_walking_towards_a_moving_camera_is_measured() -> None:
     view = watching()
 
     def poses(t: float) -> Pose:
@@ -95,7 +95,7 @@ def test_so_is_a_person_walking_towards_a_moving_camera() -> None:
     np.testing.assert_allclose(track.centre_velocity()[0][[0, 2]], [0.0, -0.7], atol=0.2)
 
 
-def test_a_standing_person_is_never_confirmed_even_if_the_camera_drives_by() -> None:
+def test_a_standing_person_is_never_confirmed_by_a_moving_camera() -> None:
     view = SolidView()
     for k in range(25):
         pose = Pose.from_rotvec([0.0, 0.01 * k, 0.0], [0.02 * k, 0.0, 0.04 * k])
@@ -103,7 +103,7 @@ def test_a_standing_person_is_never_confirmed_even_if_the_camera_drives_by() -> 
         assert all(t.state is TrackState.TENTATIVE for t in view.tracks)
 
 
-def test_a_stopped_body_stays_where_and_as_large_as_it_is() -> None:
+def test_a_stopped_body_keeps_its_position_and_size() -> None:
     view = watching()
     walk(view, lambda t: (-0.6 + 0.8 * min(t, 1.5), 4.0), 40)
     track = confirmed(view)
@@ -113,7 +113,7 @@ def test_a_stopped_body_stays_where_and_as_large_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_two_people_who_cross_keep_their_numbers(side: int) -> None:
+def test_two_crossing_people_keep_their_numbers(side: int) -> None:
     view = watching()
     ids: list[tuple[int, int]] = []
     for k in range(26):
@@ -132,7 +132,7 @@ def test_two_people_who_cross_keep_their_numbers(side: int) -> None:
 # --- place of a partly visible body --------------------------------------------------------
 
 
-def test_a_body_that_the_image_s_border_cuts_off_goes_on_smoothly() -> None:
+def test_a_body_cut_off_by_the_image_border_moves_on_smoothly() -> None:
     """Its side shows where it is: the middle of the visible remainder would come to rest."""
     view = watching()
     speed, places = 0.8, []
@@ -150,7 +150,7 @@ def test_a_body_that_the_image_s_border_cuts_off_goes_on_smoothly() -> None:
     assert np.ptp(found - true) < 0.12
 
 
-def test_the_offset_of_another_anchor_is_learned_when_it_is_first_used(
+def test_the_offset_of_a_new_anchor_is_learned_on_first_use(
     make_track: MakeTrack,
 ) -> None:
     """Thus a body does not jump when it is measured by its side from then on."""
@@ -190,7 +190,7 @@ def many(x: float, z: float) -> Float64Array:
     return np.concatenate([patch(x, y, z, 0.15) for y in (-0.4, -0.2, 0.0, 0.2, 0.6)])
 
 
-def test_points_on_a_body_with_limbs_belong_to_nobody_but_measure_its_trunk() -> None:
+def test_points_on_a_body_with_limbs_are_unassigned_but_measure_its_trunk() -> None:
     newcomer = person(0.1, 4.0)
     tracks, host = outlined(newcomer, TrackIds())
     points = points_on(many(0.1, 3.87)).but(obstacle=np.full(45, host.id))
@@ -204,8 +204,8 @@ def test_points_on_a_body_with_limbs_belong_to_nobody_but_measure_its_trunk() ->
     np.testing.assert_allclose(host.mean[POSITION] - before, [0.0, 0.0, 0.04], atol=0.01)
 
 
-def test_a_segment_that_takes_over_from_points_does_not_pull_the_body_to_its_own_depth() -> None:
-    """The points tell changes of depth well; all depths of a segment are wrong by the same."""
+def test_a_segment_replacing_points_does_not_shift_the_body_in_depth() -> None:
+    """The points show changes of depth well; all depths of a segment are wrong by the same."""
     newcomer = person(0.1, 4.0)
     tracks, host = outlined(newcomer, TrackIds())
     points, scene = points_on(many(0.1, 3.87)), arrived(newcomer)
@@ -226,14 +226,14 @@ def test_a_segment_that_takes_over_from_points_does_not_pull_the_body_to_its_own
     np.testing.assert_allclose(host.mean[VELOCITY], before, atol=0.05)
 
 
-def test_points_at_another_depth_are_not_on_the_body() -> None:
+def test_points_at_a_different_depth_are_not_on_the_body() -> None:
     newcomer = person(0.1, 4.0)
     _, host = outlined(newcomer, TrackIds())
     limbs_measured(host, arrived(newcomer), points_on(many(0.1, 6.0)))
     assert host.points == 0
 
 
-def test_a_rigid_body_all_over_whose_outline_points_lie_stays_rigid(make_track: MakeTrack) -> None:
+def test_a_body_with_points_all_over_its_outline_stays_rigid(make_track: MakeTrack) -> None:
     """Even though it is as upright as a person."""
     newcomer = person(0.1, 4.0)
     track = make_track((0.1, 0.2, 3.9), (0.3, 0.0, 0.0), number=1, yaw_rate=0.3)

@@ -34,7 +34,7 @@ def same_axis(a: float, b: float) -> float:
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.6, -1.1])
-def test_box_and_heading_are_learnt_from_two_faces(heading: float) -> None:
+def test_box_and_heading_are_learned_from_two_faces(heading: float) -> None:
     rng, shape = np.random.default_rng(0), BodyShape()
     heading_for(shape, heading)
     R = yaw_matrix(heading)
@@ -52,7 +52,7 @@ def test_box_and_heading_are_learnt_from_two_faces(heading: float) -> None:
 
 @pytest.mark.parametrize(("axis", "other"), [(0, 2), (2, 0)])
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_side_that_was_never_seen_is_completed_behind_the_face(
+def test_an_unseen_side_is_completed_behind_the_visible_face(
     axis: int, other: int, sign: int
 ) -> None:
     rng, shape = np.random.default_rng(1), BodyShape()
@@ -68,7 +68,7 @@ def test_a_side_that_was_never_seen_is_completed_behind_the_face(
     assert sign * box.centre[axis] < sign * seen
 
 
-def test_a_side_is_believed_the_longer_it_is_shown() -> None:
+def test_the_length_of_a_side_is_trusted_more_the_longer_it_is_seen() -> None:
     """At first there are few points on a face that comes into view."""
     rng, shape = np.random.default_rng(7), BodyShape()
     heading_for(shape, 0.0)
@@ -83,7 +83,7 @@ def test_a_side_is_believed_the_longer_it_is_shown() -> None:
     assert widths[-1] < 0.15
 
 
-def test_a_first_guess_of_the_heading_does_not_tell_the_faces_apart() -> None:
+def test_a_first_guess_of_the_heading_does_not_fix_which_face_is_which() -> None:
     rng, shape = np.random.default_rng(8), BodyShape()
     # It seems to drive along x, then turns out to drive along z: the visible face is its front.
     shape.note_heading(np.array([0.1, 0.0, 0.0]), np.eye(3) * 0.02**2, 0.0)
@@ -93,7 +93,7 @@ def test_a_first_guess_of_the_heading_does_not_tell_the_faces_apart() -> None:
     assert box.size[2] > 0.5 * SIZE[0]
 
 
-def test_a_face_that_is_hidden_now_is_remembered() -> None:
+def test_a_hidden_face_is_remembered() -> None:
     rng, shape = np.random.default_rng(2), BodyShape()
     heading_for(shape, 0.0)
     for _ in range(30):
@@ -113,7 +113,7 @@ def shown(rng: np.random.Generator, view: np.ndarray) -> np.ndarray:
     return np.concatenate(faces)
 
 
-def test_the_centre_stays_while_a_body_turns_before_the_camera() -> None:
+def test_the_centre_is_stable_while_a_body_turns() -> None:
     """Its faces come and go; none of them drags the centre along."""
     rng, shape = np.random.default_rng(9), BodyShape()
     heading_for(shape, 0.0)
@@ -132,7 +132,7 @@ def test_the_centre_stays_while_a_body_turns_before_the_camera() -> None:
     assert np.linalg.norm(np.diff(centres[after:], axis=0), axis=1).max() < 0.02
 
 
-def test_a_side_stays_as_long_as_it_was_seen_when_its_points_are_forgotten() -> None:
+def test_a_side_keeps_its_length_after_its_points_are_forgotten() -> None:
     rng, shape = np.random.default_rng(10), BodyShape()
     heading_for(shape, 0.0)
     corner, front = np.array([1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0])
@@ -148,7 +148,7 @@ def test_a_side_stays_as_long_as_it_was_seen_when_its_points_are_forgotten() -> 
     np.testing.assert_allclose(sizes[-1][[0, 2]], SIZE[[0, 2]], rtol=0.15)
 
 
-def test_strangers_do_not_stretch_the_box_for_good() -> None:
+def test_wrong_points_do_not_stretch_the_box_permanently() -> None:
     rng, shape = np.random.default_rng(11), BodyShape()
     heading_for(shape, 0.0)
     corner = np.array([1.0, 0.0, 1.0])
@@ -159,7 +159,7 @@ def test_strangers_do_not_stretch_the_box_for_good() -> None:
     assert shape.box(both, corner, 0.07).size[0] < 1.1 * before[0]
 
 
-def test_the_centre_is_known_better_once_both_sides_were_shown() -> None:
+def test_the_centre_is_more_certain_after_both_sides_were_seen() -> None:
     rng, shape = np.random.default_rng(12), BodyShape()
     heading_for(shape, 0.0)
     both = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
@@ -174,7 +174,7 @@ def test_the_centre_is_known_better_once_both_sides_were_shown() -> None:
     assert shape.centre_doubt == unseen
 
 
-def test_few_wrong_points_do_not_stretch_the_box() -> None:
+def test_a_few_wrong_points_do_not_stretch_the_box() -> None:
     rng, shape = np.random.default_rng(3), BodyShape()
     heading_for(shape, 0.0)
     points = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
@@ -184,7 +184,7 @@ def test_few_wrong_points_do_not_stretch_the_box() -> None:
     np.testing.assert_allclose(box.size, SIZE, rtol=0.15)
 
 
-def test_shift_tells_the_places_from_another_origin() -> None:
+def test_shift_moves_the_origin_of_remembered_positions() -> None:
     rng = np.random.default_rng(4)
     view, offset = np.array([1.0, 0.0, 1.0]), np.array([0.2, -0.1, 0.3])
     both = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
@@ -201,7 +201,7 @@ def test_shift_tells_the_places_from_another_origin() -> None:
     np.testing.assert_allclose(boxes[1].size, boxes[0].size)
 
 
-def test_forgotten_places_are_forgotten() -> None:
+def test_forget_discards_remembered_positions() -> None:
     rng, shape = np.random.default_rng(5), BodyShape()
     heading_for(shape, 0.0)
     elsewhere = np.concatenate([face(rng, 0, -1, 20), face(rng, 2, -1, 20)])
@@ -217,7 +217,7 @@ def test_forgotten_places_are_forgotten() -> None:
     assert same_axis(box.heading, 0.0) < 0.01
 
 
-def test_a_body_that_was_lost_keeps_its_size() -> None:
+def test_a_lost_body_keeps_its_size() -> None:
     """Found again, it shows one face, but does not become flatter."""
     rng, shape = np.random.default_rng(6), BodyShape()
     heading_for(shape, 0.0)
@@ -230,7 +230,7 @@ def test_a_body_that_was_lost_keeps_its_size() -> None:
     np.testing.assert_allclose(after.size, before.size, rtol=0.2)
 
 
-def test_the_heading_is_unknown_until_it_moves_for_sure() -> None:
+def test_the_heading_is_unknown_until_the_body_certainly_moves() -> None:
     shape = BodyShape()
     assert shape.axis(0.0) is None
     shape.note_heading(np.array([0.02, 0.0, 0.0]), SURE, 0.0)
@@ -241,7 +241,7 @@ def test_the_heading_is_unknown_until_it_moves_for_sure() -> None:
     np.testing.assert_allclose(np.abs(axis), [1, 0, 0], atol=1e-12)
 
 
-def test_to_and_fro_is_one_axis_that_turns_with_the_body() -> None:
+def test_back_and_forth_motion_gives_one_axis_that_turns_with_the_body() -> None:
     shape = BodyShape()
     for k in range(40):
         yaw = 0.05 * k
@@ -253,7 +253,7 @@ def test_to_and_fro_is_one_axis_that_turns_with_the_body() -> None:
     assert abs(axis @ (yaw_matrix(1.4) @ [0, 0, 1])) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_box_contains_what_lies_within_its_margin() -> None:
+def test_a_box_contains_points_within_its_margin() -> None:
     box = Box(np.array([1.0, 0.0, 2.0]), SIZE, np.pi / 2)
     # Its long way is x now.
     places = box.centre + np.array([[0.34, 0, 0], [0, 0, 0.34], [0.4, 0, 0], [0, 0.14, 0.19]])

@@ -22,7 +22,7 @@ MakeTrack = Callable[..., BodyTrack]
 @pytest.mark.parametrize(
     ("speed", "begins"), [(0.9, True), (1.8, False)], ids=["with the body", "off its edge"]
 )
-def test_points_that_slide_off_its_edge_do_not(
+def test_points_sliding_off_the_edge_do_not_make_a_body_rigid(
     make_track: MakeTrack, speed: float, begins: bool
 ) -> None:
     """Points that move like the outline show that such a low thing is rigid."""

@@ -38,7 +38,7 @@ def track_with(make_track: MakeTrack) -> Callable[..., BodyTrack]:
     return make
 
 
-def test_what_entered_free_space_may_move_however_uncertain_its_velocity(
+def test_a_body_that_entered_free_space_may_move_however_uncertain(
     track_with: MakeTrack,
 ) -> None:
     assert may_move(track_with(ARRIVED))
@@ -47,7 +47,7 @@ def test_what_entered_free_space_may_move_however_uncertain_its_velocity(
     assert not may_move(track_with(UNCOVERED))
 
 
-def test_only_a_patch_of_a_persons_size_may_move(
+def test_only_a_person_sized_patch_may_move(
     track_with: MakeTrack,
 ) -> None:
     assert not may_move(track_with(size=PATCH_M))
@@ -73,7 +73,7 @@ def test_a_reported_body_is_not_tentative(track_with: MakeTrack, state: TrackSta
     assert not may_move(track)
 
 
-def test_an_outline_that_is_not_seen_gives_no_evidence(track_with: MakeTrack) -> None:
+def test_an_unseen_outline_gives_no_evidence(track_with: MakeTrack) -> None:
     for sigma in (1.0, 0.1):
         track = track_with(ARRIVED, sigma=sigma)
         track.outline.seen = False
@@ -91,7 +91,7 @@ def test_several_points_with_a_significant_velocity_may_move(
     assert may_move(track) == moves
 
 
-def test_few_points_that_certainly_cross_the_view_may_move(make_track: MakeTrack) -> None:
+def test_few_points_certainly_crossing_the_view_may_move(make_track: MakeTrack) -> None:
     track = make_track()
     track.points, track.significance = 3, 12.0
     assert not may_move(track)
@@ -108,7 +108,7 @@ def head(make_track: MakeTrack) -> BodyTrack:
     return track
 
 
-def test_points_may_be_those_of_a_head_and_a_person_may_stand_below_it(
+def test_points_may_belong_to_the_head_of_a_person(
     make_track: MakeTrack,
 ) -> None:
     track = head(make_track)
@@ -119,7 +119,7 @@ def test_points_may_be_those_of_a_head_and_a_person_may_stand_below_it(
     assert u1 - u0 == pytest.approx(0.5 * CAMERA.fx / 4.0)
 
 
-def test_without_ground_or_behind_the_camera_only_the_points_give_the_place(
+def test_only_the_points_are_marked_without_ground_or_behind_the_camera(
     make_track: MakeTrack,
 ) -> None:
     track = head(make_track)
@@ -128,7 +128,7 @@ def test_without_ground_or_behind_the_camera_only_the_points_give_the_place(
     assert may_fill(behind, GROUND, HERE, CAMERA) == behind.box_px
 
 
-def test_an_outline_may_be_that_of_a_trunk_with_legs_below_it(track_with: MakeTrack) -> None:
+def test_an_outline_may_be_a_trunk_with_legs_below_it(track_with: MakeTrack) -> None:
     track = track_with()
     track.box_px = (250.0, 100.0, 420.0, 200.0)
     u0, v0, u1, v1 = may_fill(track, GROUND, HERE, CAMERA)
@@ -137,7 +137,7 @@ def test_an_outline_may_be_that_of_a_trunk_with_legs_below_it(track_with: MakeTr
     assert v0 == pytest.approx(min(100.0, feet - 1.8 * CAMERA.fy / 4.0))
 
 
-def test_points_on_a_reported_person_are_no_second_person_beside_him(
+def test_points_on_a_reported_person_are_not_a_second_person(
     make_track: MakeTrack,
 ) -> None:
     scene, now = seen(ROOM), step_to(dt=0.1)

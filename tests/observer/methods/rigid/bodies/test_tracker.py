@@ -37,7 +37,7 @@ def errors(stretch: float) -> EvidenceParameters:
     return P.evidence.model_copy(update={"disparity_bias_px": 0.0, "distortion_sigma": stretch})
 
 
-def test_a_body_is_confirmed_once_it_surely_moves(watched: Any, box: Any, crate: Any) -> None:
+def test_a_body_is_confirmed_once_it_certainly_moves(watched: Any, box: Any, crate: Any) -> None:
     run = watched(box(to_the_right()), crate)
     states = []
     for _ in range(12):
@@ -56,7 +56,7 @@ def test_a_body_is_confirmed_once_it_surely_moves(watched: Any, box: Any, crate:
 
 
 @pytest.mark.parametrize(("members", "frames"), [(3, 16), (4, 8), (10, 3), (60, 3)])
-def test_the_fewer_points_the_longer_they_must_move_alike(
+def test_confirmation_takes_longer_with_fewer_points(
     make_track: Any, members: int, frames: int
 ) -> None:
     track, tracker = make_track(), BodyTracker()
@@ -71,7 +71,7 @@ def test_the_fewer_points_the_longer_they_must_move_alike(
     assert states.index(TrackState.CONFIRMED) == frames - 1
 
 
-def test_its_velocity_and_centre_are_those_of_the_body(watched: Any, box: Any, crate: Any) -> None:
+def test_velocity_and_centre_match_the_body(watched: Any, box: Any, crate: Any) -> None:
     body = box(to_the_right())
     run = watched(body, crate)
     run.run(1.5)
@@ -91,7 +91,7 @@ def test_its_velocity_and_centre_are_those_of_the_body(watched: Any, box: Any, c
     assert not mine[run.owner == 1].any()
 
 
-def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -> None:
+def test_the_velocity_is_no_more_certain_than_the_calibration(make_track: Any) -> None:
     """At the edge of a driving camera's view, calibration errors make speeds uncertain."""
     rate = CameraRate(np.zeros(3), np.array([0.0, 0.0, -1.0]))
     tracker, track = BodyTracker(), make_track()
@@ -114,8 +114,8 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
 
 
 @pytest.mark.parametrize(("speed", "begins"), [(0.02, False), (0.1, True)])
-def test_what_creeps_begins_no_track(speed: float, begins: bool) -> None:
-    """However certain its speed: points slide along the edge of one thing in front of another."""
+def test_very_slow_points_start_no_track(speed: float, begins: bool) -> None:
+    """However certain their speed: points slide along the edge of one thing in front of another."""
     rng = np.random.default_rng(1)
     place = rng.uniform((-0.2, -0.2, 2.9), (0.2, 0.2, 3.1), (20, 3))
     points = builders.watched(CAMERA, place, np.array([speed, 0, 0]), rng, sigma_px=0.002)
@@ -126,13 +126,13 @@ def test_what_creeps_begins_no_track(speed: float, begins: bool) -> None:
     assert bool(tracker.tracks) == begins
 
 
-def test_what_stands_is_no_obstacle(watched: Any, crate: Any) -> None:
+def test_a_static_crate_is_not_an_obstacle(watched: Any, crate: Any) -> None:
     run = watched(crate, seed=1)
     for _ in range(60):
         assert not alive(run.step())
 
 
-def test_a_turning_body_is_known_to_turn(watched: Any, box: Any, crate: Any) -> None:
+def test_the_yaw_rate_of_a_turning_body_is_estimated(watched: Any, box: Any, crate: Any) -> None:
     rate, radius = 0.5, 0.6
 
     def circle(t: float) -> Any:
@@ -155,7 +155,7 @@ def test_a_turning_body_is_known_to_turn(watched: Any, box: Any, crate: Any) -> 
     assert track.yaw_rate > 0.3
 
 
-def test_a_point_that_leaves_its_body_is_given_back(watched: Any, box: Any, crate: Any) -> None:
+def test_a_point_that_leaves_its_body_is_released(watched: Any, box: Any, crate: Any) -> None:
     """A point that slid onto the background no longer moves with the body."""
     body = box(to_the_right())
     left_behind = np.arange(0, 60, 10)
@@ -188,7 +188,7 @@ def test_uneven_frames_make_no_difference(watched: Any, box: Any, crate: Any) ->
     assert track.age_s == pytest.approx(run.time, abs=0.4)
 
 
-def test_its_points_are_expected_where_it_will_be(watched: Any, box: Any, crate: Any) -> None:
+def test_points_are_expected_where_the_body_will_be(watched: Any, box: Any, crate: Any) -> None:
     body = box(to_the_right())
     run = watched(body, crate)
     run.run(1.5)
@@ -202,7 +202,7 @@ def test_its_points_are_expected_where_it_will_be(watched: Any, box: Any, crate:
     assert np.isnan(expected[run.owner == 1]).all()
 
 
-def test_its_box_in_the_image_holds_its_points(watched: Any, box: Any, crate: Any) -> None:
+def test_the_image_box_contains_the_points(watched: Any, box: Any, crate: Any) -> None:
     run = watched(box(to_the_right()), crate)
     run.run(1.5)
     (track,) = alive(run.tracks)
@@ -215,7 +215,7 @@ def test_its_box_in_the_image_holds_its_points(watched: Any, box: Any, crate: An
     assert inside.mean() > 0.9
 
 
-def test_points_of_known_obstacles_are_known(watched: Any, box: Any, crate: Any) -> None:
+def test_only_points_of_confirmed_obstacles_are_known(watched: Any, box: Any, crate: Any) -> None:
     run = watched(box(to_the_right()), crate)
     while not run.tracks:
         run.step()
@@ -227,7 +227,7 @@ def test_points_of_known_obstacles_are_known(watched: Any, box: Any, crate: Any)
 
 
 @pytest.mark.parametrize(("name", "value"), [("confirm_sigmas", 50.0), ("confirm_hits", 12)])
-def test_the_parameters_say_when_it_is_confirmed(
+def test_the_parameters_control_when_a_body_is_confirmed(
     name: str, value: float, watched: Any, box: Any, crate: Any
 ) -> None:
     usual, strict = (

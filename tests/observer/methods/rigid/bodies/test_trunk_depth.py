@@ -75,7 +75,7 @@ def unknown(make_track: MakeTrack) -> BodyTrack:
     return make_track(tuple(PLACE), (0.0, 0.0, 0.0), sigma=1.0)
 
 
-def test_points_tell_the_velocity_along_and_nothing_across(unknown: BodyTrack) -> None:
+def test_points_give_only_the_velocity_along_the_line_of_sight(unknown: BodyTrack) -> None:
     track = followed(unknown, AWAY)
     assert track.mean[VELOCITY][2] == pytest.approx(0.8, abs=0.1)
     cov = track.filter.covariance[VELOCITY, VELOCITY]
@@ -83,12 +83,12 @@ def test_points_tell_the_velocity_along_and_nothing_across(unknown: BodyTrack) -
     assert cov[0, 0] > 0.9
 
 
-def test_points_that_come_and_go_tell_it_too(unknown: BodyTrack) -> None:
+def test_renewed_points_also_give_the_velocity_along_the_line_of_sight(unknown: BodyTrack) -> None:
     track = followed(unknown, AWAY, renewed=4)
     assert track.mean[VELOCITY][2] == pytest.approx(0.8, abs=0.15)
 
 
-def test_points_on_one_side_of_a_crossing_person_give_no_velocity_along(
+def test_points_on_one_side_of_a_crossing_person_add_no_velocity_along(
     make_track: MakeTrack,
 ) -> None:
     """Even though the line of sight turns."""
@@ -98,7 +98,7 @@ def test_points_on_one_side_of_a_crossing_person_give_no_velocity_along(
     assert abs(track.mean[VELOCITY][2]) < 0.08
 
 
-def test_an_arm_that_swings_hardly_changes_it(unknown: BodyTrack) -> None:
+def test_a_swinging_arm_hardly_changes_the_velocity(unknown: BodyTrack) -> None:
     def arm(time: float, places: Float64Array) -> Float64Array:
         out = np.zeros_like(places)
         out[::5, 2] = 0.25 * np.sin(6 * time)
@@ -108,7 +108,7 @@ def test_an_arm_that_swings_hardly_changes_it(unknown: BodyTrack) -> None:
     assert track.mean[VELOCITY][2] == pytest.approx(0.8, abs=0.12)
 
 
-def test_what_jumps_away_from_a_body_that_is_known_hardly_counts(make_track: MakeTrack) -> None:
+def test_points_jumping_away_from_a_known_body_hardly_count(make_track: MakeTrack) -> None:
     track = make_track(tuple(PLACE), tuple(AWAY), sigma=0.05)
     followed(track, AWAY, frames=3)
     followed(track, AWAY, frames=2, limbs=lambda time, p: np.full_like(p, 0.4 * (time > 0)))
@@ -116,7 +116,7 @@ def test_what_jumps_away_from_a_body_that_is_known_hardly_counts(make_track: Mak
 
 
 @pytest.mark.parametrize(("count", "frames"), [(2, 5), (20, 1)])
-def test_too_few_points_and_those_seen_for_the_first_time_tell_nothing(
+def test_too_few_or_newly_seen_points_give_no_velocity(
     unknown: BodyTrack, count: int, frames: int
 ) -> None:
     before = unknown.filter.covariance[VELOCITY, VELOCITY][2, 2]

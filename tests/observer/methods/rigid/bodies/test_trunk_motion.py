@@ -70,18 +70,18 @@ def unknown(make_track: MakeTrack) -> BodyTrack:
     return make_track(tuple(PLACE), (0.0, 0.0, 0.0), sigma=1.0)
 
 
-def test_its_picture_tells_the_velocity_across(unknown: BodyTrack) -> None:
+def test_the_image_gives_the_velocity_across_the_line_of_sight(unknown: BodyTrack) -> None:
     found = by_picture(unknown, WALK)
     np.testing.assert_allclose(found[:2], WALK[:2], atol=0.1)
 
 
-def test_its_picture_tells_nothing_along(unknown: BodyTrack) -> None:
+def test_the_image_gives_no_velocity_along_the_line_of_sight(unknown: BodyTrack) -> None:
     before = unknown.filter.covariance[VELOCITY, VELOCITY][2, 2]
     by_picture(unknown, WALK)
     assert unknown.filter.covariance[VELOCITY, VELOCITY][2, 2] > 0.2 * before
 
 
-def test_points_below_the_trunk_tell_nothing(unknown: BodyTrack) -> None:
+def test_points_below_the_trunk_are_ignored(unknown: BodyTrack) -> None:
     """Legs swing."""
     scene, track = scene_at(PLACE, textured=False)[0], unknown
     track.outline = scene_at(PLACE)[1]
@@ -95,7 +95,7 @@ def test_points_below_the_trunk_tell_nothing(unknown: BodyTrack) -> None:
     assert set(track.outline.depths.number) == set(range(20))
 
 
-def test_a_body_neither_rises_nor_sinks(make_track: MakeTrack) -> None:
+def test_the_vertical_velocity_of_a_body_is_zero(make_track: MakeTrack) -> None:
     track = make_track(tuple(PLACE), (0.4, 0.3, -0.6), sigma=0.3)
     scene, track.outline = scene_at(PLACE, textured=False)
     measure_trunk(track, np.zeros(0, np.intp), *no_points(), scene, DT)
@@ -103,9 +103,7 @@ def test_a_body_neither_rises_nor_sinks(make_track: MakeTrack) -> None:
 
 
 @pytest.mark.parametrize(("height_m", "trunk"), [(0.5, False), (1.6, True)])
-def test_what_shows_only_legs_has_no_trunk(
-    unknown: BodyTrack, height_m: float, trunk: bool
-) -> None:
+def test_a_view_of_only_legs_has_no_trunk(unknown: BodyTrack, height_m: float, trunk: bool) -> None:
     """The image's upper border is ``height_m`` above the ground."""
     scene, outline = scene_at(PLACE)
     above = replace(outline.segment, cut=(False, False, True, False))
@@ -121,7 +119,7 @@ def test_what_shows_only_legs_has_no_trunk(
 
 
 @pytest.mark.parametrize("only_legs", [False, True])
-def test_the_velocity_of_what_turns_out_to_have_limbs_is_doubted(
+def test_the_velocity_becomes_uncertain_when_limbs_are_found(
     make_track: MakeTrack, only_legs: bool
 ) -> None:
     """Unless only legs are in view: then there is no better source."""

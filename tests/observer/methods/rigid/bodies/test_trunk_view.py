@@ -90,23 +90,23 @@ def test_a_trunk_is_found_within_a_tenth_of_a_cell(shift: tuple[float, float], w
 
 
 @pytest.mark.parametrize("shift", [(1.3, 0.0), (-2.4, 0.0)])
-def test_plain_clothes_are_found_by_their_outline(shift: tuple[float, float]) -> None:
+def test_a_trunk_in_plain_clothes_is_found_by_its_outline(shift: tuple[float, float]) -> None:
     found, _ = moved(picture(clothes=0.0), picture(shift, clothes=0.0, seed=1))
     assert found[0] == pytest.approx(shift[0], abs=0.35)
 
 
-def test_light_that_changes_is_no_motion() -> None:
+def test_changing_light_is_not_motion() -> None:
     found, _ = moved(picture(), picture((1.0, 0.0), light=15.0, seed=1))
     np.testing.assert_allclose(found, (1.0, 0.0), atol=0.1)
 
 
 @pytest.mark.parametrize("swing", [-3.0, 3.0])
-def test_an_arm_before_the_trunk_moves_it_little(swing: float) -> None:
+def test_an_arm_in_front_of_the_trunk_hardly_shifts_it(swing: float) -> None:
     found, _ = moved(picture(arm=4.0), picture((1.0, 0.0), arm=4.0 + swing, seed=1))
     np.testing.assert_allclose(found, (1.0, 0.0), atol=0.2)
 
 
-def test_it_grows_as_it_comes_nearer() -> None:
+def test_an_approaching_trunk_is_found_at_a_larger_scale() -> None:
     before = picture()
     view = view_of(before)
     about = np.array([[1.1, 0.0, -0.1 * view.middle[0]], [0.0, 1.1, -0.1 * view.middle[1]]])
@@ -116,14 +116,14 @@ def test_it_grows_as_it_comes_nearer() -> None:
     np.testing.assert_allclose(found[0], view.middle, atol=0.1)
 
 
-def test_a_plain_surface_tells_nothing() -> None:
+def test_a_plain_surface_gives_no_shift() -> None:
     plain = [picture(clothes=0.0, tone=0.0, seed=seed) for seed in (0, 1)]
     found, cov = moved(plain[0], plain[1], expected=(1.5, 0.0), reach=8)
     assert abs(found[0] - 1.5) < 1.0, "nothing better than expected is invented"
     assert np.sqrt(cov[0, 0]) > 1.0
 
 
-def test_what_may_stand_is_told_within_one_deviation() -> None:
+def test_a_possibly_static_trunk_is_within_one_deviation_of_rest() -> None:
     still = [picture(seed=seed) for seed in (0, 1)]
     found, cov = moved(still[0], still[1], expected=(0.7, 0.0))
     assert abs(found[0]) < 0.1
@@ -132,20 +132,20 @@ def test_what_may_stand_is_told_within_one_deviation() -> None:
     assert np.sqrt(cov[0, 0]) >= 0.95 * abs(found[0])
 
 
-def test_out_of_the_image_it_is_not_found() -> None:
+def test_a_trunk_outside_the_image_is_not_found() -> None:
     view = view_of(picture())
     beyond = np.array([-60.0, view.middle[1]])
     assert view.found_in(picture(), beyond, view.middle, 1.0, 2) is None
 
 
-def test_of_a_few_cells_nothing_is_kept() -> None:
+def test_too_few_cells_give_no_view() -> None:
     scene = seen([*ROOM, PERSON])
     mask = np.zeros(GRID.shape, np.bool_)
     mask[TOP : TOP + 6, LEFT : LEFT + 3] = True
     assert TrunkView.of(segment_of(scene, mask), scene, 0.0) is None
 
 
-def test_a_body_whose_only_edge_has_left_the_image_is_not_found() -> None:
+def test_a_body_is_not_found_when_its_only_edge_left_the_image() -> None:
     before = np.full(GRID.shape, 128, np.uint8)
     before[TOP:BOTTOM, LEFT] = 255
     view = view_of(before)

@@ -40,7 +40,7 @@ def depth_of(left: Image, right: Image) -> NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("disparity", [5.0, 12.5, 31.0, 50.3])
-def test_a_textured_wall_has_its_disparity_in_pixels_of_the_full_image(disparity: float) -> None:
+def test_the_disparity_of_a_textured_wall_is_in_full_image_pixels(disparity: float) -> None:
     found = depth_of(*pair_at(disparity))
     assert found.shape == GRID.shape
     beside = found[:, round(disparity / GRID.reduction) + 3 :]
@@ -49,13 +49,13 @@ def test_a_textured_wall_has_its_disparity_in_pixels_of_the_full_image(disparity
     assert np.nanquantile(np.abs(beside - disparity), 0.98) < 1.3
 
 
-def test_what_the_right_camera_cannot_see_is_unknown() -> None:
+def test_the_area_outside_the_right_image_is_unknown() -> None:
     """Left of its image's border. The texture is periodic, so there is no false match there."""
     found = depth_of(*pair_at(40.0))
     assert not (found[:, :18] > 2 * np.arange(18) + 2).any()
 
 
-def test_a_thing_before_a_wall_has_a_disparity_of_its_own() -> None:
+def test_an_object_in_front_of_a_wall_has_its_own_disparity() -> None:
     left, right = pair_at(10.0)
     thing = as_image(OTHER.moved(), 1.0, 3)
     left[120:300, 250:400] = thing[120:300, 250:400]
@@ -65,13 +65,13 @@ def test_a_thing_before_a_wall_has_a_disparity_of_its_own() -> None:
     assert np.nanmedian(found[:50]) == pytest.approx(10.0, abs=0.4)
 
 
-def test_a_blank_wall_tells_no_depth() -> None:
+def test_a_blank_wall_gives_no_depth() -> None:
     blank = np.full(SHAPE, 120.0)
     left, right = as_image(blank, 2.0, 1, mean=0.0), as_image(blank, 2.0, 2, mean=0.0)
     assert np.isfinite(depth_of(left, right)).mean() < 0.01
 
 
-def test_far_from_any_texture_nothing_is_invented() -> None:
+def test_no_depth_is_invented_far_from_texture() -> None:
     left, right = pair_at(20.0)
     left[:, 200:480] = right[:, 180:460] = 120
     found = depth_of(left, right)
@@ -79,19 +79,19 @@ def test_far_from_any_texture_nothing_is_invented() -> None:
     assert np.isfinite(found[:, 260:]).mean() > 0.9
 
 
-def test_the_same_pair_gives_the_same_depth_to_the_last_digit() -> None:
+def test_the_same_pair_gives_identical_depth() -> None:
     pair = pair_at(20.0)
     np.testing.assert_array_equal(depth_of(*pair), depth_of(*pair))
 
 
 @quick
 @given(sigma=st.floats(1.5, 12.0), seed=st.integers(0, 999))
-def test_noise_is_told_of_a_plain_image(sigma: float, seed: int) -> None:
+def test_noise_of_a_plain_image_is_estimated(sigma: float, seed: int) -> None:
     image = as_image(np.zeros((200, 320)), sigma, seed)
     assert noise_of(image) == pytest.approx(sigma, rel=0.25, abs=0.4)
 
 
-def test_edges_along_rows_and_columns_are_no_noise() -> None:
+def test_edges_along_rows_and_columns_are_not_noise() -> None:
     stripes = np.zeros((200, 320))
     stripes[:, 1::2] += 50
     stripes[1::2] += 30
@@ -99,13 +99,13 @@ def test_edges_along_rows_and_columns_are_no_noise() -> None:
 
 
 @pytest.mark.parametrize("sigma", [0.0, 3.0, 10.0])
-def test_noise_is_no_texture(sigma: float) -> None:
+def test_noise_is_not_texture(sigma: float) -> None:
     image = as_image(np.zeros((200, 320)), sigma, 5)
     assert textured(image, least_step(image)).mean() < 0.05
 
 
 @pytest.mark.parametrize("sigma", [0.0, 3.0])
-def test_a_step_is_texture_for_what_lies_near_it_on_its_row(sigma: float) -> None:
+def test_a_step_counts_as_texture_nearby_on_its_rows(sigma: float) -> None:
     step = np.zeros((200, 320))
     step[50:150, 160:] = 80
     image = as_image(step, sigma, 6, mean=80.0)

@@ -68,7 +68,7 @@ def motions(draw: st.DrawFn) -> Pose:
 
 @quick
 @given(moved=motions())
-def test_a_static_scene_is_static_wherever_it_was_seen(moved: Pose) -> None:
+def test_a_static_scene_is_static_wherever_it_was_seen_before(moved: Pose) -> None:
     """For any camera motion: a floor and a wall that hide nothing."""
     now, before = frame(0.4, ROOM, moved), frame(0.0, ROOM)
     found = evidence(now, before)
@@ -85,9 +85,7 @@ def test_a_static_scene_is_static_wherever_it_was_seen(moved: Pose) -> None:
 
 @quick
 @given(moved=motions(), yaw=st.floats(-1, 1))
-def test_nothing_static_ever_arrives_even_where_things_hide_each_other(
-    moved: Pose, yaw: float
-) -> None:
+def test_static_objects_hiding_each_other_never_arrive(moved: Pose, yaw: float) -> None:
     world = [*ROOM, on_floor(-0.6, 3.0, (0.5, 1.2, 0.5), yaw), on_floor(0.8, 5.0, (0.8, 0.6, 0.4))]
     found = evidence(frame(0.4, world, moved), frame(0.0, world))
     assert (found == ARRIVED).mean() < 1e-4
@@ -95,7 +93,7 @@ def test_nothing_static_ever_arrives_even_where_things_hide_each_other(
 
 @quick
 @given(moved=motions(), x=st.floats(-0.5, 0.8), z=st.floats(2.5, 5))
-def test_what_enters_free_space_has_arrived_however_the_camera_moves(
+def test_an_object_entering_free_space_has_arrived_for_any_camera_motion(
     moved: Pose, x: float, z: float
 ) -> None:
     # It floats: a foot on the floor would be no nearer than the floor itself.
@@ -105,7 +103,7 @@ def test_what_enters_free_space_has_arrived_however_the_camera_moves(
     assert (found[on] == ARRIVED).all()
 
 
-def test_what_something_left_behind_was_hidden() -> None:
+def test_background_left_behind_by_an_object_is_uncovered() -> None:
     newcomer = person(0.5, 3.0)
     found = evidence(frame(0.4, ROOM), frame(0.0, [*ROOM, newcomer]))
     on = inner(cells_of(newcomer, [*ROOM, newcomer]))
@@ -114,13 +112,13 @@ def test_what_something_left_behind_was_hidden() -> None:
     assert (found[~cells_of(newcomer, [*ROOM, newcomer])] == STATIC).all()
 
 
-def test_a_static_thing_beside_one_that_arrives_stays_static() -> None:
+def test_a_static_object_beside_an_arriving_one_stays_static() -> None:
     before, now = [*ROOM, CRATE], [*ROOM, CRATE, person(0.5, 4.0)]
     found = evidence(frame(0.4, now), frame(0.0, before))
     assert (found[cells_of(CRATE, now)] == STATIC).all()
 
 
-def test_what_moves_away_along_the_line_of_sight_was_hidden_and_what_comes_has_arrived() -> None:
+def test_a_receding_object_is_uncovered_and_an_approaching_one_has_arrived() -> None:
     near, far = person(0.0, 3.0), person(0.0, 3.6)
     on = inner(cells_of(far, [far])) & (np.arange(GRID.height)[:, None] < 110)
     assert (evidence(frame(0.4, [far]), frame(0.0, [near]))[on] == UNCOVERED).all()
@@ -137,11 +135,11 @@ def test_a_difference_within_the_noise_is_static() -> None:
 # --- what is unknown -----------------------------------------------------------------------
 
 
-def test_the_first_frame_says_nothing() -> None:
+def test_the_first_frame_gives_no_evidence() -> None:
     assert (evidence(frame(0.0, ROOM)) == UNKNOWN).all()
 
 
-def test_where_nothing_was_measured_before_nothing_is_said() -> None:
+def test_cells_not_measured_before_are_unknown() -> None:
     before = disparity_of(ROOM)
     before[:, :100] = np.nan
     found = evidence(frame(0.4, [*ROOM, person(-1.2, 4.0)]), DepthFrame(0.0, before, HERE))
@@ -149,7 +147,7 @@ def test_where_nothing_was_measured_before_nothing_is_said() -> None:
     assert (found[:, 110:] == STATIC).all()
 
 
-def test_where_nothing_is_measured_now_nothing_is_said() -> None:
+def test_cells_not_measured_now_are_unknown() -> None:
     now = disparity_of(ROOM)
     now[:90] = np.nan
     asked = np.isfinite(now)
@@ -159,7 +157,7 @@ def test_where_nothing_is_measured_now_nothing_is_said() -> None:
     np.testing.assert_array_equal(found == UNKNOWN, ~asked)
 
 
-def test_only_the_cells_that_were_asked_for_are_judged() -> None:
+def test_only_the_requested_cells_are_judged() -> None:
     space = FreeSpace(GRID)
     space.keep(frame(0.0, ROOM))
     asked = np.zeros(GRID.shape, np.bool_)
@@ -168,7 +166,7 @@ def test_only_the_cells_that_were_asked_for_are_judged() -> None:
     np.testing.assert_array_equal(found == STATIC, asked)
 
 
-def test_what_was_behind_the_camera_is_unknown() -> None:
+def test_cells_that_were_behind_the_camera_are_unknown() -> None:
     back = Pose.from_rotvec([0.0, np.pi, 0.0], np.zeros(3))
     assert (evidence(frame(0.4, ROOM), frame(0.0, ROOM, back)) == UNKNOWN).all()
 
@@ -177,7 +175,7 @@ def test_what_was_behind_the_camera_is_unknown() -> None:
 
 
 @pytest.mark.parametrize("stood_s", [0.3, 1.0, 3.0])
-def test_the_oldest_frame_decides_so_a_person_who_stops_has_still_arrived(stood_s: float) -> None:
+def test_a_person_who_stopped_recently_has_still_arrived(stood_s: float) -> None:
     newcomer = person(0.5, 4.0)
     times = np.arange(0.0, 3.3, 0.1)
     came = times[-1] - stood_s
@@ -187,7 +185,7 @@ def test_the_oldest_frame_decides_so_a_person_who_stops_has_still_arrived(stood_
     assert (found[on] == ARRIVED).all()
 
 
-def test_a_person_who_stood_longer_than_is_remembered_is_static() -> None:
+def test_a_person_standing_longer_than_the_memory_is_static() -> None:
     newcomer = person(0.5, 4.0)
     world = [*ROOM, newcomer]
     frames = [frame(t, world if t > 0.5 else ROOM) for t in np.arange(0.0, 5.5, 0.1)]
@@ -195,7 +193,7 @@ def test_a_person_who_stood_longer_than_is_remembered_is_static() -> None:
     assert (found[cells_of(newcomer, world)] == STATIC).all()
 
 
-def test_a_younger_frame_decides_where_the_oldest_saw_nothing() -> None:
+def test_a_newer_frame_decides_where_the_oldest_saw_nothing() -> None:
     aside = Pose.from_rotvec([0.0, -0.4, 0.0], np.zeros(3))
     newcomer = person(1.2, 4.0)
     world = [*ROOM, newcomer]
@@ -205,13 +203,13 @@ def test_a_younger_frame_decides_where_the_oldest_saw_nothing() -> None:
     assert (evidence(now, old, young)[on] == ARRIVED).all()
 
 
-def test_frames_at_no_lag_that_is_compared_are_not_asked() -> None:
+def test_frames_outside_the_compared_lags_are_ignored() -> None:
     """Neither very recent frames nor very old ones."""
     for age in (0.02, 0.1, 6.0):
         assert (evidence(frame(7.0, ROOM), frame(7.0 - age, ROOM)) == UNKNOWN).all()
 
 
-def test_what_is_older_than_any_lag_is_forgotten() -> None:
+def test_frames_older_than_any_lag_are_discarded() -> None:
     space = FreeSpace(GRID)
     known = frame(0.0, ROOM)
     for k in range(200):

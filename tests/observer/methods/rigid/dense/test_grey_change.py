@@ -36,14 +36,14 @@ def changed(before: tuple[DepthFrame, Image], now: tuple[DepthFrame, Image]) -> 
     return change.changed(*now, ALL)
 
 
-def test_what_stands_does_not_change_while_the_camera_moves() -> None:
+def test_static_objects_do_not_change_while_the_camera_moves() -> None:
     shapes = [*ROOM, HAND]
     moved = Pose(np.eye(3), np.array([0.04, 0.0, 0.06]))
     out = changed(look(0.0, shapes, bright=HAND), look(LAG_S, shapes, moved, bright=HAND))
     assert np.count_nonzero(out) < 0.1 * np.count_nonzero(cells_of(HAND, shapes))
 
 
-def test_a_hand_that_went_on_looks_another_where_it_is_now() -> None:
+def test_a_moved_hand_changes_the_cells_at_its_new_position() -> None:
     there = [*ROOM, ELSEWHERE]
     out = changed(look(0.0, [*ROOM, HAND], bright=HAND), look(LAG_S, there, bright=ELSEWHERE))
     mine = cells_of(ELSEWHERE, there)
@@ -51,19 +51,19 @@ def test_a_hand_that_went_on_looks_another_where_it_is_now() -> None:
     assert out[~mine].mean() < 0.01
 
 
-def test_what_was_hidden_a_moment_ago_cannot_be_compared() -> None:
+def test_recently_hidden_cells_are_not_compared() -> None:
     out = changed(look(0.0, [*ROOM, HAND], bright=HAND), look(LAG_S, ROOM))
     assert not out.any()
 
 
-def test_exposure_that_changes_is_no_change() -> None:
+def test_changing_exposure_is_not_a_change() -> None:
     shapes = [*ROOM, HAND]
     frame, grey = look(LAG_S, shapes, bright=HAND)
     assert not changed(look(0.0, shapes, bright=HAND), (frame, (grey * 1.3).astype(np.uint8))).any()
 
 
 @pytest.mark.parametrize("ago", [0.02, 0.5])
-def test_it_compares_with_a_moment_ago_only(ago: float) -> None:
+def test_frames_too_recent_or_too_old_are_not_compared(ago: float) -> None:
     there = [*ROOM, ELSEWHERE]
     assert not changed(
         look(0.0, [*ROOM, HAND], bright=HAND), look(ago, there, bright=ELSEWHERE)
@@ -71,7 +71,7 @@ def test_it_compares_with_a_moment_ago_only(ago: float) -> None:
 
 
 @pytest.mark.parametrize("gains", [(1.0, 1.6), (1.6, 1.0)])
-def test_what_was_cut_off_cannot_be_compared(gains: tuple[float, float]) -> None:
+def test_overexposed_cells_are_not_compared(gains: tuple[float, float]) -> None:
     """A bright hand (180) that does not move is overexposed in one of the two frames."""
     shapes = [*ROOM, HAND]
     frames = [look(time, shapes, bright=HAND) for time in (0.0, LAG_S)]
@@ -83,7 +83,7 @@ def test_what_was_cut_off_cannot_be_compared(gains: tuple[float, float]) -> None
 
 
 @pytest.mark.parametrize("shaded", [0.1, 0.4])
-def test_light_flickers_where_much_of_what_stands_is_lit_otherwise(shaded: float) -> None:
+def test_light_flickers_when_much_of_the_static_scene_changes_brightness(shaded: float) -> None:
     """Shadows of leaves, in different places in each frame, while the exposure settles."""
     rng = np.random.default_rng(1)
     change = GreyChange(GRID)
@@ -105,19 +105,21 @@ def test_noise_and_texture_under_steady_light_do_not_flicker() -> None:
     assert not change.light.flickers
 
 
-@pytest.mark.parametrize(("swing", "told"), [(0.02, False), (0.08, False), (0.4, True)])
-def test_the_exposure_swings_where_the_whole_image_changes_fast(swing: float, told: bool) -> None:
+@pytest.mark.parametrize(("swing", "expected"), [(0.02, False), (0.08, False), (0.4, True)])
+def test_the_exposure_swings_when_the_whole_image_changes_fast(
+    swing: float, expected: bool
+) -> None:
     """An exposure that settles, by a few per cent a frame, does not swing."""
     change = GreyChange(GRID)
     for k in range(12):
         frame, grey = look(k * LAG_S, ROOM)
         gain = 1 + swing * np.sin(1.6 * k)
         change.changed(frame, (gain * 0.6 * grey).astype(np.uint8), ALL)
-    assert change.light == Light(flickers=False, swings=told)
+    assert change.light == Light(flickers=False, swings=expected)
 
 
 @pytest.mark.parametrize("width", [0.5, 1.5])
-def test_a_person_walking_past_close_by_changes_no_light(width: float) -> None:
+def test_a_person_walking_past_close_by_does_not_count_as_changing_light(width: float) -> None:
     """Dark trousers hide and uncover a large part of a bright wall."""
     change = GreyChange(GRID)
     for k in range(12):

@@ -30,7 +30,7 @@ def test_cells_and_pixels_are_inverse(width: int, u: float, v: float) -> None:
 
 @quick
 @given(width=st.integers(200, 2600), column=st.integers(0, 99), row=st.integers(0, 49))
-def test_every_pixel_of_a_cell_is_held_by_it(width: int, column: int, row: int) -> None:
+def test_every_pixel_of_a_cell_maps_to_it(width: int, column: int, row: int) -> None:
     grid = Grid.of(camera(width, width // 2))
     r = grid.reduction
     first = np.array([column * r, row * r])
@@ -41,7 +41,7 @@ def test_every_pixel_of_a_cell_is_held_by_it(width: int, column: int, row: int) 
     np.testing.assert_allclose(grid.to_px(np.array([column, row])), px.mean(axis=0))
 
 
-def test_pixels_outside_are_given_the_nearest_cell() -> None:
+def test_pixels_outside_map_to_the_nearest_cell() -> None:
     px = np.array([[-50, -9], [CAMERA.width + 30, 10], [5, CAMERA.height + 1]], np.float32)
     rows, columns = GRID.at(px)
     assert rows.tolist() == [0, 5, GRID.height - 1]
@@ -58,20 +58,20 @@ def test_the_ray_of_a_cell_is_that_of_its_middle_pixel(column: float, row: float
 
 @quick
 @given(z=st.floats(0.5, 20))
-def test_a_metre_spans_as_many_cells_as_its_ends_are_apart(z: float) -> None:
+def test_cells_per_metre_match_the_projected_length(z: float) -> None:
     px, disparity = CAMERA.project([[-0.5, 0.0, z], [0.5, 0.0, z]])
     ends = GRID.to_cells(px)[:, 0]
     assert GRID.per_metre(float(disparity[0])) == pytest.approx(ends[1] - ends[0])
 
 
 @pytest.mark.parametrize(("width", "reduction"), [(320, 2), (640, 2), (1280, 4), (1920, 6)])
-def test_images_of_any_size_give_about_as_many_cells(width: int, reduction: int) -> None:
+def test_images_of_any_size_give_a_similar_number_of_cells(width: int, reduction: int) -> None:
     grid = Grid.of(camera(width, width // 2))
     assert grid.reduction == reduction
     assert grid.shape == (width // 2 // reduction, width // reduction)
 
 
-def test_a_cell_is_as_bright_as_its_pixels_are_on_average() -> None:
+def test_a_cell_has_the_mean_brightness_of_its_pixels() -> None:
     image = np.random.default_rng(0).integers(0, 256, (400, 640)).astype(np.uint8)
     mean = image.reshape(200, 2, 320, 2).mean(axis=(1, 3))
     np.testing.assert_allclose(GRID.reduced(image), mean, atol=0.51)

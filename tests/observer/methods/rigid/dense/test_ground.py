@@ -1,4 +1,4 @@
-"""The ground plane: found from any height and tilt, and told from walls and standing things."""
+"""The ground plane: found from any height and tilt, and distinguished from walls and objects."""
 
 from __future__ import annotations
 
@@ -85,13 +85,13 @@ def test_the_ground_is_found_from_any_height_and_tilt(mount: CameraMount, seed: 
 
 @quick
 @given(mount=mounts)
-def test_a_mount_tells_the_ground_before_anything_is_seen(mount: CameraMount) -> None:
+def test_a_mount_gives_the_ground_before_anything_is_seen(mount: CameraMount) -> None:
     assert_same_ground(Ground(GRID, mount).plane(HERE), plane_below(mount))
 
 
 @quick
 @given(pitch=st.floats(-0.2, 0.3), x=st.floats(-2, 2), z=st.floats(-2, 2), up=st.floats(-0.5, 0.5))
-def test_the_ground_stays_where_it_is_while_the_camera_moves(
+def test_the_ground_is_fixed_in_the_world_while_the_camera_moves(
     pitch: float, x: float, z: float, up: float
 ) -> None:
     pose = looking(pitch, 0.05, (x, -up, z))
@@ -109,16 +109,14 @@ def test_a_ground_found_at_one_pose_is_right_at_another(pitch: float, x: float) 
 
 
 @pytest.mark.parametrize(("height", "tilt"), [(HEIGHT_M + 0.06, 0.0), (HEIGHT_M, 0.015)])
-def test_a_mount_that_is_slightly_wrong_is_corrected_by_what_is_seen(
-    height: float, tilt: float
-) -> None:
+def test_a_slightly_wrong_mount_is_corrected_by_images(height: float, tilt: float) -> None:
     ground = Ground(GRID, CameraMount(height, tilt))
     for k in range(60):
         ground.update(noisy(disparity_of(ROOM), k), HERE, k)
     assert_same_ground(ground.plane(HERE), FLOOR)
 
 
-def test_it_is_found_among_things_that_stand_on_it() -> None:
+def test_the_ground_is_found_among_objects_on_it() -> None:
     room = [*ROOM, on_floor(-1.0, 3.0, (0.6, 0.5, 0.6), 0.4), on_floor(0.9, 4.0, (0.5, 1.5, 0.5))]
     ground = Ground(GRID, None)
     ground.update(noisy(disparity_of(room)), HERE, 3)
@@ -145,7 +143,7 @@ def test_walls_are_never_taken_for_the_ground(
 
 @quick
 @given(yaw=st.floats(-1.2, 1.2), distance=st.floats(1.0, 8.0))
-def test_walls_do_not_move_a_ground_that_is_known(yaw: float, distance: float) -> None:
+def test_walls_do_not_change_a_known_ground(yaw: float, distance: float) -> None:
     wall = Plane((np.sin(yaw), 0.0, np.cos(yaw)), distance)
     ground = Ground(GRID, MOUNT)
     disparity = noisy(disparity_of([wall]))
@@ -154,7 +152,7 @@ def test_walls_do_not_move_a_ground_that_is_known(yaw: float, distance: float) -
     assert_same_ground(ground.plane(HERE), FLOOR)
 
 
-def test_a_table_does_not_replace_the_ground_that_is_known() -> None:
+def test_a_table_does_not_replace_a_known_ground() -> None:
     table = Solid((0.0, 0.4, 3.0), (2.0, 0.04, 2.0))
     ground = Ground(GRID, MOUNT)
     for k in range(10):
@@ -162,7 +160,7 @@ def test_a_table_does_not_replace_the_ground_that_is_known() -> None:
     assert_same_ground(ground.plane(HERE), FLOOR)
 
 
-def test_without_anything_seen_it_stays_as_it_is() -> None:
+def test_the_ground_is_unchanged_when_nothing_is_seen() -> None:
     unknown = np.full(GRID.shape, np.nan, np.float32)
     for mount in (None, MOUNT):
         ground = Ground(GRID, mount)
@@ -171,12 +169,12 @@ def test_without_anything_seen_it_stays_as_it_is() -> None:
         np.testing.assert_equal(ground.plane(HERE), before)
 
 
-def test_from_below_the_ground_there_is_none() -> None:
+def test_there_is_no_ground_for_a_camera_below_it() -> None:
     under = Pose(np.eye(3), np.array([0.0, HEIGHT_M + 0.1, 0.0]))
     assert Ground(GRID, MOUNT).plane(under.inverse()) is None
 
 
-def test_the_same_seed_gives_the_same_ground_to_the_last_digit() -> None:
+def test_the_same_seed_gives_an_identical_ground() -> None:
     disparity = noisy(disparity_of(ROOM))
     planes = []
     for _ in range(2):
@@ -186,7 +184,7 @@ def test_the_same_seed_gives_the_same_ground_to_the_last_digit() -> None:
     np.testing.assert_array_equal(planes[0], planes[1])
 
 
-# --- what stands ---------------------------------------------------------------------------
+# --- above the ground ----------------------------------------------------------------------
 
 
 PLANE = Ground(GRID, MOUNT).plane(HERE)
@@ -198,7 +196,7 @@ def above_ground_cells(shapes: Sequence[Shape]) -> np.ndarray:
 
 @quick
 @given(x=st.floats(-1, 1), z=st.floats(2, 5), yaw=st.floats(-1, 1))
-def test_things_stand_and_the_ground_does_not(x: float, z: float, yaw: float) -> None:
+def test_objects_are_above_the_ground_and_the_ground_is_not(x: float, z: float, yaw: float) -> None:
     crate = on_floor(x, z, (0.5, 0.8, 0.4), yaw)
     room: list[Shape] = [FLOOR, crate]
     found, true = above_ground_cells(room), cells_of(crate, room)
@@ -209,11 +207,11 @@ def test_things_stand_and_the_ground_does_not(x: float, z: float, yaw: float) ->
     assert found[upper].all()
 
 
-def test_the_noise_of_the_ground_does_not_stand() -> None:
+def test_noise_of_the_ground_is_not_above_it() -> None:
     assert above_ground(noisy(disparity_of([FLOOR])), PLANE, GRID).mean() < 1e-3
 
 
-def test_reflections_in_the_ground_do_not_stand() -> None:
+def test_reflections_in_the_ground_are_not_above_it() -> None:
     """A box's mirror image is seen below the ground, as far below as the box is above."""
     mirrored = Solid((0.0, HEIGHT_M + 0.6, 3.0), (0.5, 1.2, 0.4))
     disparity = disparity_of([FLOOR])
@@ -223,12 +221,12 @@ def test_reflections_in_the_ground_do_not_stand() -> None:
     assert not above_ground(disparity, PLANE, GRID).any()
 
 
-def test_above_the_horizon_everything_stands_however_far() -> None:
+def test_everything_above_the_horizon_is_above_the_ground() -> None:
     for z in (6.0, 20.0):
         assert above_ground_cells([Plane((0.0, 0.0, 1.0), z)])[: GRID.height // 2 - 2].all()
 
 
-def test_the_unknown_never_stands() -> None:
+def test_unknown_cells_are_never_above_the_ground() -> None:
     disparity = disparity_of([FLOOR, WALL])
     disparity[::2] = np.nan
     assert not above_ground(disparity, PLANE, GRID)[::2].any()
@@ -236,7 +234,7 @@ def test_the_unknown_never_stands() -> None:
     assert not near_enough(disparity, GRID)[::2].any()
 
 
-def test_where_no_ground_is_known_all_stands() -> None:
+def test_everything_is_above_an_unknown_ground() -> None:
     near = Plane((0.0, 0.0, 1.0), 6.0)
     assert above_ground(disparity_of([FLOOR, near]), None, GRID).all()
 
@@ -245,7 +243,7 @@ def test_where_no_ground_is_known_all_stands() -> None:
     ("baseline_m", "reach_m"),
     [(0.03, 3.75), (0.06, 6.6), (0.12, 7.5), (0.4, 25.0)],
 )
-def test_what_is_near_enough_depends_on_the_baseline(baseline_m: float, reach_m: float) -> None:
+def test_the_reach_depends_on_the_baseline(baseline_m: float, reach_m: float) -> None:
     """The usual reach for a person, less where depth is too noisy, more where it is precise."""
     grid = replace(GRID, camera=replace(GRID.camera, baseline=baseline_m))
     for z, near in ((0.95 * reach_m, True), (1.05 * reach_m, False)):

@@ -28,7 +28,7 @@ def test_a_leg_below_a_trunk_is_a_limb() -> None:
     assert whole.box[3] == leg.box[3]
 
 
-def test_a_hand_beside_a_trunk_is_a_limb_for_it_is_small() -> None:
+def test_a_small_hand_beside_a_trunk_is_a_limb() -> None:
     hand = Solid((0.38, 0.1, 3.9), (0.15, 0.2, 0.15))
     scene, (trunk, small) = parts(TRUNK, hand)
     assert is_limb(scene, small, trunk)
@@ -43,12 +43,12 @@ def test_a_hand_beside_a_trunk_is_a_limb_for_it_is_small() -> None:
         pytest.param(Solid((1.1, 0.1, 4.0), (0.15, 0.2, 0.15)), id="something small far aside"),
     ],
 )
-def test_what_is_no_limb(other: Solid) -> None:
+def test_other_objects_are_not_limbs(other: Solid) -> None:
     scene, (trunk, part) = parts(TRUNK, other)
     assert not is_limb(scene, part, trunk)
 
 
-def test_what_is_seen_between_the_legs_is_taken_but_not_as_part_of_the_body() -> None:
+def test_background_between_the_legs_is_absorbed_but_not_added_to_the_body() -> None:
     """Its depth lies between a limb's and that of another thing."""
     between = Solid((0.1, 0.5, 4.9), (0.18, 0.5, 0.15))
     scene, (trunk, part) = parts(TRUNK, between)

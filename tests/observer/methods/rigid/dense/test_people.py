@@ -47,13 +47,13 @@ def test_an_arm_of_a_standing_person_starts_as_the_whole_person() -> None:
     assert overlap(whole_person(scene, arm, ALL).mask, cells(scene, who) | arm.mask) > 0.9
 
 
-def test_an_arm_of_a_walking_person_is_left_to_them() -> None:
+def test_an_arm_of_a_walking_person_stays_a_separate_segment() -> None:
     who = person(0.0, 4.0)
     scene, arm = with_arm(who, ARM, who)
     assert whole_person(scene, arm, ALL) is arm
 
 
-def test_what_moves_beside_a_cabinet_is_no_arm() -> None:
+def test_an_object_moving_beside_a_cabinet_is_not_an_arm() -> None:
     scene, thing = with_arm(on_floor(0.0, 4.0, (1.8, 1.0, 0.3)), ARM)
     assert whole_person(scene, thing, ALL) is thing
 
@@ -73,24 +73,24 @@ def walking(*others: Shape, who: Solid = TALL) -> tuple[DenseScene, Segment]:
     return scene, segment_of(scene, cells(scene, below, *others))
 
 
-def test_head_and_shoulders_of_a_walking_person_belong_to_them_though_seemingly_static() -> None:
+def test_seemingly_static_head_and_shoulders_belong_to_a_walking_person() -> None:
     scene, part = walking()
     assert overlap(part.mask, cells(scene, TALL)) < 0.8
     assert overlap(with_head(scene, part, ALL).mask, cells(scene, TALL)) > 0.95
 
 
-def test_a_wide_thing_above_a_walking_person_is_no_head() -> None:
+def test_a_wide_object_above_a_walking_person_is_not_a_head() -> None:
     cupboard = Solid((0.0, -1.1, 4.0), (2.5, 0.6, 0.25))
     scene, part = walking(cupboard)
     assert with_head(scene, part, ALL) is part
 
 
-def test_what_belongs_to_another_is_not_taken() -> None:
+def test_cells_that_are_not_free_are_not_added() -> None:
     scene, part = walking()
     assert with_head(scene, part, part.mask) is part
 
 
-def test_no_head_is_looked_for_above_the_image_or_on_a_whole_person() -> None:
+def test_no_head_is_searched_above_the_image_or_on_a_whole_person() -> None:
     scene, part = walking()
     whole = with_head(scene, part, ALL)
     assert with_head(scene, whole, ALL) is whole
@@ -98,7 +98,7 @@ def test_no_head_is_looked_for_above_the_image_or_on_a_whole_person() -> None:
     assert with_head(scene, cut, ALL) is cut
 
 
-def test_nobody_becomes_taller_than_people_are() -> None:
+def test_a_person_is_limited_to_human_height() -> None:
     """A narrow thing reaches up to the ceiling."""
     post = Solid((0.0, -0.5, 4.0), (0.45, 3.0, 0.25))
     scene, part = walking(who=post)
@@ -107,7 +107,7 @@ def test_nobody_becomes_taller_than_people_are() -> None:
     assert height_m == pytest.approx(2.4, abs=0.1)
 
 
-def test_a_camera_that_may_look_down_seeks_no_head_above_in_the_image() -> None:
+def test_no_head_is_searched_when_the_camera_may_look_down() -> None:
     scene, part = walking()
     tilted = GroundPlane(np.array([0.0, 0.8, 0.6]), 1.0)
     for ground in (None, tilted):

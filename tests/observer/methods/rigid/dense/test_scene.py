@@ -42,12 +42,12 @@ def scenes() -> list[DenseScene]:
     return [vision.look(view(k, k == 1), step_to(dt=0.4), P, 0.0) for k in range(3)]
 
 
-def test_the_first_frame_knows_depth_but_nothing_of_motion(scenes: list[DenseScene]) -> None:
+def test_the_first_frame_has_depth_but_no_motion_evidence(scenes: list[DenseScene]) -> None:
     assert np.nanmedian(scenes[0].disparity) == pytest.approx(10.0, abs=0.3)
     assert (scenes[0].evidence == UNKNOWN).all()
 
 
-def test_a_person_who_comes_has_arrived_and_the_wall_beside_is_static(
+def test_an_arriving_person_has_arrived_and_the_wall_beside_is_static(
     scenes: list[DenseScene],
 ) -> None:
     evidence, standing = scenes[1].evidence, scenes[1].standing
@@ -57,7 +57,7 @@ def test_a_person_who_comes_has_arrived_and_the_wall_beside_is_static(
     assert (evidence[beside] == STATIC).mean() > 0.97
 
 
-def test_what_is_seen_once_it_has_left_was_hidden(scenes: list[DenseScene]) -> None:
+def test_background_seen_after_a_person_left_is_uncovered(scenes: list[DenseScene]) -> None:
     assert (scenes[2].evidence[ON_PERSON] == STATIC).mean() > 0.9
     vision = DenseVision(CAMERA, MOUNT)
     vision.look(view(1, True), step_to(dt=0.4), P, 0.0)
@@ -65,12 +65,12 @@ def test_what_is_seen_once_it_has_left_was_hidden(scenes: list[DenseScene]) -> N
     assert (left.evidence[ON_PERSON] == UNCOVERED).mean() > 0.9
 
 
-def test_only_what_stands_is_judged(scenes: list[DenseScene]) -> None:
+def test_only_standing_cells_are_judged(scenes: list[DenseScene]) -> None:
     for scene in scenes:
         assert (scene.evidence[~scene.standing] == UNKNOWN).all()
 
 
-def test_the_same_images_give_the_same_evidence_to_the_last_digit(
+def test_the_same_images_give_identical_evidence(
     scenes: list[DenseScene],
 ) -> None:
     vision = DenseVision(CAMERA, MOUNT)
@@ -82,7 +82,7 @@ def test_the_same_images_give_the_same_evidence_to_the_last_digit(
 
 @settings(deadline=None, max_examples=30)
 @given(z=st.floats(0.4, 10.0))
-def test_parts_of_a_body_differ_by_its_thickness_but_never_by_less_than_noise(z: float) -> None:
+def test_the_depth_tolerance_is_a_body_thickness_and_never_below_noise(z: float) -> None:
     scene = seen([], HERE)
     focal = CAMERA.fx * CAMERA.baseline
     tolerance = scene.tolerance(focal / z)
@@ -98,7 +98,7 @@ def test_the_pose_of_the_scene_is_that_of_the_frame() -> None:
     np.testing.assert_allclose(scene.T_world_camera.matrix, pose.matrix, atol=1e-12)
 
 
-def test_a_camera_as_fast_as_on_the_road_sees_no_dense_evidence() -> None:
+def test_a_camera_at_road_speed_gives_no_dense_evidence() -> None:
     for speed, known in ((2.0, True), (3.0, False)):
         rate = CameraRate.of(Pose(np.eye(3), np.array([0.0, 0.0, -speed * 0.4])), 0.4)
         step = replace(step_to(dt=0.4), rate=rate)
@@ -108,7 +108,7 @@ def test_a_camera_as_fast_as_on_the_road_sees_no_dense_evidence() -> None:
 @pytest.mark.parametrize(
     ("rate_hz", "looks"), [(60.0, 30), (15.0, 30), (7.5, 15), (5.0, 10), (0.0, 0)]
 )
-def test_it_looks_as_often_as_the_rate_has_it(rate_hz: float, looks: int) -> None:
+def test_dense_vision_runs_at_the_configured_rate(rate_hz: float, looks: int) -> None:
     vision, dt = DenseVision(CAMERA, MOUNT), 1 / 15
     parameters = DenseParameters(rate_hz=rate_hz)
     blank = np.full((CAMERA.height, CAMERA.width), 128, np.uint8)

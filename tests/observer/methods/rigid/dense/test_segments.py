@@ -72,7 +72,7 @@ def only(scene: DenseScene) -> Segment:
 
 @quick
 @given(x=st.floats(-1.0, 1.0), z=st.floats(2.5, 5.5))
-def test_what_arrived_is_one_segment(x: float, z: float) -> None:
+def test_an_arrived_person_is_one_segment(x: float, z: float) -> None:
     newcomer = person(x, z)
     scene = world(arrived=[newcomer])
     segment, true = only(scene), cells(scene, newcomer)
@@ -83,14 +83,14 @@ def test_what_arrived_is_one_segment(x: float, z: float) -> None:
     assert segment.area == segment.mask.sum()
 
 
-def test_what_came_out_of_hiding_is_a_segment_too() -> None:
+def test_an_uncovered_person_is_a_segment() -> None:
     thing = person(0.4, 4.0)
     segment = only(world(uncovered=[thing]))
     assert segment.uncovered == 1.0
     assert segment.is_separate
 
 
-def test_what_is_static_is_none() -> None:
+def test_static_objects_give_no_segments() -> None:
     assert fresh_segments(world(person(0.0, 4.0), on_floor(-1, 3, (0.5, 0.5, 0.5))), ALL) == []
 
 
@@ -105,7 +105,7 @@ def test_a_segment_does_not_grow_over_the_static_crate_beside_it() -> None:
     assert (segment.mask & on_crate).sum() < 0.25 * on_crate.sum()
 
 
-def test_a_segment_grows_over_what_of_a_thing_is_not_known_to_have_moved() -> None:
+def test_a_segment_grows_over_unknown_parts_of_an_object() -> None:
     """Half of it was never seen before."""
     newcomer = person(0.0, 4.0)
     scene = world(arrived=[newcomer])
@@ -115,13 +115,13 @@ def test_a_segment_grows_over_what_of_a_thing_is_not_known_to_have_moved() -> No
     assert overlap(only(scene).mask, cells(scene, newcomer)) > 0.95
 
 
-def test_cells_that_belong_to_something_already_begin_nothing() -> None:
+def test_cells_that_are_not_free_start_no_segment() -> None:
     newcomer = person(0.0, 4.0)
     scene = world(arrived=[newcomer])
     assert fresh_segments(scene, ~cells(scene, newcomer)) == []
 
 
-def test_what_is_small_or_thin_begins_nothing() -> None:
+def test_small_or_thin_objects_start_no_segment() -> None:
     ball, pole = Solid((0.0, 0.0, 4.0), (0.15, 0.15, 0.15)), Solid((0.6, 0, 4.0), (0.02, 1.5, 0.02))
     assert fresh_segments(world(arrived=[ball, pole]), ALL) == []
 
@@ -132,7 +132,7 @@ def test_two_people_arrived_side_by_side_are_two_segments() -> None:
     assert not (one.mask & other.mask).any()
 
 
-def test_of_two_people_one_before_the_other_the_second_is_found_once_the_first_is() -> None:
+def test_of_two_overlapping_people_the_second_is_found_after_the_first() -> None:
     """Their changed cells are connected and form one seed, which belongs to the larger part."""
     near, far = person(0.3, 2.5), person(0.0, 4.0)
     scene = world(arrived=[near, far])
@@ -145,7 +145,7 @@ def test_of_two_people_one_before_the_other_the_second_is_found_once_the_first_i
 # --- standing apart ------------------------------------------------------------------------
 
 
-def test_a_box_before_a_wall_stands_apart() -> None:
+def test_a_box_in_front_of_a_wall_is_separate() -> None:
     scene = world(person(0.3, 4.0))
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
     assert segment.is_separate
@@ -153,7 +153,7 @@ def test_a_box_before_a_wall_stands_apart() -> None:
 
 
 @pytest.mark.parametrize("slant", [0.0, 0.3, 0.7])
-def test_a_band_of_a_slanted_wall_does_not_stand_apart(slant: float) -> None:
+def test_a_band_of_a_slanted_wall_is_not_separate(slant: float) -> None:
     wall = Plane((np.sin(slant), 0.0, np.cos(slant)), 4.0)
     scene = seen([FLOOR, wall])
     band = scene.standing.copy()
@@ -162,7 +162,7 @@ def test_a_band_of_a_slanted_wall_does_not_stand_apart(slant: float) -> None:
 
 
 @pytest.mark.parametrize("slant", [0.0, 0.5])
-def test_a_wall_that_seems_to_have_arrived_in_part_is_no_segment(slant: float) -> None:
+def test_a_wall_that_seems_to_have_partly_arrived_gives_no_segment(slant: float) -> None:
     wall = Plane((np.sin(slant), 0.0, np.cos(slant)), 4.0)
     bare = seen([FLOOR, wall])
     evidence = np.where(bare.standing, STATIC, 0).astype(np.uint8)
@@ -175,7 +175,9 @@ def test_a_wall_that_seems_to_have_arrived_in_part_is_no_segment(slant: float) -
     [(0.1, 0.9, True), (0.02, 0.9, False), (0.1, 0.5, False)],
     ids=["near", "small", "was there"],
 )
-def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, apart: bool) -> None:
+def test_a_large_near_segment_needs_a_less_clear_border(
+    share: float, arrived: float, apart: bool
+) -> None:
     """Much of its surroundings is seen by one camera only, so its depth is unknown."""
     scene = world(person(0.3, 4.0))
     segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
@@ -190,7 +192,7 @@ def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, a
      (0.2, 0.9, 0.7, False)],
     ids=["goes away", "small", "hardly moved", "beside a wall that it uncovers"],
 )  # fmt: skip
-def test_so_has_a_body_going_away_that_is_clearly_separate(
+def test_a_receding_near_segment_needs_a_clear_separation(
     share: float, uncovered: float, apart: float, whole: bool
 ) -> None:
     scene = world(person(0.3, 4.0))
@@ -200,7 +202,7 @@ def test_so_has_a_body_going_away_that_is_clearly_separate(
     assert segment.is_separate is whole
 
 
-def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> None:
+def test_an_uncovered_segment_must_be_more_clearly_separate() -> None:
     """Something static is beside it at its depth; a quarter of its border is clear."""
     mask = window_mask(30, 90, 100, 130)
     scene = world()
@@ -226,7 +228,7 @@ def window_mask(top: int, bottom: int, left: int, right: int) -> Mask:
     return mask
 
 
-def test_in_the_open_no_side_is_cut() -> None:
+def test_no_side_is_cut_in_the_open() -> None:
     scene = world(person(0.2, 4.0))
     segment = segment_of(scene, cells(scene, person(0.2, 4.0)))
     assert segment.cut == (False, False, False, False)
@@ -236,7 +238,7 @@ def test_in_the_open_no_side_is_cut() -> None:
 
 
 @pytest.mark.parametrize(("side", "x"), [(0, -2.45), (1, 2.55)])
-def test_the_image_s_border_cuts_the_side_it_is_at(side: int, x: float) -> None:
+def test_the_image_border_cuts_the_side_at_it(side: int, x: float) -> None:
     newcomer = person(x, 4.0)
     scene = world(arrived=[newcomer])
     cut = segment_of(scene, cells(scene, newcomer)).cut
@@ -244,7 +246,7 @@ def test_the_image_s_border_cuts_the_side_it_is_at(side: int, x: float) -> None:
     assert not cut[1 - side]
 
 
-def test_the_right_camera_s_border_cuts_the_left_side() -> None:
+def test_the_border_of_the_right_image_cuts_the_left_side() -> None:
     """It does not see the left camera's first columns."""
     newcomer = person(0.0, 4.0)
     scene = world(arrived=[newcomer])
@@ -255,7 +257,7 @@ def test_the_right_camera_s_border_cuts_the_left_side() -> None:
 
 
 @pytest.mark.parametrize(("side", "x"), [(0, -0.35), (1, 0.55)])
-def test_something_nearer_cuts_the_side_it_hides(side: int, x: float) -> None:
+def test_a_nearer_object_cuts_the_side_it_hides(side: int, x: float) -> None:
     newcomer, pillar = person(0.2, 4.0), on_floor(x * 0.6, 2.4, (0.4, 2.0, 0.2))
     scene = world(pillar, arrived=[newcomer])
     cut = segment_of(scene, cells(scene, newcomer, pillar)).cut
@@ -263,13 +265,13 @@ def test_something_nearer_cuts_the_side_it_hides(side: int, x: float) -> None:
     assert not cut[1 - side]
 
 
-def test_something_farther_cuts_nothing() -> None:
+def test_a_farther_object_cuts_nothing() -> None:
     newcomer, pillar = person(0.2, 3.0), on_floor(0.8, 5.0, (0.4, 2.0, 0.2))
     scene = world(pillar, arrived=[newcomer])
     assert segment_of(scene, cells(scene, newcomer, pillar)).cut[:2] == (False, False)
 
 
-def test_near_the_camera_head_and_feet_are_cut() -> None:
+def test_head_and_feet_are_cut_near_the_camera() -> None:
     tall = on_floor(0.0, 1.8, (0.45, 1.9, 0.25))
     scene = world(arrived=[tall])
     mask = window_mask(0, GRID.height, 140, 180)
@@ -294,14 +296,14 @@ def followed(scene: DenseScene, where: Expected, free: Mask = ALL, grows: bool =
 
 @quick
 @given(dx=st.floats(-0.06, 0.06), dz=st.floats(-0.1, 0.1))
-def test_a_body_is_found_near_where_it_was_expected(dx: float, dz: float) -> None:
+def test_a_body_is_found_near_its_expected_position(dx: float, dz: float) -> None:
     now = person(0.2 + dx, 4.0 + dz)
     scene = world(arrived=[now])
     segment = followed(scene, expected_at(person(0.2, 4.0)))
     assert overlap(segment.mask, cells(scene, now)) > 0.9
 
 
-def test_a_body_that_stopped_long_ago_is_still_found_where_it_is() -> None:
+def test_a_body_that_stopped_long_ago_is_still_found() -> None:
     newcomer = person(0.2, 4.0)
     scene = world(newcomer)
     segment = followed(scene, expected_at(newcomer), grows=False)
@@ -309,7 +311,7 @@ def test_a_body_that_stopped_long_ago_is_still_found_where_it_is() -> None:
     assert overlap(segment.mask, cells(scene, newcomer)) > 0.95
 
 
-def test_a_stopped_body_does_not_grow_over_a_crate_that_is_put_beside_it() -> None:
+def test_a_stopped_body_does_not_grow_over_a_crate_placed_beside_it() -> None:
     newcomer, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
     scene = world(newcomer, arrived=[crate])
     on_crate = cells(scene, crate, newcomer) & ~expected_at(newcomer).mask
@@ -319,14 +321,14 @@ def test_a_stopped_body_does_not_grow_over_a_crate_that_is_put_beside_it() -> No
     assert (followed(scene, expected_at(newcomer)).mask & on_crate).any()
 
 
-def test_where_a_body_is_gone_nothing_is_found() -> None:
+def test_nothing_is_found_where_a_body_is_gone() -> None:
     where = expected_at(person(0.2, 4.0))
     scene = world()
     core = owners(scene, [where]) == 0
     assert followed_segment(scene, where, core, ALL, grows=True) is None
 
 
-def test_a_body_takes_only_cells_that_are_free() -> None:
+def test_a_body_takes_only_free_cells() -> None:
     newcomer = person(0.2, 4.0)
     scene = world(arrived=[newcomer])
     free = ALL.copy()
@@ -335,7 +337,7 @@ def test_a_body_takes_only_cells_that_are_free() -> None:
 
 
 @pytest.mark.parametrize("z", [(4.0, 2.8), (2.8, 4.0)])
-def test_cells_of_two_bodies_that_cross_go_by_depth(z: tuple[float, float]) -> None:
+def test_cells_of_two_crossing_bodies_are_assigned_by_depth(z: tuple[float, float]) -> None:
     """Both are expected at the same cells; the nearer one hides the other."""
     one, other = person(0.1, z[0]), person(0.0, z[1])
     scene = world(arrived=[one, other])
@@ -345,7 +347,7 @@ def test_cells_of_two_bodies_that_cross_go_by_depth(z: tuple[float, float]) -> N
     assert (owner[cells(scene, other, one)] == 1).all()
 
 
-def test_cells_far_from_any_expected_depth_or_place_are_nobody_s() -> None:
+def test_cells_far_from_any_expected_depth_or_position_are_unassigned() -> None:
     newcomer, stranger = person(0.1, 4.0), person(0.0, 2.0)
     scene = world(arrived=[newcomer, stranger])
     owner = owners(scene, [expected_at(newcomer)])
@@ -361,7 +363,7 @@ def test_cells_far_from_any_expected_depth_or_place_are_nobody_s() -> None:
 @given(
     top=st.integers(0, 190), left=st.integers(0, 300), h=st.integers(1, 40), w=st.integers(1, 40)
 )
-def test_a_window_holds_its_mask_and_no_more(top: int, left: int, h: int, w: int) -> None:
+def test_a_window_is_the_bounding_box_of_its_mask(top: int, left: int, h: int, w: int) -> None:
     mask = window_mask(top, top + h, left, left + w)
     assert mask[window_of(mask)].all()
     assert mask[window_of(mask)].sum() == mask.sum()
@@ -374,7 +376,7 @@ def test_an_empty_mask_has_an_empty_window() -> None:
     assert window_mask(0, 0, 0, 0)[window_of(window_mask(0, 0, 0, 0))].size == 0
 
 
-def test_the_box_in_pixels_reaches_to_the_outer_edges_of_the_cells() -> None:
+def test_the_pixel_box_reaches_the_outer_edges_of_the_cells() -> None:
     scene = world(WALL)
     u0, v0, u1, v1 = box_px(GRID, segment_of(scene, window_mask(20, 60, 100, 130)))
     assert (u0, v0, u1, v1) == (199.5, 39.5, 259.5, 119.5)

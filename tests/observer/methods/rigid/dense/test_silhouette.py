@@ -33,7 +33,7 @@ def grid(request: pytest.FixtureRequest) -> Grid:
     return Grid.of(request.param)
 
 
-def test_a_rectangle_has_its_four_corner_pixels(grid: Grid) -> None:
+def test_a_rectangle_gives_its_four_corner_pixels(grid: Grid) -> None:
     mask, r = empty(grid), grid.reduction
     mask[20:60, 30:45] = True
     (polygon,) = silhouette_px(mask, grid)
@@ -61,7 +61,7 @@ def test_each_part_has_a_polygon_and_holes_are_filled(grid: Grid) -> None:
     assert np.array_equal(drawn, in_pixels(filled, grid))
 
 
-def test_a_round_body_keeps_its_shape_to_half_a_cell_with_few_corners(grid: Grid) -> None:
+def test_a_round_body_keeps_its_shape_within_a_cell_with_few_corners(grid: Grid) -> None:
     mask = empty(grid)
     rows, columns = np.indices(mask.shape)
     radius = 40.3
@@ -80,7 +80,7 @@ def test_a_round_body_keeps_its_shape_to_half_a_cell_with_few_corners(grid: Grid
     assert (drawn & truth).sum() / (drawn | truth).sum() > 0.97
 
 
-def test_at_the_image_border_it_ends_there(grid: Grid) -> None:
+def test_a_silhouette_at_the_image_border_ends_there(grid: Grid) -> None:
     mask, r = empty(grid), grid.reduction
     mask[:, -10:] = True
     (polygon,) = silhouette_px(mask, grid)
@@ -89,5 +89,5 @@ def test_at_the_image_border_it_ends_there(grid: Grid) -> None:
     assert polygon.max(axis=0).tolist() == [w * r - 1, h * r - 1]
 
 
-def test_what_is_no_cell_has_no_polygon(grid: Grid) -> None:
+def test_an_empty_mask_gives_no_polygon(grid: Grid) -> None:
     assert silhouette_px(empty(grid), grid) == ()
