@@ -62,12 +62,12 @@ class StereoCalibration:
             if self.distortion_model == "equidistant":
                 if size != 4:
                     raise CalibrationError(
-                        f"{name} of an equidistant (fisheye) lens must hold 4 coefficients, "
+                        f"{name} of an equidistant (fisheye) lens must contain 4 coefficients, "
                         f"not {size}"
                     )
             elif size not in (0, 4, 5, 8, 12, 14):
                 raise CalibrationError(
-                    f"{name} must hold 4, 5, 8, 12 or 14 distortion coefficients, not {size}"
+                    f"{name} must contain 4, 5, 8, 12 or 14 distortion coefficients, not {size}"
                 )
             self._set(name, (size,))
         for name in ("K1", "K2"):

@@ -98,7 +98,7 @@ def _opened(spec: str) -> OpenedSource:
         return OpenedSource(*open_coppeliasim(rest))
     if kind:
         raise SourceError(
-            f"there is no kind of source {kind!r}; use simulated:SCENARIO, video:LEFT,RIGHT, "
+            f"unknown kind of source {kind!r}; use simulated:SCENARIO, video:LEFT,RIGHT, "
             f"camera:0,1, two addresses of network cameras, coppeliasim:HOST:PORT or the path of "
             f"a folder with stereo images or of a recording.mcap"
         )
@@ -222,6 +222,6 @@ def _open_folder(path: Path) -> OpenedSource:
             truth = CsvTruth(truth_file)
         except TruthError as error:
             # The images can still be observed.
-            note = f"{error}; the images are observed without it"
+            note = f"{error}; the images are processed without it"
     notes = source.calibration_notes
     return OpenedSource(source, truth, calibration_notes=notes, truth_note=note)

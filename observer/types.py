@@ -254,7 +254,7 @@ UNSEEN_BECAUSE = {
     "near": "too close",
     "fast": "too fast",
     "unmatched": "no match between left and right",
-    "tentative": "something may have started to move, not certain yet",
+    "tentative": "something may have started to move; not confirmed yet",
 }
 # Smaller shares of the view are not mentioned.
 _REPORTED_SHARE = 0.005
@@ -293,8 +293,8 @@ class Unseen:
                 if share >= _REPORTED_SHARE and cause != "tentative"
             )
             reasons.append(
-                f"motion could not be detected in {100 * self.share:.0f} % of the view, in one "
-                f"place large enough to hide a person: {causes}"
+                f"motion could not be detected in {100 * self.share:.0f} % of the view, "
+                f"including an area large enough to hide a person: {causes}"
             )
         if "tentative" in self.causes:
             reasons.append(UNSEEN_BECAUSE["tentative"])

@@ -132,7 +132,7 @@ def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
     for path in paths:
         if path.suffix.lower() not in FIGURE_SUFFIXES:
             raise InputError(
-                f"the name of a figure must end in {', '.join(FIGURE_SUFFIXES)}, unlike {path.name}"
+                f"the figure's file name must end in {', '.join(FIGURE_SUFFIXES)}, not {path.name}"
             )
         if not path.parent.is_dir():
             raise InputError(f"cannot write {path}: the folder {path.parent} does not exist")

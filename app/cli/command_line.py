@@ -47,8 +47,8 @@ COMMANDS: Mapping[str, str] = {
     "coppelia-scene": "Build two P3-DX, stereo cameras on one, walls and textured boxes in "
     "CoppeliaSim.",
     "parameters": "List the parameters that --set, the web page and REST accept.",
-    "drive": "Run a programme on the robots of a running server, as long as this command runs.",
-    "go": "Send the observer to a goal, as long as this command runs.",
+    "drive": "Run a programme on the robots of a running server; they stop when this command ends.",
+    "go": "Send the observer to a goal; it stops when this command ends.",
     "programmes": "List the built-in programmes; a server may have more.",
     "benchmark": "Compare the presets over scenarios and seeds, and measure the processing time.",
     "navigate-benchmark": "Measure driving to a goal among people: the planner compared with the "

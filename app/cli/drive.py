@@ -43,10 +43,11 @@ def drive(
         bool, typer.Option("--stop", help="Stop all robots and do nothing else.")
     ] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was driven as one JSON object on stdout.")
+        bool,
+        typer.Option("--json", help="Print a summary of the drive as one JSON object on stdout."),
     ] = False,
 ) -> None:
-    """Run a programme on the robots of a running server, as long as this command runs.
+    """Run a programme on the robots of a running server; they stop when this command ends.
 
     It takes control of the robots that the programme moves, arms them, and confirms ten times a
     second that you are present: Ctrl-C, a closed terminal or a lost connection stop the robots

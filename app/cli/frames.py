@@ -37,4 +37,4 @@ def frames(
         else:
             found = run_frames(recording, truth)
     write_file(output, json.dumps(plain(found), allow_nan=False).encode())
-    typer.echo(f"{output} is written", err=True)
+    typer.echo(f"wrote {output}", err=True)

@@ -40,10 +40,11 @@ def go(
     ] = None,
     takeover: Takeover = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was driven as one JSON object on stdout.")
+        bool,
+        typer.Option("--json", help="Print a summary of the drive as one JSON object on stdout."),
     ] = False,
 ) -> None:
-    """Send the observer to a goal, as long as this command runs.
+    """Send the observer to a goal; it stops when this command ends.
 
     The robot drives around obstacles, and the guard limits it as when it is driven by hand. The
     command takes control of the observer, arms it, and confirms ten times a second that you are

@@ -115,7 +115,7 @@ def _refuse_bad(figure: Path) -> None:
     """Reject a figure that cannot be written before the work, not after."""
     if figure.suffix.lower() not in FIGURE_SUFFIXES:
         raise InputError(
-            f"the name of a figure must end in {', '.join(FIGURE_SUFFIXES)}, unlike {figure.name}"
+            f"the figure's file name must end in {', '.join(FIGURE_SUFFIXES)}, not {figure.name}"
         )
     if not figure.parent.is_dir():
         raise InputError(f"cannot write {figure}: the folder {figure.parent} does not exist")

@@ -12,7 +12,7 @@ import typer
 from app.cli.output import whole_file
 from observer.errors import InputError
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the figures as JSON on stdout.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as JSON on stdout.")]
 
 _Figures = TypeVar("_Figures")
 

@@ -40,7 +40,7 @@ def sweep(
     ],
     output: Annotated[
         Path,
-        typer.Option(help="Folder for results and finished tasks; a second call continues there."),
+        typer.Option(help="Folder for results and finished tasks, where a sweep continues."),
     ],
     frames: Annotated[
         int | None, typer.Option(min=5, help="Maximum number of frames per source; default: all.")
@@ -140,7 +140,7 @@ def sweep(
     except KeyboardInterrupt:
         typer.echo(
             f"interrupted with {run.result.left} of {plan.count} tasks left; finished tasks are "
-            "kept, and the same call continues",
+            "kept; run the same command again to continue",
             err=True,
         )
         raise

@@ -27,7 +27,7 @@ class ServerApi:
 
     Args:
         server: an address such as ``http://127.0.0.1:8080``; https works too.
-        token: the token that the server printed at its start or keeps in its token file.
+        token: the token that the server printed at start-up or keeps in its token file.
         timeout_s: within which each request must be answered.
 
     Raises:

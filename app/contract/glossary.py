@@ -118,8 +118,8 @@ GLOSSARY: tuple[Term, ...] = (
     ),
     Term(
         "goal",
-        "Place on the ground to which the observer drives by itself, around obstacles, while its "
-        "operator is present.",
+        "Place on the ground to which the observer drives autonomously, around obstacles, while "
+        "its operator is present.",
     ),
     Term(
         "ground truth",
@@ -138,7 +138,7 @@ GLOSSARY: tuple[Term, ...] = (
     ),
     Term(
         "identity switch",
-        "A body that had one track continues under another one.",
+        "A body's track ends and the body continues under a different track ID.",
         avoided=(r"\bchanges? of identity\b", r"\bID[ -]?switch"),
     ),
     Term(

@@ -102,7 +102,7 @@ class GoalNow:
         tuple[float, float] | None, means("Predicted position of that track at that time.")
     ] = None
     refused: Annotated[
-        Sequence[RefusedPath], means("Some of the refused paths, the best one first.")
+        Sequence[RefusedPath], means("Some of the rejected paths, the best one first.")
     ] = ()
 
 

@@ -83,17 +83,17 @@ _LAYERS = (
         ((226, 44, 44), (255, 160, 20), (36, 160, 148)),
     ),
     SceneLayer(
-        "path", "Path", "The goal of the observer and its planned path (violet), refused paths "
-        "(pale), and where it would meet the obstacle that decides (magenta ring).",
+        "path", "Path", "The goal of the observer and its planned path (violet), rejected paths "
+        "(pale), and where it would meet the deciding obstacle (magenta ring).",
         f"{WORLD_NODE}/path", ((150, 70, 220), (158, 138, 190), (220, 50, 140)),
     ),
     SceneLayer(
-        "map", "Local map", "What the observer knows of the room on its way to a goal: "
+        "map", "Local map", "What the observer knows about the room on its way to a goal: "
         "obstructions (brown) and floor recently seen to be free (green). The rest is unknown.",
         f"{WORLD_NODE}/map", ((158, 106, 54), (64, 168, 98)),
     ),
     SceneLayer(
-        "truth", "Ground truth", "True boxes, where ground truth is known.", f"{WORLD_NODE}/truth",
+        "truth", "Ground truth", "Ground-truth boxes, where available.", f"{WORLD_NODE}/truth",
         ((112, 150, 150),),
     ),
 )  # fmt: skip

@@ -57,10 +57,11 @@ def _rig(file: Path) -> Rig | Finding:
 def _priority(machine: Machine, *, driven: bool) -> Finding:
     permitted = permitted_priority(machine.root)
     if permitted == "realtime":
-        return _SECTION.ok("the drive loop may use real-time priority")
+        return _SECTION.ok("the drive loop is permitted to use real-time priority")
     if permitted is None:
         return _SECTION.ok(
-            "it is unknown on this system whether the drive loop may use real-time priority"
+            "it is unknown on this system whether the drive loop is permitted to use real-time "
+            "priority"
         )
     instead = (
         "it only takes precedence over ordinary programs"
@@ -68,7 +69,9 @@ def _priority(machine: Machine, *, driven: bool) -> Finding:
         else "it is late when the computer is busy"
     )
     finding = _SECTION.warning if driven else _SECTION.ok
-    return finding(f"the drive loop may not use real-time priority, so {instead}; {_ALLOW_IT}")
+    return finding(
+        f"the drive loop is not permitted to use real-time priority, so {instead}; {_ALLOW_IT}"
+    )
 
 
 def _port(role: Role, port: str, machine: Machine) -> Finding:

@@ -235,7 +235,7 @@ class Roles:
                 driven.stop()
             except Exception:  # noqa: BLE001
                 # A failure of one robot must not keep the other from being stopped.
-                _log.exception("the %s could not be told to stop", role)
+                _log.exception("the stop command could not be sent to the %s", role)
         self.playing = None
         self.goals.give_up(self.driven[_OBSERVER], f"all robots were stopped by {by}", now)
         if self.stopped is None:

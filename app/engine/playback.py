@@ -259,7 +259,7 @@ class Player:
         count = self._source.info.frame_count
         if restart or isinstance(position, bool) or not 0 <= position < (count or 0):
             raise InputError(
-                f"seek must be a frame from 0 to {(count or 0) - 1} and stands alone, not "
+                f"seek must be a frame from 0 to {(count or 0) - 1} without restart, not "
                 f"{position}{' with restart' if restart else ''}"
             )
         self._seekable.seek(position)

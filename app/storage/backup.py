@@ -90,7 +90,9 @@ def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
             with open_engine(url, _BUSY_S) as engine, translated(where):
                 copy_tables(engine, snapshot)
         if not _revision(snapshot):
-            raise BackupError("the database is not one of dynamic-observer; nothing to back up")
+            raise BackupError(
+                "the database does not belong to dynamic-observer; there is nothing to back up"
+            )
         yield snapshot
     finally:
         shutil.rmtree(folder, ignore_errors=True)

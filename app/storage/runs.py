@@ -21,7 +21,7 @@ from observer.parameters import translated
 
 # Time during which a deletion can be undone.
 UNDO = timedelta(days=7)
-_DAMAGED = "the {} of this run {} damaged in the database and unknown"
+_DAMAGED = "the {} of this run {} damaged in the database and cannot be read"
 # The recording of a run, or a clip that was saved during it.
 _RECORDED = re.compile(r"(?:.*/)?runs/([^/]+)/(recording|ring-[\d-]+)\.mcap")
 _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())

@@ -67,7 +67,7 @@ def _guarded(secret: str) -> Iterator[list[str]]:
         def admit(connection: ServerConnection, request: Request) -> Response | None:
             shown = request.headers.get_all(_HEADER)
             if len(shown) != 1 or not hmac.compare_digest(shown[0].encode(), secret.encode()):
-                return connection.respond(HTTPStatus.FORBIDDEN, "the panel is the way in\n")
+                return connection.respond(HTTPStatus.FORBIDDEN, "open the viewer in the panel\n")
             return None if answer is None else answer(connection, request)
 
         guarded.append(f"{host}:{port}")

@@ -62,7 +62,7 @@ class RobotMarks:
         stop_zone, slow_zone: on the floor.
         sonar: short arcs at echoes within the last second.
         path: planned on the way to the goal, on the floor.
-        refused: refused paths, on the floor.
+        refused: rejected paths, on the floor.
         meeting: a ring with a cross on the floor where the robot is predicted to meet the obstacle
             that decides.
         goal: a ring on the floor, with the radius within which the goal counts as reached, and a

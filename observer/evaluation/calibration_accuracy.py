@@ -155,7 +155,7 @@ def calibration_accuracy(
     truth = world.true_calibration
     if world.board is None or not same_cameras(truth, place.true_calibration):
         raise ScenarioError(
-            f"{BOARD_SCENARIO} must hold a board before the cameras of {DEPTH_SCENARIO}"
+            f"{BOARD_SCENARIO} must contain a board before the cameras of {DEPTH_SCENARIO}"
         )
     held = world.board
     views, detection_s = _views(world, held, poses, clock)

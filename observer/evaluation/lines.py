@@ -123,7 +123,7 @@ def read_both(path: Path) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]
             # A plain ValueError is raised for an integer with thousands of digits.
             raise InputError(f"{path.name} line {number} is not valid JSON") from None
     if not lines:
-        raise InputError(f"{path.name} holds no lines")
+        raise InputError(f"{path.name} contains no lines")
     return _checked(lines), tuple(content for _, content in lines)
 
 

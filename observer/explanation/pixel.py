@@ -107,7 +107,7 @@ def _lost(trace: Mapping[str, Any], parameters: Parameters, px: tuple[float, flo
     return PixelAnswer(
         px,
         PixelVerdict.EGO_MOTION_LOST,
-        f"The ego-motion is lost, so nothing can be told apart from it: {why}.",
+        f"The ego-motion is lost, so object motion cannot be separated from camera motion: {why}.",
         {"matches": count, "min_inliers": p.min_inliers},
         change,
     )

@@ -75,7 +75,7 @@ def explain_by_flow(
             PixelVerdict.UNDECIDED,
             "Motion was not tested in this frame.",
             dict(counts),
-            "The next frame may tell.",
+            "Ask again on the next frame.",
         )
     # The image of t+dt was warped to t by the inverse of H; H maps the features back.
     near = look_around(map_pixels(H, trace["flow_observed_px"]), px, camera)

@@ -115,7 +115,7 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
     if closer < tracking.spacing_px:
         return why, (
             f"With klt_tracking.spacing_px at {closer} or below (now {tracking.spacing_px}) one "
-            "would be searched for at this very place."
+            "would be searched for at exactly this place."
         )
     if detector != "shi_tomasi":
         return why, (
@@ -171,14 +171,14 @@ def _judge(
         return (
             PixelVerdict.UNDECIDED,
             "The features here have no depth: they have no match in the other camera.",
-            "It changes once the right camera sees this place too; no threshold decides it.",
+            "This changes once the right camera sees this place too; no threshold affects it.",
         )
     if not evidence.cornered[speaker]:
         return (
             PixelVerdict.UNDECIDED,
             "The features here lie on a straight edge, along which they may slide: this is not "
             "evidence of motion.",
-            "It changes with texture across the edge; no threshold decides it.",
+            "Texture across the edge would change this; no threshold affects it.",
         )
     if middle == 0:
         return (
@@ -191,7 +191,7 @@ def _judge(
     if age < _YOUNG_S:
         return (
             PixelVerdict.UNDECIDED,
-            f"The features here have been tracked for only {age:.2f} s, too short to decide.",
+            f"The features here have been tracked for only {age:.2f} s, too briefly to decide.",
             f"It can be decided once they have been tracked for {_YOUNG_S:.1f} s, "
             f"{_YOUNG_S - age:.2f} s more.",
         )
@@ -257,8 +257,8 @@ def _until_it_ends(evidence: PointEvidence, speaker: int, parameters: Parameters
     obstacle = int(evidence.obstacle_id[speaker])
     if evidence.on_outline[speaker]:
         return (
-            f"No threshold decides it: the features on {_name(obstacle)} belong to it for as long "
-            "as it is separate in depth."
+            f"No threshold affects this: the features on {_name(obstacle)} belong to it for as "
+            "long as it is separate in depth."
         )
     seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
     _, most = limits("obstacles.min_points")

@@ -129,7 +129,7 @@ def _to_get_one(
     if count > features.max_count:
         ways.append(f"features.max_count at {count} or above (now {features.max_count})")
     if not ways:
-        return "Features found here were rejected afterwards; the next frame may tell."
+        return "Features found here were rejected afterwards; ask again on the next frame."
     return f"With {' and '.join(ways)} there would be a feature here."
 
 

@@ -243,7 +243,7 @@ _GOAL_COLUMNS = (
     Column(
         "refused",
         "text",
-        "refused paths, as JSON: direction (rad to the left), speed_mps, path (m "
+        "rejected paths, as JSON: direction (rad to the left), speed_mps, path (m "
         "ahead and left), cause (risk, later, guard or surface), risk, track, meets_s, guard",
     ),
 )

@@ -80,7 +80,11 @@ def _limit_by_obstacles(near: Approach, p: GuardParameters) -> Limit:
 
 def _named(number: int | None) -> str:
     # A tentative track has no permanent number yet.
-    return "an object that starts to move" if number is None or number < 0 else f"obstacle {number}"
+    return (
+        "an object that has started to move"
+        if number is None or number < 0
+        else f"obstacle {number}"
+    )
 
 
 def _limit_by_ground(

@@ -37,10 +37,10 @@ class GuardParameters(Stage):
     slow_time_s: Real = number(2.0, unit="s", ge=0.1, le=10.0, step=0.1, title="Slow-down time")
     """A shorter time to contact slows the robot down in proportion."""
     creep_mps: Real = number(0.03, unit="m/s", ge=0.0, le=0.5, step=0.01, title="Min. speed")
-    """If only less is permitted, the robot stops."""
+    """If only a lower speed is permitted, the robot stops."""
     release_s: Real = number(0.4, unit="s", ge=0.0, le=5.0, step=0.1, title="Release time")
-    """A limit is relaxed after a looser one has sufficed for this long, so that the speed does not
-    oscillate."""
+    """A limit is relaxed only after a looser one has sufficed for this long, to keep the speed from
+    oscillating."""
     robot_height_m: Real = number(0.5, unit="m", ge=0.05, le=3.0, step=0.05, title="Robot height")
     """Objects higher above the ground than this can be passed under."""
     step_m: Real = number(0.06, unit="m", ge=0.01, le=0.5, step=0.01, title="Min. obstacle height")
@@ -48,14 +48,14 @@ class GuardParameters(Stage):
     intruder_mps: Real = number(0.5, unit="m/s", ge=0.0, le=3.0, step=0.1, title="Intruder speed")
     """Speed at which something unseen may enter ground that was seen free and is out of view."""
     memory_s: Real = number(1.0, unit="s", ge=0.0, le=30.0, step=0.1, title="Free ground memory")
-    """Time for which ground that was seen free counts, as far as nothing unseen can have entered
-    it."""
+    """How long ground that was seen to be free still counts as free, unless something unseen could
+    have entered it."""
     sonar_stop_m: Real = number(
         0.2, unit="m", ge=0.0, le=2.0, step=0.05, title="Sonar stop distance"
     )
     """An echo closer than this ahead of the robot stops it, whatever the cameras see."""
     sonar_reach_m: Real = number(2.0, unit="m", ge=0.1, le=6.0, step=0.1, title="Sonar range")
-    """Without an echo, the cone of a sonar counts as free up to here."""
+    """Without an echo, the cone of a sonar counts as free up to this range."""
     sonar_half_angle_deg: Real = number(
         15.0, unit="deg", ge=2.0, le=60.0, step=1.0, title="Sonar half angle"
     )

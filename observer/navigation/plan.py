@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
 
-# Most refused paths that a plan lists.
+# Most rejected paths that a plan lists.
 MOST_REFUSED: Final = 6
 
 

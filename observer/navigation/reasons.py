@@ -123,4 +123,4 @@ def _index(people: Futures, decider: Reason) -> int:
 
 def _named(track: int) -> str:
     # A tentative track has no permanent number yet.
-    return "an object that starts to move" if track < 0 else f"obstacle {track}"
+    return "an object that has started to move" if track < 0 else f"obstacle {track}"

@@ -28,7 +28,7 @@ _PLACE_DIGITS, _DIGITS = 2, 3
 def refused_paths(
     choice: Choice, people: Futures, now: Motion, goal: tuple[float, float]
 ) -> tuple[RefusedPath, ...]:
-    """Return the best of the refused paths in each of several directions, the best one first.
+    """Return the best of the rejected paths in each of several directions, the best one first.
 
     Args:
         choice: made for the robot as it is ``now``, around ``people``. goal: x, y metres.

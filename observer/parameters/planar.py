@@ -65,7 +65,7 @@ class FlowParameters(Stage):
     back_check_px: Real = number(
         0.7, unit="px", ge=0.05, le=10.0, step=0.05, title="Forward-backward error"
     )
-    """Max. distance from its start at which a feature tracked forward and back may end."""
+    """Max. distance between a feature's start and the place to which it is tracked back."""
 
 
 class MotionParameters(Stage):

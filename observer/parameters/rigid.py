@@ -25,7 +25,7 @@ class KltTrackingParameters(Stage):
     back_check_px: Real = number(
         0.5, unit="px", ge=0.05, le=10.0, step=0.05, title="Forward-backward error"
     )
-    """Max. distance from its start at which a point tracked forward and back may end."""
+    """Max. distance between a point's start and the place to which it is tracked back."""
     circle_px: Real = number(
         1.0, unit="px", ge=0.05, le=10.0, step=0.05, title="Circle check", models=RIGID
     )
@@ -87,7 +87,8 @@ class EvidenceParameters(Stage):
         0.05, ge=0.0, le=1.0, step=0.01, title="Residual distortion", models=RIGID
     )
     """Standard deviation of the relative stretch of the image corners by uncalibrated distortion;
-    it falls off towards the centre. It makes what passes the edge of the view seem to move."""
+    it falls off towards the centre. It makes static objects near the edge of the view appear to
+    move."""
     least_noise: Real = number(1.0, ge=0.1, le=10.0, step=0.1, title="Min. noise", models=RIGID)
     """Lower limit of the noise that is learnt from the background, relative to what texture and
     grey levels predict."""

@@ -69,7 +69,7 @@ def _pose(value: PlainData) -> Pose:
     matrix = finite_numbers(value) if isinstance(value, list) else None
     if matrix is None or matrix.shape not in ((3, 4), (4, 4)):
         raise ValueError(
-            "must hold 3 or 4 rows of 4 numbers: a rotation, and metres in the last column"
+            "must contain 3 or 4 rows of 4 numbers: a rotation, and metres in the last column"
         )
     if matrix.shape == (4, 4) and matrix[3].tolist() != [0, 0, 0, 1]:
         raise ValueError("the last row of {at} must be 0 0 0 1")

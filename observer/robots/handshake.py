@@ -86,7 +86,7 @@ def shake_hands(line: PacketLine) -> Identity:
         step = 0
     if answered:
         raise NoSession(
-            f"the robot at {line.port.name} answers but opens no session; power-cycle it"
+            f"the robot at {line.port.name} responds but does not open a session; power-cycle it"
         )
     raise NoSession(
         f"no robot answers at {line.port.name}; check that it is switched on, that its cable is "
@@ -133,7 +133,7 @@ def speed_up(line: PacketLine, baud: int) -> bool:
         # Two packets, as a single one may be old.
         if all(line.wait_for(is_status, _BAUD_S) is not None for _ in range(2)):
             return rate == baud
-    raise NoSession(f"the robot at {line.port.name} fell silent at {baud} baud")
+    raise NoSession(f"the robot at {line.port.name} stopped responding at {baud} baud")
 
 
 def _counts(payload: bytes, *, step: int) -> bool:

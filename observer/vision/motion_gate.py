@@ -145,8 +145,8 @@ def jump_reason(
     turn = float(np.linalg.norm(motion.turn_rate))
     if not (speed <= _MAX_SPEED and turn <= _MAX_TURN_RATE):
         return (
-            f"the ego-motion jumps: {speed:.3g} m/s and {np.degrees(turn):.3g} deg/s is more than "
-            "any camera moves"
+            f"the ego-motion jumps: {speed:.3g} m/s and {np.degrees(turn):.3g} deg/s is "
+            "faster than any camera moves"
         )
     if not recent:
         return None
@@ -174,7 +174,7 @@ def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> s
     allowed = possible + min(noise, possible) + late
     if change > allowed:
         return (
-            f"the ego-motion jumps: {change:.3g} m/s of change within {gap:.2g} s "
+            f"the ego-motion jumps: it changed by {change:.3g} m/s within {gap:.2g} s "
             f"({change / gap:.3g} m/s^2), {allowed:.2g} m/s is possible"
         )
     change = float(np.linalg.norm(motion.turn_rate - earlier.turn_rate))
@@ -184,8 +184,8 @@ def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> s
     allowed = possible + min(noise, possible) + late
     if change > allowed:
         return (
-            f"the ego-motion jumps: {np.degrees(change):.3g} deg/s of change within {gap:.2g} s, "
-            f"{np.degrees(allowed):.3g} deg/s is possible"
+            f"the ego-motion jumps: it changed by {np.degrees(change):.3g} deg/s within {gap:.2g} "
+            f"s, {np.degrees(allowed):.3g} deg/s is possible"
         )
     return None
 

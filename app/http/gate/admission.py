@@ -33,14 +33,14 @@ _MOST_CANDIDATES = 4
 _VIEWED = re.compile(r"/viewer/(?P<key>[A-Za-z0-9_-]{43})(?:/|$)")
 
 _SIGN_IN_FIRST = (
-    "sign in first: open the link that the server printed at its start, or send the header "
+    "sign in first: open the link that the server printed at start-up, or send the header "
     "Authorization: Bearer TOKEN; --token-file keeps the token over restarts"
 )
 _SESSION_ENDED = (
-    "this session has ended; sign in again with the link that the server printed at its start"
+    "this session has ended; sign in again with the link that the server printed at start-up"
 )
 _WRONG_TOKEN = (  # nosec B105
-    "wrong token; open the link that the server printed at start"
+    "wrong token; open the link that the server printed at start-up"
 )
 _TOO_MANY = "too many wrong tokens from this address; wait a minute (the right token still works)"
 

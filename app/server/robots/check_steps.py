@@ -131,7 +131,10 @@ def judged(kind: str, figures: StopMeasured, margin_m: float | None) -> tuple[bo
     if stood is None:
         return False, f"{soon}, but the robot did not report standstill"
     way = "" if figures.distance_m is None else f" and {figures.distance_m:.2f} m"
-    rest = f"{soon} (limit {PROMISED_MS:.0f} ms); the robot stood still after {stood:.0f} ms{way}"
+    rest = (
+        f"{soon} (limit {PROMISED_MS:.0f} ms); "
+        f"the robot came to a standstill after {stood:.0f} ms{way}"
+    )
     if left is None:
         return True, rest
     if kind == "guard" and margin_m is not None and left < margin_m:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,6 +13,8 @@ import structlog
 from app.contract.commands import Answer
 from app.contract.drive import (
     ArmRobot,
+    ConnectRobot,
+    DisarmRobot,
     DriveLostEvent,
     DriveStartedEvent,
     DriveState,
@@ -51,6 +53,19 @@ _ARM_AGAIN_S = 0.1
 _NO_PROCESS = "the drive process has not started yet"
 _DRIVEN = ("armed", "moving")
 _NOTHING_KNOWN = DriveFacts(None, None, None, None, None, dict.fromkeys(ROLES))
+
+
+@dataclass(frozen=True)
+class ArmedRobot:
+    """A programme's robot as it was when the programme was requested: armed.
+
+    Attributes:
+        connection: as assigned to the drive process; None while it is being reconnected.
+        disarmings: the role's count of requests to disarm until then.
+    """
+
+    connection: ConnectRobot | None
+    disarmings: int
 
 
 class RunKeeper(IncidentKeeper, Protocol):
@@ -108,6 +123,8 @@ class RobotManager:
         self._facts = _NOTHING_KNOWN
         self._trouble: str | None = None
         self._generation = 0
+        # Per role: requests after which the robot must stay disarmed until somebody arms it.
+        self._disarmings = dict.fromkeys(ROLES, 0)
         self._world: str | None = None
         self.operators = Operators(self.ask, self._background.start)
         self.wheels = WheelLog()
@@ -197,12 +214,13 @@ class RobotManager:
 
     def _lost(self, event: DriveLostEvent) -> None:
         self._trouble = (
-            f"{event.reason}; the robots' firmware stops them; they are reconnected, disarmed, "
-            "with the next drive process"
+            f"{event.reason}; the robots' firmware stops them. They are reconnected, disarmed, "
+            "once the drive process has restarted"
         )
         log.error("drive_lost", reason=event.reason)
         # Robots without a drive process must not be shown as connected.
         self._facts = replace(_NOTHING_KNOWN, stopped=self._facts.stopped)
+        self._count_disarming(ROLES)
         self._connecting.drive_lost()
         self.operators.drive_lost(event.reason)
         self._changed()
@@ -274,7 +292,18 @@ class RobotManager:
         Raises:
             FieldError, Conflict, NotAvailable: as ``app.server.asking.ask_drive``.
         """
+        match command:
+            case DisarmRobot():
+                self._count_disarming((command.role,))
+            case StopRobots() | ResetStop():
+                self._count_disarming(ROLES)
+            case _:
+                pass
         return await ask_drive(self._drive, command)
+
+    def _count_disarming(self, roles: Iterable[Role]) -> None:
+        for role in roles:
+            self._disarmings[role] += 1
 
     async def stop_robots(self, by: str) -> None:
         """Stop all robots until ``reset``. Waits only for the drive process.
@@ -292,8 +321,8 @@ class RobotManager:
             self._connecting.stop_due = by
             self._connecting.look()
             raise NotAvailable(
-                f"the stop did not reach the drive process ({error}): use the robots' own stop "
-                "switch; without commands their firmware stops them, and the next drive process "
+                "use the robots' own stop switch: the stop did not reach the drive process "
+                f"({error}). Without commands the robots' firmware stops them; the new drive process "
                 "starts in the stopped state"
             ) from error
         self._connecting.stop_due = None
@@ -309,8 +338,11 @@ class RobotManager:
             self._connecting.stop_due = self._connecting.stop_due or due
             raise
 
-    def check_programme(self, start: StartProgramme) -> None:
+    def check_programme(self, start: StartProgramme) -> dict[Role, ArmedRobot]:
         """Check that the programme's robots are armed; call it before opening anything for it.
+
+        Returns:
+            These robots, for ``arm_again``.
 
         Raises:
             Conflict: a robot is not armed.
@@ -318,25 +350,41 @@ class RobotManager:
         for role in start.programme.roles:
             if not self.is_driven(role):
                 raise Conflict(f"the {role} is not armed; arm it first")
+        return {
+            role: ArmedRobot(self._connecting.given(role), self._disarmings[role])
+            for role in start.programme.roles
+        }
 
-    async def arm_again(self, start: StartProgramme) -> None:
-        """Re-arm the programme's robots, which reopening the source has replaced.
+    async def arm_again(self, start: StartProgramme, before: Mapping[Role, ArmedRobot]) -> None:
+        """Re-arm those of the programme's robots that reopening the source has replaced.
 
         Do this only for the operator who has just requested the programme, and who holds the leases
-        of robots that were armed.
+        of robots that were armed. A robot that anything else disarmed meanwhile stays disarmed.
+
+        Args:
+            before: from ``check_programme``.
 
         Raises:
-            Conflict: they cannot be armed, or not in time, or all robots were stopped.
+            Conflict: they cannot be armed, or not in time, or were disarmed or stopped meanwhile.
         """
         deadline = self._clock() + _ARM_WITHIN_S
-        for role in start.programme.roles:
-            while not await self._armed(role, start.leases.get(role), deadline):
+        for role, armed in before.items():
+            while not await self._armed(role, armed, start.leases.get(role), deadline):
                 await asyncio.sleep(_ARM_AGAIN_S)
+            self._refuse_disarmed(before)
 
-    async def _armed(self, role: Role, lease: str | None, deadline: float) -> bool:
-        late = self._clock() > deadline
+    def _refuse_disarmed(self, before: Mapping[Role, ArmedRobot]) -> None:
         if self._facts.stopped is not None:
             raise Conflict("all robots were stopped; reset the stop first")
+        for role, armed in before.items():
+            if self._disarmings[role] != armed.disarmings:
+                raise _disarmed(role)
+
+    async def _armed(
+        self, role: Role, before: ArmedRobot, lease: str | None, deadline: float
+    ) -> bool:
+        late = self._clock() > deadline
+        self._refuse_disarmed({role: before})
         given, robot = self._connecting.given(role), self.robot(role)
         if given is None or robot is None:
             if late:
@@ -347,6 +395,9 @@ class RobotManager:
             return False
         if self.is_driven(role):
             return True
+        if given == before.connection:
+            # The same robot as before, so it was not the reopening that disarmed it.
+            raise _disarmed(role)
         try:
             await self.ask(ArmRobot(role, lease))
         except Conflict:
@@ -354,3 +405,9 @@ class RobotManager:
                 raise
             return False
         return True
+
+
+def _disarmed(role: Role) -> Conflict:
+    return Conflict(
+        f"the {role} was disarmed while the run was starting; arm it, then start the run again"
+    )

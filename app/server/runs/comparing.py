@@ -130,11 +130,11 @@ class MethodComparison:
             NotAvailable: the last seconds cannot be saved now. StorageFull: there is no room.
         """
         if self._progress is not None:
-            raise Conflict("two methods are being compared already; wait for it, or cancel it")
+            raise Conflict("a comparison is already in progress; wait for it, or cancel it")
         if self._held():
             raise Conflict(
-                "a robot is armed, and comparing takes computing time that driving needs; disarm "
-                "it first"
+                "a robot is armed, and a comparison would take processor time away from driving; "
+                "disarm it first"
             )
         parameters = [self._parameters.compose(name, {}, {}) for name in presets]
         # Set before the first await, so that a second request is refused.

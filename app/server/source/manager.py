@@ -117,7 +117,9 @@ class SourceManager:
             self._shared.refuse_in_run("stop it before you open another source")
             self._shared.refuse_calibrating()
             if self.before is None:
-                raise Conflict("no recording of a run was opened, so there is no source before it")
+                raise Conflict(
+                    "no recording of a run was opened, so there is no previous source to return to"
+                )
             await self.use(self.before)
             self.before = None
             self._shared.followers.status_changed()

@@ -179,8 +179,8 @@ class MethodStepsManager:
         if not known:
             raise FieldError(
                 ("query", "source"),
-                f"{shown_spec(source)[:80]!r} was not opened here before; open it once as the "
-                f"source, or choose simulated:SCENARIO or run:ID",
+                f"{shown_spec(source)[:80]!r} has not been opened on this server "
+                f"yet; open it once as the source, or choose simulated:SCENARIO or run:ID",
             )
         return await asyncio.to_thread(make_opening, self._storage, source, None)
 
@@ -211,7 +211,7 @@ class MethodStepsManager:
             return self._kept[key]
         if self._held():
             raise Conflict(
-                "a robot is armed, and this takes computing time that driving needs; disarm it "
+                "a robot is armed, and this would take processor time away from driving; disarm it "
                 "first"
             )
         result = await self._done(job)

@@ -101,11 +101,11 @@ class _Struct:
         if value is None:
             raise CalibrationError(f"{begin} is missing; {_AS_STRUCT}")
         if not isinstance(value, np.ndarray):
-            raise CalibrationError(f"{begin} must hold numbers")
+            raise CalibrationError(f"{begin} must contain numbers")
         if count is not None and value.size != count:
-            raise CalibrationError(f"{begin} must hold {count} numbers, not {value.size}")
+            raise CalibrationError(f"{begin} must contain {count} numbers, not {value.size}")
         if not np.isfinite(value).all():
-            raise CalibrationError(f"{begin} must hold finite numbers only")
+            raise CalibrationError(f"{begin} must contain finite numbers only")
         return value.reshape(-1, order="F")
 
     def matrix(self, key: str, size: int) -> Float64Array:
@@ -165,7 +165,7 @@ class _Camera:
         radial = self.struct.numbers("RadialDistortion")
         if len(radial) not in (2, 3):
             raise CalibrationError(
-                f"{name}: {key}.RadialDistortion must hold 2 or 3 numbers, not {len(radial)}"
+                f"{name}: {key}.RadialDistortion must contain 2 or 3 numbers, not {len(radial)}"
             )
         tangential = self.struct.numbers("TangentialDistortion", 2)
         self.D = np.concatenate([radial[:2], tangential, radial[2:]])
@@ -188,7 +188,7 @@ def _size(cameras: list[_Camera], wanted: Wanted, notes: list[str]) -> tuple[Siz
         height, width = struct.numbers("ImageSize", 2)
         if height != int(height) or width != int(width) or not 0 <= max(height, width) <= 1e6:
             raise CalibrationError(
-                f"{name}: {struct.within}ImageSize must hold two whole numbers, [height, width]"
+                f"{name}: {struct.within}ImageSize must contain two whole numbers, [height, width]"
             )
         sizes.append((int(width), int(height)))
     if sizes[0] != sizes[1]:

@@ -40,9 +40,9 @@ def finite_numbers(value: PlainData) -> Float64Array:
     data = _plain_array(value["data"]).reshape(-1)
     # In a matrix of several channels (OpenCV saves vectors of points so) each one is a column.
     if (rows * cols == 0 and data.size) or (rows * cols and data.size % (rows * cols)):
-        raise ValueError(f"must hold {rows} x {cols} numbers, but it holds {data.size}")
+        raise ValueError(f"must contain {rows} x {cols} numbers, but it holds {data.size}")
     if rows * cols and not data.size:
-        raise ValueError(f"must hold {rows} x {cols} numbers, but it is empty")
+        raise ValueError(f"must contain {rows} x {cols} numbers, but it is empty")
     return data.reshape(rows, -1) if data.size else np.zeros((rows, cols))
 
 
@@ -54,7 +54,7 @@ def shaped(value: PlainData, *shape: int) -> Float64Array:
     array = finite_numbers(value)
     wanted = " x ".join(map(str, shape))
     if len(shape) == 1 and array.size != shape[0]:
-        raise ValueError(f"must hold {wanted} numbers, not {array.size}")
+        raise ValueError(f"must contain {wanted} numbers, not {array.size}")
     if array.size != math.prod(shape) or (len(shape) == array.ndim != 1 and array.shape != shape):
         raise ValueError(f"must have shape {wanted}, not {_shape(array)}")
     return array.reshape(shape)
@@ -77,7 +77,7 @@ def _transformation(value: PlainData) -> Pose:
         return Pose.from_matrix(matrix)
     except ValueError:
         raise ValueError(
-            "must hold a rotation (R^T R = I, det R = +1), a translation and the row 0 0 0 1"
+            "must contain a rotation (R^T R = I, det R = +1), a translation and the row 0 0 0 1"
         ) from None
 
 
@@ -85,7 +85,7 @@ def image_size(value: PlainData) -> tuple[int, int]:
     """Return width and height in pixels from a key that holds these two."""
     size = shaped(value, 2)
     if (size != np.floor(size)).any() or (size < 0).any() or (size > 1e6).any():
-        raise ValueError("must hold two whole numbers, [width, height] in pixels")
+        raise ValueError("must contain two whole numbers, [width, height] in pixels")
     return int(size[0]), int(size[1])
 
 
@@ -160,7 +160,7 @@ def _plain_array(value: PlainData) -> Float64Array:
         raise ValueError("must contain numbers, not nested keys")
     items = value.split() if isinstance(value, str) else value
     if len(items) > _MAX_NUMBERS:
-        raise ValueError(f"must hold at most {_MAX_NUMBERS} numbers, but it holds {len(items)}")
+        raise ValueError(f"must contain at most {_MAX_NUMBERS} numbers, but it holds {len(items)}")
     if items and all(isinstance(item, list) for item in items):
         rows = [_plain_array(item) for item in items]
         if len({row.shape for row in rows}) != 1 or rows[0].ndim != 1:
@@ -171,12 +171,12 @@ def _plain_array(value: PlainData) -> Float64Array:
 
 def _number(value: PlainData) -> float:
     if not isinstance(value, str):
-        raise ValueError("must hold numbers, not several values")
+        raise ValueError("must contain numbers, not several values")
     text = value.strip()
     if NUMBER.fullmatch(text):
         number = float(text)
         if math.isfinite(number):
             return number
     elif not _NOT_FINITE.fullmatch(text):
-        raise ValueError(f"must hold numbers only, not {text[:40]!r}")
-    raise ValueError(f"must hold finite numbers only, not {text[:40]}")
+        raise ValueError(f"must contain numbers only, not {text[:40]!r}")
+    raise ValueError(f"must contain finite numbers only, not {text[:40]}")

@@ -71,8 +71,8 @@ class _Camera(FileModel):
         if self.cameraType == "equidistant" and len(D) > 4:
             if D[4:].any():
                 raise CalibrationError(
-                    f"{name}: {key}.distortionCoeff of a fisheye camera must hold 4 coefficients "
-                    "followed by zeros"
+                    f"{name}: {key}.distortionCoeff of a fisheye camera must contain "
+                    "4 coefficients followed by zeros"
                 )
             D = D[:4]
         return DraftCamera(
@@ -174,7 +174,7 @@ def _cameras(name: str, listed: PlainData) -> dict[int, PlainData]:
     cameras: dict[int, PlainData] = {}
     for entry in listed:
         if not isinstance(entry, list) or len(entry) != 2:
-            raise CalibrationError(f"{name}: {_CAMERAS} must hold pairs of [socket, camera]")
+            raise CalibrationError(f"{name}: {_CAMERAS} must contain pairs of [socket, camera]")
         try:
             socket = _socket(entry[0])
         except ValueError as error:

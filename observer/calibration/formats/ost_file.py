@@ -60,8 +60,8 @@ class _Camera:
         count = len(self.numbers["distortion"])
         if count not in _MODELS:
             raise CalibrationError(
-                f"{source}: distortion must hold 5 or 8 numbers, not {count}; ost.txt supports no "
-                "other lens models; use left.yaml and right.yaml from camera_calibration"
+                f"{source}: distortion must contain 5 or 8 numbers, not {count}; ost.txt supports "
+                "no other lens models; use left.yaml and right.yaml from camera_calibration"
             )
         data: dict[str, PlainData] = {
             key: self.numbers[title][0]

@@ -55,7 +55,7 @@ def sweep_crowd(spec: str, runs: int = DEFAULT_RUNS) -> SweepCrowd:
     found = _SPEC.fullmatch(spec)
     if found is None or float(found[2]) > _DENSEST:
         raise InputError(
-            f"{spec[:80]} is no crowd; give crowd:hard:DENSITY or crowd:kind:DENSITY with 0 to "
+            f"{spec[:80]} is not a crowd; give crowd:hard:DENSITY or crowd:kind:DENSITY with 0 to "
             f"{_DENSEST:g} people per m², for example crowd:hard:0.1"
         )
     if runs > _MOST_RUNS:

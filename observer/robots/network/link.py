@@ -232,7 +232,9 @@ class ExternalLink:
                 silent = self._watch.silent(now)
             if not silent:
                 raise BadMessage("another robot is already connected here")
-            self._drop(before, "another robot replaced it", "the robot fell silent and reconnected")
+            self._drop(
+                before, "another robot replaced it", "the robot stopped responding and reconnected"
+            )
         self._strangers.remove(connection)
         self._robot = connection
         self._permit, self._permit_due = None, now

@@ -231,7 +231,7 @@ class Speaker:
 
 def _name(body: bytes) -> str:
     if len(body) < _NAME_LENGTH.size:
-        raise VrpnError("a description must hold a name")
+        raise VrpnError("a description must contain a name")
     (length,) = _NAME_LENGTH.unpack_from(body)
     text = body[_NAME_LENGTH.size :]
     # Some servers count the NUL, some do not.

@@ -169,7 +169,7 @@ class GoalPanel extends Part {
     this.#ahead.value = place.ahead.toFixed(2);
     this.#left.value = place.left.toFixed(2);
     if (!this.#sendsOnPick) {
-      this.#showInScene(`Entered, not sent: ${placeInWords(place)}.`);
+      this.#showInScene(`Entered but not sent: ${placeInWords(place)}.`);
       return;
     }
     try {
@@ -205,7 +205,7 @@ class GoalPanel extends Part {
     }
     openPane("main");
     const seen = document.querySelector("observer-scene")?.checkVisibility();
-    showError(this.#refusal, seen ? "" : "Not picked: the 3D scene is not in view.");
+    showError(this.#refusal, seen ? "" : "No goal picked: the 3D scene is not visible.");
     if (!seen) return;
     // Fixed until the click, so that the click does what the user was told before.
     this.#sendsOnPick = this.#missingReason === "";

@@ -37,7 +37,7 @@ const STATES = {
 class GuardCheck extends Part {
   #what = h(
     "p.hint",
-    "Drive by hand and follow each step: somebody walks into the path, covers a lens, unplugs a camera, or you close the browser. The server saves a dated record of how soon the robot was commanded to stop, how soon it stood still, and how far it rolled.",
+    "Drive by hand and follow each step: somebody walks into the path, covers a lens, unplugs a camera, or you close the browser. The server saves a dated record of how soon the robot was commanded to stop, how soon it came to a standstill, and how far it rolled.",
   );
   #advice = h("p.check-advice");
   #note = input("text", "check-note", { maxlength: "500" });

@@ -39,7 +39,7 @@ export function standstillReason(role, robot, facts, ours) {
     return sentence(trouble ?? robot.why ?? "connecting to the robot");
   }
   if (role === "observer" && facts?.goal?.state === "driving")
-    return "Driving to a goal by itself.";
+    return "Driving to a goal autonomously.";
   // Why it is slower than requested is shown next to what is sent.
   if (robot.state === "moving") return "The robot is moving.";
   if (robot.why) return sentence(robot.why);
@@ -154,14 +154,14 @@ export function incidentInWords({ at, role, kind, sentence: words, speed_mps, st
   return `${time} ${who ? ROLE_WORDS[who] : "Both robots"}${speed}: ${sentence(words)}${ends.join("")}`;
 }
 
-/** @param {StopMeasured} figures @returns {string} as in "stop command sent after 220 ms, stood still after 610 ms and 0.12 m" */
+/** @param {StopMeasured} figures @returns {string} as in "stop command sent after 220 ms, at a standstill after 610 ms and 0.12 m" */
 export function stopInWords({ zero_ms, stood_ms, distance_m, separation_m }) {
   const way = distance_m === null ? "" : ` and ${fixed(distance_m, 2)} m`;
   return [
     zero_ms === null ? "no stop command sent" : `stop command sent after ${fixed(zero_ms, 0)} ms`,
     stood_ms === null
       ? "standstill not observed"
-      : `stood still after ${fixed(stood_ms, 0)} ms${way}`,
+      : `at a standstill after ${fixed(stood_ms, 0)} ms${way}`,
     separation_m === null ? null : `${fixed(separation_m, 2)} m clearance`,
   ]
     .filter(Boolean)

@@ -5,7 +5,7 @@ export const SIGMAS_95 = 1.96;
 
 export const GLOSSARY = {
   "95 % interval":
-    "Range that contains the true value in 95 of 100 cases if the stated uncertainty is right. Every ± is half of it, which is 1.96 standard deviations. Data files contain standard deviations.",
+    "Range that contains the true value in 95 of 100 cases if the stated uncertainty is right. Every ± is its half-width, 1.96 standard deviations. Data files contain standard deviations.",
   "alignment":
     "Finding the time offset between the clocks of motion capture and of the run, the pose of the room in the run's world frame, and which track is which body.",
   "armed":
@@ -32,11 +32,11 @@ export const GLOSSARY = {
     "Vertical distance between a point in the right image and the row on which the calibration expects it, in pixels.",
   "extrinsics": "Position and orientation of one camera relative to the other, or to the robot.",
   "goal":
-    "Place on the ground to which the observer drives by itself, around obstacles, while its operator is present.",
+    "Place on the ground to which the observer drives autonomously, around obstacles, while its operator is present.",
   "ground truth": "The true motion of a body, from the simulator or from motion capture.",
   "guard":
     "Part of the drive process that slows and stops the robots according to what the cameras and the sonar see. It is not a certified safety function.",
-  "identity switch": "A body that had one track continues under another one.",
+  "identity switch": "A body's track ends and the body continues under a different track ID.",
   "in place":
     "State of an obstacle that moves without going anywhere, such as a person waving both arms.",
   "inlier": "Match that agrees with the estimated ego-motion.",

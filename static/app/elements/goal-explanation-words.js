@@ -29,7 +29,7 @@ function deciderInWords({ waits_for, meets_s }) {
   return `${trackInWords(waits_for)}${when}`;
 }
 
-/** List the refused paths, from left to right as in the scene. @param {GoalNow} goal */
+/** List the rejected paths, from left to right as in the scene. @param {GoalNow} goal */
 export function refusalsInWords({ refused }) {
   return [...refused]
     .sort((one, other) => other.direction - one.direction)
@@ -44,7 +44,7 @@ function refusedInWords(path) {
 
 /** @param {RefusedPath} path */
 function causeInWords({ cause, track, meets_s, risk, guard }) {
-  if (cause === "guard") return guard ? `refused by the guard, ${guard}` : "refused by the guard";
+  if (cause === "guard") return guard ? `rejected by the guard, ${guard}` : "rejected by the guard";
   const when = meets_s === null ? "" : ` in ${fixed(meets_s, 1)} s`;
   if (cause === "surface") return `would reach an obstruction${when}`;
   const encounter = `would meet ${track === null ? "an obstacle" : trackInWords(track)}${when}`;
@@ -65,7 +65,7 @@ function directionInWords(direction) {
 
 /** @param {number} track negative: it starts to move and has no number yet @returns {string} */
 function trackInWords(track) {
-  return track < 0 ? "an object that starts to move" : `obstacle ${track}`;
+  return track < 0 ? "an object that has started to move" : `obstacle ${track}`;
 }
 
 /** @param {number} value @returns {string} one significant digit, two from 10 on: as in "0.0002" */

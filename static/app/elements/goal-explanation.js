@@ -1,4 +1,4 @@
-/** Why the observer drives as it does on its way to a goal: what decides, and refused paths. */
+/** Why the observer drives as it does on its way to a goal: what decides, and rejected paths. */
 
 import { fillList, h, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
@@ -19,7 +19,7 @@ export class GoalExplanation extends HTMLElement {
   /** @param {GoalNow} goal */
   show(goal) {
     fillFigures(this.#figures, figuresOfGoal(goal));
-    setText(this.#title, goal.refused.length > 0 ? "Refused paths" : "No path was refused.");
+    setText(this.#title, goal.refused.length > 0 ? "Rejected paths" : "No path was rejected.");
     fillList(this.#refused, refusalsInWords(goal));
   }
 }

@@ -44,7 +44,7 @@ export function bearingInWords(bearing) {
  *
  * @param {ObstacleEntry} obstacle
  * @param {LiveLine["pose"]} pose of the camera in the world
- * @returns {string} as in "to the left and towards us", empty where it is not known
+ * @returns {string} as in "to the left and towards the camera", empty where it is not known
  */
 export function headingInWords(obstacle, pose) {
   if (!obstacle.velocity || !pose) return "";
@@ -54,7 +54,8 @@ export function headingInWords(obstacle, pose) {
   const parts = [];
   // A component is named if it is at least tan(22.5 degrees) times the other.
   if (Math.abs(x) > 0.414 * Math.abs(z)) parts.push(x > 0 ? "to the right" : "to the left");
-  if (Math.abs(z) > 0.414 * Math.abs(x)) parts.push(z > 0 ? "away from us" : "towards us");
+  if (Math.abs(z) > 0.414 * Math.abs(x))
+    parts.push(z > 0 ? "away from the camera" : "towards the camera");
   return parts.join(" and ");
 }
 

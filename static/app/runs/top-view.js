@@ -80,7 +80,7 @@ export class TopView extends HTMLElement {
     );
     setText(
       this.#scale,
-      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${plan.truth.length > 0 ? " Dashed: ground truth." : ""}${plan.goal ? " Violet: goal and planned path." : ""}${this.#map ? " Local map: green is free, brown stands." : ""}`,
+      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${plan.truth.length > 0 ? " Dashed: ground truth." : ""}${plan.goal ? " Violet: goal and planned path." : ""}${this.#map ? " Local map: green is free, brown is obstructed." : ""}`,
     );
   }
 

@@ -15,7 +15,7 @@ export class RevokeList {
   changed = async () => {};
 
   #make = button("New link", () => this.#act(() => request("POST", "/links/read-only", {})), {
-    title: "Links made before remain valid",
+    title: "Existing links remain valid",
   });
   #list = h("ul.item-list");
   #items = new KeyedList(
@@ -54,9 +54,9 @@ export class RevokeList {
   #item(link) {
     const made = when(link.made_at);
     const revoke = button("Revoke", () => this.#revoke(link), {
-      "aria-label": `Revoke the link made ${made}`,
+      "aria-label": `Revoke the link created ${made}`,
     });
-    const words = [`Made ${made}`, link.shared ? " (the link above)" : ""];
+    const words = [`Created ${made}`, link.shared ? " (the link above)" : ""];
     return item([h("p", ...words), h("p.hint", watchingInWords(link.watching))], revoke);
   }
 
@@ -64,7 +64,7 @@ export class RevokeList {
   async #revoke({ id, made_at, watching }) {
     const them = watching === 1 ? "1 browser is" : `${watching} browsers are`;
     const sure = await askConfirmation(
-      `Revoke the link made ${when(made_at)}?`,
+      `Revoke the link created ${when(made_at)}?`,
       `Nobody can open it any more${watching > 0 ? `, and ${them} signed out at once` : ""}. You cannot undo this.`,
       "Revoke link",
     );

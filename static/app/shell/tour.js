@@ -37,7 +37,7 @@ const STOPS = /** @type {const} */ ([
   [
     "#tab-parameters",
     "Tune it",
-    "Thresholds take effect on the next frame. Undo brings any of them back.",
+    "Thresholds take effect on the next frame. Undo reverts a change.",
   ],
   [
     "#tab-source",
