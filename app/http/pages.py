@@ -24,6 +24,8 @@ from app.server import Server
 
 _ASSETS = Path(__file__).parent / "assets"
 _REVALIDATED = {"Cache-Control": "no-cache"}
+# The sign-in form has one.
+_MOST_FIELDS = 10
 _PLAIN_SIGN_IN = """<!doctype html>
 <html lang="en">
   <head><meta charset="utf-8"><title>Sign in</title></head>
@@ -64,6 +66,15 @@ def sign_in_page(folder: Path) -> str:
     """Return the sign-in page; it is self-contained."""
     page = folder / "sign-in.html"
     return page.read_text(encoding="utf-8") if page.is_file() else _PLAIN_SIGN_IN
+
+
+def _tokens(form: bytes) -> list[str]:
+    """Return the tokens in a submitted form; a form with too many fields counts as without one."""
+    try:
+        fields = parse_qs(form.decode("latin-1"), max_num_fields=_MOST_FIELDS)
+    except ValueError:
+        return []
+    return fields.get("token", [])
 
 
 class PanelFiles(StaticFiles):
@@ -142,8 +153,8 @@ def add_pages(
 
     @router.post("/sign-in", name="sign in")
     async def sign_in(request: Request) -> Response:
-        form = parse_qs((await request.body()).decode("latin-1"), max_num_fields=10)
-        cookie = await policy.admission.sign_in(request.scope, form.get("token", []))
+        tokens = _tokens(await request.body())
+        cookie = await policy.admission.sign_in(request.scope, tokens)
         if not isinstance(cookie, Refusal):
             return RedirectResponse("/", 303, headers={"Set-Cookie": cookie})
         headers = {k.decode(): v.decode() for k, v in cookie.headers}

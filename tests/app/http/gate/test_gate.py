@@ -216,6 +216,8 @@ async def test_a_user_signs_in_by_form(served: Any, token: str) -> None:
         assert "'unsafe-inline'" not in page.headers["content-security-policy"]
         assert (await client.post("/sign-in", data={"token": "wrong"})).status_code == 401
         assert (await client.post("/sign-in")).status_code == 401
+        many = {"token": token, **{f"field{k}": "" for k in range(20)}}
+        assert (await client.post("/sign-in", data=many)).status_code == 401
         answer = await client.post("/sign-in", data={"token": token})
         assert answer.status_code == 303
         assert (await client.get("/api/status")).is_success
