@@ -83,7 +83,8 @@ def kitti_raw_draft(name: str, text: str, wanted: Wanted) -> Draft:
     file = _KittiFile(name, text)
     left, notes, choices = file.cameras(wanted.cameras, "S_0{}")
     keys = f"S_{left:02d}", f"S_rect_{left:02d}"
-    sizes = [file.size(key) for key in keys if key in file.texts]
+    # If both are missing, reading the first says so.
+    sizes = [file.size(key) for key in keys if key in file.texts] or [file.size(keys[0])]
     size = wanted.size or sizes[0]
     if len(sizes) > 1:
         choices.append(Choice("size", tuple(map(size_words, sizes)), size_words(size)))
