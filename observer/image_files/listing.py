@@ -51,10 +51,12 @@ def image_names(folder: Path) -> list[str]:
     return sorted(names, key=natural_order)
 
 
-def natural_order(name: str) -> tuple[tuple[int, str], ...]:
+def natural_order(name: str) -> tuple[tuple[int, str, str], ...]:
     """Sorting key that puts ``2.png`` before ``10.png``."""
     parts = re.findall(r"(\d+)|(\D+)", name, re.ASCII)
-    return tuple((int(digits or 0), text) for digits, text in parts)
+    # Numbers are compared as text, the longer being greater: int() refuses thousands of digits.
+    numbers = ((digits.lstrip("0"), text) for digits, text in parts)
+    return tuple((len(number), number, text) for number, text in numbers)
 
 
 def read_times(path: Path) -> list[float]:
