@@ -120,7 +120,7 @@ class _Archive:
         )
 
     def add_lines(self) -> None:
-        with self._file.open("observations.jsonl", "w") as lines:
+        with self._file.open("observations.jsonl", "w", force_zip64=True) as lines:
             for line in self._recording.lines():
                 lines.write(json.dumps(line, allow_nan=False).encode() + b"\n")
         self._descriptions.append(
