@@ -84,7 +84,8 @@ class ObservedTrack:
         sigmas = np.maximum(stds, _MIN_SIGMA_MPS)
         if np.median(self.times - self.velocity_times) > _MIDPOINT_S:
             times, values = self.velocity_times[known], self.speeds[known]
-            rising = np.r_[True, np.diff(times) > 0]
+            # One time that goes back must not hide those between it and the latest one before.
+            rising = times > np.maximum.accumulate(np.r_[-np.inf, times[:-1]])
             return SpeedCurve(times[rising], values[rising], sigmas[known][rising])
         speed = _speeds(self.times, self.positions)
         if np.isfinite(speed).sum() < 5:
