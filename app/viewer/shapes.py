@@ -17,7 +17,6 @@ from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
 
 Float32Array = NDArray[np.float32]
-Colors = NDArray[np.uint8]
 
 # A box's corners in units of its half size, and the pairs of them that form its edges.
 _CORNERS = np.array(

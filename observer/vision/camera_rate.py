@@ -51,21 +51,6 @@ class CameraRate:
         """
         return self._drifts(place, velocity, camera)[:, 0]
 
-    def velocity_by_distortion(
-        self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
-    ) -> Float64Array:
-        """(N, 3) m/s, camera axes: apparent velocity from residual lens distortion.
-
-        Where the image is stretched too much, everything passing there seems too fast by the same
-        share. The result is for a share of 1 in the image's corners, falling towards the principal
-        point with the fourth power of the distance: so does distortion, and the calibration is
-        worst near the edges, where the board was rarely seen.
-
-        Args:
-            place, velocity: as of ``velocity_by_bias``.
-        """
-        return self._drifts(place, velocity, camera)[:, 1]
-
     def lasting_errors(
         self,
         place: Float64Array,
@@ -75,6 +60,11 @@ class CameraRate:
         stretch: float,
     ) -> Float64Array:
         """(N, 2, 3) m/s, camera axes: one-sigma errors from the disparity and from distortion.
+
+        Where residual distortion stretches the image too much, everything passing there seems too
+        fast by the same share. That share is ``stretch`` in the image's corners and falls towards
+        the principal point with the fourth power of the distance: so does distortion, and the
+        calibration is worst near the edges, where the board was rarely seen.
 
         Args:
             place, velocity: as of ``velocity_by_bias``. bias_px, stretch: one standard deviation

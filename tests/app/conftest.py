@@ -6,7 +6,6 @@ import os
 import shutil
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,7 +13,6 @@ from app.contract.drive import SHARED_NAMES
 from app.runtime.latest import create_slot
 from app.server import Server
 from app.storage import Storage
-from observer.navigation.parameters import AllParameters
 
 from .fake_drive import FakeDrive
 from .peer_engine import PeerEngine, rectified_calibration
@@ -50,11 +48,6 @@ def slots() -> Iterator[dict[str, int]]:
 @pytest.fixture
 def calibration_yaml() -> Callable[..., str]:
     return rectified_calibration
-
-
-@pytest.fixture
-def default_values() -> dict[str, Any]:
-    return dict(AllParameters().flat())
 
 
 @pytest.fixture(scope="session")

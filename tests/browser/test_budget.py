@@ -50,7 +50,7 @@ _WATCH = """() => {
 # Time until the effect of a press is visible.
 _PRESS = """() => new Promise((done) => {
   const start = performance.now();
-  document.querySelector(".menu-button").click();
+  document.querySelector('[popovertarget="page-menu"]').click();
   const open = document.querySelector("#page-menu").matches(":popover-open");
   requestAnimationFrame(() => requestAnimationFrame(() =>
     done(open ? performance.now() - start : Infinity)));

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from observer.calibration.formats.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_noted_calibration
 from observer.observer import Observer
 from observer.parameters import Parameters
 from observer.types import Obstacle, TrackState
@@ -31,7 +31,7 @@ def reported(shared_data: Path, clip: OpenClip, rigid: Parameters) -> Reported:
     if not folder.is_dir():
         pytest.skip(f"recorded data is not here: {folder} is not a folder")
     here = clip(f"video:{folder / 'left.mp4'},{folder / 'right.mp4'}", FRAMES)
-    observer = Observer(read_calibration_file(folder / "calibration.yaml"), rigid)
+    observer = Observer(read_noted_calibration(folder / "calibration.yaml")[0], rigid)
     observed = (observer.observe(frame).obstacles for frame in here.frames)
     return [tuple(o for o in each if o.state is TrackState.CONFIRMED) for each in observed]
 

@@ -16,7 +16,6 @@ from scipy.stats import t as student
 
 from observer.geometry import Float64Array
 
-_MB = 1024 * 1024
 # Parts of a process's memory in proc(5) that only the process itself makes grow: file pages, such
 # as libraries, are left out, because the system loads and drops them as it likes.
 _OWN_MEMORY = ("RssAnon", "RssShmem", "VmSwap")

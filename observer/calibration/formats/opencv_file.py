@@ -90,11 +90,6 @@ class _Stereo(FileModel):
         return self.image_width, self.image_height
 
 
-def read_calibration_file(path: Path | str) -> StereoCalibration:
-    """Read a calibration from a file, as ``read_calibration`` does from its text."""
-    return read_noted_calibration(path)[0]
-
-
 @calibration_errors()
 def read_noted_calibration(path: Path | str) -> tuple[StereoCalibration, tuple[str, ...]]:
     """Read a calibration from a file; also return a sentence on each lens that was replaced."""

@@ -29,7 +29,7 @@ import { joined } from "./speed-curves.js";
  */
 
 /** @type {Marks} */
-export const NO_MARKS = { starts: [], changes: [], gaps: [] };
+const NO_MARKS = { starts: [], changes: [], gaps: [] };
 
 /** Dashes of the curves that the observer did not measure. @type {Partial<Record<import("./speed-curves.js").Kind, number[]>>} */
 export const DASHES = { truth: [6, 4], commanded: [2, 3], sent: [2, 3], encoder: [9, 3, 2, 3] };

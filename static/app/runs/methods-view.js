@@ -274,7 +274,7 @@ export class MethodsView extends Part {
  * @param {Run[]} runs newest first
  * @returns {Run[][]} the two of each
  */
-export function pairsOf(runs) {
+function pairsOf(runs) {
   const made = runs.filter(({ tags, state }) => tags.includes(TAG) && state === "finished");
   return made.flatMap((second) => {
     const first = made.find(({ id }) => id === second.rerun_of);

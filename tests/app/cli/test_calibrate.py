@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.cli.command_line import build
-from observer.calibration.formats.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_noted_calibration
 from observer.errors import InputError
 
 FOCAL, BASELINE = 520.0, 0.1
@@ -67,7 +67,7 @@ def test_json_and_file_match_the_simulated_camera_pair(
     calibrate(*options(pictures, output, "--json"))
     done = capsys.readouterr()
     report = json.loads(done.out)
-    found = read_calibration_file(output)
+    found = read_noted_calibration(output)[0]
     assert (found.width, found.height) == (640, 480)
     assert found.K1[0, 0] == pytest.approx(FOCAL, rel=0.005)
     assert found.baseline == pytest.approx(BASELINE, rel=0.005)

@@ -23,8 +23,6 @@ from observer.truth.contract import TrueBody
 
 DT = 0.1
 FRAMES = 13
-# Of 13 frames, those from 0.6 s on count: frames 6 to 12.
-COUNTED = 7
 
 # Start and velocity, camera frame: x right, z forward. The camera stands still at the origin.
 BODIES: dict[int, tuple[tuple[float, float, float], tuple[float, float, float]]] = {

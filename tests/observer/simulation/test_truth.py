@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from observer.calibration.formats.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_noted_calibration
 from observer.camera import StereoCalibration
 from observer.errors import InputError
 from observer.geometry import Float64Array
@@ -294,7 +294,7 @@ def test_export_writes_a_complete_stereo_folder(tmp_path: Path) -> None:
     frame = SimulatedSource(world).read()
     assert frame is not None
     assert np.array_equal(cv2.imread(str(output / "left" / names[0])), frame.left)
-    calibration = read_calibration_file(output / "calibration.yaml")
+    calibration = read_noted_calibration(output / "calibration.yaml")[0]
     assert np.array_equal(calibration.K1, world.calibration.K1)
     assert calibration.is_rectified
     written, made = CsvTruth(output / "truth.csv"), SimulatedTruth(world)

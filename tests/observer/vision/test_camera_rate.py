@@ -56,7 +56,7 @@ def test_stretched_image_moves_points_as_predicted(
         return np.asarray(T_now_start.inverse().apply(camera.triangulate(px, disparity)))
 
     apparent = (seen(dt) - seen(-dt)) / (2 * dt) - own
-    expected = rate.velocity_by_distortion(corner, own, camera) * stretch
+    expected = rate.lasting_errors(corner, own, camera, 0, stretch)[:, 1]
     assert apparent == pytest.approx(expected, rel=0.02, abs=1e-6)
     assert np.linalg.norm(expected) > 0.1
 
@@ -68,7 +68,7 @@ def test_distortion_grows_from_the_centre_to_the_edges(
     u = np.array([camera.cx, 305.0, 0.0])
     px = np.stack([u, np.full(3, camera.cy)], axis=1)
     place = camera.triangulate(px, np.full(3, 20.0))
-    seems = -rate.velocity_by_distortion(place, np.zeros_like(place), camera)[:, 0]
+    seems = -rate.lasting_errors(place, np.zeros_like(place), camera, 0, 1)[:, 1, 0]
     assert seems[0] == pytest.approx(0.0)
     # Half the radius gives a sixteenth; the corners lie a little farther out than the sides.
     assert seems[1] == pytest.approx(seems[2] / 16, rel=0.01)
@@ -78,15 +78,15 @@ def test_distortion_grows_from_the_centre_to_the_edges(
 def test_stationary_camera_sees_no_apparent_motion(camera: StereoCamera) -> None:
     place = np.array([[1.0, 0.0, 5.0]])
     still = CameraRate.still()
-    for drift in (still.velocity_by_bias, still.velocity_by_distortion):
-        assert drift(place, np.zeros((1, 3)), camera) == pytest.approx(np.zeros((1, 3)))
+    errors = still.lasting_errors(place, np.zeros((1, 3)), camera, 1, 1)
+    assert errors == pytest.approx(np.zeros((1, 2, 3)))
 
 
 def test_points_behind_the_camera_have_no_apparent_motion(camera: StereoCamera) -> None:
     rate = CameraRate(np.zeros(3), np.array([0.0, 0.0, -1.0]))
     behind = np.array([[1.0, 0.0, -5.0]])
-    for drift in (rate.velocity_by_bias, rate.velocity_by_distortion):
-        assert drift(behind, np.zeros((1, 3)), camera) == pytest.approx(np.zeros((1, 3)))
+    errors = rate.lasting_errors(behind, np.zeros((1, 3)), camera, 1, 1)
+    assert errors == pytest.approx(np.zeros((1, 2, 3)))
 
 
 def test_rate_is_the_motion_per_second() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from observer.calibration.formats.opencv_file import (
     calibration_text,
     read_calibration,
-    read_calibration_file,
+    read_noted_calibration,
 )
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
@@ -215,17 +215,17 @@ def test_any_text_is_refused(text: str) -> None:
 
 def test_file_refusals_name_the_file(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="cannot be read: No such file"):
-        read_calibration_file(tmp_path / "absent.yaml")
+        read_noted_calibration(tmp_path / "absent.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00K")
     with pytest.raises(CalibrationError, match=r"binary\.yaml: the file must be UTF-8"):
-        read_calibration_file(tmp_path / "binary.yaml")
+        read_noted_calibration(tmp_path / "binary.yaml")
     (tmp_path / "large.yaml").write_bytes(b"#" * 1_000_001)
     with pytest.raises(CalibrationError, match=r"large\.yaml: the file is larger than"):
-        read_calibration_file(tmp_path / "large.yaml")
+        read_noted_calibration(tmp_path / "large.yaml")
     with pytest.raises(CalibrationError, match="cannot be read"):
-        read_calibration_file(tmp_path)
+        read_noted_calibration(tmp_path)
 
 
 def test_reads_a_file(tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text(GOOD)
-    assert_same(read_calibration_file(tmp_path / "c.yaml"), example())
+    assert_same(read_noted_calibration(tmp_path / "c.yaml")[0], example())

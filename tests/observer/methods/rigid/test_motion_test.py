@@ -250,7 +250,7 @@ def test_a_stretched_edge_of_the_image_is_not_motion() -> None:
     """As at the edge of KITTI's images, where hedges pass 3 % faster than they should."""
     rng, rate = np.random.default_rng(6), CameraRate(np.zeros(3), np.array([0.0, 0.0, -12.0]))
     edge = board(rng, depth=12.0, side_px=50, count=20, centre_px=(60.0, 200.0), camera=ROAD)
-    passes = rate.velocity_by_distortion(edge, np.zeros_like(edge), ROAD)
+    passes = rate.lasting_errors(edge, np.zeros_like(edge), ROAD, 0, 1)[:, 1]
     points = watched(ROAD, edge, P.distortion_sigma * passes, rng, frames=12)
     assert not pooled(points, camera=ROAD, rate=rate).dynamic.any()
     strict = P.model_copy(update={"distortion_sigma": 0.0})

@@ -104,7 +104,7 @@ def test_the_velocity_is_no_more_certain_than_the_calibration(make_track: Any) -
         note_lasting_errors(tracker.tracks, seen_from(rate), errors(stretch))
         doubt[stretch] = track.lasting_cov
     own = track.mean[None, VELOCITY]
-    drift = 0.05 * rate.velocity_by_distortion(edge[None], own, CAMERA)[0]
+    drift = rate.lasting_errors(edge[None], own, CAMERA, 0, 0.05)[0, 1]
     np.testing.assert_allclose(doubt[0.05], np.outer(drift, drift))
     assert np.sqrt(doubt[0.05][0, 0]) > 0.005
     assert not doubt[0.0].any()
