@@ -322,8 +322,8 @@ class RobotManager:
             self._connecting.look()
             raise NotAvailable(
                 "use the robots' own stop switch: the stop did not reach the drive process "
-                f"({error}). Without commands the robots' firmware stops them; the new drive process "
-                "starts in the stopped state"
+                f"({error}). Without commands the robots' firmware stops them; the new drive "
+                "process starts in the stopped state"
             ) from error
         self._connecting.stop_due = None
 
@@ -368,10 +368,9 @@ class RobotManager:
             Conflict: they cannot be armed, or not in time, or were disarmed or stopped meanwhile.
         """
         deadline = self._clock() + _ARM_WITHIN_S
-        for role, armed in before.items():
-            while not await self._armed(role, armed, start.leases.get(role), deadline):
+        for role in before:
+            while not await self._armed(role, before, start.leases.get(role), deadline):
                 await asyncio.sleep(_ARM_AGAIN_S)
-            self._refuse_disarmed(before)
 
     def _refuse_disarmed(self, before: Mapping[Role, ArmedRobot]) -> None:
         if self._facts.stopped is not None:
@@ -381,10 +380,10 @@ class RobotManager:
                 raise _disarmed(role)
 
     async def _armed(
-        self, role: Role, before: ArmedRobot, lease: str | None, deadline: float
+        self, role: Role, before: Mapping[Role, ArmedRobot], lease: str | None, deadline: float
     ) -> bool:
         late = self._clock() > deadline
-        self._refuse_disarmed({role: before})
+        self._refuse_disarmed(before)
         given, robot = self._connecting.given(role), self.robot(role)
         if given is None or robot is None:
             if late:
@@ -395,7 +394,7 @@ class RobotManager:
             return False
         if self.is_driven(role):
             return True
-        if given == before.connection:
+        if given == before[role].connection:
             # The same robot as before, so it was not the reopening that disarmed it.
             raise _disarmed(role)
         try:

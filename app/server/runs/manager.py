@@ -15,7 +15,7 @@ from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
 from app.server.parameters.manager import ParameterManager
 from app.server.rig.store import RigStore
-from app.server.robots import RobotManager
+from app.server.robots import ArmedRobot, RobotManager
 from app.server.runs.archive import RunArchive
 from app.server.runs.comparing import MethodComparison
 from app.server.runs.current_run import CurrentRun
@@ -41,7 +41,7 @@ from app.storage import RunRecord, RunState, StorageError
 from app.versions import versions
 from observer.opening import shown_spec
 from observer.recording.payloads import Images
-from observer.rig.rig import ROLES
+from observer.rig.rig import ROLES, Role
 from observer.vision.swapped import swapped_reason
 
 # Number of frames from its beginning within which a run ends if left and right are found swapped.
@@ -173,8 +173,9 @@ class RunManager:
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it first")
             self._shared.refuse_calibrating()
+            armed: dict[Role, ArmedRobot] = {}
             if programme is not None:
-                self._robots.check_programme(programme)
+                armed = self._robots.check_programme(programme)
             if source is None and calibration_id is None:
                 self._refuse_swapped()
             revision = self._parameters.plan(preset, parameters)
@@ -200,7 +201,7 @@ class RunManager:
             self._source.wanted = opening
             self._parameters.adopt(revision, 0, run.id)
             if programme is not None:
-                await self._start_programme(run, programme)
+                await self._start_programme(run, programme, armed)
             self._shared.followers.status_changed()
             return run.snapshot()
 
@@ -245,10 +246,12 @@ class RunManager:
             parameters=parameters,
         )
 
-    async def _start_programme(self, run: CurrentRun, programme: StartProgramme) -> None:
+    async def _start_programme(
+        self, run: CurrentRun, programme: StartProgramme, armed: dict[Role, ArmedRobot]
+    ) -> None:
         """Start a run's programme; if that fails, the run does not start."""
         try:
-            await self._robots.arm_again(programme)
+            await self._robots.arm_again(programme, armed)
             await self._robots.ask(programme)
         except BaseException:
             await self.close(RunState.FAILED, "its programme could not be run")

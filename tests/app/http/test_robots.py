@@ -359,6 +359,72 @@ async def test_a_run_restarts_a_simulated_world_and_rearms_its_robots(
 
 
 @pytest.mark.usefixtures("connected")
+@pytest.mark.parametrize("replaced", [True, False])
+@pytest.mark.parametrize("requests", [("observer/disarm",), ("stop", "reset")])
+async def test_a_robot_disarmed_while_a_run_starts_stays_disarmed(
+    http: Any, served: Any, drive: Any, peer: Any, requests: tuple[str, ...], *, replaced: bool
+) -> None:
+    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
+    drive.leases["observer"] = ("lease", "Anna")
+    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+    armings = len(drive.of(ArmRobot))
+    if replaced:
+        peer.world = "simulated:lab/2"
+        peer.robots = (RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "x"),)
+    opening, go_on = hold_opening(peer)
+    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
+    starting = asyncio.create_task(http.post("/api/runs", json=wanted))
+    await opening.wait()
+    for request in requests:
+        assert (await http.post(f"/api/robots/{request}")).status_code == 200
+    go_on.set()
+    answer = await starting
+    assert (answer.status_code, answer.json()["detail"]) == (
+        409,
+        "the observer was disarmed while the run was starting; arm it, then start the run again",
+    )
+    assert served.server.runs.current is None
+    assert "observer" not in drive.armed
+    assert len(drive.of(ArmRobot)) == armings
+    assert not drive.of(StartProgramme)
+
+
+@pytest.mark.usefixtures("connected")
+async def test_a_robot_that_disarms_itself_while_a_run_starts_stays_disarmed(
+    http: Any, drive: Any, peer: Any
+) -> None:
+    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
+    drive.leases["observer"] = ("lease", "Anna")
+    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+    opening, go_on = hold_opening(peer)
+    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
+    starting = asyncio.create_task(http.post("/api/runs", json=wanted))
+    await opening.wait()
+    # As after a fault; its connection stays.
+    drive.armed.clear()
+    drive.tell()
+    go_on.set()
+    answer = await starting
+    assert answer.status_code == 409
+    assert "was disarmed while the run was starting" in answer.json()["detail"]
+    assert "observer" not in drive.armed
+
+
+def hold_opening(peer: Any) -> tuple[asyncio.Event, asyncio.Event]:
+    """Have the engine open nothing until the second event is set; it sets the first one."""
+    opening, go_on, request = asyncio.Event(), asyncio.Event(), peer.request
+
+    async def held(command: Any, *args: Any, **more: Any) -> Any:
+        if isinstance(command, OpenSource):
+            opening.set()
+            await go_on.wait()
+        return await request(command, *args, **more)
+
+    peer.request = held
+    return opening, go_on
+
+
+@pytest.mark.usefixtures("connected")
 async def test_wheel_speeds_are_stored_with_a_run_and_sent_to_pages(
     http: Any, served: Any, drive: Any, peer: Any
 ) -> None:
