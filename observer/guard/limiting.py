@@ -9,7 +9,8 @@ All ground that the robot passes over until it could have stopped must be known 
 A surface that is seen is in the way whatever sonar says, and an echo within ``sonar_stop_m`` ahead
 whatever is seen. Tracked obstacles are predicted along their own motion (``separation``), and so
 are objects that sonar hears approaching by themselves (``intruders``). A turn on the spot requires
-the same of the robot's turning circle. The obstacle robot has no eyes: only echoes limit it.
+the same of the robot's turning circle. The obstacle robot has no eyes: only echoes limit it. A
+robot whose sonar has fallen silent drives neither forward nor backward.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Approach, Stopping, approach
 from observer.guard.side import WHOLE, Limit, Side
 from observer.guard.sight import Sight
-from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh_sonar
+from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh_sonar, is_silent
 from observer.robots.contract import SonarReading
 
 
@@ -44,6 +45,9 @@ def limit_of(
     Args:
         wanted: m/s and rad/s, not zero. sight: usable; None for the robot without eyes.
     """
+    if not is_spot_turn(*wanted) and is_silent(sonars, wanted[0], now, p):
+        # What its last echoes said no longer holds, least of all that nothing is in the way.
+        return Limit(0.0, f"its sonar has been silent for more than {p.sonar_fresh_s:g} s")
     view = fresh_sonar(sonars, now, side.past, p)
     if sight is None:
         return _limit_by_echo(wanted, view, outline, p)
@@ -130,7 +134,7 @@ def _limit_by_ground(
 def _limit_by_echo(
     wanted: tuple[float, float], view: SonarView | None, outline: Outline, p: GuardParameters
 ) -> Limit:
-    """Limit a robot without eyes: it may drive where nothing echoes, even without sonar."""
+    """Limit a robot without eyes: it may drive where nothing echoes, even if it has no sonar."""
     if view is None or is_spot_turn(*wanted):
         return Limit(1.0)
     stopping = Stopping.of(*wanted, p)

@@ -20,6 +20,8 @@ _RANGE_ERROR_M = 0.04
 _BEHIND_FACE_M = 0.08
 # A reading may arrive during the tick: by at most this much later than the tick's ``now``.
 _SINCE_S = 0.1
+# Cosine: sonars that point further aside, from 60 degrees on, do not face a motion.
+_FACING = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +59,7 @@ def fresh_sonar(
 
     A reading's clear range shrinks with its age, by ``intruder_mps``.
     """
-    fresh = [one for one in sonars if -_SINCE_S <= now - one.received <= p.sonar_fresh_s]
+    fresh = [one for one in sonars if _is_fresh(one, now, p)]
     if not fresh:
         return None
     received, x, y, heading, echo = sonar_rows(fresh).T
@@ -74,6 +76,25 @@ def fresh_sonar(
         echo,
         reach - p.intruder_mps * np.maximum(now - received, 0.0),
     )
+
+
+def is_silent(
+    sonars: Sequence[SonarReading], direction: float, now: float, p: GuardParameters
+) -> bool:
+    """Return whether a robot has sonars, but none that faces a motion has a fresh reading.
+
+    Where none faces it, all count. A robot without readings has no sonars.
+
+    Args:
+        direction: of the motion, positive forward.
+    """
+    sign = math.copysign(1.0, direction)
+    facing = [one for one in sonars if sign * math.cos(one.heading) >= _FACING] or sonars
+    return bool(facing) and not any(_is_fresh(one, now, p) for one in facing)
+
+
+def _is_fresh(one: SonarReading, now: float, p: GuardParameters) -> bool:
+    return -_SINCE_S <= now - one.received <= p.sonar_fresh_s
 
 
 def clear_by_sonar(points: Float64Array, view: SonarView, p: GuardParameters) -> NDArray[np.bool_]:

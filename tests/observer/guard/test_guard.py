@@ -254,6 +254,44 @@ def test_the_obstacle_robot_relies_on_sonar_alone() -> None:
     assert (blind.level, blind.blind) == ("clear", False)
 
 
+@pytest.mark.parametrize("wanted", [(0.3, 0.0), (0.3, 0.4), (-0.3, 0.0)])
+def test_the_obstacle_robot_stays_stopped_when_its_sonar_falls_silent(
+    wanted: tuple[float, float],
+) -> None:
+    guard, heard = Guard(P), sonars(100.0, 0.15)
+    for tick in range(75):
+        now = 100.0 + 0.02 * tick
+        verdict = guard.limit(
+            "obstacle", wanted, (0.0, 0.0), None, "real", heard, 0.18, 0.28, 0.33, now
+        )
+        assert (verdict.level, verdict.speed_mps) == ("stop", 0.0), now
+    assert verdict.reason == "its sonar has been silent for more than 0.6 s"
+
+
+@pytest.mark.parametrize("role", ["obstacle", "observer"])
+def test_silent_sonars_block_the_direction_they_face(role: Role) -> None:
+    def level(speed: float, *, fresh: Iterable[int]) -> str:
+        loop, heard = Loop(role), set(fresh)
+        loop.now += 0.02
+        readings = tuple(
+            one if one.index in heard else replace(one, received=loop.now - P.sonar_fresh_s - 0.01)
+            for one in sonars(loop.now)
+        )
+        return loop.guard.limit(
+            role, (speed, 0.0), (0.0, 0.0), sight(loop.now, scan(begins=0.0)), "real", readings,
+            0.18, 0.28, 0.33, loop.now,
+        ).level  # fmt: skip
+
+    # Sonars 0 and 5 point aside, 1 to 4 forward, 6 and 7 backward.
+    assert level(0.1, fresh=range(8)) == "clear"
+    assert level(0.1, fresh=(0, 5, 6, 7)) == "stop"
+    assert level(-0.1, fresh=range(6)) == "stop"
+    assert level(0.1, fresh=()) == "stop"
+    if role == "obstacle":
+        assert level(0.1, fresh=(2,)) == "clear"
+        assert level(-0.1, fresh=(6,)) == "clear"
+
+
 def test_the_zones_follow_the_arc() -> None:
     straight, bend = Loop().ask((0.5, 0.0)), Loop().ask((0.5, 0.6))
     assert max(x for x, _ in straight.stop_zone) == pytest.approx(
