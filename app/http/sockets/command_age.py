@@ -1,22 +1,21 @@
 """Age of a command that came over the network, and the fitness of the network for driving.
 
 Pure: the caller passes the time. The client's clock stamps its messages. Nobody knows its offset to
-the host's clock, but arriving messages bound it. No message takes negative time, so
+the host's clock, but no ping is answered before it was sent, so
 
-    offset = host's clock - client's clock <= arrival - stamp        of every message, and
-    offset >= ping sent - stamp of its answer                        of every answered ping.
+    offset = host's clock - client's clock >= ping sent - stamp of its answer.
 
-The smallest ``arrival - stamp`` of the last seconds is the offset plus the delay of the quickest
-message, which is taken to be half the quickest round trip. Every delay of a message after its stamp
-(the page's own queue, the network, buffers in either kernel, this server's event loop) makes it
-older, because arrival is when the application reads it.
+The largest such bound of the last seconds gives the highest age that a message can have, whichever
+direction of the link is the slow one. It exceeds the real age by the delay of the quickest ping on
+its way to the client. Every delay of a message after its stamp (the page's own queue, the network,
+buffers in either kernel, this server's event loop) makes it older, because arrival is when the
+application reads it.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,9 +23,10 @@ from app.contract.drive import COMMAND_FRESH_S
 
 Quality = Literal["good", "slow", "lost"]
 
-# Clocks drift by up to 1e-4: by one millisecond in this time.
 _WINDOW_S = 10.0
-# Page clocks have a resolution of up to 1 ms, and drift within the window.
+# Seconds per second by which two clocks drift apart at most: one millisecond in the window.
+_DRIFT = 1e-4
+# Page clocks have a resolution of up to 1 ms.
 _TOLERANCE_S = 0.005
 # The quickest round trip within this time shows what the link can do now.
 _LATELY_S = 2.0
@@ -45,8 +45,8 @@ class LinkState:
     Attributes:
         quality: ``good``, ``slow`` (commands arrive too old to drive by) or ``lost`` (no ping was
             answered lately).
-        rtt_s: quickest recent round trip. delay_s: age of the newest command on arrival. None if
-            unknown.
+        rtt_s: quickest recent round trip. delay_s: highest possible age of the newest command on
+            arrival. None if unknown.
     """
 
     quality: Quality
@@ -60,7 +60,6 @@ class CommandAge:
     def __init__(self) -> None:
         self._pings: dict[int, float] = {}
         # Each with the host time at which it was measured; oldest first.
-        self._offsets: deque[tuple[float, float]] = deque()
         self._floors: deque[tuple[float, float]] = deque()
         self._trips: deque[tuple[float, float]] = deque()
         self._age: tuple[float, float] | None = None
@@ -79,20 +78,17 @@ class CommandAge:
             return
         self._floors.append((now, sent - stamp))
         self._trips.append((now, now - sent))
-        self._offsets.append((now, now - stamp))
         self._forget(now)
 
     def age(self, stamp: float, now: float) -> float | None:
-        """Return the age of a message that arrives now, in seconds since its stamp.
+        """Return the highest possible age of a message that arrives now, in seconds.
 
-        None if unknown: no ping was answered lately, or the stamp lies in the future.
+        It counts from the stamp. None if unknown: no ping was answered lately, or the stamp lies in the future.
         """
         self._forget(now)
         if not self._trips or not math.isfinite(stamp) or self._is_ahead(stamp, now):
             return None
-        self._offsets.append((now, now - stamp))
-        quickest = min(offset for _, offset in self._offsets)
-        age = (now - stamp) - quickest + _smallest(self._trips) / 2
+        age = now - stamp - self._least_offset(now)
         self._age = (now, age)
         if age > COMMAND_FRESH_S:
             self._late = now
@@ -125,14 +121,13 @@ class CommandAge:
 
     def _is_ahead(self, stamp: float, now: float) -> bool:
         """Return whether the stamp would lie in the future for any possible offset."""
-        floor = max((floor for _, floor in self._floors), default=-math.inf)
-        return now - stamp < floor - _TOLERANCE_S
+        return now - stamp < self._least_offset(now) - _TOLERANCE_S
+
+    def _least_offset(self, now: float) -> float:
+        """Return the smallest offset of the clocks that agrees with all answered pings."""
+        return max((floor - _DRIFT * (now - at) for at, floor in self._floors), default=-math.inf)
 
     def _forget(self, now: float) -> None:
-        for kept in (self._offsets, self._floors, self._trips):
+        for kept in (self._floors, self._trips):
             while kept and now - kept[0][0] > _WINDOW_S:
                 kept.popleft()
-
-
-def _smallest(kept: Iterable[tuple[float, float]]) -> float:
-    return min(value for _, value in kept)

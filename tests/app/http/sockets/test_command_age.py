@@ -65,8 +65,8 @@ def test_ages_stay_accurate_for_an_hour_with_any_clock_offset(offset: float, dri
         wire.ping(at)
         if step % 500 == 499:
             real, age = wire.send(at + 0.05)
-            # Clock drift within the window of 10 s adds up to 1 ms.
-            assert age == pytest.approx(real, abs=0.0015)
+            # The delay of the quickest ping on its way adds 2 ms, clock drift between pings 0.1 ms.
+            assert real <= age <= real + 0.0021
     state = wire.link.state(at + 0.1)
     assert state.quality == "good"
     assert state.rtt_s == pytest.approx(0.004, abs=1e-6)
@@ -84,8 +84,20 @@ def test_jitter_counts_as_age(most_up: float, most_down: float) -> None:
         wire.ping(at)
         if step > 10:
             real, age = wire.send(at + 0.1)
-            # The fastest of fifty messages in each direction is close to the minimum delay.
-            assert age == pytest.approx(real, abs=0.03)
+            # The fastest of fifty pings is close to the minimum delay.
+            assert real <= age <= real + 0.03
+
+
+@pytest.mark.parametrize(("up_s", "down_s"), [(0.24, 0.005), (0.005, 0.24), (0.1, 0.1)])
+@pytest.mark.parametrize("drift", [-1e-4, 0.0, 1e-4])
+def test_a_command_never_seems_younger_than_it_is(up_s: float, down_s: float, drift: float) -> None:
+    wire = Wire(up=lambda _: up_s, down=lambda _: down_s, drift=drift)
+    wire.settle(100.0)
+    real, age = wire.send(100.1)
+    assert real - 1e-9 <= age <= real + down_s + 0.001
+    # Nor after the pings have not been answered for a while.
+    real, age = wire.send(109.0)
+    assert real - 1e-9 <= age <= real + down_s + 0.002
 
 
 def test_a_link_that_becomes_slow_is_reported_and_never_becomes_normal() -> None:
@@ -161,7 +173,7 @@ def test_a_future_timestamp_gives_no_age_and_corrupts_no_others(ahead_s: float) 
     wire.link.ponged(100, wire.stamp(50.0) + ahead_s, 50.004)
     real, age = wire.send(50.1)
     # If it cannot be distinguished from a faster link, commands seem older, never fresher.
-    assert real - 0.001 <= age <= real + 0.011
+    assert real <= age <= real + 0.011
 
 
 def test_a_replayed_command_ages_from_its_first_sending() -> None:
@@ -169,7 +181,7 @@ def test_a_replayed_command_ages_from_its_first_sending() -> None:
     wire.settle(50.0)
     stamp = wire.stamp(50.0)
     ages = [wire.link.age(stamp, 50.002 + 0.1 * again) for again in range(5)]
-    assert ages == pytest.approx([0.002 + 0.1 * again for again in range(5)], abs=0.001)
+    assert ages == pytest.approx([0.004 + 0.1 * again for again in range(5)], abs=0.001)
 
 
 def test_silence_means_lost_and_a_late_command_marks_the_link_slow() -> None:
