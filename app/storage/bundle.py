@@ -117,7 +117,7 @@ def bundle_writer(path: Path) -> Iterator[BundleWriter]:
         elif path.suffix == ".tar":
             archive = tarfile.TarFile(part, "w", format=tarfile.PAX_FORMAT)
         else:
-            raise BackupError(f"a backup file must end in .zip or .tar, unlike {path.name}")
+            raise BackupError(f"a backup file must end in .zip or .tar, not {path.name}")
         with archive:
             yield BundleWriter(archive)
         part.replace(path)
@@ -164,12 +164,20 @@ class Bundle:
         Raises:
             BackupError: the file does not match the manifest. OSError: it cannot be written.
         """
-        entry = self.manifest.files[name]
         target.parent.mkdir(parents=True, exist_ok=True)
+        with target.open("wb") as sink:
+            for chunk in self._chunks(name):
+                sink.write(chunk)
+
+    def _chunks(self, name: str) -> Iterator[bytes]:
+        """Yield a file's content; raise BackupError if it does not match the manifest."""
+        entry = self.manifest.files[name]
+        # Errors of writing the chunks are not raised in here.
         try:
-            with self._open(name) as source, target.open("wb") as sink:
+            with self._open(name) as source:
                 stream = _Counted(source, entry.size)
-                shutil.copyfileobj(stream, sink, _CHUNK)
+                while chunk := stream.read(_CHUNK):
+                    yield chunk
                 whole = stream.left == 0 and not source.read(1)
         except _BROKEN as error:
             raise self._broken(f"{name} cannot be read") from error

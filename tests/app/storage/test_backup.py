@@ -440,6 +440,22 @@ def test_too_little_space_is_reported_beforehand(
     refused(source, source.parent / "new", "MB are free", replace=False)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_a_disk_that_fills_up_while_restoring_is_not_reported_as_damage(
+    kept: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, _ = kept
+    usual = Path.open
+
+    def full(path: Path, mode: str = "r", **given: Any) -> Any:
+        staged = path.parent.name.startswith(".restoring-")
+        return usual(Path("/dev/full") if staged else path, mode, **given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", full)
+        refused(source, source.parent / "first", "cannot be put into .*No space left")
+
+
 def test_a_restored_running_run_is_interrupted_at_the_next_start(
     tmp_path: Path,
 ) -> None:
