@@ -19,15 +19,15 @@ def whole_file(path: Path) -> Iterator[IO[str]]:
     it, with ``.part`` added to the name.
 
     Raises:
-        InputError: the folder does not exist or cannot be written.
+        InputError: the folder does not exist, cannot be written or has no space left.
     """
     part = path.with_name(path.name + ".part")
     try:
-        file = part.open("w", encoding="utf-8")
+        with part.open("w", encoding="utf-8") as file:
+            yield file
+        os.replace(part, path)
     except OSError as error:
         raise InputError(
-            f"cannot write {path}: {error.strerror}; name a file in an existing, writable folder"
+            f"cannot write {path}: {error.strerror or error}; name a file in an existing, writable "
+            "folder with enough space"
         ) from None
-    with file:
-        yield file
-    os.replace(part, path)

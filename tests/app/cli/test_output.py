@@ -38,3 +38,23 @@ def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
         whole_file(tmp_path / "nowhere" / "tracks.jsonl"),
     ):
         pass
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_a_full_disk_is_reported_in_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "tracks.jsonl.part").symlink_to("/dev/full")
+    with (
+        pytest.raises(InputError, match=r"cannot write .*tracks\.jsonl: No space left"),
+        whole_file(tmp_path / "tracks.jsonl") as file,
+    ):
+        file.write("one\n")
+
+
+def test_a_folder_in_place_of_the_file_is_reported_and_the_result_kept(tmp_path: Path) -> None:
+    (tmp_path / "tracks.jsonl").mkdir()
+    with (
+        pytest.raises(InputError, match=r"cannot write .*tracks\.jsonl: Is a directory"),
+        whole_file(tmp_path / "tracks.jsonl") as file,
+    ):
+        file.write("one\n")
+    assert (tmp_path / "tracks.jsonl.part").read_text() == "one\n"
