@@ -67,12 +67,17 @@ def _write_token(path: Path) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Readable only by its owner from the first moment on.
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        try:
+            with os.fdopen(descriptor, "w") as file:
+                file.write(token + "\n")
+        except OSError:
+            # The next start would refuse an incomplete one.
+            path.unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise InputError(
             f"the token file {path} cannot be written ({error.strerror}); choose a writable folder"
         ) from error
-    with os.fdopen(descriptor, "w") as file:
-        file.write(token + "\n")
     return token
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
+from typing import IO, Any
 
 import pytest
 from hypothesis import given, settings
@@ -98,6 +99,22 @@ def test_an_unusable_token_file_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match="token file"):
         load_token(tmp_path / "file" / "token")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_no_incomplete_token_file_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "token"
+
+    def full(descriptor: int, mode: str) -> IO[Any]:
+        os.close(descriptor)
+        return open("/dev/full", mode)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdopen", full)
+        with pytest.raises(InputError, match=r"cannot be written \(No space left"):
+            load_token(path)
+    assert not path.exists()
+    assert load_token(path) == load_token(path)
 
 
 def test_five_wrong_tokens_are_allowed_per_minute() -> None:
