@@ -72,16 +72,18 @@ def read_numbers(
     names_in: int | None = None,
     only: Sequence[int] | None = None,
     short: bool = False,
+    sections: bool = False,
 ) -> NumberRows:
-    """Read rows until an empty line or the end, one number for each label.
+    """Read rows to the end of their table, one number for each label.
 
     Args:
         labels: what each cell is, for messages.
-        separator: between cells; None for white space, in which case empty lines and those that
-            start with # are skipped.
+        separator: between cells; None for white space, in which case lines that start with # are
+            skipped.
         names_in: the index of a column that holds names.
         only: indices of the columns that are used; None for all. Others may hold anything.
         short: rows may end early; missing cells are NaN.
+        sections: an empty line ends the table; otherwise empty lines are skipped.
 
     Raises:
         TruthError: a cell is not a number, a row has too few or too many, or there are too many.
@@ -97,7 +99,9 @@ def read_numbers(
         if separator is None and (not line.strip() or line.lstrip().startswith("#")):
             continue
         if not line.strip(" \t,;"):
-            break
+            if sections:
+                break
+            continue
         rows.append(reader.row(line))
         numbers.append(lines.number)
         if len(rows) == at_once:

@@ -135,7 +135,7 @@ def _read_section(first: str, found: _Found) -> None:
     labels = ["Frame", "Sub Frame"]
     for body in columns:
         labels += body.labels
-    rows = read_numbers(lines, labels, separator=found.separator, short=True)
+    rows = read_numbers(lines, labels, separator=found.separator, short=True, sections=True)
     if not rows.count:
         raise TruthError(f"{lines.name}: the section {title.capitalize()[:40]} contains no samples")
     times = _times(rows, rate)

@@ -149,6 +149,11 @@ def test_commas_in_take_notes_are_harmless(read: Read) -> None:
     assert read(whole).rate_hz == 100.0
 
 
+def test_empty_lines_are_skipped(read: Read) -> None:
+    body = read(text().replace("\n", "\r\r\n")).bodies["drone"]
+    assert len(body.times) == len(PLACES)
+
+
 def test_reads_spreadsheet_exports_with_semicolons(read: Read) -> None:
     body = read(text().replace(",", ";").replace(".", ",")).bodies["drone"]
     np.testing.assert_allclose(body.positions[1], [1.1, -3.0, 2.0])

@@ -115,6 +115,13 @@ def test_samples_with_repeated_times_are_ignored_and_reported(read: Read) -> Non
     assert "2 samples with a repeated time are ignored" in capture.notes
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n"])
+def test_empty_lines_are_skipped(read: Read, end: str) -> None:
+    rows = [f"{t},1,2,3" for t in range(6)]
+    body = read(end.join(["t,x,y,z", *rows[:3], "", " ,,,", *rows[3:], ""])).bodies["body"]
+    assert body.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+
+
 def test_each_body_has_its_own_times(read: Read) -> None:
     capture = read("t,body,x,y,z\n0,a,1,2,3\n0,b,4,5,6\n0,b,7,8,9\n1,a,1,2,3\n")
     assert capture.bodies["a"].times.tolist() == [0.0, 1.0]
