@@ -17,7 +17,7 @@ class TruthBody:
     name: str
     has_orientation: bool
     samples: int
-    seen: Annotated[int, means("Share of the samples in which it was seen.")]
+    seen: Annotated[int, means("Number of samples in which it was seen.")]
     gaps: int
     from_s: Annotated[float | None, means("On the motion-capture system's clock, as is to_s.")]
     to_s: float | None

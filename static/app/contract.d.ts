@@ -2011,7 +2011,7 @@ export interface components {
       name: string;
       has_orientation: boolean;
       samples: number;
-      /** @description Share of the samples in which it was seen. */
+      /** @description Number of samples in which it was seen. */
       seen: number;
       gaps: number;
       /** @description On the motion-capture system's clock, as is to_s. */
