@@ -131,18 +131,16 @@ class _Reader:
 
     def row(self, line: str) -> list[float]:
         """Parse a line into one number for each label."""
-        if '"' in line:
-            cells = cells_of(self.lines, line, self.separator)
-        else:
-            if self.separator == ";":
-                # Where semicolons separate cells, a comma is the decimal point.
-                line = line.replace(",", ".")
-            cells = line.split(self.separator)
+        quoted = '"' in line
+        cells = cells_of(self.lines, line, self.separator) if quoted else line.split(self.separator)
         if self.names_in is not None and self.names_in < len(cells):
             cells[self.names_in] = self._name(cells[self.names_in])
         for column in self.unused:
             if column < len(cells):
                 cells[column] = ""
+        if self.separator == ";":
+            # Where semicolons separate cells, a comma is the decimal point.
+            cells = [cell.replace(",", ".") for cell in cells]
         try:
             # float() also accepts "1_000", which is surely an error in a table of measurements.
             row = [float(cell) if cell else _NAN for cell in cells]

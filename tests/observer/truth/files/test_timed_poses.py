@@ -57,6 +57,15 @@ def test_name_column_separates_bodies(read: Read) -> None:
     np.testing.assert_array_equal(capture.bodies["b b"].positions, [[4, 5, 6], [4, 5, 7]])
 
 
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_decimal_commas_are_read_beside_quotation_marks(read: Read, quote: str) -> None:
+    rows = [f"{quote}cart, red{quote};{t};1,5;{quote}2,25{quote};3" for t in ("0,1", "0,2")]
+    bodies = read("\n".join(["body;t;x;y;z", *rows])).bodies
+    assert list(bodies) == ["cart, red"]
+    np.testing.assert_array_equal(bodies["cart, red"].times, [0.1, 0.2])
+    np.testing.assert_array_equal(bodies["cart, red"].positions, [[1.5, 2.25, 3.0]] * 2)
+
+
 def test_reads_tum(read: Read) -> None:
     content = "# ground truth\n# timestamp tx ty tz qx qy qz qw\n\n"
     capture = read(content + table(T, P, TURNED.as_quat(), separator=" ") + "\n# end\n")
