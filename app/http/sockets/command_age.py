@@ -83,7 +83,8 @@ class CommandAge:
     def age(self, stamp: float, now: float) -> float | None:
         """Return the highest possible age of a message that arrives now, in seconds.
 
-        It counts from the stamp. None if unknown: no ping was answered lately, or the stamp lies in the future.
+        It counts from the stamp. None if unknown: no ping was answered lately, or the stamp lies
+        in the future.
         """
         self._forget(now)
         if not self._trips or not math.isfinite(stamp) or self._is_ahead(stamp, now):
