@@ -1,7 +1,7 @@
 """The 95 % interval, in which every uncertainty is shown to people.
 
 Data files, REST and the library's results keep standard deviations; only texts and pictures for
-people use this factor. The page takes it from here, see ``app.contract.glossary``.
+people use this factor. The page takes it from here, see ``tools/packaging/page_facts.py``.
 """
 
 from __future__ import annotations

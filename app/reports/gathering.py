@@ -12,7 +12,7 @@ import numpy as np
 from app.reports.pairing import pair_with_truth
 from app.reports.run_times import RunTimes
 from observer.errors import DynamicObserverError
-from observer.evaluation.speed_errors import AT_REST, MOVING_MPS, SeenMotion, TrueMotion
+from observer.evaluation.speed_errors import AT_REST, SeenMotion, TrueMotion
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth, RobotRow
@@ -22,8 +22,8 @@ from observer.truth.alignment.alignment import align
 from observer.truth.alignment.observed import ObservedRun
 from observer.truth.alignment.result import Alignment
 from observer.truth.contract import Truth
+from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
 
-_VISIBLE_SHARE = 0.5
 # Role of a robot that takes commands, as the drive process names it.
 _DRIVEN = ("armed", "moving")
 _OBSTACLE = "obstacle"
@@ -172,7 +172,7 @@ def _true_motions(
             body = next((b for b in payload.bodies if b.name == name), None)
             speed = np.nan if body is None else body.speed
             direction, way = _directions(body, poses[payload.frame])
-            in_sight = body is not None and (body.visible is None or body.visible >= _VISIBLE_SHARE)
+            in_sight = body is not None and (body.visible is None or body.visible >= VISIBLE_SHARE)
             rows.append((payload.time, speed, direction, way, in_sight))
         times, speeds, directions, ways, seen = zip(*rows, strict=True)
         motion = TrueMotion(

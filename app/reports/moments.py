@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from app.reports.gathering import Gathered
 from observer.camera import StereoCamera
-from observer.evaluation.speed_errors import MOVING_MPS
 from observer.geometry import Float64Array
 from observer.jsonl import line_pose
 from observer.observer import Observer
@@ -27,6 +26,7 @@ from observer.parameters.fields import PLANAR
 from observer.recording.payloads import MatchedTruth
 from observer.recording.replay import replay_revisions
 from observer.recording.source import RecordingSource
+from observer.truth.counting import MOVING_MPS
 from observer.types import FullTrace, NoTrace, StereoFrame
 
 # Long enough for tracks to be confirmed again.

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Literal
 
-MOVING_MPS = 0.05
+from observer.truth.counting import MOVING_MPS
+
 GATE_M = 0.5
 ROAD_GATE_M = 3.0
 # Frames after which an endless scenario is stopped by default.

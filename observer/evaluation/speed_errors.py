@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.intervals import SIGMAS_95
+from observer.truth.counting import MOVING_MPS
 
-MOVING_MPS = 0.05
 AT_REST = "at rest"
 DIRECTIONS = ("towards", "away", "left", "right")
 WAYS = ("forward", "backward")

@@ -31,7 +31,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from observer.evaluation.choices import GATE_M, MOVING_MPS
+from observer.evaluation.choices import GATE_M
 from observer.evaluation.flagged import is_flagged, squared_length
 from observer.evaluation.image_boxes import area, box_iou, clipped
 from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
@@ -39,8 +39,8 @@ from observer.evaluation.lines import Line
 from observer.evaluation.surface import visible_surface
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import Kind, TrueBody, Truth
+from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
 
-VISIBLE_SHARE = 0.5
 FILLING_SHARE = 0.1
 SETTLING_S = 0.6
 

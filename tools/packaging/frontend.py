@@ -24,7 +24,8 @@ MODULES = STATIC / "node_modules"
 # script that makes the file from that.
 MADE: dict[str, tuple[str, str]] = {
     "contract.d.ts": ("tools.packaging.page_types", "types"),
-    "elements/glossary.js": ("tools.packaging.page_glossary", "glossary"),
+    "elements/glossary.js": ("tools.packaging.page_glossary", "module"),
+    "elements/facts.js": ("tools.packaging.page_facts", "module"),
 }
 
 # Path in node_modules -> name in static/vendor. Licences are copied with the code they cover;
@@ -71,7 +72,7 @@ def vendor() -> bool:
 
 
 def types() -> None:
-    """Generate the page's types and glossary from the code's declarations; needs its packages."""
+    """Generate the page's types, glossary and facts from the code; needs its packages."""
     development()
     for name in MADE:
         (STATIC / "app" / name).write_text(_made(name), encoding="utf-8")
@@ -84,7 +85,7 @@ def check() -> None:
         file = STATIC / "app" / name
         if not file.is_file() or file.read_text(encoding="utf-8") != _made(name):
             raise FrontendError(
-                f"{file.relative_to(ROOT)} does not match app/contract; next: python "
+                f"{file.relative_to(ROOT)} does not match the code it is made from; next: python "
                 "tools/packaging/frontend.py types"
             )
     _run_script("check", "the JavaScript check found the problems above; correct them")

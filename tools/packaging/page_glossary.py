@@ -11,7 +11,6 @@ import json
 import sys
 
 from app.contract.glossary import GLOSSARY
-from observer.intervals import SIGMAS_95
 
 
 def page_glossary() -> str:
@@ -19,8 +18,6 @@ def page_glossary() -> str:
     meanings = {term.name: term.meaning for term in GLOSSARY}
     return (
         "/** Words and their meaning, for tooltips: made from app/contract/glossary.py. */\n\n"
-        "/** Half of the 95 % interval, in standard deviations. */\n"
-        f"export const SIGMAS_95 = {SIGMAS_95:g};\n\n"
         f"export const GLOSSARY = {json.dumps(meanings, ensure_ascii=False)};\n"
     )
 

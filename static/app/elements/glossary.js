@@ -1,11 +1,8 @@
 /** Words and their meaning, for tooltips: made from app/contract/glossary.py. */
 
-/** Half of the 95 % interval, in standard deviations. */
-export const SIGMAS_95 = 1.96;
-
 export const GLOSSARY = {
   "95 % interval":
-    "Range that contains the true value in 95 of 100 cases if the stated uncertainty is right. Every ± is its half-width, 1.96 standard deviations. Data files contain standard deviations.",
+    "Range that contains the true value in 95 of 100 cases if the stated uncertainty is right. Every ± is half of it, which is 1.96 standard deviations. Data files contain standard deviations.",
   "alignment":
     "Finding the time offset between the clocks of motion capture and of the run, the pose of the room in the run's world frame, and which track is which body.",
   "armed":

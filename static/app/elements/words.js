@@ -1,13 +1,12 @@
 /** Numbers and observations in words. Pure functions. */
 
-import { SIGMAS_95 } from "./glossary.js";
+import { MOVING_MPS, SIGMAS_95, VISIBLE_SHARE } from "./facts.js";
 
 /** @import { LiveLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
 
 const STRAIGHT_RAD = (8 * Math.PI) / 180;
-// A true body slower than this stands still; one less visible than this need not be detected.
-const STATIONARY_BELOW_MPS = 0.02;
-const HIDDEN_BELOW = 0.2;
+// An obstacle slower than this has no heading worth naming.
+const NO_HEADING_BELOW_MPS = 0.02;
 
 /**
  * @param {number | null | undefined} value
@@ -50,7 +49,7 @@ export function headingInWords(obstacle, pose) {
   if (!obstacle.velocity || !pose) return "";
   const [x = 0, , z = 0] = rotateInverse(pose.orientation_wxyz, obstacle.velocity);
   const length = Math.hypot(x, z);
-  if (length < STATIONARY_BELOW_MPS) return "";
+  if (length < NO_HEADING_BELOW_MPS) return "";
   const parts = [];
   // A component is named if it is at least tan(22.5 degrees) times the other.
   if (Math.abs(x) > 0.414 * Math.abs(z)) parts.push(x > 0 ? "to the right" : "to the left");
@@ -85,8 +84,8 @@ export function firstLine(line, truth) {
   const missed = truth.find(
     (body) =>
       body.role !== "observer" &&
-      body.speed > STATIONARY_BELOW_MPS &&
-      (body.visible === null || body.visible > HIDDEN_BELOW),
+      body.speed > MOVING_MPS &&
+      (body.visible === null || body.visible >= VISIBLE_SHARE),
   );
   let text = standing ? `Nothing moves; obstacle ${standing.id} has stopped.` : "Nothing moves.";
   if (waving) {

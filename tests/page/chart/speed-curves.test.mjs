@@ -8,7 +8,7 @@ import {
   speedAt,
   withBand,
 } from "../../../static/app/chart/speed-curves.js";
-import { SIGMAS_95 } from "../../../static/app/elements/glossary.js";
+import { SIGMAS_95 } from "../../../static/app/elements/facts.js";
 
 /**
  * @param {number[]} times

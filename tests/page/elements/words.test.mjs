@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { MOVING_MPS, VISIBLE_SHARE } from "../../../static/app/elements/facts.js";
 import * as words from "../../../static/app/elements/words.js";
 import { body, line, obstacle } from "../made.mjs";
 
@@ -71,8 +72,9 @@ test("the first line says what is missed, unless it is hidden or stands", () => 
   ) => words.firstLine(line(), [body(changes)]).text;
   assert.equal(text({}), "No motion detected — ground truth: cart moves at 0.50 m/s.");
   assert.match(text({ visible: null }), /ground truth: cart/);
-  assert.equal(text({ visible: 0.1 }), "Nothing moves.");
-  assert.equal(text({ speed: 0.01 }), "Nothing moves.");
+  assert.match(text({ visible: VISIBLE_SHARE }), /ground truth: cart/);
+  assert.equal(text({ visible: VISIBLE_SHARE - 0.01 }), "Nothing moves.");
+  assert.equal(text({ speed: MOVING_MPS }), "Nothing moves.");
   assert.equal(text({ role: "observer" }), "Nothing moves.");
 });
 
