@@ -66,6 +66,7 @@ class Connecting:
         stop_due: who asked for a stop that no drive process has confirmed yet.
         stopped: the stop latch as last reported by the drive process; the next process begins with
             it.
+        connections: count of the robots assigned so far, by role.
     """
 
     def __init__(self, drive: Drive, guard: Callable[[], dict[str, Any]]) -> None:
@@ -85,6 +86,7 @@ class Connecting:
         self.complaint: str | None = None
         self.stop_due: str | None = None
         self.stopped: Latch | None = None
+        self.connections = dict.fromkeys(ROLES, 0)
 
     def want(self, state: StateEvent, rig: Rig) -> None:
         """Set the robots wanted from now on."""
@@ -150,6 +152,8 @@ class Connecting:
         if generation == 0 or (role in self._assigned and self._assigned[role] == wanted):
             return
         self._assigned.pop(role, None)
+        if wanted is not None:
+            self.connections[role] += 1
         try:
             complaint = await self._refusal(
                 DisconnectRobot(role) if wanted is None else wanted, _CONNECT_TIMEOUT_S

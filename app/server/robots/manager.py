@@ -13,7 +13,6 @@ import structlog
 from app.contract.commands import Answer
 from app.contract.drive import (
     ArmRobot,
-    ConnectRobot,
     DisarmRobot,
     DriveLostEvent,
     DriveStartedEvent,
@@ -60,11 +59,10 @@ class ArmedRobot:
     """A programme's robot as it was when the programme was requested: armed.
 
     Attributes:
-        connection: as assigned to the drive process; None while it is being reconnected.
-        disarmings: the role's count of requests to disarm until then.
+        connections, disarmings: the role's counts of assigned robots and of requests to disarm.
     """
 
-    connection: ConnectRobot | None
+    connections: int
     disarmings: int
 
 
@@ -351,12 +349,12 @@ class RobotManager:
             if not self.is_driven(role):
                 raise Conflict(f"the {role} is not armed; arm it first")
         return {
-            role: ArmedRobot(self._connecting.given(role), self._disarmings[role])
+            role: ArmedRobot(self._connecting.connections[role], self._disarmings[role])
             for role in start.programme.roles
         }
 
     async def arm_again(self, start: StartProgramme, before: Mapping[Role, ArmedRobot]) -> None:
-        """Re-arm those of the programme's robots that reopening the source has replaced.
+        """Re-arm those of the programme's robots that reopening the source has reconnected.
 
         Do this only for the operator who has just requested the programme, and who holds the leases
         of robots that were armed. A robot that anything else disarmed meanwhile stays disarmed.
@@ -394,8 +392,8 @@ class RobotManager:
             return False
         if self.is_driven(role):
             return True
-        if given == before[role].connection:
-            # The same robot as before, so it was not the reopening that disarmed it.
+        if self._connecting.connections[role] == before[role].connections:
+            # Still connected as before, so it was not the reopening that disarmed it.
             raise _disarmed(role)
         try:
             await self.ask(ArmRobot(role, lease))

@@ -21,6 +21,7 @@ from app.contract.drive import (
     StopRobots,
     TakeLease,
 )
+from app.contract.events import EngineState, StateEvent
 from app.contract.robots import RobotsNow
 from observer.motion_profiles.library import profile_names
 from observer.rig.rig_file import read_rig
@@ -408,6 +409,30 @@ async def test_a_robot_that_disarms_itself_while_a_run_starts_stays_disarmed(
     assert answer.status_code == 409
     assert "was disarmed while the run was starting" in answer.json()["detail"]
     assert "observer" not in drive.armed
+
+
+@pytest.mark.usefixtures("connected")
+async def test_a_robot_that_reopening_the_source_reconnected_is_rearmed(
+    http: Any, drive: Any, peer: Any, eventually: Any
+) -> None:
+    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
+    drive.leases["observer"] = ("lease", "Anna")
+    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+    opening, go_on = hold_opening(peer)
+    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
+    starting = asyncio.create_task(http.post("/api/runs", json=wanted))
+    await opening.wait()
+    # As for a source of which only one can be open: it is closed first, then opened again.
+    peer.publish(StateEvent(EngineState.IDLE, None))
+    await eventually(lambda: not drive.robots)
+    go_on.set()
+    answer = await starting
+    assert answer.status_code == 201, answer.text
+    assert [type(command) for command in drive.commands[-3:]] == [
+        ConnectRobot,
+        ArmRobot,
+        StartProgramme,
+    ]
 
 
 def hold_opening(peer: Any) -> tuple[asyncio.Event, asyncio.Event]:
