@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -73,5 +74,8 @@ class Ring:
                 container.finish()
             part.replace(path)
         except OSError as error:
-            part.unlink(missing_ok=True)
             raise RecordingError.of(error, path.name) from None
+        finally:
+            # It is there only after a failure.
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)

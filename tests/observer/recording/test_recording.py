@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,7 @@ from observer.geometry import Pose
 from observer.occupancy import OccupancyMap
 from observer.recording import foxglove, topics
 from observer.recording.drawn import drawn_obstacles
+from observer.recording.errors import RecordingError
 from observer.recording.images import jpeg_pixels, raw_pixels
 from observer.recording.payloads import (
     Anchor,
@@ -275,6 +277,23 @@ def test_a_ring_saves_the_last_seconds_as_a_recording(
     assert read.index == kept[0]
     assert np.abs(read.left.astype(float) - frames[kept[0]].left).mean() <= 3.0
     source.close()
+
+
+def test_a_ring_that_cannot_be_saved_leaves_no_file(
+    tmp_path: Path, frames: tuple[StereoFrame, ...], facts: Callable[..., RunFacts]
+) -> None:
+    ring = Ring()
+    writer = RecordingWriter(None, facts("lossless"), ring=ring)
+    for frame in frames[:4]:
+        writer.frame(frame)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+    try:
+        with pytest.raises(RecordingError, match="the disk is full"):
+            ring.save(tmp_path / "ring.mcap")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_ring_stays_within_its_size_limit(
