@@ -238,7 +238,8 @@ class LiveTruth:
             return []
         found = newest.bodies(aligned.alignment, aligned.clocks, T_world_room, time)
         obstacles = [each.body for each in found if each.body.role == "obstacle"]
-        tracks = assign(obstacles, Pose.identity(), observation.reported)
+        positions = {obstacle.id: obstacle.position for obstacle in observation.reported}
+        tracks = assign(obstacles, Pose.identity(), positions)
         return [
             {**entry(each.body, Pose.identity(), tracks.get(each.body.id)), "time": each.time}
             for each in found

@@ -19,6 +19,7 @@ from app.reports.pairing import pair_with_truth
 from app.reports.run_times import RunTimes
 from observer.errors import InputError, TruthError
 from observer.evaluation.speed_errors import TrueMotion
+from observer.geometry import Pose
 from observer.intervals import half_95
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.recording.reader import Recording
@@ -26,10 +27,10 @@ from observer.truth.alignment.aligned import DEFAULT_SIZE, AlignedTruth
 from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.alignment.observed import TrackKey
 from observer.truth.alignment.result import Alignment
-from observer.truth.contract import TrueBody
 from observer.truth.csv_file import CsvTruth, SampledTruth
 from observer.truth.files.angles import AngleReading
 from observer.truth.files.recognition import file_kind, read_capture
+from observer.truth.matching import entry
 from observer.truth.motion_capture import Capture
 
 ALIGNED_ALREADY = "truth.csv"
@@ -259,7 +260,9 @@ class ComparedRecording(Recording):
         names = [name for name, role in alignment.roles.items() if role == _OBSTACLE]
         for line in self.lines():
             time = float(line["time"])
-            bodies = [_placed(body) for body in truth.bodies(time)]
+            bodies = [
+                MatchedBody.of(entry(body, Pose.identity(), None)) for body in truth.bodies(time)
+            ]
             if not bodies:
                 bodies = _speeds_only(truth, names, time)
                 self.unplaced |= {time} if bodies else set()
@@ -271,19 +274,6 @@ class ComparedRecording(Recording):
                     msgspec.structs.replace(body, track_id=tracks.get(body.name)) for body in bodies
                 ],
             )
-
-
-def _placed(body: TrueBody) -> MatchedBody:
-    return MatchedBody(
-        id=body.id,
-        name=body.name,
-        role=body.role,
-        position=body.position.tolist(),
-        velocity=body.velocity.tolist(),
-        speed=body.speed,
-        size=body.size.tolist(),
-        yaw=body.yaw,
-    )
 
 
 def _speeds_only(truth: AlignedTruth, names: Iterable[str], time: float) -> list[MatchedBody]:
@@ -305,14 +295,14 @@ def _tracks(
     """Return, by body, the nearest of its tracks."""
     places = {body.name: np.array(body.position) for body in bodies}
     found: dict[str, tuple[float, int]] = {}
-    for entry in line["obstacles"]:
-        match = alignment.matches.get(TrackKey(int(line["segment"]), int(entry["id"])))
+    for reported in line["obstacles"]:
+        match = alignment.matches.get(TrackKey(int(line["segment"]), int(reported["id"])))
         if match is None or match.body not in places:
             continue
         distance = np.inf
-        if entry["position"] is not None:
-            distance = float(np.linalg.norm(places[match.body] - np.array(entry["position"])))
-        candidate = float(np.nan_to_num(distance, nan=np.inf)), int(entry["id"])
+        if reported["position"] is not None:
+            distance = float(np.linalg.norm(places[match.body] - np.array(reported["position"])))
+        candidate = float(np.nan_to_num(distance, nan=np.inf)), int(reported["id"])
         found[match.body] = min(found.get(match.body, candidate), candidate)
     return {body: track for body, (_, track) in found.items()}
 

@@ -174,8 +174,7 @@ class Encoder:
             messages.append(self._own(topics.EGO_MOTION, values, received))
         self._keep(messages)
         if truth or no_truth is not None:
-            known = MatchedBody.__struct_fields__
-            bodies = [MatchedBody(**{name: entry[name] for name in known}) for entry in truth]
+            bodies = [MatchedBody.of(entry) for entry in truth]
             matched = MatchedTruth(
                 frame=line["frame"], time=line["time"], bodies=bodies, sentence=no_truth
             )

@@ -7,6 +7,7 @@ one; both are meaningful only within one recording. Null means unknown.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import msgspec
@@ -177,6 +178,11 @@ class MatchedBody(msgspec.Struct, frozen=True, kw_only=True):
     visible: float | None = None
     commanded_speed: float | None = None
     track_id: int | None = None
+
+    @staticmethod
+    def of(entry: Mapping[str, Any]) -> MatchedBody:
+        """Return the body of an entry of ``observer.truth.matching``."""
+        return MatchedBody(**{name: entry[name] for name in MatchedBody.__struct_fields__})
 
 
 class MatchedTruth(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NotRequired
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 from typing_extensions import TypedDict
 
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody, Truth
 from observer.truth.csv_file import TruthSample
-from observer.types import Observation, Obstacle
+from observer.types import Observation
 
 # An obstacle further than this from a body's surface (its half length) is not matched to it.
 GATE_M = 1.0
@@ -66,7 +68,8 @@ class TruthMatcher:
         T_world_truth = self._T_world_truth
         bodies = self._bodies(source_time)
         obstacles = [body for body in bodies if body.role == "obstacle"]
-        tracks = assign(obstacles, T_world_truth, observation.reported)
+        positions = {obstacle.id: obstacle.position for obstacle in observation.reported}
+        tracks = assign(obstacles, T_world_truth, positions)
         return [entry(body, T_world_truth, tracks.get(body.id)) for body in bodies]
 
     def sample(self, frame: int, time: float, source_time: float) -> TruthSample:
@@ -95,24 +98,25 @@ class TruthMatcher:
 
 
 def assign(
-    bodies: list[TrueBody], T_world_truth: Pose, obstacles: tuple[Obstacle, ...]
+    bodies: list[TrueBody], T_world_truth: Pose, positions: Mapping[int, ArrayLike | None]
 ) -> dict[int, int]:
     """Assign track ids to body ids at the least total distance within the gate.
 
     Args:
         T_world_truth: from the bodies' world to that of the obstacles.
+        positions: (3,) metres, of each track; None where unknown.
     """
-    placed = [o for o in obstacles if o.position is not None]
-    if not bodies or not placed:
+    ids = [track for track, position in positions.items() if position is not None]
+    if not bodies or not ids:
         return {}
     true = T_world_truth.apply([body.position for body in bodies])
-    seen = np.array([o.position for o in placed])
+    seen = np.array([positions[track] for track in ids])
     distance = np.linalg.norm(true[:, None] - seen[None], axis=2)
     gate = np.array([GATE_M + float(body.size[0]) / 2 for body in bodies])[:, None]
     cost = np.where(distance <= gate, distance, 1e6)
     rows, columns = linear_sum_assignment(cost)
     return {
-        bodies[row].id: placed[column].id
+        bodies[row].id: ids[column]
         for row, column in zip(rows, columns, strict=True)
         if cost[row, column] < 1e6
     }
