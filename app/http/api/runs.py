@@ -21,6 +21,7 @@ from app.http.api.programmes import ProgrammeStart, programme_command
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, Identifier, In, Name, Spec, Tag, Text, notes_on
 from app.http.file_name import content_disposition
+from app.server.runs.archive import MOST_RUNS
 from app.server.runs.files import file_stem
 from app.storage import SpeedRow
 from observer.recording.payloads import Images
@@ -78,9 +79,13 @@ async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
     return filled(StartedRun, run, parameter_notes=notes)
 
 
-@router.get("", summary="All runs", responses=refusals(503))
+@router.get(
+    "",
+    summary="The newest runs",
+    description=f"Newest first, at most {MOST_RUNS}. `GET /api/history` returns all, in pages.",
+    responses=refusals(503),
+)
 async def list_runs(server: TheServer) -> list[Run]:
-    """Newest first."""
     return [filled(Run, run) for run in await server.runs.archive.newest()]
 
 

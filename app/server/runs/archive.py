@@ -10,6 +10,9 @@ from app.server.errors import Conflict, NotThere
 from app.storage import IncidentRecord, RunRecord, SpeedRow, Storage
 from observer.recording.run_folder import RECORDING
 
+# A thousand would be an answer of 9 MB, which takes the server half a second to write.
+MOST_RUNS = 200
+
 
 class RunArchive:
     """Archive of the runs.
@@ -35,9 +38,9 @@ class RunArchive:
         return (current is not None and current.id == run_id) or self._rerunning(run_id)
 
     async def newest(self) -> list[RunRecord]:
-        """Return all runs, newest first."""
+        """Return the newest runs, at most ``MOST_RUNS``, newest first."""
         current = self._current()
-        records = await asyncio.to_thread(self._storage.list_runs)
+        records = await asyncio.to_thread(self._storage.list_runs, limit=MOST_RUNS)
         return [current if current and record.id == current.id else record for record in records]
 
     async def find(self, run_id: str) -> RunRecord:

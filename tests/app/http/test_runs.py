@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from app.contract.commands import SetPlayback, StopRun
+from app.storage import Storage
 
 THRESHOLD = "ego_motion.ransac_threshold_px"
 
@@ -115,3 +116,13 @@ async def test_a_run_whose_source_is_refused_is_not_stored(http: Any, peer: Any)
     assert status["run"] is None
     assert status["source"]["spec"] == "simulated:lab"
     assert not any(isinstance(command, StopRun) for command in peer.commands)
+
+
+async def test_the_list_of_runs_states_how_many_it_returns(http: Any, storage: Storage) -> None:
+    for number in range(201):
+        storage.create_run(name=str(number), source="s", parameters={}, versions={})
+    listed = (await http.get("/api/runs")).json()
+    described = (await http.get("/openapi.json")).json()["paths"]["/api/runs"]["get"]
+    assert f"at most {len(listed)}" in described["description"]
+    assert listed[0]["name"] == "200"
+    assert (await http.get("/api/history")).json()["total"] == 201
