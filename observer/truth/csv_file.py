@@ -25,6 +25,7 @@ import scipy
 from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import KINDS, Box, TrueBody
+from observer.truth.files.body_names import MOST_BODIES
 
 _POSITION, _VELOCITY, _SIZE = ("x", "y", "z"), ("vx", "vy", "vz"), ("size_x", "size_y", "size_z")
 _REQUIRED = ("frame", "t", "id", *_POSITION, *_VELOCITY, "visible", *_SIZE, "yaw")
@@ -91,12 +92,16 @@ class SampledTruth:
     def __init__(self, samples: tuple[TruthSample, ...]) -> None:
         self.samples = samples
         times = [sample.time for sample in samples]
-        self._camera = _Series(times, [sample.camera_pose for sample in samples])
-        by_id = [{body.id: body for body in sample.bodies} for sample in samples]
-        self._series = [
-            _Series(times, [bodies.get(id_) for bodies in by_id])
-            for id_ in sorted(set().union(*by_id))
-        ]
+        interval = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        cameras: dict[int, Pose] = {}
+        bodies: dict[int, dict[int, TrueBody]] = {}
+        for index, sample in enumerate(samples):
+            if sample.camera_pose is not None:
+                cameras[index] = sample.camera_pose
+            for body in sample.bodies:
+                bodies.setdefault(body.id, {})[index] = body
+        self._camera = _Series(times, interval, cameras)
+        self._series = [_Series(times, interval, bodies[id_]) for id_ in sorted(bodies)]
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return every body known at ``time``, sorted by id; bodies in a gap are left out."""
@@ -132,12 +137,19 @@ class CsvTruth(SampledTruth):
 
 
 class _Series(Generic[_Sample]):
-    """Samples of a body or pose by ascending time; None at frames where it was not seen."""
+    """Samples of a body or pose by ascending time.
 
-    def __init__(self, times: Sequence[float], values: Sequence[_Sample | None]) -> None:
+    Args:
+        times: of all frames. interval: their median one.
+        values: by index of the frame, for those in which it was seen.
+    """
+
+    def __init__(
+        self, times: Sequence[float], interval: float, values: Mapping[int, _Sample]
+    ) -> None:
         self._times = times
+        self._interval = interval
         self._values = values
-        self._interval = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
     def at(self, time: float) -> tuple[_Sample, _Sample, float] | None:
         """Return the samples before and after ``time`` and the later one's weight, or None."""
@@ -145,7 +157,7 @@ class _Series(Generic[_Sample]):
         if later < len(self._times) and self._times[later] == time:
             return self._held(later)
         if 0 < later < len(self._times):
-            before, after = self._values[later - 1], self._values[later]
+            before, after = self._values.get(later - 1), self._values.get(later)
             start, end = self._times[later - 1], self._times[later]
             close = end - start <= _MAX_GAP_FRAMES * self._interval
             if before is not None and after is not None and close:
@@ -157,7 +169,7 @@ class _Series(Generic[_Sample]):
         return self._held(nearest)
 
     def _held(self, index: int) -> tuple[_Sample, _Sample, float] | None:
-        value = self._values[index]
+        value = self._values.get(index)
         return None if value is None else (value, value, 0.0)
 
 
@@ -197,6 +209,7 @@ def _read_samples(lines: Iterable[str], name: str) -> tuple[TruthSample, ...]:
     times: dict[int, float] = {}
     bodies: dict[int, dict[int, TrueBody]] = {}
     cameras: dict[int, Pose] = {}
+    ids: set[int] = set()
     for row in _rows(lines, name):
         frame, time = row.whole("frame"), row.number("t")
         if times.setdefault(frame, time) != time:
@@ -210,6 +223,12 @@ def _read_samples(lines: Iterable[str], name: str) -> tuple[TruthSample, ...]:
             if body.id in seen:
                 raise TruthError(f"{row.where}: id {body.id} appears twice in frame {frame}")
             seen[body.id] = body
+            ids.add(body.id)
+            if len(ids) > MOST_BODIES:
+                raise TruthError(
+                    f"{row.where}: there are more than {MOST_BODIES} ids; an id names a body, "
+                    "which keeps it in all frames"
+                )
         camera = row.camera_pose()
         if camera is not None:
             cameras.setdefault(frame, camera)

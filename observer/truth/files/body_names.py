@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from observer.errors import TruthError
 
-_MOST_BODIES = 2000
+MOST_BODIES = 2000
 _MOST_CHARACTERS = 100
 
 
@@ -26,9 +26,9 @@ class BodyNames:
         Raises:
             TruthError: the file has too many bodies.
         """
-        if len(self._taken) == _MOST_BODIES:
+        if len(self._taken) == MOST_BODIES:
             raise TruthError(
-                f"{self._file}: there are more than {_MOST_BODIES} bodies or markers; export fewer"
+                f"{self._file}: there are more than {MOST_BODIES} bodies or markers; export fewer"
             )
         plain = " ".join(written.split())[:_MOST_CHARACTERS] or "unnamed"
         name = plain

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -220,6 +221,22 @@ def test_refuses(text: str, expected: str, tmp_path: Path) -> None:
     assert expected in str(caught.value)
     assert str(caught.value).startswith("truth.csv")
     assert "\n" not in str(caught.value)
+
+
+def test_more_ids_than_bodies_can_be_are_refused_in_little_memory(tmp_path: Path) -> None:
+    rows = [f"{k},{k / 10},{k}{ROW[7:]}" for k in range(2001)]
+    path = tmp_path / "truth.csv"
+    path.write_text("\n".join([HEADER, *rows[:-1]]))
+    tracemalloc.start()
+    truth = CsvTruth(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert [each.id for each in truth.bodies(150.0)] == [1500]
+    # A list of all frames for each id would take 32 MB alone.
+    assert peak < 16e6
+    path.write_text("\n".join([HEADER, *rows]))
+    with pytest.raises(TruthError, match=r"^truth\.csv line 2002: there are more than 2000 ids"):
+        CsvTruth(path)
 
 
 cells = st.one_of(finite.map(repr), st.text("0123456789.-+eE,\"'\n \x00naif", max_size=6))
