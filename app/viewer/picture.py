@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from app.contract.events import EngineState, ObservationEvent, StateEvent
 from app.contract.robots import RobotsNow
 from app.runtime.latest import Latest
-from app.viewer.robot_marks import RobotMarks, robot_marks
+from app.viewer.robot_marks import USUAL_GUARD, RobotMarks, robot_marks
 from app.viewer.shapes import box_edges, rig_edges, upright_rotation, uprighted
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.guard.parameters import GuardParameters
 from observer.intervals import half_95
 from observer.mount import level_pose
 from observer.types import MotionState
@@ -85,11 +86,12 @@ def make_picture(
     generation: int,
     now: float,
     driving: RobotsNow | None = None,
+    limits: GuardParameters = USUAL_GUARD,
 ) -> Picture:
     """Make the picture of the newest observation, as fresh as it is at ``now``.
 
     Args:
-        driving: state of the robots, as far as known.
+        driving: state of the robots, as far as known. limits: the guard's parameters in force.
     """
     mount = state.mount
     T_display_world = level_pose(mount)
@@ -117,6 +119,7 @@ def make_picture(
             mount,
             T_world_camera,
             None if driving is None else driving.goal,
+            limits,
         ),
         stale=_is_stale(event, state, now),
     )

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 from app.contract.robots import GoalNow, GuardVerdict, RobotNow
 from app.viewer.shapes import thinned
 from observer.geometry import Float64Array, Pose
+from observer.guard.parameters import GuardParameters
 from observer.mount import CameraMount
 from observer.navigation.errand import REACHED_M
 from observer.navigation.plan import MOST_REFUSED, RefusedPath
-from observer.robots.contract import RobotReport, SonarReading
+from observer.robots.contract import RobotReport
 
 Level = Literal["clear", "slow", "stop"]
 MOST_OUTLINE_LINES = 7
@@ -33,6 +34,7 @@ _FLAG_LINES = 3
 GOAL_LINES = _RING_LINES + _FLAG_LINES
 _CROSS_LINES = 2
 MEETING_LINES = _RING_LINES + _CROSS_LINES
+USUAL_GUARD = GuardParameters()
 
 # Just above the floor, so that the floor's own lines do not cut through.
 _ZONE_HEIGHT_M = 0.012
@@ -45,7 +47,6 @@ _MEETING_RADIUS_M = 0.3
 _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
-_SONAR_HALF_CONE_RAD = math.radians(15)
 # An echo from farther away reveals nothing of the robot's surroundings.
 _SONAR_REACH_M = 4.0
 _SONAR_OLD_S = 1.0
@@ -93,11 +94,13 @@ def robot_marks(
     mount: CameraMount | None,
     T_world_camera: Pose | None,
     goal: GoalNow | None = None,
+    limits: GuardParameters = USUAL_GUARD,
 ) -> RobotMarks | None:
     """Return the marks of the observing robot; None if nothing is known of it or its position.
 
     Args:
         robot: the observer's. goal: the one to which it drives, or drove last.
+        limits: the guard's parameters in force.
     """
     if robot is None or mount is None or T_world_camera is None:
         return None
@@ -112,7 +115,7 @@ def robot_marks(
         outline=world(_outline(report)),
         stop_zone=world(_zone(() if guard is None else guard.stop_zone)),
         slow_zone=world(_zone(() if guard is None else guard.slow_zone)),
-        sonar=world(_sonar(report.sonars, report.received)),
+        sonar=world(_sonar(report, math.radians(limits.sonar_half_angle_deg))),
         path=world(_path(() if aim is None else aim.path)),
         refused=world(_refused(() if aim is None else aim.refused)),
         meeting=world(_meeting(None if aim is None else aim.meets_at)),
@@ -207,18 +210,17 @@ def _goal(place: Sequence[float] | None) -> Float64Array:
     return np.asarray(lines + np.array([place[0], place[1], 0.0]))
 
 
-def _sonar(sonars: Sequence[SonarReading], received: float | None) -> Float64Array:
+def _sonar(report: RobotReport, half_cone_rad: float) -> Float64Array:
     """Return chords along the arc of each echo; echoes are aged by the robot's newest report."""
-    newest = max([received or -math.inf, *(each.received for each in sonars)])
+    newest = max([report.received or -math.inf, *(each.received for each in report.sonars)])
+    across = np.linspace(-half_cone_rad, half_cone_rad, LINES_OF_A_SONAR + 1)
     lines = []
-    for each in sonars:
+    for each in report.sonars:
         distance = each.range_m
         old = newest - each.received > _SONAR_OLD_S
         if distance is None or distance > _SONAR_REACH_M or old:
             continue
-        angle = each.heading + np.linspace(
-            -_SONAR_HALF_CONE_RAD, _SONAR_HALF_CONE_RAD, LINES_OF_A_SONAR + 1
-        )
+        angle = each.heading + across
         arc = np.stack([np.cos(angle), np.sin(angle)], axis=1) * distance
         arc += (each.x, each.y)
         lines.append(np.stack([arc[:-1], arc[1:]], axis=1))

@@ -148,7 +148,8 @@ class ViserViewer:
             with contextlib.suppress(RuntimeError):
                 self._driving = server.driving.facts()
             picture = make_picture(
-                source.latest, source.state, source.generation, now, self._driving
+                *(source.latest, source.state, source.generation, now, self._driving),
+                limits=server.parameters.current.values.guard,
             )
             self._scene.show(picture, now)
             local_map = None if picture.stale else source.local_map

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import sys
 
+from observer.guard.parameters import GuardParameters
 from observer.intervals import SIGMAS_95
 from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
 
@@ -20,6 +21,10 @@ FACTS: dict[str, tuple[float | str, str]] = {
     "VISIBLE_SHARE": (
         VISIBLE_SHARE,
         "A true body of which the camera sees this share or more is in sight, 0 to 1.",
+    ),
+    "SONAR_HALF_ANGLE_DEG": (
+        GuardParameters().sonar_half_angle_deg,
+        "Half the angle of a sonar's cone, until the guard's parameters are known.",
     ),
 }
 

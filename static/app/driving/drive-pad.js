@@ -1,9 +1,11 @@
 /** Manual driving: the pad to hold, the speed, what was sent, and what limits it. */
 
 import { h, input, setAttribute, setText } from "../elements/dom.js";
+import { SONAR_HALF_ANGLE_DEG } from "../elements/facts.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
+import { storeOf } from "../parameters/parameter-store.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
 import { applyDeadZone } from "./hold.js";
@@ -14,6 +16,7 @@ import { sonarInWords, SonarRing } from "./sonar-ring.js";
 
 // Largest knob travel from the pad's centre, as a share of its width.
 const KNOB_TRAVEL_PERCENT = 36;
+const HALF_ANGLE = "guard.sonar_half_angle_deg";
 
 /** @type {Record<string, string>} */
 const LEVELS = { clear: "Path clear", slow: "Slowed", stop: "Stopped" };
@@ -147,7 +150,8 @@ export class DrivePad extends Part {
     const way = KNOB_TRAVEL_PERCENT / Math.max(1, Math.hypot(forward, left));
     this.#knob.style.left = `${50 - way * left}%`;
     this.#knob.style.top = `${50 - way * forward}%`;
-    this.#ring.show(robot);
+    const { values } = storeOf(this.hub).state;
+    this.#ring.show(robot, Number(values[HALF_ANGLE] ?? SONAR_HALF_ANGLE_DEG));
     setText(this.#sonar, robot ? sonarInWords(robot) : "");
     setText(
       this.#state,

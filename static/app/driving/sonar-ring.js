@@ -6,7 +6,6 @@ import { setAttribute, svg } from "../elements/dom.js";
 
 const REACH_M = 3;
 const RINGS_M = [1, 2, 3];
-const HALF_CONE_RAD = (15 * Math.PI) / 180;
 const NEAR_M = 0.5;
 const CLOSE_M = 1;
 const OLD_S = 1;
@@ -35,8 +34,8 @@ export class SonarRing {
     );
   }
 
-  /** @param {RobotNow | null} robot */
-  show(robot) {
+  /** @param {RobotNow | null} robot @param {number} halfAngle of a sonar's cone, degrees */
+  show(robot, halfAngle) {
     const { report, guard } = robot ?? {};
     this.#zone(this.#slow, guard?.slow_zone, guard?.level);
     this.#zone(this.#stop, guard?.stop_zone, guard?.level);
@@ -51,7 +50,7 @@ export class SonarRing {
       const arc = this.#arcs.children[index] ?? this.#arcs.appendChild(svg("path", {}));
       const range = reading.range_m ?? 0;
       const age = now - reading.received;
-      setAttribute(arc, "d", arcOf(reading, Math.min(range, REACH_M)));
+      setAttribute(arc, "d", arcOf(reading, Math.min(range, REACH_M), halfAngle));
       setAttribute(
         arc,
         "data-range",
@@ -111,12 +110,13 @@ export function sonarInWords(robot) {
   return `Sonar: ${nearest}, up to ${oldest.toFixed(1)}\u00a0s old`;
 }
 
-/** @param {SonarReading} reading @param {number} range */
-function arcOf({ x, y, heading }, range) {
+/** @param {SonarReading} reading @param {number} range @param {number} halfAngle degrees */
+function arcOf({ x, y, heading }, range, halfAngle) {
+  const half = (halfAngle * Math.PI) / 180;
   const at = (/** @type {number} */ angle) =>
     `${(-(y + range * Math.sin(angle))).toFixed(3)} ${(-(x + range * Math.cos(angle))).toFixed(3)}`;
   // On the screen, right to left is counterclockwise (sweep flag 0).
-  return `M${at(heading - HALF_CONE_RAD)}A${range.toFixed(3)} ${range.toFixed(3)} 0 0 0 ${at(heading + HALF_CONE_RAD)}`;
+  return `M${at(heading - half)}A${range.toFixed(3)} ${range.toFixed(3)} 0 0 0 ${at(heading + half)}`;
 }
 
 /** @param {number} metres */

@@ -8,3 +8,6 @@ export const MOVING_MPS = 0.05;
 
 /** A true body of which the camera sees this share or more is in sight, 0 to 1. */
 export const VISIBLE_SHARE = 0.5;
+
+/** Half the angle of a sonar's cone, until the guard's parameters are known. */
+export const SONAR_HALF_ANGLE_DEG = 15;

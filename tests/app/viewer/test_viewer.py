@@ -49,6 +49,7 @@ from app.viewer.shapes import (
 )
 from app.viewer.trails import Trails
 from observer.geometry import Pose
+from observer.guard.parameters import GuardParameters
 from observer.mount import CameraMount, level_pose
 from observer.navigation.plan import RefusedPath
 from observer.occupancy import OccupancyMap
@@ -320,6 +321,12 @@ def test_only_recent_echoes_are_drawn_at_their_distance() -> None:
     ends = _in_base(marks.sonar, Pose.identity())
     assert ends.shape == (3, 2, 3)
     np.testing.assert_allclose(np.linalg.norm(ends[..., :2] - (0.1, 0.0), axis=-1), 1.4)
+    wide = robot_marks(
+        _ROBOT, _MOUNT, Pose.identity(), limits=GuardParameters(sonar_half_angle_deg=30.0)
+    )
+    assert wide is not None
+    along = _in_base(wide.sonar, Pose.identity())[..., :2] - (0.1, 0.0)
+    np.testing.assert_allclose(np.arctan2(*along[[0, -1], [0, -1]].T[::-1]), np.radians([-30, 30]))
 
 
 def test_a_partly_known_robot_is_drawn_as_far_as_known() -> None:
