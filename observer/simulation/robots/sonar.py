@@ -13,7 +13,7 @@ from observer.simulation.motion import PlanarState
 REACH_M = 5.0
 # A real sonar cannot distinguish nearer echoes from its own pulse.
 NEAREST_M = 0.05
-CONE_RAD = math.radians(15)
+HALF_CONE_RAD = math.radians(15)
 
 
 def sonar_range(edges: Float64Array, vehicle: PlanarState, sonar: SonarPose) -> float | None:
@@ -33,7 +33,7 @@ def sonar_range(edges: Float64Array, vehicle: PlanarState, sonar: SonarPose) -> 
     ends = edges.reshape(-1, 2, 2) - (x, y)
     # In the sonar's own axes: ahead and to the left.
     ahead, left = c * ends[..., 0] + s * ends[..., 1], c * ends[..., 1] - s * ends[..., 0]
-    slope = math.tan(CONE_RAD)
+    slope = math.tan(HALF_CONE_RAD)
     # The cone is where slope * ahead - left and slope * ahead + left are both at least 0; along
     # an edge each is a linear function, so the part inside is one interval of 0 to 1.
     low, high = np.zeros(len(edges)), np.ones(len(edges))
