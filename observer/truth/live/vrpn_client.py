@@ -73,10 +73,11 @@ class VrpnCapture(LiveCapture):
         try:
             with self._connected() as connection:
                 self._listen(connection)
-        except (_Lost, VrpnError) as error:
+        except (_Lost, VrpnError, OSError) as error:
             if isinstance(error, VrpnError):
                 self._intake.malformed()
-            return f"the VRPN server at {self._where} cannot be used: {error}"
+            why = _reason(error) if isinstance(error, OSError) else error
+            return f"the VRPN server at {self._where} cannot be used: {why}"
         return None
 
     @contextlib.contextmanager
@@ -88,7 +89,13 @@ class VrpnCapture(LiveCapture):
             raise _Lost("no host of this name is known") from None
         error = _Lost("its host has no address")
         for family, kind, protocol, _, address in found:
-            with socket.socket(family, kind, protocol) as connection:
+            try:
+                opened = socket.socket(family, kind, protocol)
+            except OSError as refused:
+                # The system may not support this address's family.
+                error = _Lost(_reason(refused))
+                continue
+            with opened as connection:
                 try:
                     self._connect(connection, address)
                 except _Lost as lost:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -235,6 +237,54 @@ def test_connection_failures_are_distinguished() -> None:
     capture = open_live_truth("vrpn:no-such-host.invalid")
     until(capture, lambda r: "name is known" in (r.trouble or ""))
     capture.close()
+
+
+def test_address_without_a_socket_is_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, opened = socket.getaddrinfo, socket.socket
+
+    def two(host: str, port: int, **more: Any) -> Any:
+        known = found(host, port, **more)
+        return [(socket.AF_INET6, *known[0][1:]), *known]
+
+    def unsupported(family: int = -1, *more: Any, **named: Any) -> socket.socket:
+        if family == socket.AF_INET6:
+            raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+        return opened(family, *more, **named)
+
+    with serving() as server, streaming(server):
+        monkeypatch.setattr(socket, "getaddrinfo", two)
+        monkeypatch.setattr(socket, "socket", unsupported)
+        with capturing(server.port) as capture:
+            samples(capture, 4)
+            assert capture.report().trouble is None
+
+
+@pytest.mark.parametrize("at", ["socket", "wait"])
+def test_shortage_of_open_files_is_reported_and_the_next_connection_works(
+    monkeypatch: pytest.MonkeyPatch, at: str
+) -> None:
+    refused = threading.Event()
+
+    def once(do: Callable[..., Any]) -> Callable[..., Any]:
+        def done(*some: Any, **named: Any) -> Any:
+            listening = threading.current_thread().name.startswith("vrpn 127.0.0.1")
+            if listening and not refused.is_set():
+                refused.set()
+                raise OSError(errno.EMFILE, "Too many open files")
+            return do(*some, **named)
+
+        return done
+
+    with serving() as server, streaming(server), monkeypatch.context() as patched:
+        patched.setattr(heard, "_RETRY_S", 1.0)
+        if at == "socket":
+            patched.setattr(socket, "socket", once(socket.socket))
+        else:
+            patched.setattr(heard.Wakeup, "wait", once(heard.Wakeup.wait))
+        with capturing(server.port) as capture:
+            report = until(capture, lambda r: r.trouble)
+            assert str(report.trouble).endswith("cannot be used: too many open files")
+            samples(capture, 4)
 
 
 def test_silent_listener_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
