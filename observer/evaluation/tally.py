@@ -35,11 +35,12 @@ from observer.evaluation.choices import GATE_M
 from observer.evaluation.flagged import is_flagged, squared_length
 from observer.evaluation.image_boxes import area, box_iou, clipped
 from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
-from observer.evaluation.lines import Line
+from observer.evaluation.lines import Line, PoseEntry
 from observer.evaluation.surface import visible_surface
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import Kind, TrueBody, Truth
 from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
+from observer.truth.matching import SegmentWorlds
 
 FILLING_SHARE = 0.1
 SETTLING_S = 0.6
@@ -191,13 +192,13 @@ class _Comparison:
         self._gate = gate_m
         self._tally = Tally()
         # By body id: current episode and its first radial shares, last identity, sides seen so far,
-        # and the identity matched in the previous frame; then ``T_truth_world`` by segment.
+        # and the identity matched in the previous frame.
         self._running: dict[int, Episode] = {}
         self._first_radial: dict[int, list[float]] = {}
         self._identity: dict[int, tuple[int, int]] = {}
         self._sides: dict[int, frozenset[int]] = {}
         self._together: dict[int, tuple[int, int]] = {}
-        self._worlds: dict[int, Pose] = {}
+        self._worlds = SegmentWorlds(truth)
 
     def run(self, lines: Sequence[Line]) -> Tally:
         for line in lines:
@@ -215,23 +216,10 @@ class _Comparison:
         return self._tally
 
     def _world(self, line: Line) -> Pose | None:
-        """Return ``T_truth_world`` of the line's segment; None where it is unknown.
-
-        It follows from the camera's true pose at the segment's first line with a pose. Without a
-        true pose only a first segment that begins with frame 0 can be placed: its world is the
-        truth's.
-        """
-        if line.segment not in self._worlds:
-            true_pose = self._truth.camera_pose(line.time)
-            if line.pose is None:
-                return None
-            if true_pose is not None:
-                self._worlds[line.segment] = true_pose @ _pose(line).inverse()
-            elif line.segment == 0 and line.frame == 0:
-                self._worlds[line.segment] = Pose.identity()
-            else:
-                return None
-        return self._worlds[line.segment]
+        """Return ``T_truth_world`` of the line's segment; None where it is unknown."""
+        pose = None if line.pose is None else _pose(line.pose)
+        T_world_truth = self._worlds.at(line.segment, line.frame, line.time, pose)
+        return None if T_world_truth is None else T_world_truth.inverse()
 
     def _compare(self, line: Line, world: Pose) -> None:
         instances = instances_of(line, world)
@@ -247,7 +235,7 @@ class _Comparison:
         self._together = {body.id: instances[j].identity for body, j in pairs}
         matched = {body.id: instances[j] for body, j in pairs}
         for body in counting:
-            self._sample(body, matched.get(body.id), camera, line)
+            self._sample(body, matched.get(body.id), camera, line, world)
         taken = {j for _, j in pairs}
         counted = {b.id for b in counting}
         for j, instance in enumerate(instances):
@@ -323,11 +311,16 @@ class _Comparison:
         ]
 
     def _sample(
-        self, body: TrueBody, instance: Instance | None, camera: Float64Array, line: Line
+        self,
+        body: TrueBody,
+        instance: Instance | None,
+        camera: Float64Array,
+        line: Line,
+        world: Pose,
     ) -> None:
         common = (float(np.linalg.norm(body.position - camera)), body.speed, _radial(body, camera))
         if instance is None:
-            flagged = is_flagged(line, body, self._worlds[line.segment], self._gate)
+            flagged = is_flagged(line, body, world, self._gate)
             self._tally.samples.append(
                 Sample(
                     *common,
@@ -394,9 +387,8 @@ def _false(
     )
 
 
-def _pose(line: Line) -> Pose:
-    assert line.pose is not None
-    return Pose.from_quaternion(line.pose.orientation_wxyz, line.pose.position)
+def _pose(entry: PoseEntry) -> Pose:
+    return Pose.from_quaternion(entry.orientation_wxyz, entry.position)
 
 
 def _radial(body: TrueBody, camera: Float64Array) -> float:

@@ -40,18 +40,45 @@ class TrueBodyEntry(TypedDict):
     time: NotRequired[float]
 
 
-class TruthMatcher:
-    """Transforms truth into the observation's world frame and matches it with reported obstacles.
+class SegmentWorlds:
+    """Alignment of each segment's world with that of a truth.
 
-    Truth's world is the camera frame at the source's first frame; an observation's is the camera
-    frame at its segment's first valid pose. The two are aligned once per segment, at that pose, so
-    that later drift stays visible.
+    Truth's world is the camera frame at the source's first frame; a segment's is the camera frame
+    at its first valid pose. The two are aligned once per segment, at that pose, so that later drift
+    stays visible. Where the camera's true pose is unknown, only a first segment that begins with
+    frame 0 can be aligned: its world is the truth's.
     """
 
     def __init__(self, truth: Truth) -> None:
         self._truth = truth
-        self._segment: int | None = None
-        self._T_world_truth: Pose | None = None
+        self._T_world_truth: dict[int, Pose] = {}
+
+    def at(self, segment: int, frame: int, time: float, pose: Pose | None) -> Pose | None:
+        """Return ``T_world_truth`` of a segment at its next frame; None while it is unknown.
+
+        Args:
+            time: of the frame, on the truth's clock. pose: ``T_world_camera`` at it.
+        """
+        known = self._T_world_truth.get(segment)
+        if known is not None or pose is None:
+            return known
+        T_truth_camera = self._truth.camera_pose(time)
+        if T_truth_camera is not None:
+            self._T_world_truth[segment] = pose @ T_truth_camera.inverse()
+        elif segment == 0 and frame == 0:
+            self._T_world_truth[segment] = Pose.identity()
+        return self._T_world_truth.get(segment)
+
+
+class TruthMatcher:
+    """Transforms truth into the observation's world frame and matches it with reported obstacles.
+
+    ``SegmentWorlds`` says how the two world frames are aligned.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self._truth = truth
+        self._worlds = SegmentWorlds(truth)
         self._newest: tuple[float, tuple[TrueBody, ...]] | None = None
 
     def match(self, observation: Observation, source_time: float) -> list[TrueBodyEntry]:
@@ -59,13 +86,11 @@ class TruthMatcher:
 
         The list is empty as long as the two world frames cannot be aligned.
         """
-        if self._segment != observation.segment:
-            self._segment, self._T_world_truth = observation.segment, None
-        if self._T_world_truth is None:
-            self._T_world_truth = self._align(observation, source_time)
-        if self._T_world_truth is None:
+        T_world_truth = self._worlds.at(
+            observation.segment, observation.frame, source_time, observation.T_world_camera
+        )
+        if T_world_truth is None:
             return []
-        T_world_truth = self._T_world_truth
         bodies = self._bodies(source_time)
         obstacles = [body for body in bodies if body.role == "obstacle"]
         positions = {obstacle.id: obstacle.position for obstacle in observation.reported}
@@ -86,15 +111,6 @@ class TruthMatcher:
         if self._newest is None or self._newest[0] != source_time:
             self._newest = source_time, self._truth.bodies(source_time)
         return self._newest[1]
-
-    def _align(self, observation: Observation, source_time: float) -> Pose | None:
-        if observation.T_world_camera is None:
-            return None
-        T_truth_camera = self._truth.camera_pose(source_time)
-        if T_truth_camera is None:
-            # Without a true camera pose, the two worlds share only the source's first frame.
-            return Pose.identity() if observation.segment == 0 else None
-        return observation.T_world_camera @ T_truth_camera.inverse()
 
 
 def assign(

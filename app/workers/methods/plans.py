@@ -18,6 +18,7 @@ from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
 from observer.recording.run_time import RunTime
 from observer.truth.contract import Truth
+from observer.truth.matching import SegmentWorlds
 
 _DIGITS = 3
 
@@ -26,8 +27,8 @@ class Plans:
     """Maker of the plans of a run's frames, which must come in order.
 
     Args:
-        truth: ground truth on the frames' clock; its world is related to each segment's at the
-            segment's first pose.
+        truth: ground truth on the frames' clock; its world is aligned with each segment's by
+            ``SegmentWorlds``.
     """
 
     def __init__(self, recording: Recording, truth: Truth | None) -> None:
@@ -37,7 +38,7 @@ class Plans:
         self._truth = truth
         self._clock = RunTime()
         self._segment = recording.facts.segment
-        self._T_world_truth: dict[int, Pose] = {}
+        self._worlds = None if truth is None else SegmentWorlds(truth)
 
     def of(
         self, frame: RecordedFrame, line: Mapping[str, Any] | None, goal: GoalNow | None = None
@@ -59,7 +60,7 @@ class Plans:
             segment=self._segment,
             camera=None if pose is None else self._camera(pose),
             obstacles=list(self._obstacles(line)),
-            truth=list(self._bodies(frame.time, pose)),
+            truth=list(self._bodies(frame, pose)),
             goal=way[0] if way else None,
             path=way[1:],
         )
@@ -102,27 +103,17 @@ class Plans:
         half = SIGMAS_95_2D * np.sqrt(np.maximum(values[::-1], 0.0))
         return [*_flat(half), _angle(vectors[:, 1])]
 
-    def _bodies(self, time: float, pose: Pose | None) -> Iterator[PlanBody]:
-        if self._truth is None or (T_world_truth := self._world(self._truth, time, pose)) is None:
+    def _bodies(self, frame: RecordedFrame, pose: Pose | None) -> Iterator[PlanBody]:
+        if self._truth is None or self._worlds is None:
             return
-        for body in self._truth.bodies(time):
+        T_world_truth = self._worlds.at(self._segment, frame.index, frame.time, pose)
+        if T_world_truth is None:
+            return
+        for body in self._truth.bodies(frame.time):
             if body.role != "observer":
                 at = T_world_truth.apply(body.position)
                 velocity = self._rotated(T_world_truth.rotate(body.velocity))
                 yield PlanBody(body.name, _flat(self._T_level_world.apply(at)), velocity)
-
-    def _world(self, truth: Truth, time: float, pose: Pose | None) -> Pose | None:
-        """Return ``T_world_truth`` of the present segment; None while it is unknown."""
-        known = self._T_world_truth.get(self._segment)
-        if known is not None or pose is None:
-            return known
-        T_truth_camera = truth.camera_pose(time)
-        if T_truth_camera is not None:
-            self._T_world_truth[self._segment] = pose @ T_truth_camera.inverse()
-        elif self._segment == 0:
-            # Only in the first segment, at the source's start, do both worlds coincide.
-            self._T_world_truth[0] = Pose.identity()
-        return self._T_world_truth.get(self._segment)
 
     def _rotated(self, vector: Any) -> list[float]:
         return _flat(self._T_level_world.rotate(vector))

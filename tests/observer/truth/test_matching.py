@@ -39,9 +39,11 @@ def obstacle(
     return an_obstacle(id=number, state=state, position=at, velocity=at)
 
 
-def observation(*obstacles: Obstacle, pose: Pose | None = None, segment: int = 0) -> Observation:
+def observation(
+    *obstacles: Obstacle, pose: Pose | None = None, segment: int = 0, frame: int = 5
+) -> Observation:
     pose = pose or Pose.identity()
-    return Observation(5, 0.5, 0.0, segment, Status.OK, (), 1, pose, obstacles)
+    return Observation(frame, 0.5, 0.0, segment, Status.OK, (), 1, pose, obstacles)
 
 
 def tracks(entries: list[TrueBodyEntry]) -> dict[int, int | None]:
@@ -97,7 +99,10 @@ def test_segment_alignment_is_fixed_so_that_drift_shows() -> None:
     assert entries[0]["position"] == pytest.approx([0.2, 0, 3])
 
 
-def test_only_the_first_segment_has_truth_without_a_true_camera_pose() -> None:
-    matcher = TruthMatcher(Bodies(body(1, [0, 0, 3]), T_world_camera=None))
-    assert len(matcher.match(observation(), 0.5)) == 1
+def test_only_a_segment_that_begins_with_frame_0_has_truth_without_a_true_camera_pose() -> None:
+    truth = Bodies(body(1, [0, 0, 3]), T_world_camera=None)
+    matcher = TruthMatcher(truth)
+    assert len(matcher.match(observation(frame=0), 0.0)) == 1
+    assert len(matcher.match(observation(frame=5), 0.5)) == 1
     assert matcher.match(observation(segment=1), 0.6) == []
+    assert TruthMatcher(truth).match(observation(frame=5), 0.5) == []
