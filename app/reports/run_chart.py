@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,9 +17,9 @@ from app.contract.runs import (
 )
 from app.contract.values import filled
 from app.reports.comparison import alignment_facts
-from app.reports.gaps import broken
 from app.reports.gathering import Gathered
-from observer.evaluation.speed_errors import SeenMotion, speed_errors
+from observer.evaluation.gaps import broken
+from observer.evaluation.speed_errors import identity_switches, speed_errors
 from observer.geometry import Float64Array
 
 _OBSTACLE = "obstacle"
@@ -42,7 +41,10 @@ def chart_values(gathered: Gathered) -> ChartValues:
         sentence=gathered.truth_words,
         alignment=None if alignment is None else alignment_facts(alignment),
         curves=list(_curves(gathered)),
-        changes=list(_changes(gathered.seen)),
+        changes=[
+            IdentityChange(round(time, _TIME_DIGITS), body, before, after)
+            for time, body, before, after in sorted(identity_switches(gathered.seen))
+        ],
         errors=[filled(SpeedErrorsEntry, each) for each in errors],
     )
 
@@ -104,18 +106,3 @@ def _listed(values: Float64Array) -> list[float | None]:
     rounded = np.round(values, _SPEED_DIGITS).tolist()
     known = np.isfinite(values)
     return [value if here else None for value, here in zip(rounded, known, strict=True)]
-
-
-def _changes(seen: Sequence[SeenMotion]) -> Iterator[IdentityChange]:
-    """Yield the identity switches of each body, in order."""
-    order: dict[str, list[tuple[float, str]]] = {}
-    for each in seen:
-        order.setdefault(each.body, []).extend((float(t), each.track) for t in each.frame_times)
-    changes = [
-        (time, body, before, after)
-        for body, rows in order.items()
-        for (_, before), (time, after) in pairwise(sorted(rows))
-        if before != after
-    ]
-    for time, body, before, after in sorted(changes):
-        yield IdentityChange(round(time, _TIME_DIGITS), body, before, after)

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.reports.gaps import broken
 from app.reports.gathering import Curve, Gathered
+from observer.evaluation.gaps import broken
 from observer.evaluation.speed_errors import SeenMotion
 from observer.figures import BLUE, INK, ORANGE, PURPLE, TEAL, plain_axes
 from observer.intervals import SIGMAS_95

@@ -18,9 +18,11 @@ The definitions:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +101,20 @@ class SeenMotion:
     stds: Float64Array
 
 
+class IdentitySwitch(NamedTuple):
+    """Instant at which a body continues under another track.
+
+    Attributes:
+        time: of the first frame with the other track. body: its name.
+        before, after: the tracks.
+    """
+
+    time: float
+    body: str
+    before: str
+    after: str
+
+
 @dataclass(frozen=True)
 class SpeedErrors:
     """Figures of a group of samples; None without data.
@@ -159,15 +175,21 @@ def sample_errors(seen: SeenMotion, true: TrueMotion) -> Float64Array:
     return seen.speeds - true.speeds_at(seen.times)
 
 
-def identity_changes(seen: Iterable[SeenMotion]) -> dict[str, int]:
-    """Count, by body, how often another track took over."""
+def identity_switches(seen: Iterable[SeenMotion]) -> Iterator[IdentitySwitch]:
+    """Yield the identity switches of each body, in order."""
     order: dict[str, list[tuple[float, str]]] = {}
     for each in seen:
-        order.setdefault(each.body, []).extend((t, each.track) for t in each.frame_times)
-    return {
-        body: sum(before[1] != after[1] for before, after in pairwise(rows))
-        for body, rows in ((body, sorted(rows)) for body, rows in order.items())
-    }
+        order.setdefault(each.body, []).extend((float(t), each.track) for t in each.frame_times)
+    for body, rows in order.items():
+        for (_, before), (time, after) in pairwise(sorted(rows)):
+            if before != after:
+                yield IdentitySwitch(time, body, before, after)
+
+
+def identity_changes(seen: Sequence[SeenMotion]) -> dict[str, int]:
+    """Count, by body, how often another track took over."""
+    counts = Counter(switch.body for switch in identity_switches(seen))
+    return {each.body: counts[each.body] for each in seen}
 
 
 def _samples(seen: SeenMotion, true: TrueMotion) -> _Samples:

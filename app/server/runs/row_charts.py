@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
-from statistics import median
+from collections.abc import Iterable, Sequence
 from typing import Any
+
+import numpy as np
 
 from app.contract.runs import ChartCurve, ChartValues
 from app.storage import SpeedRow
+from observer.evaluation.gaps import broken
+from observer.geometry import Float64Array
 
 _OBSTACLE = "obstacle"
-# Same as in ``app.reports.gaps``, which the server does not import.
-_GAP_STEPS = 3.0
-_FEWEST_STEPS = 2
 
 
 def chart_of_rows(rows: Iterable[SpeedRow]) -> ChartValues:
@@ -47,7 +45,8 @@ def _curve(rows: Sequence[SpeedRow]) -> ChartCurve:
         "encoder": "wheel encoders",
     }
     seen = first.source == "estimate"
-    times, speeds, stds = zip(*_broken(rows), strict=True)
+    numbers = np.array([(row.time, row.speed, row.std) for row in rows], np.float64)
+    times, speeds, stds = broken(*numbers.T)
     return ChartCurve(
         kind=first.source,
         label=labels[first.source],
@@ -55,22 +54,11 @@ def _curve(rows: Sequence[SpeedRow]) -> ChartCurve:
         track_id=first.track_id if seen else None,
         body=first.body,
         segment=first.segment if seen else None,
-        times=times,
-        speeds=speeds,
-        stds=stds if seen else None,
+        times=times.tolist(),
+        speeds=_listed(speeds),
+        stds=_listed(stds) if seen else None,
     )
 
 
-def _broken(
-    rows: Sequence[SpeedRow],
-) -> Iterator[tuple[float, float | None, float | None]]:
-    """Yield time, speed and standard deviation of each row, with None values in every gap.
-
-    So no line is drawn across a gap.
-    """
-    steps = [after.time - before.time for before, after in pairwise(rows)]
-    longest = _GAP_STEPS * median(steps) if len(steps) >= _FEWEST_STEPS else math.inf
-    for before, row in zip((rows[0], *rows), rows, strict=False):
-        if row.time - before.time > longest:
-            yield (before.time + row.time) / 2, None, None
-        yield row.time, row.speed, row.std
+def _listed(values: Float64Array) -> list[float | None]:
+    return [None if np.isnan(value) else value for value in values.tolist()]

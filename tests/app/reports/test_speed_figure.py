@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from app.reports.gaps import broken
 from app.reports.gathering import Curve, Gathered, seen_motions
 from app.reports.pairing import pair_with_truth
 from app.reports.speed_figure import speed_figure
+from observer.evaluation.gaps import broken
 from observer.evaluation.speed_errors import SeenMotion, TrueMotion
 from observer.figures import INK, figure_bytes, themed_svg
 from observer.truth.contract import TrueBody
