@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.cli.finite import finite
 from app.cli.run_choice import RunArgument
 from app.cli.storage_options import DataOption, chosen_settings
 from app.cli.truth_options import (
@@ -57,6 +58,7 @@ def align(
         float | None,
         typer.Option(
             metavar="SECONDS",
+            callback=finite,
             help="Approximate time offset to add to the times of the ground truth, within "
             f"{_ROUGHLY_S:g} s; for periodic motion.",
         ),

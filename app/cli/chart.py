@@ -9,12 +9,13 @@ from typing import Annotated
 
 import typer
 
+from app.cli.finite import finite
+from app.cli.results import FIGURE_SUFFIXES
 from app.cli.run_choice import ComparedOption, RunArgument, chosen_run
 from app.cli.storage_options import DatabaseOption, DataOption
 from observer.errors import InputError
 
-_FIGURES = (".png", ".svg", ".pdf")
-_ENDINGS = (".csv", ".json", *_FIGURES)
+_ENDINGS = (".csv", ".json", *FIGURE_SUFFIXES)
 
 
 def chart(
@@ -25,11 +26,15 @@ def chart(
     ],
     begin: Annotated[
         float | None,
-        typer.Option(help="Seconds on the source's clock; default: the start of the run."),
+        typer.Option(
+            callback=finite, help="Seconds on the source's clock; default: the start of the run."
+        ),
     ] = None,
     end: Annotated[
         float | None,
-        typer.Option(help="Seconds on the source's clock; default: the end of the run."),
+        typer.Option(
+            callback=finite, help="Seconds on the source's clock; default: the end of the run."
+        ),
     ] = None,
     title: Annotated[
         str | None, typer.Option(help="Title of the figure; default: the name of the run.")
@@ -57,7 +62,7 @@ def chart(
         gathered = during(
             gathered, -math.inf if begin is None else begin, math.inf if end is None else end
         )
-    if ending in _FIGURES:
+    if ending in FIGURE_SUFFIXES:
         if title is None:
             with Recording(path) as recording:
                 title = recording.facts.name or recording.facts.id

@@ -84,6 +84,23 @@ def test_a_truth_file_is_aligned_with_a_run_and_charted(
     assert shell("chart", "2026-a", "--output", str(folder / "x.gif"), *data).code == 2
 
 
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [("chart", "--begin=nan"), ("chart", "--end=inf"), ("align", "--expect=nan"),
+     ("align", "--expect=-inf")],
+)  # fmt: skip
+def test_times_must_be_finite(
+    shell: Callable[..., Done], folder: Path, tmp_path: Path, command: str, option: str
+) -> None:
+    done = shell(
+        command, "2026-a", "--output", str(tmp_path / "x.png"), option, "--data", str(folder)
+    )
+    assert done.code == 2
+    assert option.partition("=")[0] in done.err
+    assert "must be a finite number" in done.err
+    assert len(done.err.splitlines()) == 1
+
+
 def test_live_motion_capture_is_aligned_with_its_own_and_another_run(
     shell: Callable[..., Done], folder: Path
 ) -> None:
