@@ -74,11 +74,13 @@ class Way(NamedTuple):
         times: (N,) seconds at the wanted velocity until each is reached.
         beside: (N,) whether each lies beside the robot's path, within its margin: no known
             obstacle may be there, but the ground may be unknown.
+        step_s: between two samples of time; 0 where there is only one.
     """
 
     points: Float64Array
     times: Float64Array
     beside: NDArray[np.bool_]
+    step_s: float
 
 
 # Most ticks of either robot ask for the same velocity as the one before.
@@ -96,7 +98,7 @@ def swept(
         angle = np.arange(_RING) * (2 * math.pi / _RING)
         radius = max(outline.radius_m, math.hypot(outline.length_m, outline.width_m) / 2)
         ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return Way(ring, np.zeros(_RING), np.zeros(_RING, np.bool_))
+        return Way(ring, np.zeros(_RING), np.zeros(_RING, np.bool_), 0.0)
     body, margin = _edge(outline, margin_m, speed_mps)
     reach = math.hypot(*body[0])
     longest = (abs(speed_mps) + abs(turn_rate_radps) * reach) * seconds
@@ -110,7 +112,7 @@ def swept(
     )
     own |= np.hypot(x, y) <= outline.radius_m
     rows, columns = np.nonzero(~own)
-    return Way(points[rows, columns], times[rows], margin[columns])
+    return Way(points[rows, columns], times[rows], margin[columns], float(times[1]))
 
 
 def placed(body: Float64Array, poses: Float64Array) -> Float64Array:
