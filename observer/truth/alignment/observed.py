@@ -116,7 +116,8 @@ class ObservedRun:
         Coasting and tentative obstacles are left out: they were not measured.
 
         Raises:
-            TruthError: a line lacks a field or holds a bad one; the sentence names both.
+            TruthError: a line lacks a field or holds a bad one, or the clock restarted; the
+                sentence names it.
         """
         times: list[float] = []
         segments: list[float] = []
@@ -137,6 +138,12 @@ class ObservedRun:
                     f"line {number} of the observations was not written by observe: "
                     f"{type(error).__name__} at {str(error)[:60]}"
                 ) from None
+            if times and time < times[-1] and counted != segments[-1]:
+                raise TruthError(
+                    f"the source's clock restarted during the run, after {times[-1]:g} s (line "
+                    f"{number} of the observations), as it does when the source is reopened; only "
+                    "a run on one clock can be aligned, so record it again without interruption"
+                )
             times.append(time)
             segments.append(counted)
             poses.append(placed)
