@@ -11,11 +11,16 @@ from typing import Annotated
 import typer
 
 from app.cli.storage_options import DataOption, chosen_settings
-from app.settings import Settings
+from app.settings import ENVIRONMENT_PREFIX, Settings
 from observer.errors import InputError
 
 # Groups whose members may use cameras and serial ports, if the system has them.
 _DEVICE_GROUPS = ("video", "dialout")
+# Settings that are options of ``serve`` in the unit.
+_ON_COMMAND_LINE = {
+    "source", "host", "port", "data", "token_file", "allowed_hosts", "tls_cert", "tls_key", "truth",
+    "strict",
+}  # fmt: skip
 _FILE = "/etc/systemd/system/dynamic-observer.service"
 
 
@@ -84,7 +89,10 @@ def _lines(settings: Settings, user: str) -> Iterator[str]:
     groups = _device_groups()
     if groups:
         yield f"SupplementaryGroups={' '.join(groups)}"
-    yield f"ExecStart={' '.join(_quoted(word) for word in _command(settings))}"
+    for assignment in _environment(settings):
+        yield f"Environment={_quoted(assignment)}"
+    # In command lines alone, $ begins a variable.
+    yield f"ExecStart={' '.join(_quoted(w).replace('$', '$$') for w in _command(settings))}"
     yield "Restart=on-failure"
     yield "RestartSec=2"
     # The robots stop first, the run is closed, the engine ends.
@@ -112,6 +120,21 @@ def _command(settings: Settings) -> Iterator[str]:
     if settings.tls_cert is not None and settings.tls_key is not None:
         yield from ("--tls-cert", str(_absolute(settings.tls_cert)))
         yield from ("--tls-key", str(_absolute(settings.tls_key)))
+    if settings.truth is not None:
+        yield from ("--truth", settings.truth)
+    if settings.strict:
+        yield "--strict"
+
+
+def _environment(settings: Settings) -> Iterator[str]:
+    """Yield an assignment for each given setting that is not on the command line.
+
+    The database is among them: everyone can read command lines, and its URL may hold a password.
+    """
+    for name in sorted(settings.model_fields_set - _ON_COMMAND_LINE):
+        value = getattr(settings, name)
+        if value is not None:
+            yield f"{ENVIRONMENT_PREFIX}{name.upper()}={value}"
 
 
 def _absolute(path: Path) -> Path:
@@ -119,10 +142,10 @@ def _absolute(path: Path) -> Path:
 
 
 def _quoted(word: str) -> str:
-    """Quote a word of ``ExecStart``: systemd.service(5), Command lines; % begins a specifier."""
+    """Quote a word of a setting: systemd.syntax(7), Quoting; % begins a specifier."""
     if not word.isprintable():
         raise InputError(f"a systemd unit cannot hold {word[:80]!r}; give it another name")
-    escaped = word.replace("\\", "\\\\").replace("%", "%%").replace("$", "$$")
+    escaped = word.replace("\\", "\\\\").replace("%", "%%")
     if any(c in word for c in " '\";\\") or not word:
         escaped = escaped.replace('"', '\\"')
         return f'"{escaped}"'

@@ -40,6 +40,26 @@ def test_the_unit_starts_this_installation_with_the_given_options(
     assert "--no-browser" in start
 
 
+def test_the_unit_keeps_settings_of_the_environment(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = {
+        "DATABASE": "postgresql://ada:a b%c$d\"@db/lab", "TRUTH": "vrpn:tracker", "STRICT": "true",
+        "VIEWER_POINTS": "5000",
+    }  # fmt: skip
+    for name, value in given.items():
+        monkeypatch.setenv(f"DYNAMIC_OBSERVER_{name}", value)
+    done = shell("systemd-unit", "--data", str(tmp_path), "--user", "ada")
+    assert (done.code, done.err) == (0, "")
+    lines = done.out.splitlines()
+    (start,) = [line for line in lines if line.startswith("ExecStart=")]
+    assert start.endswith(" --truth vrpn:tracker --strict")
+    assert [line for line in lines if line.startswith("Environment=")] == [
+        r'Environment="DYNAMIC_OBSERVER_DATABASE=postgresql://ada:a b%%c$d\"@db/lab"',
+        "Environment=DYNAMIC_OBSERVER_VIEWER_POINTS=5000",
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
