@@ -14,6 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 Float64Array = NDArray[np.float64]
 
+# Corners (8, 3) of a box in units of its half size.
+BOX_CORNERS = np.array(
+    [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64
+)
+
 # A rotation matrix read from text with 7 digits is orthonormal to about 1e-6.
 _ROTATION_TOLERANCE = 1e-4
 # Below this angle, rad, sine and cosine are replaced by the first terms of their series.

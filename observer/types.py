@@ -17,6 +17,8 @@ from observer.geometry import Float64Array, Pose
 from observer.intervals import half_95
 
 Image = NDArray[np.uint8]
+# u0 v0 u1 v1 in the rectified left image; pixel centres have integer coordinates.
+BoxPx = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -225,7 +227,7 @@ class Obstacle:
     closing_speed: float | None
     points: int
     significance: float
-    box_px: tuple[float, float, float, float]
+    box_px: BoxPx
     reason: str
     silhouette: tuple[Float64Array, ...] | None = None
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from app.reports.gathering import Gathered
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array
+from observer.geometry import BOX_CORNERS, Float64Array
 from observer.jsonl import line_pose
 from observer.observer import Observer
 from observer.parameters import Parameters, preset
@@ -36,8 +35,6 @@ CANDIDATES = 8
 # corner.
 _MARGIN_PX = 12.0
 _MONOCULAR = "monocular"
-# Signs of a box's corners in its own axes; (8, 3).
-CORNERS = np.array(list(product((-1, 1), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +208,7 @@ def _true_boxes(
         sin, cos = np.sin(body.yaw), np.cos(body.yaw)
         # Directions of length, width and height.
         axes = np.array([[sin, 0.0, cos], [cos, 0.0, -sin], [0.0, 1.0, 0.0]])
-        corners = np.array(body.position) + (CORNERS * np.array(body.size) / 2) @ axes
+        corners = np.array(body.position) + (BOX_CORNERS * np.array(body.size) / 2) @ axes
         px, _ = camera.project(T_camera_world.apply(corners))
         if np.isfinite(px).all():
             boxes.append(np.concatenate([px.min(axis=0), px.max(axis=0)]))

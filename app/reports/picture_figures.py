@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
-from app.reports.moments import CORNERS, Moment, is_moving, moving_px
+from app.reports.moments import Moment, is_moving, moving_px
 from observer.camera import as_gray
 from observer.exporting.clouds import Cloud
 from observer.figures import (
@@ -27,14 +27,14 @@ from observer.figures import (
     show_image,
     show_stars,
 )
-from observer.geometry import Float64Array, Pose
+from observer.geometry import BOX_CORNERS, Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.vision.stereo import disparity_map, point_cloud
 
 _CLOUD_POINTS = 12_000
 # Share of an obstacle's colour within its silhouette.
 _TINT = 0.2
-# Pairs of ``CORNERS`` that differ in one sign.
+# Pairs of ``BOX_CORNERS`` that differ in one sign.
 _EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7),
           (6, 7))  # fmt: skip
 
@@ -168,7 +168,7 @@ def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64
     T_camera_world = T_world_camera.inverse()
     turned = obstacle["orientation_wxyz"] or (1.0, 0.0, 0.0, 0.0)
     T_world_box = Pose.from_quaternion(turned, obstacle["position"])
-    corners = T_world_box.apply(CORNERS * np.array(obstacle["size"]) / 2)
+    corners = T_world_box.apply(BOX_CORNERS * np.array(obstacle["size"]) / 2)
     return T_camera_world.apply(corners)
 
 

@@ -15,6 +15,7 @@ from observer.camera import as_gray
 from observer.figures import BLUE, GREEN, INK, ORANGE, RED, plain_axes, show_image, show_stars
 from observer.geometry import Float64Array
 from observer.jsonl import line_pose
+from observer.types import BoxPx
 from observer.vision.stereo import disparity_map
 
 # Pixels: a point that the run matched lies this close to where it is looked up.
@@ -44,7 +45,7 @@ class Triangulated:
     px: Float64Array
     disparities: Float64Array
     chosen: int
-    box_px: tuple[float, float, float, float]
+    box_px: BoxPx
     focal_px: float
     baseline_m: float
     centre: tuple[float, float] | None

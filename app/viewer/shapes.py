@@ -13,17 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from observer.geometry import Float64Array, Pose
+from observer.geometry import BOX_CORNERS, Float64Array, Pose
 from observer.mount import CameraMount
 
 Float32Array = NDArray[np.float32]
 
-# A box's corners in units of its half size, and the pairs of them that form its edges.
-_CORNERS = np.array(
-    [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)], dtype=np.float64
-)
+# Pairs of a box's corners that form its edges.
 _EDGES = np.array(
-    [(a, b) for a, b in combinations(range(8), 2) if (_CORNERS[a] != _CORNERS[b]).sum() == 1]
+    [(a, b) for a, b in combinations(range(8), 2) if (BOX_CORNERS[a] != BOX_CORNERS[b]).sum() == 1]
 )
 EDGES_OF_A_BOX = len(_EDGES)
 # Half the axle and the line ahead, as for a small robot that usually carries such cameras.
@@ -59,7 +56,7 @@ def box_edges(center: ArrayLike, size: ArrayLike, rotation: ArrayLike) -> Float6
         rotation: (3, 3) box axes in the world.
     """
     half = np.asarray(size, dtype=np.float64) / 2
-    corners = (_CORNERS * half) @ np.asarray(rotation).T + np.asarray(center)
+    corners = (BOX_CORNERS * half) @ np.asarray(rotation).T + np.asarray(center)
     return np.asarray(corners[_EDGES], dtype=np.float64)
 
 

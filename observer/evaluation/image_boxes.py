@@ -6,22 +6,22 @@ import numpy as np
 
 from observer.evaluation.lines import Unseen
 from observer.geometry import Float64Array
-from observer.truth.contract import Box
+from observer.types import BoxPx
 
 
-def clipped(box: Box, image_size: tuple[int, int]) -> Box:
+def clipped(box: BoxPx, image_size: tuple[int, int]) -> BoxPx:
     """Return a box clipped to an image of this width and height."""
     ends = np.array([image_size, image_size]).ravel() - 0.5
     u0, v0, u1, v1 = np.clip(box, -0.5, ends).tolist()
     return u0, v0, u1, v1
 
 
-def area(box: Box) -> float:
+def area(box: BoxPx) -> float:
     """Return the area of a box, px^2; 0 for an empty one."""
     return max(box[2] - box[0], 0.0) * max(box[3] - box[1], 0.0)
 
 
-def box_iou(a: Box, b: Box) -> float:
+def box_iou(a: BoxPx, b: BoxPx) -> float:
     """Return the area of the intersection over that of the union, 0 to 1."""
     across = min(a[2], b[2]) - max(a[0], b[0])
     down = min(a[3], b[3]) - max(a[1], b[1])
@@ -30,7 +30,7 @@ def box_iou(a: Box, b: Box) -> float:
     return common / union if union > 0 else 0.0
 
 
-def unseen_share(box: Box, unseen: Unseen) -> float:
+def unseen_share(box: BoxPx, unseen: Unseen) -> float:
     """Return the share of a box in which motion could not be noticed, 0 to 1."""
     whole = area(box)
     if whole <= 0:

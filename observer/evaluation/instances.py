@@ -10,7 +10,8 @@ import numpy as np
 
 from observer.evaluation.lines import Line
 from observer.geometry import Float64Array, Pose
-from observer.truth.contract import Box, TrueBody
+from observer.truth.contract import TrueBody
+from observer.types import BoxPx
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class Instance:
     velocity_cov: Float64Array | None
     velocity_time: float
     speed: float
-    box_px: Box | None
+    box_px: BoxPx | None
 
 
 def instances_of(

@@ -18,7 +18,7 @@ from observer.geometry import Float64Array, Pose
 from observer.simulation.facets import Facet, Part
 from observer.simulation.people.ellipsoids import Silhouette, silhouettes
 from observer.simulation.world import Body, World
-from observer.truth.contract import Box
+from observer.types import BoxPx
 
 # Body ids of the room with its posters, and of a board held before the cameras.
 ROOM = -1
@@ -51,7 +51,7 @@ class VisiblePart:
     """
 
     share: float
-    box_px: Box | None
+    box_px: BoxPx | None
 
 
 _NOTHING = VisiblePart(0.0, None)
@@ -171,7 +171,7 @@ def _delivered(world: World, rays: Float64Array) -> NDArray[np.bool_]:
 
 def _box(
     world: World, x: _Axis, y: _Axis, covered: NDArray[np.bool_], seen: NDArray[np.bool_]
-) -> Box | None:
+) -> BoxPx | None:
     """Return the box around the visible cells among those (rows, columns) that a body covers."""
     if not seen.any():
         return None

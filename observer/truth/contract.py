@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
 from observer.geometry import Float64Array, Pose
-
-# u0 v0 u1 v1 in the rectified left image; pixel centres have integer coordinates.
-Box = tuple[float, float, float, float]
+from observer.types import BoxPx
 
 Kind = Literal["robot", "person"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -42,7 +40,7 @@ class TrueBody:
     yaw: float
     visible: float | None
     commanded_speed: float | None
-    box_px: Box | None = None
+    box_px: BoxPx | None = None
     kind: Kind | None = None
 
     @property

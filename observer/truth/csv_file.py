@@ -24,8 +24,9 @@ import scipy
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
-from observer.truth.contract import KINDS, Box, TrueBody
+from observer.truth.contract import KINDS, TrueBody
 from observer.truth.files.body_names import MOST_BODIES
+from observer.types import BoxPx
 
 _POSITION, _VELOCITY, _SIZE = ("x", "y", "z"), ("vx", "vy", "vz"), ("size_x", "size_y", "size_z")
 _REQUIRED = ("frame", "t", "id", *_POSITION, *_VELOCITY, "visible", *_SIZE, "yaw")
@@ -320,7 +321,7 @@ class _Row:
             kind=known,
         )
 
-    def _box(self) -> Box | None:
+    def _box(self) -> BoxPx | None:
         if not any(self._text(column) for column in _BOX):
             return None
         u0, v0, u1, v1 = (self.number(column) for column in _BOX)

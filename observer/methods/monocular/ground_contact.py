@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.monocular.ground import GroundView
-from observer.types import Image
+from observer.types import BoxPx, Image
 
 # Percentile of the points' rows taken as the lowest, to ignore a stray one; and the margin of the
 # box around the points.
@@ -20,10 +20,8 @@ _LEAST_PX = 4.0
 # Grey levels/px: least slope of an edge; and its weight at the end of the search range.
 _LEAST_EDGE, _FAR_WEIGHT = 3.0, 0.3
 
-Box = tuple[float, float, float, float]
 
-
-def box_around(px: NDArray[np.float32]) -> Box:
+def box_around(px: NDArray[np.float32]) -> BoxPx:
     """Return the box u0, v0, u1, v1 of points (N, 2), with a margin."""
     (u0, v0), (u1, v1) = px.min(axis=0) - _MARGIN_PX, px.max(axis=0) + _MARGIN_PX
     return float(u0), float(v0), float(u1), float(v1)
@@ -34,7 +32,7 @@ def lowest_row(px: NDArray[np.float32]) -> float:
     return float(np.percentile(px[:, 1], _LOWEST_PERCENT))
 
 
-def lower_edge(image: Image, box: Box, lowest: float) -> float | None:
+def lower_edge(image: Image, box: BoxPx, lowest: float) -> float | None:
     """Return the row, pixels, of the lower edge of the obstacle in the box u0, v0, u1, v1.
 
     It is the strongest edge across the middle of the box near its lowest points, at the row

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.geometry import Float64Array
-from observer.types import MotionState, TrackState
+from observer.types import BoxPx, MotionState, TrackState
 
 
 @dataclass(eq=False)
@@ -30,7 +30,7 @@ class GroundTrack:
     id: int
     mean: Float64Array
     covariance: Float64Array
-    box_px: tuple[float, float, float, float]
+    box_px: BoxPx
     size: Float64Array
     evidence: float
     floating: bool

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.methods.monocular.ground import GroundView
 from observer.methods.monocular.ground_contact import (
-    Box,
     box_around,
     ground_place,
     lower_edge,
@@ -19,7 +18,7 @@ from observer.methods.monocular.ground_contact import (
 from observer.methods.monocular.ground_track import GroundTrack
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import MonocularParameters, ObstacleParameters
-from observer.types import Image, MotionState, TrackState
+from observer.types import BoxPx, Image, MotionState, TrackState
 from observer.vision.lifecycle import TrackIds, expired, next_state
 
 # Pixels per frame: a member moves with the others to within this.
@@ -193,7 +192,9 @@ class GroundTracker:
         gone = np.isin(points.obstacle, ended)
         return points.but(obstacle=np.where(gone, NO_OBSTACLE, points.obstacle))
 
-    def _expected_at(self, place: Float64Array, cov: Float64Array, box: Box) -> GroundTrack | None:
+    def _expected_at(
+        self, place: Float64Array, cov: Float64Array, box: BoxPx
+    ) -> GroundTrack | None:
         best, least = None, _GATE
         for track in self.tracks:
             if track.missed_s == 0 and _overlap(box, track.box_px) > 0.3:
@@ -231,7 +232,7 @@ class GroundTracker:
             track.motion = MotionState.STOPPED
 
 
-def _shift(track: GroundTrack, before: Box, after: Box, view: GroundView) -> None:
+def _shift(track: GroundTrack, before: BoxPx, after: BoxPx, view: GroundView) -> None:
     """Shift an obstacle's place, not its velocity, by the correction of its box's foot."""
     feet = [np.array([(box[0] + box[2]) / 2, box[3]]) for box in (before, after)]
     old, new = (view.contact(foot) for foot in feet)
@@ -243,8 +244,8 @@ def _shift(track: GroundTrack, before: Box, after: Box, view: GroundView) -> Non
 
 
 def _moved_together(
-    points: RayPoints, members: NDArray[np.intp], standing_flow: Float64Array, box: Box
-) -> tuple[NDArray[np.intp], Box | None]:
+    points: RayPoints, members: NDArray[np.intp], standing_flow: Float64Array, box: BoxPx
+) -> tuple[NDArray[np.intp], BoxPx | None]:
     """Return the members that move together, scaling included, and the box moved with them."""
     for _ in range(3):
         if len(members) < _FEWEST_MEMBERS:
@@ -273,7 +274,7 @@ def _joining(
     owner: NDArray[np.int64],
     kept: NDArray[np.intp],
     standing_flow: Float64Array,
-    box: Box,
+    box: BoxPx,
 ) -> NDArray[np.intp]:
     """Return the free points in the box that fit the members' motion better than a static one."""
     inside = (points.px[:, 0] >= box[0]) & (points.px[:, 0] <= box[2])
@@ -286,7 +287,7 @@ def _joining(
     return np.flatnonzero(inside & (gap <= _TOGETHER_PX) & (gap + _BETTER_PX < still))
 
 
-def _widened(box: Box, px: NDArray[np.float32]) -> Box:
+def _widened(box: BoxPx, px: NDArray[np.float32]) -> BoxPx:
     """Return the box, adapted gradually to the extent of its points."""
     u0, v0, u1, _ = box_around(px)
 
@@ -301,13 +302,13 @@ def _widened(box: Box, px: NDArray[np.float32]) -> Box:
     )
 
 
-def _size(box: Box, place: Float64Array, view: GroundView) -> Float64Array:
+def _size(box: BoxPx, place: Float64Array, view: GroundView) -> Float64Array:
     """(2,) metres: width and height of a box whose foot is at a place (2,) on the ground."""
     depth, c = max(float(view.seen(place)[2]), 0.1), view.camera
     return np.array([(box[2] - box[0]) * depth / c.fx, (box[3] - box[1]) * depth / c.fy])
 
 
-def _projected(track: GroundTrack, view: GroundView) -> Box:
+def _projected(track: GroundTrack, view: GroundView) -> BoxPx:
     """Return the predicted box of an obstacle that is not seen."""
     foot = view.seen(track.place)
     if foot[2] <= 0.1:
@@ -317,11 +318,11 @@ def _projected(track: GroundTrack, view: GroundView) -> Box:
     return float(u - width / 2), float(v - height), float(u + width / 2), float(v)
 
 
-def _union(a: Box, b: Box) -> Box:
+def _union(a: BoxPx, b: BoxPx) -> BoxPx:
     return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
 
 
-def _near(a: Box, b: Box) -> bool:
+def _near(a: BoxPx, b: BoxPx) -> bool:
     """Return whether two boxes touch, or their gap is small compared with their size."""
     both = _union(a, b)
     across = (a[2] - a[0]) + (b[2] - b[0]) - (both[2] - both[0])
@@ -330,7 +331,7 @@ def _near(a: Box, b: Box) -> bool:
     return across > -room and down > -room
 
 
-def _overlap(a: Box, b: Box) -> float:
+def _overlap(a: BoxPx, b: BoxPx) -> float:
     """Share of the smaller of two boxes that lies in the other."""
     w = min(a[2], b[2]) - max(a[0], b[0])
     h = min(a[3], b[3]) - max(a[1], b[1])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.types import TrackState
+from observer.types import BoxPx, TrackState
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Detection:
     size: Float64Array
     points: int
     significance: float
-    box_px: tuple[float, float, float, float]
+    box_px: BoxPx
 
     @property
     def speed(self) -> float:

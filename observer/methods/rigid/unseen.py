@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.kernels.unseen import background, cell_means, fills, told_by_points
-from observer.methods.rigid.bodies.tentative import BoxPx
 from observer.methods.rigid.dense.depth_image import RowTexture
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import StereoParameters
-from observer.types import UNSEEN_BECAUSE, Image, Unseen
+from observer.types import UNSEEN_BECAUSE, BoxPx, Image, Unseen
 from observer.vision.view import View
 
 Mask = NDArray[np.bool_]

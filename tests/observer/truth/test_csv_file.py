@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from observer.errors import TruthError
 from observer.geometry import Pose
-from observer.truth.contract import KINDS, Box, Kind, TrueBody
+from observer.truth.contract import KINDS, Kind, TrueBody
 from observer.truth.csv_file import CsvTruth, TruthSample, write_truth_csv
+from observer.types import BoxPx
 
 HEADER = "frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw"
 ROW = "0,0.0,1,1,2,3,0.1,0,0.2,0.5,0.4,0.5,0.6,0.7"
@@ -29,7 +30,7 @@ def body(
     x: float = 0.0,
     yaw: float = 0.0,
     visible: float | None = 1,
-    box_px: Box | None = None,
+    box_px: BoxPx | None = None,
     kind: Kind | None = None,
 ) -> TrueBody:
     return TrueBody(
@@ -92,7 +93,7 @@ finite = st.floats(-1e6, 1e6)
 def test_round_trip_of_any_numbers(
     numbers: list[float],
     name: str,
-    box: Box | None,
+    box: BoxPx | None,
     kind: Kind | None,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:

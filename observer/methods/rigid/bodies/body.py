@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose
+from observer.geometry import BOX_CORNERS, Float64Array, Pose
 from observer.kernels.body_filter import velocity_at_centre
 from observer.kernels.sight import view_of
 from observer.methods.rigid.bodies.changes import Changes
@@ -25,14 +25,13 @@ from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.steady_drive import SteadyDrive
-from observer.types import MotionState, TrackState
+from observer.types import BoxPx, MotionState, TrackState
 
 # Seconds out of sight after which a body's motion counts as unknown.
 _FORGOTTEN_S = 0.4
 _NOWHERE = np.zeros(3)
 # (m/s)^2: by how much a limb's velocity differs from that of its body.
 _LIMB_COV = np.diag([0.5, 0.05, 0.5]) ** 2
-_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 
 
 @dataclass(eq=False)
@@ -86,7 +85,7 @@ class BodyTrack:
     steady_s: float = 0.0
     hits: int = 0
     significance: float = 0.0
-    box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    box_px: BoxPx = (0.0, 0.0, 0.0, 0.0)
     lasting_cov: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
     outline: Outline | None = None
     rigid: bool = True
@@ -230,4 +229,4 @@ class BodyTrack:
         if self.box is None:
             return np.broadcast_to(self.centre, (8, 3))
         R = self.R @ yaw_matrix(self.box.heading)
-        return np.asarray(self.centre + (_CORNERS * self.box.size / 2) @ R.T)
+        return np.asarray(self.centre + (BOX_CORNERS * self.box.size / 2) @ R.T)

@@ -26,6 +26,7 @@ from observer.methods.rigid.dense.segments import (
     with_limb,
 )
 from observer.methods.rigid.dense.silhouette import silhouette_px
+from observer.types import BoxPx
 
 # The part of a segment that locates its body: the middle or, if one side is hidden, the other side.
 Anchor = Literal["middle", "left", "right", "none"]
@@ -101,7 +102,7 @@ class Outline:
     offsets: dict[Anchor, Float64Array] = field(default_factory=dict)
     width: float = 0.0
     height: float = 0.0
-    box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    box_px: BoxPx = (0.0, 0.0, 0.0, 0.0)
     middle: Float64Array = field(default_factory=lambda: np.zeros(3))
     arrived_frames: int = 0
     uncovered_frames: int = 0

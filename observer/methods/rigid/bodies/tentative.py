@@ -10,9 +10,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.types import TrackState
-
-BoxPx = tuple[float, float, float, float]
+from observer.types import BoxPx, TrackState
 
 # Standard deviations of its velocity, and number of points, from which a track may move.
 _LEAST_SIGMAS, _LEAST_POINTS = 2.0, 6

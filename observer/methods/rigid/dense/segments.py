@@ -14,6 +14,7 @@ from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, UNCOVERED, 
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.robust import median
+from observer.types import BoxPx
 
 Mask = NDArray[np.bool_]
 Window = tuple[slice, slice]
@@ -294,7 +295,7 @@ def extent_m(segment: Segment, grid: Grid) -> tuple[float, float]:
     return (right - left) / per_metre, (bottom - top) / per_metre
 
 
-def box_px(grid: Grid, segment: Segment) -> tuple[float, float, float, float]:
+def box_px(grid: Grid, segment: Segment) -> BoxPx:
     """Return u0, v0, u1, v1 around a segment, pixels of the left image."""
     corners: Float64Array = np.array(segment.box, np.float64).reshape(2, 2) - 0.5
     u0, v0, u1, v1 = grid.to_px(corners).ravel().tolist()
