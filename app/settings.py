@@ -18,8 +18,11 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from observer.errors import TruthError
 
-# In the data folder.
+# Files and folders in the data folder, besides those of runs and truths (app.storage.folder).
+DATABASE_FILE = "observer.sqlite"
 RIG_FILE = "rig.yaml"
+PROGRAMME_FOLDER = "programmes"
+CHECK_FOLDER = "guard-checks"
 ENVIRONMENT_PREFIX = "DYNAMIC_OBSERVER_"
 
 _MEGABYTE = 1024 * 1024
@@ -155,4 +158,4 @@ class Settings(BaseSettings):
     @property
     def database_location(self) -> str | Path:
         """Return the argument with which to open ``Storage``."""
-        return self.database if self.database is not None else self.data / "observer.sqlite"
+        return self.database if self.database is not None else self.data / DATABASE_FILE

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.doctor.finding import Finding, Section
-from app.settings import Settings
+from app.settings import DATABASE_FILE, Settings
 
 if TYPE_CHECKING:
     from sqlalchemy import URL
@@ -31,7 +31,7 @@ def examine_data(settings: Settings) -> Iterator[Finding]:
     yield from found
     if settings.database is None:
         if all(finding.level != "problem" for finding in found):
-            yield _sqlite(settings.data / "observer.sqlite")
+            yield _sqlite(settings.data / DATABASE_FILE)
         return
     # Imported here and below: the database packages take as long to import as all the rest.
     from app.storage.engines import database_url

@@ -61,8 +61,7 @@ from app.http.sockets.viewer_proxy import ViewerDoor
 from app.server import Engine, Server
 from app.server.contracts import Drive
 from app.server.journal import Journal
-from app.server.robots import check_records, profile_library
-from app.settings import RIG_FILE, Settings
+from app.settings import CHECK_FOLDER, PROGRAMME_FOLDER, RIG_FILE, Settings
 from app.storage import Storage
 from app.viewer import Viewer, start_viewer
 from observer.version import library_version
@@ -140,8 +139,8 @@ def create_app(
         storage or Storage(settings.database_location, folder=settings.data),
         source=settings.source,
         rig_file=settings.data / RIG_FILE,
-        programme_folder=settings.data / profile_library.FOLDER_NAME,
-        check_folder=settings.data / check_records.FOLDER_NAME,
+        programme_folder=settings.data / PROGRAMME_FOLDER,
+        check_folder=settings.data / CHECK_FOLDER,
         drive=drive,
         clips_at_guard_stops=settings.ring_at_guard_stops,
         live_truth=settings.truth,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from alembic.runtime.migration import MigrationContext
 
+from app.settings import CHECK_FOLDER, DATABASE_FILE, PROGRAMME_FOLDER, RIG_FILE
 from app.storage.bundle import BackupError, Manifest, bundle_writer
 from app.storage.copying import copy_tables
 from app.storage.engines import database_url, open_engine
@@ -19,10 +20,9 @@ from app.storage.integrity import copy_database, damage
 from app.storage.records import utc_now
 from observer.recording.run_folder import RUNS
 
-DATABASE = "observer.sqlite"
 # Parts of the data folder to save besides the database; the token and the server's log are private.
-FILES = ("rig.yaml",)
-FOLDERS = ("programmes", "guard-checks", TRUTHS, RUNS, RINGS)
+FILES = (RIG_FILE,)
+FOLDERS = (PROGRAMME_FOLDER, CHECK_FOLDER, TRUTHS, RUNS, RINGS)
 _WITH_RECORDINGS = (RUNS, RINGS)
 _RECORDINGS = ".mcap"
 _BUSY_S = 5.0
@@ -52,7 +52,7 @@ def write_backup(
         StorageError: the database cannot be read.
     """
     with _snapshot(location, target.parent) as snapshot, bundle_writer(target) as bundle:
-        files = {DATABASE: snapshot, **_files(data, recordings)}
+        files = {DATABASE_FILE: snapshot, **_files(data, recordings)}
         total = sum(_size_of(file) for file in files.values())
         done = 0
         for name, file in files.items():
@@ -82,7 +82,7 @@ def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
             "folder"
         ) from error
     try:
-        snapshot = folder / DATABASE
+        snapshot = folder / DATABASE_FILE
         if url.get_backend_name() == "sqlite":
             _copy_file(Path(str(url.database)), snapshot)
         else:

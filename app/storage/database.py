@@ -15,6 +15,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 
+from app.settings import DATABASE_FILE
 from app.storage.engines import database_url, make_engine, use_write_ahead_log
 from app.storage.errors import StorageBusy, StorageError, storage_error
 from app.storage.folder import DataFolder
@@ -94,7 +95,7 @@ class Database:
         engine = make_engine(self._url, self._busy_timeout_s)
         try:
             with self._translated():
-                upgrade(engine, self.file or self.folder.path / "observer.sqlite")
+                upgrade(engine, self.file or self.folder.path / DATABASE_FILE)
                 if self.file is not None:
                     use_write_ahead_log(engine)
         except BaseException:

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from sqlalchemy import Connection, inspect, literal, select, table, text
 
-from app.storage.backup import DATABASE, FILES, FOLDERS, Progress
+from app.settings import DATABASE_FILE
+from app.storage.backup import FILES, FOLDERS, Progress
 from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
 from app.storage.copying import copy_tables, replace_tables
 from app.storage.database import Database
@@ -27,7 +28,7 @@ from app.storage.server_locks import lock_whole
 from observer.recording.run_folder import RUNS
 
 _BUSY_S = 5.0
-_TOP = {DATABASE, *FILES, *FOLDERS}
+_TOP = {DATABASE_FILE, *FILES, *FOLDERS}
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def restore_backup(
         place.check_space(sum(entry.size for entry in bundle.manifest.files.values()))
         with _staging(place.data) as staged:
             _extract(bundle, staged, progress)
-            _check_database(source, staged / DATABASE)
+            _check_database(source, staged / DATABASE_FILE)
             with translated(place.where):
                 kept = place.put(staged)
         return Restored(bundle.manifest, kept)
@@ -121,9 +122,9 @@ class _Place:
             for name in (RUNS, RINGS):
                 _keep_recordings(old / name, self.data / name)
             if self._file is not None:
-                kept += _put_file(staged / DATABASE, self._file, undo)
+                kept += _put_file(staged / DATABASE_FILE, self._file, undo)
             else:
-                kept += self._put_rows(staged / DATABASE)
+                kept += self._put_rows(staged / DATABASE_FILE)
             undo.pop_all()
         return tuple(kept)
 
@@ -148,7 +149,7 @@ class _Place:
             with engine.connect() as connection:
                 filled = _has_rows(connection)
             if filled:
-                kept.append(name_beside(self.data / DATABASE, "before-restore"))
+                kept.append(name_beside(self.data / DATABASE_FILE, "before-restore"))
                 copy_tables(engine, kept[0])
             upgrade(engine, None)
             with open_engine(snapshot, _BUSY_S) as rows, engine.begin() as connection:
@@ -159,7 +160,7 @@ class _Place:
 
 def _check_names(source: Path, manifest: Manifest) -> None:
     tops = {name.split("/")[0] for name in manifest.files}
-    if DATABASE not in tops or not tops <= _TOP:
+    if DATABASE_FILE not in tops or not tops <= _TOP:
         raise BackupError(
             f"the backup {source} is damaged (its database is missing or it has unexpected files)"
         )

@@ -16,7 +16,6 @@ from app.server.robots.circumstances import Circumstances
 from app.server.whole_files import storage_errors, write_whole
 from observer.rig.rig import Role
 
-FOLDER_NAME = "guard-checks"
 _NAME = re.compile(r"\d{4}-\d\d-\d\dT\d{4}-(observer|obstacle)(-\d{1,3})?", re.ASCII)
 _LISTED = 100
 _MOST_BYTES = 1_000_000

@@ -13,7 +13,6 @@ from observer.motion_profiles.library import load_profile, profile_names, read_p
 from observer.motion_profiles.profile import MotionProfile
 from observer.motion_profiles.profile_file import profile_from_text
 
-FOLDER_NAME = "programmes"
 _SUFFIX = ".yaml"
 # More than any user needs; a listing reads every file.
 _MOST_OWN = 200
