@@ -425,7 +425,7 @@ def test_a_failed_backup_is_reported_and_leaves_nothing(tmp_path: Path) -> None:
         back_up_of(data, tmp_path / "a.zip")
     with closing(sqlite3.connect(data / "other.sqlite")) as connection:
         connection.execute("CREATE TABLE recipes (name TEXT)")
-    with pytest.raises(BackupError, match="not one of dynamic-observer"):
+    with pytest.raises(BackupError, match="does not belong to dynamic-observer"):
         write_backup(
             tmp_path / "a.zip", data, data / "other.sqlite", recordings=True, application="1"
         )
