@@ -44,7 +44,7 @@ from observer.guard.sight import Sight
 from observer.motion_profiles.playing import duration_s
 from observer.navigation.errand import Errand
 from observer.navigation.plan import Plan
-from observer.rig.rig import ROLES, Role
+from observer.rig.rig import OBSERVER, ROLES, Role
 from observer.robot_opening import check_port
 from observer.robots.models import robot_spec
 from observer.robots.ports import shown_port
@@ -53,8 +53,6 @@ from observer.validation import validation_words, with_name
 _log = logging.getLogger(__name__)
 
 _GUARD = "guard."
-# Role of the robot that carries the cameras: only it is sent to goals.
-_OBSERVER: Role = "observer"
 # A ramp rises by at most this much time, however late a tick is.
 _MOST_DT_S = 0.04
 _FAILED = "was disconnected because its driver failed; see the log of the drive process"
@@ -120,18 +118,18 @@ class Roles:
 
     def _look(self, role: Role, tick: Tick) -> None:
         played, driven = self._moving(role) is not None, self.driven[role]
-        goes = role == _OBSERVER and self.goals.driving
+        goes = role == OBSERVER and self.goals.driving
         trouble = driven.look(tick, played=played or goes)
         if played and trouble is not None:
             self._end_profile(tick.now, trouble)
-        if role == _OBSERVER:
+        if role == OBSERVER:
             self._note(self.goals.look(driven, self.sight, self._plan, trouble, tick.now))
 
     def _send(self, role: Role, tick: Tick) -> None:
         playing, driven = self._moving(role), self.driven[role]
         if playing is not None:
             driven.drive(tick, playing.velocity(role, tick.now))
-        elif role == _OBSERVER:
+        elif role == OBSERVER:
             driven.drive(tick, self.goals.velocity(driven))
             self.goals.sent(driven)
         else:
@@ -220,7 +218,7 @@ class Roles:
             case StartGoal():
                 return self._start_goal(command, now)
             case StopGoal():
-                self._note(self.goals.give_up(self.driven[_OBSERVER], None, now))
+                self._note(self.goals.give_up(self.driven[OBSERVER], None, now))
             case SetGuard():
                 self._set_guard(command)
             case _:
@@ -237,7 +235,7 @@ class Roles:
                 # A failure of one robot must not keep the other from being stopped.
                 _log.exception("the stop command could not be sent to the %s", role)
         self.playing = None
-        self.goals.give_up(self.driven[_OBSERVER], f"all robots were stopped by {by}", now)
+        self.goals.give_up(self.driven[OBSERVER], f"all robots were stopped by {by}", now)
         if self.stopped is None:
             self.stopped = Latch(by, now)
             speeds = [driven.report.speed_mps for driven in self.driven.values() if driven.report]
@@ -270,7 +268,7 @@ class Roles:
                     "input",
                 )
         self._end_driving_of(role, now, "was reconnected")
-        if role == _OBSERVER:
+        if role == OBSERVER:
             self.goals.forget()
         before = self.driven[role].connect(Connection(shown, command.world, command.name))
         attendant = self.attendants[role]
@@ -341,7 +339,7 @@ class Roles:
                     "input",
                 )
             self._check_attended(role, lease, now)
-        if _OBSERVER in profile.roles and self.goals.driving:
+        if OBSERVER in profile.roles and self.goals.driving:
             raise ProcessRefused("the observer is driving to a goal; stop it first", "state")
         self.playing = Playing(profile, command.repeat, command.reverse, now)
         return duration
@@ -376,7 +374,7 @@ class Roles:
         sentence = f"the {role} {why}"
         if self._moving(role) is not None:
             self._end_profile(now, sentence)
-        if role == _OBSERVER:
+        if role == OBSERVER:
             self._note(self.goals.give_up(self.driven[role], sentence, now))
 
     def _end_profile(self, now: float, why: str | None) -> None:
@@ -393,16 +391,16 @@ class Roles:
     # --- goals -----------------------------------------------------------------------------
 
     def _start_goal(self, command: StartGoal, now: float) -> GoalNow:
-        self._check_attended(_OBSERVER, command.lease, now)
-        if (playing := self._moving(_OBSERVER)) is not None:
+        self._check_attended(OBSERVER, command.lease, now)
+        if (playing := self._moving(OBSERVER)) is not None:
             raise ProcessRefused(
                 f"the programme {playing.profile.name} is running; stop it first", "state"
             )
-        return self.goals.start(command, self.driven[_OBSERVER], now).facts(now)
+        return self.goals.start(command, self.driven[OBSERVER], now).facts(now)
 
     def errand(self) -> Errand | None:
         """Return what a planner of the observer's path needs now; None without a goal."""
-        return self.goals.errand(self.driven[_OBSERVER])
+        return self.goals.errand(self.driven[OBSERVER])
 
 
 def _checked(role: Role) -> Role:

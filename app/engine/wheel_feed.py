@@ -6,12 +6,10 @@ from typing import Any
 
 from app.runtime.latest import LatestReader
 from observer.navigation.errand import Errand, errand_of
-from observer.rig.rig import Role
+from observer.rig.rig import OBSERVER
 from observer.rig.wheel_history import odometry_at
 from observer.types import Odometry
 
-# Role of the robot that carries the cameras.
-_OBSERVER: Role = "observer"
 # A robot whose newest report is older than this is gone.
 _GONE_S = 1.0
 
@@ -58,7 +56,7 @@ class WheelFeed:
 
 
 def _rows(header: dict[str, Any]) -> list[list[float]]:
-    rows = header.get(_OBSERVER, [])
+    rows = header.get(OBSERVER, [])
     try:
         return [[float(value) for value in row] for row in rows if len(row) == 4]
     except (TypeError, ValueError):

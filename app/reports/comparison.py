@@ -23,6 +23,7 @@ from observer.geometry import Pose
 from observer.intervals import half_95
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.recording.reader import Recording
+from observer.rig.rig import OBSTACLE
 from observer.truth.alignment.aligned import DEFAULT_SIZE, AlignedTruth
 from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.alignment.observed import TrackKey
@@ -35,7 +36,6 @@ from observer.truth.motion_capture import Capture
 
 ALIGNED_ALREADY = "truth.csv"
 _RECORDING = ".mcap"
-_OBSTACLE = "obstacle"
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,7 @@ class ComparedRecording(Recording):
         if alignment is None or capture is None:
             return
         truth = AlignedTruth(capture, alignment)
-        names = [name for name, role in alignment.roles.items() if role == _OBSTACLE]
+        names = [name for name, role in alignment.roles.items() if role == OBSTACLE]
         for line in self.lines():
             time = float(line["time"])
             bodies = [
@@ -281,7 +281,7 @@ def _speeds_only(truth: AlignedTruth, names: Iterable[str], time: float) -> list
     unknown = [float("nan")] * 3
     return [
         MatchedBody(
-            id=number, name=name, role=_OBSTACLE, position=unknown, velocity=unknown, speed=speed,
+            id=number, name=name, role=OBSTACLE, position=unknown, velocity=unknown, speed=speed,
             size=DEFAULT_SIZE.tolist(), yaw=float("nan"),
         )
         for number, name in enumerate(names, start=1)

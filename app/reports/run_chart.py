@@ -21,8 +21,8 @@ from app.reports.gathering import Gathered
 from observer.evaluation.gaps import broken
 from observer.evaluation.speed_errors import identity_switches, speed_errors
 from observer.geometry import Float64Array
+from observer.rig.rig import OBSTACLE
 
-_OBSTACLE = "obstacle"
 # Tenths of a millisecond and of a millimetre per second are finer than a chart shows.
 _TIME_DIGITS, _SPEED_DIGITS = 4, 5
 CSV_COLUMNS = ("source", "label", "role", "track_id", "body", "segment", "time_s", "speed_mps",
@@ -92,7 +92,7 @@ def _curve(
     return ChartCurve(
         kind=kind,
         label=label,
-        role=_OBSTACLE,
+        role=OBSTACLE,
         track_id=track_id,
         body=body,
         segment=segment,

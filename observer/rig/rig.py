@@ -7,13 +7,16 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Final, Literal, get_args
 
 from observer.errors import InputError
 from observer.geometry import Pose
 from observer.mount import CameraMount
 
 Role = Literal["observer", "obstacle"]
+# The observer carries the cameras, and only it is sent to goals.
+OBSERVER: Final = "observer"
+OBSTACLE: Final = "obstacle"
 RobotModel = Literal["p3dx-sh", "p3dx", "amigo-sh", "amigo"]
 ROLES: tuple[Role, ...] = get_args(Role)
 ROBOT_MODELS: tuple[RobotModel, ...] = get_args(RobotModel)

@@ -22,15 +22,13 @@ from observer.recording import payloads
 from observer.recording.payloads import RobotRow
 from observer.recording.run_folder import RECORDING
 from observer.recording.run_time import RunTime
-from observer.rig.rig import ROLES, Role
+from observer.rig.rig import OBSERVER, ROLES, Role
 
 log = structlog.get_logger(__name__)
 
 # Two robots, ten rows a second each: half a minute without an engine.
 _MOST_ROWS = 600
 _MOST_INCIDENTS = 100
-# Role of the robot that is sent to goals.
-_OBSERVER: Role = "observer"
 
 
 def record_order(folder: DataFolder, run: RunRecord) -> RecordOrder | None:
@@ -72,7 +70,7 @@ class RobotFeed:
                 continue
             self._newest[role] = received
             at = None if source is None else self._rising.of(role, source.at(received))
-            goal = self._goal_of_run(drive.goal) if role == _OBSERVER else None
+            goal = self._goal_of_run(drive.goal) if role == OBSERVER else None
             self._rows.append(_row(role, robot, goal, at))
 
     def _goal_of_run(self, goal: GoalNow | None) -> GoalNow | None:

@@ -12,8 +12,7 @@ from app.contract.runs import ChartCurve, ChartValues
 from app.storage import SpeedRow
 from observer.evaluation.gaps import broken
 from observer.geometry import Float64Array
-
-_OBSTACLE = "obstacle"
+from observer.rig.rig import OBSTACLE
 
 
 def chart_of_rows(rows: Iterable[SpeedRow]) -> ChartValues:
@@ -23,7 +22,7 @@ def chart_of_rows(rows: Iterable[SpeedRow]) -> ChartValues:
     """
     found: defaultdict[tuple[Any, ...], list[SpeedRow]] = defaultdict(list)
     for row in rows:
-        if row.role == _OBSTACLE:
+        if row.role == OBSTACLE:
             segment = row.segment if row.source == "estimate" else None
             found[row.source, segment, row.track_id, row.body].append(row)
     return ChartValues(

@@ -10,9 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 from app.contract.robots import GoalNow
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
-from observer.rig.rig import Role
+from observer.rig.rig import OBSERVER
 
-_OBSERVER: Final[Role] = "observer"
 # A robot reports ten times a second; reports further away in time than this are ignored.
 _FRESH_S: Final = 0.5
 _GOAL = TypeAdapter(GoalNow)
@@ -25,7 +24,7 @@ class Goals:
         self._times: list[float] = []
         self._facts: list[Any] = []
         for row in recording.robot_rows():
-            if row.role == _OBSERVER:
+            if row.role == OBSERVER:
                 self._times.append(row.received)
                 self._facts.append(row.facts.get("goal"))
 
