@@ -7,6 +7,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from html.parser import HTMLParser
@@ -50,6 +51,37 @@ def _exists(name: str) -> bool:
     module, _, attribute = name.rpartition(".")
     parent = importlib.import_module(module)
     return hasattr(parent, attribute) or importlib.util.find_spec(name) is not None
+
+
+@pytest.mark.parametrize("package", ["observer", "app"])
+def test_the_architecture_lists_the_layers_that_are_enforced(package: str) -> None:
+    settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
+    enforced = [
+        [set(layer.split(" | ")) for layer in contract["layers"]]
+        for contract in settings["tool"]["importlinter"]["contracts"]
+        if contract.get("containers") == [package]
+    ]
+    blocks = re.findall(r"^```\n(.*?)^```", _architecture(), re.MULTILINE | re.DOTALL)
+    # A remark may stand to the right of a layer.
+    told = [
+        [
+            set(re.split(r" {2,}", line)[0].replace(".py", "").split(", "))
+            for line in block.split("\n")
+        ]
+        for block in (block.strip() for block in blocks)
+    ]
+    assert [layers for layers in told if layers in enforced] == enforced
+
+
+def test_the_architecture_lists_the_folders_of_the_page() -> None:
+    _, _, table = _architecture().partition("| folder | what is in it |")
+    told = re.findall(r"^\| `([\w-]+)` \|", table, re.MULTILINE)
+    folders = [each.name for each in (REPOSITORY / "static" / "app").iterdir() if each.is_dir()]
+    assert sorted(told) == sorted(folders)
+
+
+def _architecture() -> str:
+    return (REPOSITORY / "ARCHITECTURE.md").read_text()
 
 
 def test_the_readme_is_short() -> None:
