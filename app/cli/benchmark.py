@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.progress import progress_bar
-from app.cli.results import JsonOption, make_folder, tell, tell_measured
+from app.cli.results import JsonOption, check_figure_path, make_folder, tell, tell_measured
 from observer.errors import InputError
 from observer.evaluation.choices import DEFAULT_MAX_FRAMES, LAB, ROAD
 
 if TYPE_CHECKING:
     from observer.evaluation.calibration_accuracy import CalibrationAccuracy
-
-FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def benchmark(
@@ -130,12 +128,7 @@ def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
     if output is not None:
         paths.append(output / "benchmark.png")
     for path in paths:
-        if path.suffix.lower() not in FIGURE_SUFFIXES:
-            raise InputError(
-                f"the figure's file name must end in {', '.join(FIGURE_SUFFIXES)}, not {path.name}"
-            )
-        if not path.parent.is_dir():
-            raise InputError(f"cannot write {path}: the folder {path.parent} does not exist")
+        check_figure_path(path)
     return paths
 
 

@@ -9,10 +9,8 @@ from typing import Annotated
 import typer
 
 from app.cli.assignments import changes_of
-from app.cli.benchmark import FIGURE_SUFFIXES
 from app.cli.progress import progress_bar
-from app.cli.results import JsonOption, tell
-from observer.errors import InputError
+from app.cli.results import JsonOption, check_figure_path, tell
 from observer.evaluation.navigation.parameters import crowd_parameters
 
 # Lower seeds were used while the planner was developed.
@@ -79,7 +77,7 @@ def navigate_benchmark(
     --image-runs by the observer itself, from rendered images.
     """
     if figure is not None:
-        _refuse_bad(figure)
+        check_figure_path(figure)
     parameters = crowd_parameters(changes_of(assignments or []))
     for each in risk or []:
         parameters.changed({_RISK: each})
@@ -109,13 +107,3 @@ def navigate_benchmark(
 
 def _each_once(given: list[float] | None, default: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(dict.fromkeys(given)) if given else default
-
-
-def _refuse_bad(figure: Path) -> None:
-    """Reject a figure that cannot be written before the work, not after."""
-    if figure.suffix.lower() not in FIGURE_SUFFIXES:
-        raise InputError(
-            f"the figure's file name must end in {', '.join(FIGURE_SUFFIXES)}, not {figure.name}"
-        )
-    if not figure.parent.is_dir():
-        raise InputError(f"cannot write {figure}: the folder {figure.parent} does not exist")

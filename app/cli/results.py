@@ -14,6 +14,9 @@ from observer.errors import InputError
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as JSON on stdout.")]
 
+# Those of ``observer.figures``, whose import takes too long for the start of every command.
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+
 _Figures = TypeVar("_Figures")
 
 
@@ -29,6 +32,20 @@ def make_folder(output: Path | None) -> None:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make the folder {output}: {error.strerror}") from None
+
+
+def check_figure_path(path: Path) -> None:
+    """Reject the path of a figure before hours of work, not after.
+
+    Raises:
+        InputError: no figure can be written there.
+    """
+    if path.suffix.lower() not in FIGURE_SUFFIXES:
+        raise InputError(
+            f"the figure's file name must end in {', '.join(FIGURE_SUFFIXES)}, not {path.name}"
+        )
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist")
 
 
 def tell(text: str, values: dict[str, Any], output: Path | None, *, as_json: bool) -> None:

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from app.cli.results import FIGURE_SUFFIXES
+from observer.figures import FORMATS
+
 from .shell import Shell, in_a_process
 
 
@@ -90,6 +93,10 @@ def files(folder: Path) -> tuple[str, str]:
     (folder / "truth.csv").write_text(TRUTH + "".join(rows))
     (folder / "tracks.jsonl").write_text("".join(json.dumps(each) + "\n" for each in lines))
     return str(folder / "tracks.jsonl"), str(folder / "truth.csv")
+
+
+def test_every_format_of_figures_may_be_named() -> None:
+    assert tuple(f".{name}" for name in FORMATS) == FIGURE_SUFFIXES
 
 
 def test_evaluate_gives_the_same_breakdown_as_benchmark(shell: Shell, tmp_path: Path) -> None:
