@@ -24,10 +24,10 @@ from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, 
 
 _log = logging.getLogger(__name__)
 
-# A command that would expire before the next tick is already invalid at this one: no robot moves on
-# an expired command, and a late tick has this much margin.
+# A command or report that would expire before the next tick is already invalid at this one: no
+# robot moves on an expired one, and a late tick has this much margin.
 _NEXT_LOOK_S = 0.02
-# The observer is disarmed after this long without sight.
+# A robot is disarmed after this long without sight or reports.
 BLIND_S = 1.0
 _EXPIRED = "no command from the operator arrived in time"
 _GUARD_FAILED = "the guard failed; see the log of the drive process"
@@ -65,7 +65,7 @@ class DrivenRole:
         self.why_disarmed: str | None = None
         self.verdict: Verdict | None = None
         self.report: RobotReport | None = None
-        self._blind_since: float | None = None
+        self._unsure_since: float | None = None
         self._incidents: list[IncidentEvent] = []
 
     # --- connection ------------------------------------------------------------------------
@@ -103,7 +103,7 @@ class DrivenRole:
         self.asked = self.sent = self._reached = ZERO
         self.consent.withdraw()
         self.hindrance = self.why_disarmed = self.verdict = self.report = None
-        self._blind_since = None
+        self._unsure_since = None
         self._guard.forget(self.role)
         return before
 
@@ -135,7 +135,7 @@ class DrivenRole:
         self.armed = True
         self.sent = self._reached = ZERO
         self.why_disarmed = None
-        self._blind_since = None
+        self._unsure_since = None
         self.consent.arm()
 
     def disarm(
@@ -198,14 +198,14 @@ class DrivenRole:
             return self._why_not_armed()
         report = self.report = self.robot.report()
         if not self.armed:
-            self._blind_since = None
+            self._unsure_since = None
             return self._why_not_armed()
         if report.phase is not RobotPhase.CONNECTED:
             self.disarm(now, "fault", reasons.unconnected(self.role, report))
         elif report.fault is not None:
             self.disarm(now, "fault", report.fault)
         else:
-            trouble = self._stand_while_blind(tick)
+            trouble = self._stand_while_unsure(tick)
             if trouble is None and lapsed and (played or self.sent != ZERO):
                 self._still(now, "expired", _EXPIRED)
             if self.armed and report.wanted is not None and not self.consent.released:
@@ -218,21 +218,33 @@ class DrivenRole:
             return _EXPIRED if played and not self.consent.present else None
         return self.why_disarmed
 
-    def _stand_while_blind(self, tick: Tick) -> str | None:
-        """Return why the sight is unusable; hold zero meanwhile, and disarm after a second."""
-        trouble = self._blindness(tick)
+    def _stand_while_unsure(self, tick: Tick) -> str | None:
+        """Return why its reports or the sight are unusable.
+
+        Hold zero meanwhile, and disarm after a second.
+        """
+        silence = self.silence(tick.now)
+        trouble = silence or self._blindness(tick)
         if trouble is None:
-            self._blind_since = None
+            self._unsure_since = None
             return None
-        if self._blind_since is None:
-            self._blind_since = tick.now
+        kind: IncidentKind = "sight" if silence is None else "fault"
+        if self._unsure_since is None:
+            self._unsure_since = tick.now
             moved = self.sent != ZERO or self.asked != ZERO
-            self._still(tick.now, "sight" if moved else None, trouble)
+            self._still(tick.now, kind if moved else None, trouble)
         # Requests made meanwhile must be let go of as well.
         self.consent.withdraw()
-        if tick.now - self._blind_since >= BLIND_S:
-            self.disarm(tick.now, "sight", trouble)
+        if tick.now - self._unsure_since >= BLIND_S:
+            self.disarm(tick.now, kind, trouble)
         return trouble
+
+    def silence(self, now: float) -> str | None:
+        """Return why the connected robot's report is too old to move by, one sentence."""
+        report = self.report
+        if report is None or report.phase is not RobotPhase.CONNECTED:
+            return None
+        return reasons.silence(self.role, report, now + _NEXT_LOOK_S)
 
     def _blindness(self, tick: Tick) -> str | None:
         connection = self.connection
@@ -329,7 +341,7 @@ class DrivenRole:
             return reasons.stopped_by(tick.stopped)
         if not self.armed:
             return self._why_not_armed()
-        trouble = self._blindness(tick)
+        trouble = self.silence(tick.now) or self._blindness(tick)
         if trouble is not None:
             return trouble
         if not played and self.asked != ZERO and not self.consent.released:

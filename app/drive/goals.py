@@ -90,7 +90,8 @@ class Goals:
             return None
         if not driven.armed or not driven.consent.present:
             return self.give_up(driven, trouble or "the operator is no longer present", now)
-        if trouble is not None and not _sees_little(sight, now):
+        waits = _sees_little(sight, now) and driven.silence(now) is None
+        if trouble is not None and not waits:
             return self.give_up(driven, trouble, now)
         if driven.report is None or driven.report.odometry is None:
             return self.give_up(driven, "the robot no longer reports odometry", now)

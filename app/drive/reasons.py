@@ -7,7 +7,7 @@ from app.drive.consent import Velocity
 from observer.guard.guard import sight_trouble
 from observer.guard.parameters import GuardParameters
 from observer.rig.rig import Role
-from observer.robots.contract import RobotPhase, RobotReport
+from observer.robots.contract import REPORT_FRESH_S, RobotPhase, RobotReport
 
 # A smaller difference comes from rounding to whole mm/s and degrees/s, not from a limit.
 _SAME_MPS, _SAME_RADPS = 0.0011, 0.018
@@ -97,6 +97,18 @@ def unconnected(role: Role, report: RobotReport | None) -> str:
     """Return the sentence for a robot that is not connected (any more)."""
     trouble = None if report is None else report.fault or report.trouble
     return f"the {role}'s robot is not connected" + (f": {trouble}" if trouble else "")
+
+
+def silence(role: Role, report: RobotReport, now: float) -> str | None:
+    """Return the sentence for a connected robot whose newest report is too old to move by.
+
+    Args:
+        now: the host's monotonic clock, at the end of the time for which the report must hold.
+    """
+    received = report.received
+    if received is not None and now - received <= REPORT_FRESH_S:
+        return None
+    return f"the {role}'s robot has not reported its state for {1e3 * REPORT_FRESH_S:.0f} ms"
 
 
 def same(one: Velocity, other: Velocity) -> bool:

@@ -17,6 +17,9 @@ from observer.types import Odometry
 # The port's own thread replaces a velocity that is not repeated within this time with zero, so
 # that the robot stops if the drive loop hangs.
 SETPOINT_FRESH_S = 0.15
+# Highest age of the newest report of a robot that may move. Robots report every 0.1 s or more
+# often, so that one report may be lost or late.
+REPORT_FRESH_S = 0.3
 
 
 class RobotPhase(StrEnum):

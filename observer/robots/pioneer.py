@@ -366,8 +366,12 @@ class Pioneer:
         if self._odometry is not None:
             counters["odometry_jumps"] = self._odometry.jumps
         sent = self._writer.sent if self._writer is not None else None
+        phase = self._phase
+        if phase is RobotPhase.CONNECTED and watch.status is None:
+            # Nothing is known yet of its state in this session.
+            phase = RobotPhase.CONNECTING
         return RobotReport(
-            phase=self._phase,
+            phase=phase,
             trouble=self._trouble,
             fault=watch.fault,
             warnings=tuple(warnings),

@@ -7,9 +7,9 @@ from collections import deque
 from typing import Literal
 
 from observer.robots.arcos import Command, command
+from observer.robots.contract import REPORT_FRESH_S
 from observer.robots.sip import RobotStatus
 
-SILENCE_WARNED_S = 0.3
 SILENCE_FAULT_S = 1.0
 BATTERY_LOW_V = 11.75
 BATTERY_CRITICAL_V = 11.0
@@ -140,7 +140,7 @@ class RobotWatch:
 
     def silent(self, now: float) -> bool:
         """Return whether its status is overdue."""
-        return self._connected and now - self._heard > SILENCE_WARNED_S
+        return self._connected and now - self._heard > REPORT_FRESH_S
 
     def in_outage(self, now: float, watchdog_s: float | None) -> bool:
         """Return whether its firmware may have stopped it, as it may not have heard us either.

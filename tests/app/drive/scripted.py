@@ -45,6 +45,8 @@ class ScriptedRobot:
             motors_enabled=False,
         )
         self.most = math.inf
+        # Sends no reports of its own accord, only those of ``change``.
+        self.silent = False
 
     def report(self) -> RobotReport:
         return self.state
@@ -162,9 +164,16 @@ class Bench:
         }
         self.sight = Sight(frame=self.frame, received=self.now, published=self.now, **values)
 
+    def pass_time(self) -> None:
+        """Pass a tick's time, in which the robots report."""
+        self.now += TICK_S
+        for robot in self.robots.values():
+            if not robot.silent:
+                robot.change(received=self.now)
+
     def tick(self, count: int = 1) -> None:
         for _ in range(count):
-            self.now += TICK_S
+            self.pass_time()
             if self.seeing is not None:
                 self.see(**self.seeing)
             self.roles.step(self.now, self.sight, self.plan)

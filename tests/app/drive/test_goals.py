@@ -190,6 +190,16 @@ def test_a_brief_loss_of_sight_only_pauses_the_goal(bench: Bench) -> None:
     assert bench.state("observer") == "disarmed"
 
 
+def test_a_silent_robot_ends_the_goal_even_if_little_is_seen(bench: Bench) -> None:
+    prepare(bench)
+    start(bench)
+    stay(bench, 1.0)
+    bench.seeing = {"status": Status.LOST, "reasons": ("too dark",)}
+    bench.robots["observer"].silent = True
+    stay(bench, 0.4)
+    ended(bench, "has not reported its state")
+
+
 def test_missing_frames_end_the_goal(bench: Bench) -> None:
     prepare(bench)
     start(bench)

@@ -44,6 +44,16 @@ def test_the_robot_is_disarmed_when_no_operator_is_present(bench: Any) -> None:
     assert robot.velocities[-1] == (0.3, 0.1)
 
 
+def test_the_robot_is_disarmed_after_a_brief_silence(bench: Any) -> None:
+    robot = guarded(bench)
+    robot.silent = True
+    bench.stay("observer", 0.4)
+    robot.silent = False
+    bench.stay("observer", 1.0)
+    assert bench.state("observer") == "disarmed"
+    assert "has not reported its state" in bench.why("observer")
+
+
 def test_the_robot_is_disarmed_after_a_brief_loss_of_sight(bench: Any) -> None:
     guarded(bench)
     seen, bench.seeing = bench.seeing, None

@@ -51,7 +51,7 @@ class Turning:
 
     def turn(self, count: int = 1) -> None:
         for _ in range(count):
-            self.bench.now += 0.02
+            self.bench.pass_time()
             self.bench.see()
             self.loop.tick(self.bench.now)
 
@@ -168,6 +168,7 @@ def test_facts_are_json_serialisable_and_complete(turning: Turning) -> None:
 def test_odometry_of_the_last_second_is_shared_while_connected(turning: Turning) -> None:
     turning.ready("obstacle")
     robot = turning.bench.robots["obstacle"]
+    robot.silent = True
     for number in range(20):
         robot.change(odometry=Odometry(0.03 * number, 0.0, 0.1), received=turning.bench.now + 0.02)
         turning.turn(5)

@@ -29,11 +29,11 @@ TRIALS = int(os.environ.get("DRIVE_TRIALS", "2"))
 # --- while the process lives --------------------------------------------------------------------
 
 
-def test_expiry_lost_lease_stop_and_lost_sight_send_zero_in_time(
+def test_expiry_lost_lease_stop_lost_sight_and_silence_send_zero_in_time(
     drive: Drive, robots: Robots, eyes: Eyes
 ) -> None:
     drive.connect(robots)
-    worst = dict.fromkeys(("expiry", "lease", "stop", "sight"), 0.0)
+    worst = dict.fromkeys(("expiry", "lease", "stop", "sight", "silence"), 0.0)
     for _ in range(TRIALS):
         for what in worst:
             for role in robots:
@@ -56,6 +56,14 @@ def test_expiry_lost_lease_stop_and_lost_sight_send_zero_in_time(
                     drive.command("obstacle", SPEED_MPS)
                     time.sleep(0.02)
                 eyes.open = True
+            elif what == "silence":
+                faults, standing = robots["obstacle"].robot.faults, ["obstacle"]
+                faults.silent = True
+                while time.monotonic() < moment + 0.4:
+                    drive.command("observer", SPEED_MPS)
+                    drive.command("obstacle", SPEED_MPS)
+                    time.sleep(0.02)
+                faults.silent = False
             for role in standing:
                 worst[what] = max(worst[what], zero_after(robots[role], moment))
             if what == "stop":

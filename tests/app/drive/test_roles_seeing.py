@@ -10,6 +10,7 @@ from app.contract.drive import (
     SetGuard,
 )
 from observer.guard.guard import Verdict
+from observer.rig.rig import ROLES, Role
 from observer.types import Status
 
 from .scripted import both, driving, refused
@@ -70,6 +71,50 @@ def test_a_second_without_sight_disarms(bench: Any) -> None:
     bench.drive("observer", 0.0)
     both(bench, 0.5)
     assert bench.state("observer") == "disarmed"
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_a_robot_that_stops_reporting_stops_and_must_be_released(bench: Any, role: Role) -> None:
+    driving(bench)
+    robot, other = bench.robots[role], next(each for each in ROLES if each != role)
+    robot.silent, last = True, bench.now
+    while bench.sent(role) != (0.0, 0.0):
+        bench.tick()
+        bench.drive("observer", 0.3)
+        bench.drive("obstacle", 0.3)
+        assert bench.now - last <= 0.3 + 1e-9
+    assert bench.now - last > 0.2, "one report may be lost"
+    assert robot.velocities[-1] == (0.0, 0.0)
+    assert bench.why(role) == f"the {role}'s robot has not reported its state for 300 ms"
+    assert bench.kinds() == ["fault"]
+    # Reports that come back restart nothing while the key is held.
+    robot.silent = False
+    both(bench, 0.5)
+    assert (bench.state(role), bench.sent(role)) == ("armed", (0.0, 0.0))
+    assert bench.sent(other) == (0.3, 0.0)
+    bench.drive(role, 0.0)
+    bench.tick()
+    both(bench, 0.3)
+    assert bench.state(role) == "moving"
+
+
+def test_a_second_of_silence_disarms(bench: Any) -> None:
+    driving(bench)
+    bench.robots["obstacle"].silent = True
+    both(bench, 1.5)
+    assert bench.state("obstacle") == "disarmed"
+    assert "has not reported its state" in bench.why("obstacle")
+    assert bench.kinds() == ["fault", "fault"]
+    assert bench.state("observer") == "moving"
+
+
+def test_a_robot_that_has_reported_nothing_yet_does_not_move(bench: Any) -> None:
+    bench.robots["obstacle"].silent = True
+    bench.robots["obstacle"].change(received=None)
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 0.5)
+    assert not any(speed for speed, _ in bench.robots["obstacle"].velocities)
+    assert bench.kinds() == []
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,8 @@ class Rolling:
         self.x = dict.fromkeys(bench.robots, 0.0)
         self.speed = dict.fromkeys(bench.robots, 0.0)
         self.silent = False
+        for robot in bench.robots.values():
+            robot.change(received=bench.now)
 
     def tick(self, count: int = 1) -> None:
         bench = self.bench
