@@ -17,6 +17,7 @@ from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth, RobotRow
 from observer.recording.reader import Recording
+from observer.rig.rig import OBSTACLE
 from observer.truth.alignment.aligned import AlignedTruth
 from observer.truth.alignment.alignment import align
 from observer.truth.alignment.observed import ObservedRun
@@ -26,7 +27,6 @@ from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
 
 # Role of a robot that takes commands, as the drive process names it.
 _DRIVEN = ("armed", "moving")
-_OBSTACLE = "obstacle"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def gather(
     driven = [
         row
         for row in rows
-        if row.role == _OBSTACLE and row.facts.get("state", _DRIVEN[0]) in _DRIVEN
+        if row.role == OBSTACLE and row.facts.get("state", _DRIVEN[0]) in _DRIVEN
     ]
     commanded = _robot_curve(rows if driven else (), "sent_speed", "commanded")
     if not commanded:
@@ -132,9 +132,10 @@ def _truth(
 def seen_motions(
     lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
 ) -> tuple[tuple[SeenMotion, ...], tuple[SeenMotion, ...]]:
-    """Return the tracks assigned to a body, and those assigned to none."""
+    """Return the tracks assigned to a body, and those assigned to none; times are the run's."""
+    # Numbers of frames and tracks repeat where an engine was replaced; the run's times do not.
     bodies = {
-        (payload.frame, body.track_id): body.name
+        (payload.frame, payload.time, body.track_id): body.name
         for payload in matched
         for body in payload.bodies
         if body.track_id is not None
@@ -145,7 +146,7 @@ def seen_motions(
             if entry["state"] != "confirmed":
                 continue
             std = entry["speed_std"]
-            body = bodies.get((line["frame"], entry["id"]), "")
+            body = bodies.get((line["frame"], line["time"], entry["id"]), "")
             rows[f"{line['segment']}:{entry['id']}", body].append(
                 (line["time"], entry["velocity_time"], entry["speed"],
                  np.nan if std is None else std)
@@ -160,9 +161,9 @@ def seen_motions(
 def _true_motions(
     lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
 ) -> tuple[TrueMotion, ...]:
-    poses = {line["frame"]: line_pose(line) for line in lines}
-    samples = [payload for payload in matched if payload.frame in poses]
-    names = {b.name: None for p in samples for b in p.bodies if b.role == _OBSTACLE}
+    poses = {(line["frame"], line["time"]): line_pose(line) for line in lines}
+    samples = [payload for payload in matched if (payload.frame, payload.time) in poses]
+    names = {b.name: None for p in samples for b in p.bodies if b.role == OBSTACLE}
     motions = []
     for name in names:
         rows: list[tuple[float, float, str, str, bool]] = []
@@ -171,7 +172,7 @@ def _true_motions(
                 continue
             body = next((b for b in payload.bodies if b.name == name), None)
             speed = np.nan if body is None else body.speed
-            direction, way = _directions(body, poses[payload.frame])
+            direction, way = _directions(body, poses[payload.frame, payload.time])
             in_sight = body is not None and (body.visible is None or body.visible >= VISIBLE_SHARE)
             rows.append((payload.time, speed, direction, way, in_sight))
         times, speeds, directions, ways, seen = zip(*rows, strict=True)
@@ -206,7 +207,7 @@ def _robot_curve(rows: Sequence[RobotRow], field: str, label: str) -> tuple[Curv
     found = [
         (row.time, getattr(row, field))
         for row in rows
-        if row.role == _OBSTACLE and row.time is not None and getattr(row, field) is not None
+        if row.role == OBSTACLE and row.time is not None and getattr(row, field) is not None
     ]
     if not found:
         return ()
@@ -221,6 +222,6 @@ def _commanded_of_truth(matched: Iterable[MatchedTruth]) -> tuple[Curve, ...]:
     rows: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for payload in matched:
         for body in payload.bodies:
-            if body.role == _OBSTACLE and body.commanded_speed is not None:
+            if body.role == OBSTACLE and body.commanded_speed is not None:
                 rows[body.name].append((payload.time, abs(body.commanded_speed)))
     return tuple(Curve(f"{name}, commanded", *np.array(found).T) for name, found in rows.items())

@@ -9,14 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from app.reports.gathering import gather
+from app.reports.gathering import _true_motions, gather, seen_motions
 from app.reports.page import report_html
 from app.reports.report import make_report
 from app.reports.run_chart import chart_csv, chart_values
+from app.reports.run_times import RunTimes
 from app.reports.speed_figure import speed_figure
 from observer.jsonl import observation_line
 from observer.observer import Observer
 from observer.opening import open_source
+from observer.recording.payloads import MatchedBody, MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
 from observer.recording.writer import RecordingWriter
 from observer.types import StereoFrame
@@ -68,3 +70,38 @@ def test_report_chart_and_csv_agree_on_the_length(
     assert times == sorted(times)
     assert (times[0], times[-1]) == pytest.approx((0.0, length), abs=1e-4)
     assert speed_figure([("run", gathered)]).axes[0].get_xlim() == pytest.approx((0.0, length))
+
+
+def test_truth_is_matched_to_the_frame_of_its_own_engine() -> None:
+    frames, lines, matched = [], [], []
+    # Numbers and times of frames and ids of tracks begin again; the second camera looks back.
+    for segment, (name, turn) in enumerate([("cart", [1, 0, 0, 0]), ("trolley", [0, 0, 1, 0])]):
+        for k in range(3):
+            frames.append(RecordedFrame(index=k, time=k * STEP, received=10 * segment + k * STEP))
+            entry = {
+                "id": 7, "state": "confirmed", "speed": 0.5, "speed_std": None,
+                "velocity_time": k * STEP,
+            }  # fmt: skip
+            pose = {"position": [0, 0, 0], "orientation_wxyz": turn}
+            lines.append(
+                {"frame": k, "time": k * STEP, "segment": segment, "pose": pose,
+                 "obstacles": [entry]}
+            )  # fmt: skip
+            body = MatchedBody(
+                id=1, name=name, role="obstacle", position=[0, 0, 3], velocity=[0.5, 0, 0],
+                speed=0.5, size=[0.4, 0.4, 0.3], yaw=0.0, track_id=7,
+            )  # fmt: skip
+            matched.append(MatchedTruth(frame=k, time=k * STEP, bodies=[body]))
+    times = RunTimes(frames)
+    placed, true = times.lines(lines), times.matched(matched)
+    seen, unmatched = seen_motions(placed, true)
+    assert [(each.track, each.body, len(each.times)) for each in seen] == [
+        ("0:7", "cart", 3),
+        ("1:7", "trolley", 3),
+    ]
+    assert not unmatched
+    directions = {each.body: each.directions for each in _true_motions(placed, true)}
+    assert directions == {
+        "cart": ("right",) * 3 + ("",) * 3,
+        "trolley": ("",) * 3 + ("left",) * 3,
+    }
