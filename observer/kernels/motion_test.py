@@ -225,7 +225,8 @@ def pooled(
             rad and m, camera axes.
         rotation: (3, 3) and translation: (3,) metres, of T_camera_world.
         turn: (3,) rad/s and shift: (3,) m/s, of the camera. dt: seconds of the frame.
-        corner2, bias_px, stretch: as of ``lasting_errors`` and ``EvidenceParameters``.
+        corner2: as of ``lasting_errors``. bias_px, stretch: one standard deviation each, as
+            ``disparity_bias_px`` and ``distortion_sigma`` of ``EvidenceParameters``.
 
     Returns:
         velocity (N, 3) m/s, its covariance (N, 3, 3), the part of it that all points share

@@ -57,20 +57,21 @@ class CameraRate:
         velocity: Float64Array,
         camera: StereoCamera,
         bias_px: float,
-        stretch: float,
+        distortion_sigma: float,
     ) -> Float64Array:
         """(N, 2, 3) m/s, camera axes: one-sigma errors from the disparity and from distortion.
 
         Where residual distortion stretches the image too much, everything passing there seems too
-        fast by the same share. That share is ``stretch`` in the image's corners and falls towards
-        the principal point with the fourth power of the distance: so does distortion, and the
-        calibration is worst near the edges, where the board was rarely seen.
+        fast by the same share. That share is ``distortion_sigma`` in the image's corners and falls
+        towards the principal point with the fourth power of the distance: so does distortion, and
+        the calibration is worst near the edges, where the board was rarely seen.
 
         Args:
-            place, velocity: as of ``velocity_by_bias``. bias_px, stretch: one standard deviation
-                each, as of ``EvidenceParameters``.
+            place, velocity: as of ``velocity_by_bias``.
+            bias_px, distortion_sigma: one standard deviation each, as ``disparity_bias_px`` and
+                ``distortion_sigma`` of ``EvidenceParameters``.
         """
-        each = np.array([[bias_px], [stretch]])
+        each = np.array([[bias_px], [distortion_sigma]])
         return np.asarray(self._drifts(place, velocity, camera) * each, np.float64)
 
     def _drifts(

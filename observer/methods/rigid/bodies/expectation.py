@@ -67,7 +67,6 @@ def note_lasting_errors(
 
     A body out of sight keeps what was noted when it was last seen.
     """
-    stretch = parameters.distortion_sigma
     for track in [t for t in tracks if t.missed_s == 0]:
         bias_px = parameters.disparity_bias_px
         outline = track.outline
@@ -75,8 +74,10 @@ def note_lasting_errors(
             bias_px = max(bias_px, outline.bias_px)
         place = now.T_camera_world.apply(track.mean[None, POSITION])
         velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
-        errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
-        drift = errors @ now.T_camera_world.rotation
+        errors = now.rate.lasting_errors(
+            place, velocity, now.camera, bias_px, parameters.distortion_sigma
+        )
+        drift = errors[0] @ now.T_camera_world.rotation
         gait = 0.0 if track.rigid else _GAIT_MPS
         track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
 
