@@ -23,7 +23,6 @@ class RigidEgoMotion:
         T_current_previous: the motion; None while lost.
         pose_covariance: (6, 6) of both, as rotation vector (rad) and translation (m) in the
             camera's axes; None while lost.
-        residual_rms: of the inliers, in standard deviations of their noise; NaN while lost.
         noise_scale: ratio of the scatter of all points, not only the inliers, to their noise; by
             the median, so that obstacles do not count.
     """
@@ -35,7 +34,6 @@ class RigidEgoMotion:
     T_camera_world: Pose | None = None
     T_current_previous: Pose | None = None
     pose_covariance: Float64Array | None = None
-    residual_rms: float = float("nan")
     noise_scale: float = 1.0
 
     @property

@@ -336,7 +336,6 @@ class MonocularMethod:
             T_camera_world=T,
             T_current_previous=None if T is None else T @ self._T_camera_world.inverse(),
             pose_covariance=None if lost else estimate.covariance,
-            residual_rms=estimate.noise_scale,
             noise_scale=estimate.noise_scale,
         )
 

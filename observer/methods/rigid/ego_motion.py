@@ -84,7 +84,6 @@ def estimate_rigid_motion(
     pose, mahalanobis, inliers, information = _fitted(
         scene, T_expected_world, camera, parameters, seed
     )
-    rms = float(np.sqrt(np.mean(mahalanobis[inliers] ** 2))) if inliers.any() else float("nan")
     support = int(inliers.sum())
     if support < parameters.min_inliers:
         return _lost(
@@ -101,6 +100,7 @@ def estimate_rigid_motion(
         reasons.append(f"only {100 * support / count:.0f} % of the points agree on one motion")
     # Normalized residuals in three dimensions have a mean square of 3; more means more noise than
     # declared.
+    rms = float(np.sqrt(np.mean(mahalanobis[inliers] ** 2)))
     excess = max(1.0, rms**2 / 3)
     # Correlated noise makes the pose less certain than independent noise would.
     shared = 1 + parameters.noise_correlation * support
@@ -113,7 +113,6 @@ def estimate_rigid_motion(
         T_camera_world=pose,
         T_current_previous=T_current_previous,
         pose_covariance=covariance.astype(np.float64),
-        residual_rms=rms,
         noise_scale=float(np.sqrt(median(mahalanobis**2) / _MEDIAN_CHI2)),
     )
 
