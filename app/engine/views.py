@@ -51,7 +51,11 @@ RESIDUAL_SCALE = 4.0
 
 
 def draw_view(name: str, observed: Observed) -> bytes:
-    """Draw the named view (any of ``app.contract.VIEW_NAMES`` but the disparity) as a JPEG."""
+    """Draw a view as a JPEG.
+
+    Args:
+        name: any of ``app.contract.views.VIEW_NAMES`` but the disparity.
+    """
     return encode_jpeg(_VIEWS[name](observed), fine_colors=name in _FINELY_DRAWN)
 
 
