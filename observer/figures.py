@@ -7,7 +7,7 @@ own, so that charts are legible on light and dark backgrounds.
 from __future__ import annotations
 
 import io
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -25,8 +25,11 @@ GRID = "#dfe2e6"
 # The same for a dark background.
 _LIGHT_INK, _DARK_GRID = "#e5efeb", "#33413d"
 GREEN, YELLOW, RED, GREY = "#2bd42b", "#ffd800", "#e5261f", "#9aa0a6"
+# Of notes in a figure: grey as well, but dark enough to be read.
+DARK_GREY = "#5a5a5a"
 # After Okabe and Ito: distinguishable to colour-blind people, and on a dark background.
 BLUE, ORANGE, PURPLE, TEAL, SKY = "#1f7fc4", "#D55E00", "#CC79A7", "#009E73", "#56B4E9"
+SERIES = (BLUE, ORANGE, TEAL, PURPLE, SKY)
 FORMATS = ("png", "svg", "pdf")
 _DPI = 150
 _STYLE: Any = {"svg.fonttype": "none", "font.family": "sans-serif"}
@@ -89,14 +92,14 @@ def darkened(image: Image) -> Image:
     return np.asarray(np.asarray(image) * 0.55, dtype=np.uint8)
 
 
-def plain_axes(axes: Axes) -> None:
-    """Give the axes two spines and a grid."""
+def plain_axes(axes: Axes, lines: Literal["x", "y", "both"] = "both") -> None:
+    """Give the axes two spines, and a grid along these directions."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
         axes.spines[side].set_color(INK)
     axes.tick_params(colors=INK, length=3)
-    axes.grid(True, color=GRID, linewidth=0.7, zorder=0)
+    axes.grid(True, axis=lines, color=GRID, linewidth=0.7, zorder=0)
     axes.set_axisbelow(True)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,14 +17,9 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from observer.errors import InputError
 from observer.evaluation.breakdown import GROUPINGS, Group
 from observer.evaluation.results import Benchmark, PresetResult, SourceResult
+from observer.figures import DARK_GREY, GREY, SERIES, figure_bytes, plain_axes
 
-_DPI = 130
-# Okabe and Ito's colours, which colour-blind people can tell apart, as well as the markers.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v")
-GREY = "#5a5a5a"
-_GRID = "#e2e2e2"
-TARGET = "#8a8a8a"
 _RECALL = 0.97
 _VELOCITY_IDEAL, _VELOCITY_FAULTY = 0.03, 0.08
 _FALSE_PER_100 = 0.5
@@ -42,7 +37,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     """
     part = path.with_name(path.name + ".part")
     try:
-        figure.savefig(part, format=path.suffix.lower().removeprefix("."), dpi=_DPI)
+        part.write_bytes(figure_bytes(figure, path.stem, path.suffix.lower().removeprefix(".")))
         os.replace(part, path)
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from None
@@ -154,7 +149,7 @@ def _false(
     axes.xaxis.set_minor_formatter(NullFormatter())
     ticks = [0, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000]
     axes.set_xticks([t for t in ticks if t <= axes.get_xlim()[1]])
-    axes.axvline(_FALSE_PER_100, color=TARGET, linewidth=1, linestyle="--", zorder=1)
+    axes.axvline(_FALSE_PER_100, color=GREY, linewidth=1, linestyle="--", zorder=1)
     axes.set_yticks(places, [label for label, _ in by_source], fontsize=8.5)
     axes.set_ylim(len(by_source) - 0.4, -0.6)
     axes.set_xlabel("instances per 100 frames (linear below 1)")
@@ -173,9 +168,9 @@ def _cost(
             if ms is None:
                 continue
             y = place + (row - (len(presets) - 1) / 2) * thickness
-            colour = COLOURS[number % len(COLOURS)]
+            colour = SERIES[number % len(SERIES)]
             axes.barh(y, ms, height=0.9 * thickness, color=colour, zorder=2)
-            axes.text(ms, y, f" {ms:.1f}", va="center", fontsize=8, color=GREY)
+            axes.text(ms, y, f" {ms:.1f}", va="center", fontsize=8, color=DARK_GREY)
     axes.set_yticks(range(len(stages)), [_WORDS.get(s, s.replace("_", " ")) for s in stages])
     axes.tick_params(axis="y", labelsize=8.5)
     axes.set_ylim(len(stages) - 0.4, -0.6)
@@ -184,7 +179,7 @@ def _cost(
     ratios = [f"{p.preset} {p.opencv.ratio:.1f}" for p in presets if p.opencv is not None]
     note = f"   whole step / OpenCV: {', '.join(ratios)}" if ratios else ""
     axes.set_title("Cost by stage", **_TITLE)
-    axes.set_title(note, loc="right", fontsize=9, color=GREY)
+    axes.set_title(note, loc="right", fontsize=9, color=DARK_GREY)
     plain_axes(axes, "x")
 
 
@@ -226,7 +221,7 @@ def _false_by_source(sources: Sequence[SourceResult]) -> list[tuple[str, dict[st
 
 def _legend(figure: Figure, names: Sequence[str], sources: Sequence[SourceResult]) -> None:
     handles = [Line2D([], [], linewidth=1.4, **_style(i)) for i in range(len(names))]
-    handles += [Line2D([], [], color=TARGET, linewidth=1, linestyle="--")]
+    handles += [Line2D([], [], color=GREY, linewidth=1, linestyle="--")]
     figure.legend(
         handles,
         [*names, "target"],
@@ -237,7 +232,7 @@ def _legend(figure: Figure, names: Sequence[str], sources: Sequence[SourceResult
     )
     first = [s for s in sources if s.preset == names[0]]
     counts = f"{len(first)} sources, {sum(s.frames for s in first)} frames per preset"
-    figure.text(0.993, 0.995, counts, ha="right", va="top", fontsize=9, color=GREY)
+    figure.text(0.993, 0.995, counts, ha="right", va="top", fontsize=9, color=DARK_GREY)
 
 
 def _apart(number: int, count: int) -> float:
@@ -247,7 +242,7 @@ def _apart(number: int, count: int) -> float:
 
 def _style(number: int) -> dict[str, Any]:
     return {
-        "color": COLOURS[number % len(COLOURS)],
+        "color": SERIES[number % len(SERIES)],
         "marker": _MARKERS[number % len(_MARKERS)],
         "markersize": 6.5,
         "zorder": 3,
@@ -255,18 +250,7 @@ def _style(number: int) -> dict[str, Any]:
 
 
 def _horizontal_target(axes: Axes, value: float, label: str = "") -> None:
-    axes.axhline(value, color=TARGET, linewidth=1, linestyle="--", zorder=1)
+    axes.axhline(value, color=GREY, linewidth=1, linestyle="--", zorder=1)
     if label:
         place: Mapping[str, Any] = {"transform": axes.get_yaxis_transform(), "ha": "right"}
-        axes.text(1.0, value, label, va="bottom", fontsize=8, color=GREY, **place)
-
-
-def plain_axes(axes: Axes, lines: Literal["x", "y", "both"]) -> None:
-    """Draw axes without a frame, with a light grid along these directions."""
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#b0b0b0")
-    axes.tick_params(colors="#303030", length=3)
-    axes.grid(True, axis=lines, color=_GRID, linewidth=0.8, zorder=0)
-    axes.set_axisbelow(True)
+        axes.text(1.0, value, label, va="bottom", fontsize=8, color=DARK_GREY, **place)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from observer.evaluation.figure import COLOURS, GREY, TARGET, plain_axes
 from observer.evaluation.navigation.results import NavigationBenchmark, rate
 from observer.evaluation.navigation.tables import people_word
+from observer.figures import DARK_GREY, GREY, SERIES, plain_axes
 
 _MARKERS = {False: "o", True: "s"}
 _APART = 1.06
@@ -34,7 +34,7 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
         most_likely, low, high = rate(count, driven_m)
         # Draw both kinds side by side.
         x = risk * (_APART if kind else 1 / _APART)
-        colour = COLOURS[int(kind)]
+        colour = SERIES[int(kind)]
         if count:
             axes.errorbar(
                 x, most_likely, [[most_likely - low], [high - most_likely]],
@@ -45,12 +45,14 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
             axes.plot(x, high, color=colour, marker="v", markersize=6.5, linestyle="none")
             values.append(high)
     for kind in sorted({kind for kind, _ in sums}):
-        colour, label = COLOURS[int(kind)], f"{people_word(kind)} people"
+        colour, label = SERIES[int(kind)], f"{people_word(kind)} people"
         axes.plot([], [], color=colour, marker=_MARKERS[kind], linestyle="none", label=label)
-    axes.plot([], [], color=GREY, marker="v", linestyle="none", label="no contact: upper limit")
+    axes.plot(
+        [], [], color=DARK_GREY, marker="v", linestyle="none", label="no contact: upper limit"
+    )
     positive = [value for value in values if value > 0] or [1e-3]
     ends = min(positive) / 2, max(positive) * 2
-    axes.plot(ends, ends, color=TARGET, linewidth=1, linestyle="--", label="as declared")
+    axes.plot(ends, ends, color=GREY, linewidth=1, linestyle="--", label="as declared")
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("declared risk, contacts per metre")
@@ -58,7 +60,7 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
     axes.set_title("Contacts against declared risk", loc="left", fontsize=11, fontweight="bold")
     drawn = [s for s in result.summaries if s.setting.driver == "planner"]
     runs = sum(each.runs for each in drawn if each.setting.sees == "model")
-    axes.set_title(f"{runs} runs, 95 % intervals", loc="right", fontsize=9, color=GREY)
+    axes.set_title(f"{runs} runs, 95 % intervals", loc="right", fontsize=9, color=DARK_GREY)
     axes.legend(frameon=False, fontsize=9)
     plain_axes(axes, "both")
     return figure

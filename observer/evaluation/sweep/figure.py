@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from observer.evaluation.choices import RankedBy
-from observer.evaluation.figure import COLOURS, GREY, TARGET, plain_axes
 from observer.evaluation.sweep.results import Ranked, Sweep, cost_title
+from observer.figures import DARK_GREY, GREY, INK, SERIES, plain_axes
 
 # Number of points of the front that are labelled; more labels would overlap.
 _NAMED = 12
@@ -30,7 +30,7 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
     ]
     for number, preset in enumerate(sweep.grid.presets):
         mine = [(x, y) for each, x, y in points if each.combination.preset == preset]
-        colour = COLOURS[number % len(COLOURS)]
+        colour = SERIES[number % len(SERIES)]
         axes.plot(
             [x for x, _ in mine],
             [y for _, y in mine],
@@ -40,14 +40,14 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
     axes.plot(
         [x for x, _, _ in front],
         [y for _, y, _ in front],
-        color="#202020", linewidth=1.2, marker="o", markersize=9, markerfacecolor="none",
+        color=INK, linewidth=1.2, marker="o", markersize=9, markerfacecolor="none",
         label="Pareto front: no other is both better and cheaper",
     )  # fmt: skip
     for x, y, each in front[-_NAMED:]:
         name, offset = str(each.combination.number), "offset points"
         axes.annotate(name, (x, y), xytext=(6, 6), textcoords=offset, fontsize=8.5)
     if not sweep.grid.driving:
-        axes.axvline(1.0, color=TARGET, linewidth=1, linestyle="--", zorder=1)
+        axes.axvline(1.0, color=GREY, linewidth=1, linestyle="--", zorder=1)
     axes.set_xlabel(cost_title(by))
     axes.set_ylabel(f"{title} ({'more' if more else 'less'} is better)")
     heading = "Accuracy against cost"
@@ -55,7 +55,7 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
         heading = f"Driving: {title} against {cost_title(by)}"
     axes.set_title(heading, loc="left", fontsize=11, fontweight="bold")
     counts = f"{len(points)} combinations, {len(sweep.sources)} sources"
-    axes.set_title(counts, loc="right", fontsize=9, color=GREY)
+    axes.set_title(counts, loc="right", fontsize=9, color=DARK_GREY)
     axes.legend(frameon=False, fontsize=9)
     plain_axes(axes, "both")
     return figure
