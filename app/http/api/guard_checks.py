@@ -12,7 +12,7 @@ from pydantic import Field
 from app.contract.robots import CheckEntry, CheckNow, ChecksNow
 from app.http.api.common import NameInPath, TheServer, attachment, who
 from app.http.api.refusals import refusals
-from app.http.api.values import In, Name
+from app.http.api.values import ONE_LINE, In, Name
 from app.http.errors import answer
 from app.server import Conflict, Server
 from observer.rig.rig import Role
@@ -80,7 +80,7 @@ async def skip_step(
 async def give_up_check(
     request: Request,
     server: TheServer,
-    name: Annotated[str | None, Query(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")] = None,
+    name: Annotated[str | None, Query(max_length=100, pattern=ONE_LINE)] = None,
 ) -> Response:
     """Keeps the record so far, marked as aborted. ``name``: the person who aborts it."""
     await server.driving.checks.give_up(who(request, name or None))

@@ -9,13 +9,11 @@ from fastapi import APIRouter, Query
 from app.contract.runs import History
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.http.api.values import Tag
+from app.http.api.values import NO_NUL, Tag
 
 router = APIRouter(prefix="/history", tags=["runs"])
 
 _MOST_TAGS = 20
-# PostgreSQL allows no NUL in text.
-_TEXT = r"^[^\x00]*$"
 
 
 @router.get("", summary="Find runs", responses=refusals(422, 503))
@@ -25,7 +23,7 @@ async def get_history(
         str,
         Query(
             max_length=200,
-            pattern=_TEXT,
+            pattern=NO_NUL,
             description="Words that must all occur in name, notes or tags.",
         ),
     ] = "",

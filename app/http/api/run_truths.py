@@ -11,16 +11,14 @@ from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, CameraOnBodyFa
 from app.contract.values import filled, known
 from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
-from app.http.api.values import Changes, Finite, In, Name, notes_on
+from app.http.api.values import ONE_LINE, Changes, Finite, In, Name, notes_on
 from app.http.cancel_on_disconnect import while_there
 from observer.truth.alignment.camera_on_body import FARTHEST_M, LARGEST_DEG
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
 Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
-Body = Annotated[
-    str, Field(strict=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
-]
+Body = Annotated[str, Field(strict=True, min_length=1, max_length=200, pattern=ONE_LINE)]
 
 
 def _up_to(limit: float) -> Any:

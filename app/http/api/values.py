@@ -12,15 +12,15 @@ from observer.parameters import without_effect
 # Python's JSON parser accepts NaN; strict, finite types reject it, and true as a number.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Value = StrictBool | StrictInt | StrictFloat | StrictStr
-# What a person calls something: one line, no control characters.
-Name = Annotated[
-    str, Field(strict=True, min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]+$")
-]
-Tag = Annotated[
-    str, Field(strict=True, min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]+$")
-]
+# Pattern of text without control characters.
+ONE_LINE = r"^[^\x00-\x1f\x7f]*$"
+# Pattern of any other text: PostgreSQL allows no NUL.
+NO_NUL = r"^[^\x00]*$"
+# What a person calls something.
+Name = Annotated[str, Field(strict=True, min_length=1, max_length=100, pattern=ONE_LINE)]
+Tag = Annotated[str, Field(strict=True, min_length=1, max_length=60, pattern=ONE_LINE)]
 # Text of any number of lines.
-Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=r"^[^\x00]*$")]
+Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=NO_NUL)]
 # Id of a lease or a calibration, or name of a programme.
 Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
 Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
