@@ -5,13 +5,12 @@ import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { showError } from "../shell/notice.js";
 import { choiceOfEntry, choicesOfRuns, merged } from "../sources/choices.js";
-import { storeOf } from "../parameters/parameter-store.js";
+import { MODEL, storeOf } from "../parameters/parameter-store.js";
 
 /** @import { History, MethodSteps, SourceEntry } from "../contract" */
 /** @import { StepsPlace } from "./steps-address.js" */
 
 const MAX_RUNS = 20;
-const MODEL = "ego_motion.model";
 
 /** The part of the place chosen here. @typedef {Partial<Omit<StepsPlace, "step">>} Choice */
 

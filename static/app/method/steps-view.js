@@ -7,7 +7,7 @@ import { fixed, sentence } from "../elements/words.js";
 import { declareKeys, writesText } from "../elements/keys.js";
 import { ExportMenu } from "../elements/export-menu.js";
 import { ParameterField } from "../parameters/parameter-field.js";
-import { storeOf } from "../parameters/parameter-store.js";
+import { MODEL, storeOf } from "../parameters/parameter-store.js";
 import { groupTitle } from "../parameters/value-words.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
 import { attempt } from "../shell/notice.js";
@@ -33,7 +33,6 @@ declareKeys(
 const PAUSE_MS = 150;
 // The next step's picture is preloaded this long after the current one is shown.
 const PREPARE_MS = 400;
-const MODEL = "ego_motion.model";
 // Elements that use arrows and letters themselves.
 const OWN_KEYS =
   'input, select, textarea, [role="tab"], [role="listbox"], [role="menu"], [role="separator"], dialog, .uplot';

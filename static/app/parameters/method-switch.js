@@ -5,11 +5,10 @@ import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { notify } from "../shell/notice.js";
 import { MethodMemory } from "./method-memory.js";
-import { storeOf } from "./parameter-store.js";
+import { MODEL, storeOf } from "./parameter-store.js";
 
 /** @import { Preset, Values } from "./parameter-store.js" */
 
-const MODEL = "ego_motion.model";
 // Driving parameters are not part of the method.
 const DRIVING = /^(guard|navigation)\./;
 const METHODS = ["default", "paper"];

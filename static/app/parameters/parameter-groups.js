@@ -3,12 +3,11 @@
 import { button, h, setText } from "../elements/dom.js";
 import { counted } from "../elements/words.js";
 import { ParameterField } from "./parameter-field.js";
+import { MODEL } from "./parameter-store.js";
 import { groupTitle } from "./value-words.js";
 
 /** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
 /** @import { ValueStore } from "./parameter-field.js" */
-
-const MODEL = "ego_motion.model";
 
 /**
  * @typedef {object} Section fields under one heading

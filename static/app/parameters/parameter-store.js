@@ -29,6 +29,9 @@ import { withTitles } from "./value-words.js";
  * @property {string} to the one after it
  */
 
+/** Name of the parameter that chooses the method. */
+export const MODEL = "ego_motion.model";
+
 const HISTORY_LENGTH = 200;
 const FALLBACK = "default";
 
