@@ -28,9 +28,7 @@ SHARED_NAMES = (SIGHT_NAME, WHEELS_NAME, PLAN_NAME)
 
 # Seconds for which a command or a sign of presence is valid after it was issued.
 COMMAND_FRESH_S = 0.25
-# Seconds: maximum age of the newest frame since its reception.
-SIGHT_FRESH_S = 0.2
-# Seconds: the same for the newest frame that a plan is based on.
+# Seconds: maximum age of the newest frame that a plan is based on, since its reception.
 PLAN_FRESH_S = 0.3
 # Metres: a goal farther away than this is in another room.
 FARTHEST_GOAL_M = 20.0

@@ -10,10 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.contract.drive import SIGHT_FRESH_S as DRIVE_FRESH_S
 from observer.guard.guard import Guard, Verdict, sight_trouble
 from observer.guard.parameters import GuardParameters
-from observer.guard.sight import SIGHT_FRESH_S, FreeScan, SeenObstacle, Sight, sight_of
+from observer.guard.sight import FreeScan, SeenObstacle, Sight, sight_of
 from observer.rig.rig import Role
 from observer.robots.contract import SonarReading
 from observer.robots.models import robot_spec
@@ -94,7 +93,6 @@ def test_problems_with_a_sight_are_explained() -> None:
         assert sentence is not None
         assert words in sentence
     assert sight_trouble(sight(now - 0.19), now, "real") is None
-    assert SIGHT_FRESH_S == DRIVE_FRESH_S
 
 
 def test_a_sight_survives_conversion_to_plain_values() -> None:
