@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from observer.truth.alignment.result import Alignment
     from observer.truth.opening import OpenedTruth
 
+_NO_SIZE = (
+    "the size of the images is unknown, because no calibration.yaml lies beside the ground truth: "
+    "boxes are not clipped to the image, and an obstacle of which less than half is visible never "
+    "counts as in sight, even if it fills the image"
+)
+
 
 def evaluate(
     tracks: Annotated[Path, typer.Argument(help="JSON lines written by observe.")],
@@ -37,7 +43,7 @@ def evaluate(
         ),
     ],
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the figures as JSON on stdout.")
+        bool, typer.Option("--json", help="Print the results as JSON on stdout.")
     ] = False,
     road: Annotated[
         bool,
@@ -69,9 +75,15 @@ def evaluate(
         roles=body_roles(observer, ignore or []), T_body_camera=body_camera(camera_on_body)
     )
     opened = open_truth(truth, plain, choices, rate_hz=rate, angles=angles)
+    # Only truth.csv knows boxes in the image.
+    size = _image_size(truth) if opened.capture is None else None
     for sentence in _sentences(opened):
         typer.echo(sentence, err=True)
-    counted = tally(lines, opened.truth, scale.gate_m)
+    if size is None and any(
+        body.box_px is not None for line in lines for body in opened.truth.bodies(line.time)
+    ):
+        typer.echo(_NO_SIZE, err=True)
+    counted = tally(lines, opened.truth, scale.gate_m, image_size=size)
     result, classes = summarise([counted]), break_down([counted], scale)
     if as_json:
         figures: dict[str, Any] = {
@@ -84,6 +96,17 @@ def evaluate(
         typer.echo(json.dumps(figures, indent=2, allow_nan=False))
     else:
         typer.echo(f"{result.markdown()}\n{breakdown_tables({'': classes})}".rstrip())
+
+
+def _image_size(truth: Path) -> tuple[int, int] | None:
+    """Return the size of the images that a truth file lies beside; None without a calibration."""
+    from observer.calibration.formats.opencv_file import read_noted_calibration
+
+    file = truth.with_name("calibration.yaml")
+    if not file.is_file():
+        return None
+    calibration, _ = read_noted_calibration(file)
+    return calibration.width, calibration.height
 
 
 def _sentences(opened: OpenedTruth) -> list[str]:

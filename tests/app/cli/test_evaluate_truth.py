@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from observer.geometry import Pose
 from observer.truth.alignment.camera_on_body import CameraOnBody
+from observer.truth.contract import TrueBody
+from observer.truth.csv_file import TruthSample, write_truth_csv
 
 from ...observer.truth.alignment.conftest import Room, make_room
+from ..peer_engine import rectified_calibration
 from .shell import Shell
 
 OFFSET_S = 0.3
@@ -87,3 +91,38 @@ def test_an_unknown_body_is_named(
     assert done.code == 2
     assert says in done.err
     assert done.out == ""
+
+
+def test_the_size_of_the_images_is_that_of_the_calibration_beside_the_truth(
+    shell: Shell, tmp_path: Path
+) -> None:
+    times = [k / 10 for k in range(20)]
+    bodies = [
+        TrueBody(
+            id=1, name="person", role="obstacle", position=np.array([0.4 * t, 0.0, 1.0]),
+            velocity=np.array([0.4, 0.0, 0.0]), size=np.array([0.5, 1.8, 0.3]), yaw=0.0,
+            visible=0.2, commanded_speed=None, box_px=(0.0, 0.0, 200.0, 255.0),
+        )
+        for t in times
+    ]  # fmt: skip
+    frames = enumerate(zip(times, bodies, strict=True))
+    write_truth_csv(
+        tmp_path / "truth.csv",
+        [TruthSample(k, t, (body,), Pose.identity()) for k, (t, body) in frames],
+    )
+    pose = {"position": [0, 0, 0], "orientation_wxyz": [1, 0, 0, 0]}
+    lines = [
+        {"frame": k, "time": t, "segment": 0, "status": "ok", "pose": pose, "obstacles": []}
+        for k, t in enumerate(times)
+    ]
+    tracks = tmp_path / "tracks.jsonl"
+    tracks.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    words = ("evaluate", str(tracks), "--truth", str(tmp_path / "truth.csv"), "--json")
+    without = shell(*words)
+    assert "the size of the images is unknown" in without.err
+    assert json.loads(without.out)["truth_count"] == 0
+    (tmp_path / "calibration.yaml").write_text(rectified_calibration())
+    done = shell(*words)
+    assert (done.code, done.err) == (0, "")
+    # The person fills more than a tenth of the image, so they count after 0.6 s.
+    assert json.loads(done.out)["truth_count"] == 14
