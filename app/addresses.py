@@ -21,7 +21,7 @@ _FAR = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
 
 @dataclass(frozen=True)
 class ServerAddress:
-    """Where a server listens.
+    """Address at which a server listens.
 
     Attributes:
         host: as bound, 0.0.0.0 or :: for every address. allowed_hosts: further names of the server.

@@ -136,7 +136,7 @@ class StereoCalibration:
 
     @property
     def is_rectified(self) -> bool:
-        """Whether images of this pair can be used as they are, without remapping."""
+        """Return whether images of this pair can be used as they are, without remapping."""
         return bool(
             self.distortion_model == "radtan"
             and not self.D1.any()

@@ -61,7 +61,7 @@ class OutlinedEntry(ObstacleEntry):
 
 
 class UnseenEntry(TypedDict):
-    """Where motion could not be noticed; see ``observer.types.Unseen``."""
+    """Parts of an image where motion could not be noticed; see ``observer.types.Unseen``."""
 
     share: float
     causes: dict[str, float]

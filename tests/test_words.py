@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 
 import pytest
@@ -15,6 +16,8 @@ from .visible_words import REPOSITORY, Text, page_texts, python_texts, script_te
 
 # For developers, who use routes by name.
 OF_ROUTES = ("app/contract/", "app/http/", "tools/docs/")
+# Docstrings begin with none of them, but with a verb or a noun.
+QUESTION_WORDS = ("How ", "What ", "When ", "Where ", "Whether ", "Why ")
 AVOIDED = [(pattern, term.name) for term in GLOSSARY for pattern in term.avoided] + [
     (pattern, "plain English") for pattern in (*UNIDIOMATIC, *DEVELOPER_TEXT)
 ]
@@ -73,6 +76,19 @@ def test_texts_are_found_everywhere() -> None:
     rooms = {place.split("/")[0] for place, _ in visible()}
     assert rooms == {"app", "observer", "tools", "static"}
     assert len(visible()) > 3000
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
+    found = [
+        f"{file.relative_to(REPOSITORY)}: {text.splitlines()[0]}"
+        for room in ("app", "observer")
+        for file in sorted((REPOSITORY / room).rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
+        and (text := ast.get_docstring(node))
+        and text.startswith(QUESTION_WORDS)
+    ]
+    assert found == []
 
 
 def test_every_term_is_told_in_whole_sentences() -> None:

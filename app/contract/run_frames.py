@@ -1,4 +1,4 @@
-"""What was found in each frame of a run, as it is drawn over the frame's image."""
+"""Findings in each frame of a run, as they are drawn over the frame's image."""
 
 from __future__ import annotations
 

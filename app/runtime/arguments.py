@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ProcessArguments:
-    """What a child process inherits.
+    """Arguments that a child process inherits.
 
     Attributes:
         channel: descriptor of the message socket.

@@ -94,7 +94,7 @@ class Coverage:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What is still to be shown, in words, the most needed first."""
+        """Return in words what is still to be shown, the most needed first."""
         bars = [words for words, bar in zip(_MISSING, self.bars.values(), strict=True) if bar < 1]
         corners = [f"the {name} corner of the image" for name, r in self.reached.items() if r < 1]
         more = FEWEST_VIEWS - self.views

@@ -74,7 +74,7 @@ class Kernel(Generic[P, R]):
 
     @cached_property
     def cache(self) -> KernelCache:
-        """Where the compiled kernel is stored."""
+        """Files in which the compiled kernel is stored."""
         return KernelCache(self.function)  # type: ignore[no-untyped-call]
 
     @cached_property

@@ -28,7 +28,7 @@ _NAN = np.float32(np.nan)
 
 @part
 def _inside(px: Singles, i: int, height: int, width: int, margin: np.float32) -> bool:
-    """Whether point i of (N, 2) px is at least ``margin`` from the image's edges."""
+    """Return whether point i of (N, 2) px is at least ``margin`` from the image's edges."""
     u, v = px[i, 0], px[i, 1]
     within = u >= margin and u <= width - 1 - margin
     return bool(within and v >= margin and v <= height - 1 - margin)

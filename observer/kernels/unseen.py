@@ -1,4 +1,4 @@
-"""Where motion would go unnoticed, in cells smaller than a person; see the rigid method."""
+"""Places where motion would go unnoticed, in cells smaller than a person; see the rigid method."""
 
 from __future__ import annotations
 

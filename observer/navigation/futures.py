@@ -1,4 +1,4 @@
-"""Where tracked people may be over the next seconds.
+"""Places where tracked people may be over the next seconds.
 
 A person goes on, stops, or turns to either side. Each of these manoeuvres is a Gaussian that
 widens with the track's own uncertainty and with the accelerations of walking people. Together they

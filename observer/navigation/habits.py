@@ -1,4 +1,4 @@
-"""What each person has been doing: going on, stopping or turning."""
+"""Habits of each person so far: going on, stopping or turning."""
 
 from __future__ import annotations
 

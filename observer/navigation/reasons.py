@@ -1,4 +1,4 @@
-"""Why a robot does what it does on its way to a goal, in one sentence."""
+"""Reasons for what a robot does on its way to a goal, in one sentence."""
 
 from __future__ import annotations
 

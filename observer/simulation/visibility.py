@@ -43,7 +43,7 @@ class Hits:
 
 @dataclass(frozen=True, eq=False)
 class VisiblePart:
-    """What the left camera sees of a body past other bodies that occlude it.
+    """Part of a body that the left camera sees past other bodies that occlude it.
 
     Attributes:
         share: of its silhouette that is visible in the left image as delivered, 0 to 1.

@@ -159,7 +159,7 @@ class SeekableSource(Protocol):
 
     @property
     def begins(self) -> Literal["observer", "segment"] | None:
-        """What was started anew in the recorded run with the frame read last; None if nothing.
+        """Return what began anew in the recorded run with the frame read last; None if nothing.
 
         ``segment`` stands for ``Observer.begin_segment``.
         """

@@ -1,4 +1,4 @@
-"""Which true bodies count in comparisons: those that move where the camera can see them.
+"""True bodies that count in comparisons: those that move where the camera can see them.
 
 Evaluation, reports and the page share these limits. The command line's help imports them, so this
 imports nothing.

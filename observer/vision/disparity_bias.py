@@ -82,12 +82,12 @@ class DisparityBias:
 
     @property
     def known(self) -> bool:
-        """Whether the bias is known well, even if it is zero."""
+        """Return whether the bias is known well, even if it is zero."""
         return self.sigma_px < _KNOWN_PX
 
     @property
     def sure(self) -> bool:
-        """Whether the bias is known well and significantly differs from zero."""
+        """Return whether the bias is known well and significantly differs from zero."""
         return self.known and abs(self.px) > _SURE_SIGMAS * self.sigma_px
 
 

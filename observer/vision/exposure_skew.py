@@ -127,7 +127,7 @@ class ExposureSkew:
 
     @property
     def sure(self) -> bool:
-        """Whether the skew is known well and significantly differs from zero."""
+        """Return whether the skew is known well and significantly differs from zero."""
         return self.sigma_s < _KNOWN_S and abs(self.skew_s) > _SURE_SIGMAS * self.sigma_s
 
 

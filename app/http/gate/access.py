@@ -1,4 +1,4 @@
-"""What a sign-in allows: an operator may change things, a read-only link only watches.
+"""Access that a sign-in gives: an operator may change things, a read-only link only watches.
 
 The gate (``app.http.gate.security``) refuses every request of a read-only link that could change
 something, new routes included; the few exceptions are listed here. The drive socket checks access
@@ -27,7 +27,7 @@ _FOR_EVERYONE = tuple(
 
 
 class Access(StrEnum):
-    """What a sign-in allows."""
+    """Access that a sign-in gives."""
 
     OPERATOR = "operator"
     READ_ONLY = "read_only"

@@ -73,7 +73,7 @@ class GroundOdometer:
 
     @property
     def sees(self) -> bool:
-        """Whether the ground showed the camera's motion in the last image."""
+        """Return whether the ground showed the camera's motion in the last image."""
         return self._seen is not None
 
     def measured(

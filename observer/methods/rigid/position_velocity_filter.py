@@ -60,7 +60,7 @@ class PositionVelocityFilter:
 
     @property
     def _has_cov(self) -> bool:
-        """Whether ``position_cov`` is cached already."""
+        """Return whether ``position_cov`` is cached already."""
         return "position_cov" in self.__dict__
 
     def _with_cov(self, cov: Float64Array) -> PositionVelocityFilter:

@@ -1,4 +1,4 @@
-"""Where motion would go unnoticed in a frame, and why.
+"""Places in a frame where motion would go unnoticed, and why.
 
 Motion is noticed where depth is known or a point is tracked. All other cells are *unseen*, and
 their share is always reported. Most of them are plain walls and floors: a person walking in front

@@ -27,7 +27,7 @@ Texturing = Callable[[Material, tuple[float, float]], Texture]
 
 @dataclass(frozen=True, eq=False)
 class PersonDrawing:
-    """How one person is drawn.
+    """Drawing of one person.
 
     Attributes:
         T_room: the body's pose in the room at a time.

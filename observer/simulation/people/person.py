@@ -27,7 +27,7 @@ _HELD_AHEAD, _HELD_ABOVE = 0.19, 0.56
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """How one person is built and dressed.
+    """Build and clothes of one person.
 
     Attributes:
         size: length, width, height, metres, while walking. carried: in the body's frame.

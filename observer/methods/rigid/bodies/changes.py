@@ -1,4 +1,4 @@
-"""When something on one body, or at one place, looked different from a moment before."""
+"""Instants at which something on one body, or at one place, looked different from before."""
 
 from __future__ import annotations
 

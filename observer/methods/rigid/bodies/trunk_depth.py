@@ -1,4 +1,4 @@
-"""How far away the trunk of a body with limbs is, by the points that are tracked on it.
+"""Distance of the trunk of a body with limbs, by the points that are tracked on it.
 
 A point on a trunk stays as far before or behind the body's origin as it was. The change it measures
 between two frames has only its noise as error, wherever on the trunk it lies, so even a few points

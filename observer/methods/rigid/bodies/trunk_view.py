@@ -1,4 +1,4 @@
-"""How far the trunk of a body with limbs went since the last frame, by all of its grey levels.
+"""Motion of the trunk of a body with limbs since the last frame, by all of its grey levels.
 
 Plain clothes have few corners, many of them on the arms. Head and shoulders as a whole have an
 outline at least.
@@ -27,7 +27,7 @@ _CONTOUR_CELLS = 1
 
 @dataclass(frozen=True, eq=False)
 class TrunkView:
-    """What a trunk looked like in one frame.
+    """Appearance of a trunk in one frame.
 
     Attributes:
         age_s: of its track, seconds. image: (h, w) grey, a pixel for each cell.

@@ -1,4 +1,4 @@
-"""What entered space that was seen to be free, and what is seen where something stood before."""
+"""Things that entered space seen to be free before, or that are seen where others stood."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What looks different from a moment ago, beyond the camera's own motion."""
+"""Cells that look different from a moment ago, beyond the camera's own motion."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _GUST_GAINS = (0.5, 0.03)
 
 @dataclass(frozen=True)
 class Light:
-    """How light or exposure changes.
+    """Change of light or exposure.
 
     Attributes:
         flickers: differently in different places, as under leaves, which no exposure explains.
@@ -67,7 +67,7 @@ class GreyChange:
 
     @property
     def light(self) -> Light:
-        """How the light changed in the newest frames."""
+        """Return how the light changed in the newest frames."""
         flickers = self._flicker is not None and self._flicker > _FLICKER_SHARE
         return Light(flickers=flickers, swings=self._swing > math.log(_SWING))
 

@@ -84,7 +84,7 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Where a body should be seen: mask (h, w) and disparity, px."""
+    """Place where a body should be seen: mask (h, w) and disparity, px."""
 
     mask: Mask
     disparity: float
