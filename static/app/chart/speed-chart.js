@@ -11,7 +11,7 @@ import { gapsIn, speedAt, withBand } from "./speed-curves.js";
 import { SpeedHistory } from "./speed-history.js";
 import { DASHES, SpeedPlot } from "./speed-plot.js";
 
-/** @import { Run } from "../contract" */
+/** @import { History, Run } from "../contract" */
 
 /** @import { Curve } from "./speed-curves.js" */
 
@@ -223,12 +223,9 @@ class SpeedChart extends Part {
   }
 
   async #findLastRun() {
-    /** @type {Run[]} */
-    const runs = await request("GET", "/runs").catch(() => []);
-    this.#last = runs.reduce(
-      (best, run) => (best && best.started_at > run.started_at ? best : run),
-      /** @type {Run | null} */ (null),
-    );
+    /** @type {History | null} */
+    const found = await request("GET", "/history?limit=1").catch(() => null);
+    this.#last = found?.runs[0] ?? null;
     this.#renderStatus();
   }
 }
