@@ -16,13 +16,13 @@ from app.contract.runs import AlignmentFacts, AlignmentMatch, CameraOnBodyFacts
 from app.contract.values import filled, known
 from app.reports.gathering import Gathered, gather
 from app.reports.pairing import pair_with_truth
-from app.reports.run_times import RunTimes
 from observer.errors import InputError, TruthError
 from observer.evaluation.speed_errors import TrueMotion
 from observer.geometry import Pose
 from observer.intervals import half_95
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.recording.reader import Recording
+from observer.recording.run_times import RunTimes
 from observer.rig.rig import OBSTACLE
 from observer.truth.alignment.aligned import DEFAULT_SIZE, AlignedTruth
 from observer.truth.alignment.camera_on_body import CameraOnBody

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from app.reports.pairing import pair_with_truth
-from app.reports.run_times import RunTimes
 from observer.errors import DynamicObserverError
 from observer.evaluation.speed_errors import AT_REST, SeenMotion, TrueMotion
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth, RobotRow
 from observer.recording.reader import Recording
+from observer.recording.run_times import RunTimes
 from observer.rig.rig import OBSTACLE
 from observer.truth.alignment.aligned import AlignedTruth
 from observer.truth.alignment.alignment import align

@@ -22,6 +22,7 @@ from observer.jsonl import ObservationLine, observation_line
 from observer.parameters import effective
 from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
+from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
 from observer.truth.csv_file import SampledTruth
 from observer.types import Image
@@ -154,9 +155,12 @@ class LoadedRun:
         """
         true: dict[tuple[int, str], list[tuple[float, float]]] = defaultdict(list)
         taken: dict[tuple[int, int], str] = {}
-        segments = {line["frame"]: line["segment"] for line in self.lines}
-        for matched in self.recording.matched_truth():
-            segment = segments.get(matched.frame)
+        # Numbers and times of frames repeat where an engine was replaced; the run's times do not.
+        times = RunTimes(self.recording.frames)
+        segments = {(e["frame"], e["time"]): e["segment"] for e in times.lines(self.lines)}
+        payloads = tuple(self.recording.matched_truth())
+        for matched, placed in zip(payloads, times.matched(payloads), strict=True):
+            segment = segments.get((placed.frame, placed.time))
             if segment is None:
                 continue
             for body in matched.bodies:
@@ -168,8 +172,8 @@ class LoadedRun:
             name = taken.get((track.segment, track.id))
             if name is None:
                 continue
-            times, speeds = np.array(sorted(true[track.segment, name])).T
-            known = np.interp(track.velocity_times, times, speeds, left=np.nan, right=np.nan)
+            instants, speeds = np.array(sorted(true[track.segment, name])).T
+            known = np.interp(track.velocity_times, instants, speeds, left=np.nan, right=np.nan)
             found.append(
                 SpeedsBesideTruth(
                     body=name,

@@ -13,13 +13,13 @@ from app.reports.gathering import _true_motions, gather, seen_motions
 from app.reports.page import report_html
 from app.reports.report import make_report
 from app.reports.run_chart import chart_csv, chart_values
-from app.reports.run_times import RunTimes
 from app.reports.speed_figure import speed_figure
 from observer.jsonl import observation_line
 from observer.observer import Observer
 from observer.opening import open_source
 from observer.recording.payloads import MatchedBody, MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
+from observer.recording.run_times import RunTimes
 from observer.recording.writer import RecordingWriter
 from observer.types import StereoFrame
 

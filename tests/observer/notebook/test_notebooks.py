@@ -8,11 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import msgspec
 import nbformat
+import numpy as np
 import pytest
 
 import observer
 from observer.errors import ParameterError
+from observer.recording.reader import Recording
+from observer.recording.writer import RecordingWriter
+from observer.types import StereoFrame
 
 _NOTEBOOKS = Path(__file__).parents[3] / "notebooks"
 
@@ -105,6 +110,32 @@ def test_tracks_match_the_lines_and_observing_again_reproduces_them(recorded_run
         assert [{**line, "timings_ms": {}} for line in run.observe_again()] == timeless
         with pytest.raises(ParameterError, match="has no effect"):
             run.observe_again({"tracking.gate": 4.0})
+
+
+def test_truth_is_matched_to_the_frames_of_its_own_engine(
+    recorded_run: Path, tmp_path: Path
+) -> None:
+    black = np.zeros((8, 8), np.uint8)
+    with Recording(recorded_run) as once:
+        facts = msgspec.structs.replace(once.facts, images="none")
+        writer = RecordingWriter(tmp_path / "twice.mcap", facts)
+        lines = {line["frame"]: line for line in once.lines()}
+        # Numbers and times begin again; the second engine's bodies are faster by 1 m/s.
+        for segment in range(2):
+            for matched in once.matched_truth():
+                frame = once.frames[matched.frame]
+                received = frame.received + 10.0 * segment
+                writer.frame(StereoFrame(frame.index, frame.time, black, black, received))
+                bodies = msgspec.to_builtins(matched.bodies)
+                truth = [{**body, "speed": body["speed"] + segment} for body in bodies]
+                line = {**lines[frame.index], "segment": segment}
+                writer.observation(line, received, truth=truth)
+        writer.finish()
+    with observer.load(tmp_path / "twice.mcap") as run:
+        first, second = run.speeds_beside_truth()
+    assert (first.segment, second.segment) == (0, 1)
+    np.testing.assert_allclose(second.true, first.true + 1.0)
+    assert np.isfinite(first.true).any()
 
 
 def test_a_run_is_found_in_a_data_folder(recorded_run: Path, tmp_path: Path) -> None:
