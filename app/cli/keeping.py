@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from app.cli.output import refusing
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import InputError
@@ -128,9 +129,11 @@ def _whole(path: Path) -> Iterator[Path]:
         yield part
     except KeyboardInterrupt:
         if part.exists():
-            os.replace(part, path)
+            with refusing(path):
+                os.replace(part, path)
         raise
-    os.replace(part, path)
+    with refusing(path):
+        os.replace(part, path)
 
 
 @contextmanager

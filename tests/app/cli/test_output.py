@@ -58,3 +58,11 @@ def test_a_folder_in_place_of_the_file_is_reported_and_the_result_kept(tmp_path:
     ):
         file.write("one\n")
     assert (tmp_path / "tracks.jsonl.part").read_text() == "one\n"
+
+
+def test_another_error_of_the_block_is_not_reported_as_the_file_s(tmp_path: Path) -> None:
+    with (
+        pytest.raises(PermissionError, match="camera"),
+        whole_file(tmp_path / "tracks.jsonl"),
+    ):
+        raise PermissionError(13, "the camera is busy")
