@@ -8,6 +8,9 @@ from typing import Annotated
 
 from app.contract.values import means
 
+# Tag of the runs that a comparison keeps.
+COMPARISON_TAG = "comparison"
+
 
 @dataclass(frozen=True)
 class ComparisonProgress:

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from app.contract.values import means
+
+# First field of a preset's file.
+PresetFormat = Literal["dynamic-observer preset"]
+PRESET_FORMAT: PresetFormat = get_args(PresetFormat)[0]
+# Maximum number of characters in the description of a preset.
+LONGEST_PRESET_HELP = 300
 
 
 @dataclass(frozen=True)

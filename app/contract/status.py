@@ -44,6 +44,10 @@ class SourceStatus:
     devices: Annotated[Sequence[str], means("Persistent names of live cameras.")]
 
 
+# Limits of the playback rate, times the recorded speed.
+SLOWEST_RATE, FASTEST_RATE = 0.1, 4.0
+
+
 @dataclass(frozen=True)
 class PlaybackStatus:
     paused: bool

@@ -6,8 +6,8 @@ import numpy as np
 
 from observer.geometry import Float64Array
 
-# No curve is drawn over a stretch this many times its usual step.
-_GAP_STEPS = 3.0
+# No curve is drawn over a stretch this many times its usual step, in reports or on the page.
+GAP_STEPS = 3.0
 
 
 def broken(times: Float64Array, *values: Float64Array) -> tuple[Float64Array, ...]:
@@ -15,7 +15,7 @@ def broken(times: Float64Array, *values: Float64Array) -> tuple[Float64Array, ..
     if len(times) < 3:
         return (times, *values)
     steps = np.diff(times)
-    gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps)) + 1
+    gaps = np.flatnonzero(steps > GAP_STEPS * np.median(steps)) + 1
     between = (times[gaps - 1] + times[gaps]) / 2
     return (
         np.insert(times, gaps, between),

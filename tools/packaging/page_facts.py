@@ -10,8 +10,19 @@ from __future__ import annotations
 import json
 import sys
 
+from app.contract.comparing import COMPARISON_TAG
+from app.contract.drive import FARTHEST_GOAL_M
+from app.contract.parameters import LONGEST_PRESET_HELP, PRESET_FORMAT
+from app.contract.status import FASTEST_RATE, SLOWEST_RATE
+from app.http.api.values import LONGEST_NAME
+from app.http.gate.access import WATCHING_ONLY
+from app.http.gate.security import SESSION_OVER
+from observer.calibration.ageing.row_drift import WARN_PX
+from observer.calibration.printing import BAR_MM
+from observer.evaluation.gaps import GAP_STEPS
 from observer.guard.parameters import GuardParameters
 from observer.intervals import SIGMAS_95
+from observer.occupancy import BLOCKED, FREE, STATES
 from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
 
 # Name on the page -> its value and its meaning.
@@ -26,6 +37,24 @@ FACTS: dict[str, tuple[float | str, str]] = {
         GuardParameters().sonar_half_angle_deg,
         "Half the angle of a sonar's cone, until the guard's parameters are known.",
     ),
+    "FARTHEST_GOAL_M": (FARTHEST_GOAL_M, "The server rejects a goal farther away, metres."),
+    "MAP_STATES": (STATES, "Number of states of a cell of a local map, from 0."),
+    "MAP_FREE": (FREE, "State of a free cell of a local map."),
+    "MAP_BLOCKED": (BLOCKED, "State of a blocked cell of a local map."),
+    "BAR_MM": (BAR_MM, "Length of the bar printed beside a calibration board, mm."),
+    "ROW_WARN_PX": (WARN_PX, "The server warns of a higher epipolar error, px."),
+    "SLOWEST_RATE": (SLOWEST_RATE, "Lowest playback rate, times the recorded speed."),
+    "FASTEST_RATE": (FASTEST_RATE, "Highest playback rate, times the recorded speed."),
+    "GAP_STEPS": (GAP_STEPS, "No curve is drawn over a stretch this many times its usual step."),
+    "COMPARISON_TAG": (COMPARISON_TAG, "Tag of the runs that a comparison of methods keeps."),
+    "PRESET_FORMAT": (PRESET_FORMAT, "First field of a preset's file."),
+    "LONGEST_NAME": (LONGEST_NAME, "Maximum number of characters in a name."),
+    "LONGEST_PRESET_HELP": (
+        LONGEST_PRESET_HELP,
+        "Maximum number of characters in the description of a preset.",
+    ),
+    "SESSION_OVER": (SESSION_OVER, "A socket whose session has ended is closed with this code."),
+    "WATCHING_ONLY": (WATCHING_ONLY, "What a browser with read-only access is told."),
 }
 
 

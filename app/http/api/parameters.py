@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Path, Query
 from pydantic import Field
 
-from app.contract.parameters import ParameterEntry, ParametersChanged, ParametersNow, Preset
+from app.contract.parameters import (
+    LONGEST_PRESET_HELP,
+    PRESET_FORMAT,
+    ParameterEntry,
+    ParametersChanged,
+    ParametersNow,
+    Preset,
+    PresetFormat,
+)
 from app.contract.values import filled
 from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
@@ -27,14 +35,14 @@ _Values = Annotated[
 
 
 class ReplacingPreset(In):
-    help: Annotated[str | None, Field(strict=True, max_length=300)] = None
+    help: Annotated[str | None, Field(strict=True, max_length=LONGEST_PRESET_HELP)] = None
     values: _Values = None
 
 
 class NewPreset(ReplacingPreset):
     """Contents of a preset file."""
 
-    format: Literal["dynamic-observer preset"] = "dynamic-observer preset"
+    format: PresetFormat = PRESET_FORMAT
     name: Name
 
 

@@ -9,7 +9,7 @@ from pydantic import Field, StrictBool, StrictInt
 
 from app.contract.commands import SetPlayback
 from app.contract.sources import SourceEntry
-from app.contract.status import PlaybackStatus, Status
+from app.contract.status import FASTEST_RATE, SLOWEST_RATE, PlaybackStatus, Status
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Finite, Identifier, In, Spec
@@ -33,7 +33,7 @@ class PlaybackChange(In):
     """Changes the given settings."""
 
     paused: StrictBool | None = None
-    rate: Annotated[Finite, Field(ge=0.1, le=4.0)] | None = None
+    rate: Annotated[Finite, Field(ge=SLOWEST_RATE, le=FASTEST_RATE)] | None = None
     loop: StrictBool | None = None
     step: Annotated[StrictInt, Field(ge=0, le=1000)] = Field(
         0, description="Number of further frames to show while paused."

@@ -16,8 +16,9 @@ Value = StrictBool | StrictInt | StrictFloat | StrictStr
 ONE_LINE = r"^[^\x00-\x1f\x7f]*$"
 # Pattern of any other text: PostgreSQL allows no NUL.
 NO_NUL = r"^[^\x00]*$"
-# What a person calls something.
-Name = Annotated[str, Field(strict=True, min_length=1, max_length=100, pattern=ONE_LINE)]
+# Maximum number of characters in what a person calls something.
+LONGEST_NAME = 100
+Name = Annotated[str, Field(strict=True, min_length=1, max_length=LONGEST_NAME, pattern=ONE_LINE)]
 Tag = Annotated[str, Field(strict=True, min_length=1, max_length=60, pattern=ONE_LINE)]
 # Text of any number of lines.
 Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=NO_NUL)]

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import structlog
 
-from app.contract.comparing import ComparisonProgress, ComparisonStatus
+from app.contract.comparing import COMPARISON_TAG, ComparisonProgress, ComparisonStatus
 from app.runtime.jobs import Progress
 from app.runtime.worker import JobFailed
 from app.server.calibrations.library import keep_own_calibration
@@ -40,7 +40,6 @@ from observer.recording.run_folder import RECORDING, RUNS
 log = structlog.get_logger(__name__)
 
 # Tag by which the resulting runs can be found in the history.
-TAG = "comparison"
 _SIMULATED = "simulated:"
 _PICTURE = "picture.jpg"
 # Free space required: half a minute of camera images, with a margin.
@@ -287,7 +286,7 @@ class MethodComparison:
                     rig=job.rig_yaml,
                     record=run.images,
                     rerun_of=before,
-                    tags=(TAG,),
+                    tags=(COMPARISON_TAG,),
                 )
                 records.append(record)
                 self._keep_files(record, Path(run.folder))

@@ -12,6 +12,7 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
+import { BAR_MM } from "../elements/facts.js";
 import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
@@ -22,7 +23,6 @@ import { boardDifference, boardInWords } from "./board-words.js";
 
 /** @import { BoardFacts, CalibratingFacts } from "../contract" */
 
-const BAR_MM = 100;
 const KEY = "dynamic-observer.board";
 
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */

@@ -1,6 +1,7 @@
 /** Ageing of the calibration in use: epipolar error over time, vergence, skew, and refining. */
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
+import { ROW_WARN_PX } from "../elements/facts.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
@@ -11,7 +12,6 @@ import { confirmPreview } from "./calibration-preview.js";
 /** @import { Calibration } from "./report-parts.js" */
 /** @import { RowDriftStatus } from "../contract" */
 
-const ALLOWED_PX = 0.5;
 const WIDTH = 240;
 const HEIGHT = 48;
 
@@ -54,11 +54,11 @@ class CalibrationHealth extends Part {
     const { rows, vergence } = ageing;
     const { now_px } = rows;
     this.#words.dataset.tone =
-      now_px === null ? "" : rows.warning ? "bad" : now_px < ALLOWED_PX ? "good" : "poor";
+      now_px === null ? "" : rows.warning ? "bad" : now_px < ROW_WARN_PX ? "good" : "poor";
     setText(
       this.#words,
       now_px !== null
-        ? `Epipolar error between left and right: ${fixed(now_px, 2)} px (limit ${ALLOWED_PX} px).`
+        ? `Epipolar error between left and right: ${fixed(now_px, 2)} px (limit ${ROW_WARN_PX} px).`
         : "Point the cameras at a textured scene for a few seconds to measure the epipolar error.",
     );
     setText(this.#trend, rows.warning ? sentence(rows.warning) : trendInWords(rows));
@@ -80,21 +80,21 @@ class CalibrationHealth extends Part {
     this.#drawn = key;
     const first = history[0]?.[0] ?? 0;
     const last = history.at(-1)?.[0] ?? 1;
-    const most = Math.max(2 * ALLOWED_PX, ...history.map(([, px]) => px));
+    const most = Math.max(2 * ROW_WARN_PX, ...history.map(([, px]) => px));
     /** @param {number} px */
     const y = (px) => HEIGHT - (px / most) * (HEIGHT - 4) - 2;
     const points = history.map(
       ([time, px]) =>
         `${(((time - first) / Math.max(1, last - first)) * WIDTH).toFixed(1)},${y(px).toFixed(1)}`,
     );
-    const limit = y(ALLOWED_PX);
+    const limit = y(ROW_WARN_PX);
     this.#chart.replaceChildren(
       svg("line", { x1: 0, x2: WIDTH, y1: limit, y2: limit, class: "allowed" }),
       svg("polyline", { points: points.join(" ") }),
     );
     this.#chart.setAttribute(
       "aria-label",
-      `Epipolar error over ${fixed((last - first) / 60, 0)} min, now ${fixed(history.at(-1)?.[1], 2)} px, limit ${ALLOWED_PX} px`,
+      `Epipolar error over ${fixed((last - first) / 60, 0)} min, now ${fixed(history.at(-1)?.[1], 2)} px, limit ${ROW_WARN_PX} px`,
     );
   }
 

@@ -14,6 +14,7 @@ import {
   setText,
 } from "../elements/dom.js";
 import { moveFocus } from "../elements/focus.js";
+import { FARTHEST_GOAL_M } from "../elements/facts.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { GoalExplanation } from "../elements/goal-explanation.js";
 import { Part } from "../elements/part.js";
@@ -23,7 +24,6 @@ import { storeOf } from "../parameters/parameter-store.js";
 import { exclusiveRunner, showError } from "../shell/notice.js";
 import { openPane } from "../shell/splitter.js";
 import {
-  MAX_GOAL_DISTANCE_M,
   parseGoal,
   missingForGoal,
   refusalSentence,
@@ -40,8 +40,8 @@ import { clock } from "./robot-words.js";
 
 const ROLE = "observer";
 const FIELDS = {
-  min: -MAX_GOAL_DISTANCE_M,
-  max: MAX_GOAL_DISTANCE_M,
+  min: -FARTHEST_GOAL_M,
+  max: FARTHEST_GOAL_M,
   step: "any",
   "aria-describedby": "goal-error",
 };

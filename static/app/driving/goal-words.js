@@ -1,13 +1,11 @@
 /** The observer's goal in words. Pure functions. */
 
+import { FARTHEST_GOAL_M } from "../elements/facts.js";
 import { fixed, sentence } from "../elements/words.js";
 import { isArmed } from "./roles.js";
 
 /** @import { RobotNow, RobotsMessage } from "../contract" */
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
-
-/** A farther goal would be in another room; the server rejects it. */
-export const MAX_GOAL_DISTANCE_M = 20;
 
 /** The parameter that sets the risk of goals sent without one. */
 export const RISK_PARAMETER = "navigation.risk_per_metre";
@@ -68,8 +66,8 @@ export function parseGoal(ahead, left) {
 /** Say why a place is too far away; empty if it is not. @param {FloorPlace} place */
 export function tooFarReason({ ahead, left }) {
   const distance = Math.hypot(ahead, left);
-  return distance > MAX_GOAL_DISTANCE_M
-    ? `The place is ${fixed(distance, 1)} m away. A goal must be within ${MAX_GOAL_DISTANCE_M} m.`
+  return distance > FARTHEST_GOAL_M
+    ? `The place is ${fixed(distance, 1)} m away. A goal must be within ${FARTHEST_GOAL_M} m.`
     : "";
 }
 

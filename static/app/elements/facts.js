@@ -11,3 +11,48 @@ export const VISIBLE_SHARE = 0.5;
 
 /** Half the angle of a sonar's cone, until the guard's parameters are known. */
 export const SONAR_HALF_ANGLE_DEG = 15;
+
+/** The server rejects a goal farther away, metres. */
+export const FARTHEST_GOAL_M = 20;
+
+/** Number of states of a cell of a local map, from 0. */
+export const MAP_STATES = 3;
+
+/** State of a free cell of a local map. */
+export const MAP_FREE = 1;
+
+/** State of a blocked cell of a local map. */
+export const MAP_BLOCKED = 2;
+
+/** Length of the bar printed beside a calibration board, mm. */
+export const BAR_MM = 100;
+
+/** The server warns of a higher epipolar error, px. */
+export const ROW_WARN_PX = 0.5;
+
+/** Lowest playback rate, times the recorded speed. */
+export const SLOWEST_RATE = 0.1;
+
+/** Highest playback rate, times the recorded speed. */
+export const FASTEST_RATE = 4;
+
+/** No curve is drawn over a stretch this many times its usual step. */
+export const GAP_STEPS = 3;
+
+/** Tag of the runs that a comparison of methods keeps. */
+export const COMPARISON_TAG = "comparison";
+
+/** First field of a preset's file. */
+export const PRESET_FORMAT = "dynamic-observer preset";
+
+/** Maximum number of characters in a name. */
+export const LONGEST_NAME = 100;
+
+/** Maximum number of characters in the description of a preset. */
+export const LONGEST_PRESET_HELP = 300;
+
+/** A socket whose session has ended is closed with this code. */
+export const SESSION_OVER = 4401;
+
+/** What a browser with read-only access is told. */
+export const WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anything.";

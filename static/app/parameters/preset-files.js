@@ -1,14 +1,12 @@
 /** Presets as files for sharing: JSON that the server accepts as is. Pure except `readPreset`. */
 
+import { LONGEST_NAME, LONGEST_PRESET_HELP, PRESET_FORMAT } from "../elements/facts.js";
 import { ApiError } from "../shell/api.js";
 
 /** @import { Values } from "./parameter-store.js" */
 /** @typedef {{name: string, help: string, values: Record<string, unknown>}} SharedPreset */
 
-const FORMAT = "dynamic-observer preset";
 const MAX_BYTES = 200_000;
-const MAX_NAME_LENGTH = 100;
-const MAX_HELP_LENGTH = 300;
 
 /** The file is not a preset; the message is one sentence. */
 export class PresetFileError extends Error {}
@@ -18,7 +16,7 @@ export class PresetFileError extends Error {}
  * @returns {{text: string, fileName: string}}
  */
 export function presetFile({ name, help, values }) {
-  const text = `${JSON.stringify({ format: FORMAT, name, help, values }, null, 2)}\n`;
+  const text = `${JSON.stringify({ format: PRESET_FORMAT, name, help, values }, null, 2)}\n`;
   const plain = name.replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "preset";
   return { text, fileName: `${plain}.preset.json` };
 }
@@ -37,9 +35,9 @@ export async function readPreset(file) {
  */
 export function parsePreset(text, fileName) {
   const content = parsed(text, fileName);
-  if (content?.format !== FORMAT) {
+  if (content?.format !== PRESET_FORMAT) {
     throw new PresetFileError(
-      `${fileName} is not a preset: its "format" must be "${FORMAT}", as in files saved here.`,
+      `${fileName} is not a preset: its "format" must be "${PRESET_FORMAT}", as in files saved here.`,
     );
   }
   const { name, help, values } = content;
@@ -51,7 +49,7 @@ export function parsePreset(text, fileName) {
   return {
     name:
       fileSafeName(name) || fileSafeName(fileName.replace(/(\.preset)?\.json$/i, "")) || "imported",
-    help: typeof help === "string" ? help.slice(0, MAX_HELP_LENGTH) : "",
+    help: typeof help === "string" ? help.slice(0, LONGEST_PRESET_HELP) : "",
     values,
   };
 }
@@ -65,7 +63,7 @@ export function unusedName(wanted, taken) {
   let name = wanted;
   for (let number = 2; taken.includes(name); number += 1) {
     const behind = ` ${number}`;
-    name = `${wanted.slice(0, MAX_NAME_LENGTH - behind.length)}${behind}`;
+    name = `${wanted.slice(0, LONGEST_NAME - behind.length)}${behind}`;
   }
   return name;
 }
@@ -103,5 +101,5 @@ function fileSafeName(name) {
   return name
     .replace(/[\x00-\x1f\x7f]+/g, " ")
     .trim()
-    .slice(0, MAX_NAME_LENGTH);
+    .slice(0, LONGEST_NAME);
 }

@@ -1,10 +1,8 @@
 /** Outlines of the cells of a recorded local map, for a top view. Pure functions. */
 
-/** @import { PlanMap } from "../contract" */
+import { MAP_BLOCKED, MAP_FREE, MAP_STATES } from "../elements/facts.js";
 
-const STATES = 3;
-const FREE = 1;
-const BLOCKED = 2;
+/** @import { PlanMap } from "../contract" */
 
 /**
  * Return the outlines of the free and of the blocked cells, as SVG path data in units of cells: x
@@ -22,11 +20,11 @@ export function outlinesOf({ size, runs }) {
     while (at < end) {
       const [x, y] = [Math.floor(at / size), at % size];
       const high = Math.min(end - at, size - y);
-      found[k % STATES]?.push(`M${x} ${y}h1v${high}h-1z`);
+      found[k % MAP_STATES]?.push(`M${x} ${y}h1v${high}h-1z`);
       at += high;
     }
   });
-  return { free: found[FREE]?.join("") ?? "", blocked: found[BLOCKED]?.join("") ?? "" };
+  return { free: found[MAP_FREE]?.join("") ?? "", blocked: found[MAP_BLOCKED]?.join("") ?? "" };
 }
 
 /**

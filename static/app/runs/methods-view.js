@@ -10,6 +10,7 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
+import { COMPARISON_TAG } from "../elements/facts.js";
 import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { sentence, when } from "../elements/words.js";
@@ -26,8 +27,6 @@ const ASK_EVERY_MS = 400;
 // The default for newcomers: walking people seen from a moving robot.
 const FIRST = "simulated:people";
 const OPEN = "open";
-// The tag with which the server marks the runs of a comparison.
-const TAG = "comparison";
 const MAX_LISTED = 40;
 
 export class MethodsView extends Part {
@@ -155,7 +154,7 @@ export class MethodsView extends Part {
       ({ spec, title }) => [spec, title],
     );
     if (open) choices.splice(1, 0, [OPEN, `Current source: ${open.name}`]);
-    const recorded = runs.filter((run) => hasImages(run) && !run.tags.includes(TAG));
+    const recorded = runs.filter((run) => hasImages(run) && !run.tags.includes(COMPARISON_TAG));
     for (const run of recorded) choices.push([`run:${run.id}`, `Recording: ${run.name}`]);
     offer(this.#source, choices, this.#source.value || FIRST);
   }
@@ -275,7 +274,9 @@ export class MethodsView extends Part {
  * @returns {Run[][]} the two of each
  */
 function pairsOf(runs) {
-  const made = runs.filter(({ tags, state }) => tags.includes(TAG) && state === "finished");
+  const made = runs.filter(
+    ({ tags, state }) => tags.includes(COMPARISON_TAG) && state === "finished",
+  );
   return made.flatMap((second) => {
     const first = made.find(({ id }) => id === second.rerun_of);
     return first ? [[first, second]] : [];

@@ -1,6 +1,7 @@
 /** The curves of stored runs, prepared for one chart or several. Pure functions. */
 
 import { gapsIn, speedAt } from "../chart/speed-curves.js";
+import { GAP_STEPS } from "../elements/facts.js";
 import { trackColour } from "../elements/words.js";
 
 /** @import { ChartCurve, RunChart } from "../contract" */
@@ -24,8 +25,6 @@ import { trackColour } from "../elements/words.js";
  * @property {{begin: number, end: number, run: string}[]} gaps in truth
  */
 
-// As in the figures of reports: no line across a gap this many times the curve's median step.
-const GAP_STEPS = 3;
 // Tracks with fewer samples are drawn without their number.
 const MIN_LABELLED_SAMPLES = 5;
 /** @type {Choice[]} front to back */

@@ -1,6 +1,7 @@
 /** A WebSocket that parses messages and reconnects when it is lost. */
 
-import { SESSION_OVER, leaveIfSignedOut, goToSignIn } from "./session.js";
+import { SESSION_OVER } from "../elements/facts.js";
+import { leaveIfSignedOut, goToSignIn } from "./session.js";
 
 /** @typedef {"connecting" | "open" | "closed"} Connection */
 

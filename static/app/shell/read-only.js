@@ -8,9 +8,8 @@
  */
 
 import { h, setAttribute } from "../elements/dom.js";
+import { WATCHING_ONLY } from "../elements/facts.js";
 import { access } from "./access.js";
-
-const READ_ONLY_HINT = "This link is read-only. Ask for an operator link to change anything.";
 
 const HARMLESS = [
   "[data-harmless]",
@@ -59,8 +58,8 @@ class ReadOnlyBadge extends HTMLElement {
   async #begin() {
     if ((await access()) === "operator") return;
     document.documentElement.dataset.access = "read_only";
-    this.append(h("span.state-chip", { title: READ_ONLY_HINT }, "Read-only"));
-    this.append(h("span.visually-hidden", `. ${READ_ONLY_HINT}`));
+    this.append(h("span.state-chip", { title: WATCHING_ONLY }, "Read-only"));
+    this.append(h("span.visually-hidden", `. ${WATCHING_ONLY}`));
     this.hidden = false;
     lockAll(document.body);
     // Controls that are created, enabled or renamed later.
@@ -90,7 +89,7 @@ function lock(control) {
   setAttribute(control, "disabled", "");
   // The label of a checkbox needs the tooltip as well.
   for (const each of [control, control.closest("label")])
-    if (each) setAttribute(each, "title", READ_ONLY_HINT);
+    if (each) setAttribute(each, "title", WATCHING_ONLY);
 }
 
 customElements.define("observer-read-only", ReadOnlyBadge);

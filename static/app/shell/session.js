@@ -1,8 +1,5 @@
 /** Whether this browser is signed in, and going to the sign-in page. */
 
-// A socket whose session has ended is closed with this code; see app/http/gate/security.py.
-export const SESSION_OVER = 4401;
-
 let leaving = false;
 
 /** Leave for the sign-in page: nothing works here any more. */

@@ -9,6 +9,7 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
+import { FASTEST_RATE, SLOWEST_RATE } from "../elements/facts.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attemptIn } from "../shell/notice.js";
@@ -16,8 +17,6 @@ import { ScrubBar } from "./scrub-bar.js";
 
 /** @import { PlaybackStatus } from "../contract" */
 
-const RATE_MIN = 0.1;
-const RATE_MAX = 4;
 const SLIDER_STEPS = 100;
 const SEND_EVERY_MS = 150;
 
@@ -36,8 +35,8 @@ class PlaybackBar extends Part {
     "aria-label": "Playback rate",
   });
   #number = input("number", "rate", {
-    min: RATE_MIN,
-    max: RATE_MAX,
+    min: SLOWEST_RATE,
+    max: FASTEST_RATE,
     step: 0.1,
     "aria-label": "Playback rate, times recorded speed",
   });
@@ -122,7 +121,8 @@ class PlaybackBar extends Part {
 
   #numberChanged() {
     const rate = this.#number.valueAsNumber;
-    if (Number.isFinite(rate)) this.#rateChanged(Math.min(RATE_MAX, Math.max(RATE_MIN, rate)));
+    if (Number.isFinite(rate))
+      this.#rateChanged(Math.min(FASTEST_RATE, Math.max(SLOWEST_RATE, rate)));
     else this.#showRate(this.hub.status?.playback?.rate ?? 1);
   }
 
@@ -162,14 +162,16 @@ function slownessInWords({ paused, ended, rate, achieved_rate: achieved }) {
 
 /** @param {number} place on the slider, whose scale is logarithmic @returns {number} rate */
 function rateAt(place) {
-  const rate = RATE_MIN * (RATE_MAX / RATE_MIN) ** (place / SLIDER_STEPS);
+  const rate = SLOWEST_RATE * (FASTEST_RATE / SLOWEST_RATE) ** (place / SLIDER_STEPS);
   // Snap to the recorded speed.
   return Math.abs(rate - 1) < 0.04 ? 1 : Number(rate.toFixed(2));
 }
 
 /** @param {number} rate */
 function placeOf(rate) {
-  return Math.round((SLIDER_STEPS * Math.log(rate / RATE_MIN)) / Math.log(RATE_MAX / RATE_MIN));
+  return Math.round(
+    (SLIDER_STEPS * Math.log(rate / SLOWEST_RATE)) / Math.log(FASTEST_RATE / SLOWEST_RATE),
+  );
 }
 
 customElements.define("observer-playback", PlaybackBar);
