@@ -19,11 +19,9 @@ from app.cli.truth_options import (
     body_roles,
 )
 from observer.evaluation.choices import LAB, ROAD
-from observer.intervals import half_95
 from observer.truth.files.known import names_in_words
 
 if TYPE_CHECKING:
-    from observer.truth.alignment.result import Alignment
     from observer.truth.opening import OpenedTruth
 
 _NO_SIZE = (
@@ -116,15 +114,6 @@ def _sentences(opened: OpenedTruth) -> list[str]:
     return [
         f"ground truth: {opened.capture.format}",
         *opened.capture.notes,
-        _clocks(opened.alignment),
+        opened.alignment.time.words,
         *opened.alignment.notes,
     ]
-
-
-def _clocks(alignment: Alignment) -> str:
-    time = alignment.time
-    drift = f", drift {time.drift_ppm:+.0f} ppm" if time.drift_sigma_ppm is not None else ""
-    return (
-        f"time offset: {1000 * time.offset_s:+.1f} ± {1000 * half_95(time.sigma_s):.1f} ms (95 % "
-        f"interval{drift}), correlation {time.correlation:.2f} over {time.overlap_s:.0f} s"
-    )

@@ -19,7 +19,6 @@ from app.reports.pairing import pair_with_truth
 from observer.errors import InputError, TruthError
 from observer.evaluation.speed_errors import TrueMotion
 from observer.geometry import Pose
-from observer.intervals import half_95
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.recording.reader import Recording
 from observer.recording.run_times import RunTimes
@@ -148,13 +147,7 @@ class Comparison:
         what = live if self.truth is None else self.truth.name
         if self.alignment is None:
             return f"Ground truth: {what}, on the run's own clock."
-        time = self.alignment.time
-        drift = f", drift {time.drift_ppm:+.0f} ppm" if time.drift_sigma_ppm is not None else ""
-        return (
-            f"Ground truth: {what}, aligned with the run: time offset {1e3 * time.offset_s:+.1f} ± "
-            f"{1e3 * half_95(time.sigma_s):.1f} ms (95 % interval{drift}), correlation "
-            f"{time.correlation:.2f} over {time.overlap_s:.0f} s."
-        )
+        return f"Ground truth: {what}, aligned with the run: {self.alignment.time.words}."
 
 
 def alignment_facts(alignment: Alignment) -> AlignmentFacts:

@@ -67,6 +67,15 @@ class TimeOffset:
     residual_mps: float
     samples: int
 
+    @property
+    def words(self) -> str:
+        """Describe the offset and how well it is known, for people."""
+        drift = f", drift {self.drift_ppm:+.0f} ppm" if self.drift_sigma_ppm is not None else ""
+        return (
+            f"time offset {1e3 * self.offset_s:+.1f} ± {1e3 * half_95(self.sigma_s):.1f} ms (95 % "
+            f"interval{drift}), correlation {self.correlation:.2f} over {self.overlap_s:.0f} s"
+        )
+
     def to_truth(self, times: Float64Array) -> Float64Array:
         """Convert the source's times to truth's clock."""
         slope = 1 + 1e-6 * self.drift_ppm
