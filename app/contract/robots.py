@@ -106,6 +106,10 @@ class GoalNow:
     ] = ()
 
 
+# States in which a robot takes commands: it stands still or drives.
+DRIVEN_STATES = ("armed", "moving")
+
+
 @dataclass(frozen=True)
 class RobotNow:
     """One robot that is connected or to be connected."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from app.contract.robots import DRIVEN_STATES
 from app.reports.pairing import pair_with_truth
 from observer.errors import DynamicObserverError
 from observer.evaluation.speed_errors import AT_REST, SeenMotion, TrueMotion
@@ -24,9 +25,6 @@ from observer.truth.alignment.observed import ObservedRun
 from observer.truth.alignment.result import Alignment
 from observer.truth.contract import Truth
 from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
-
-# Role of a robot that takes commands, as the drive process names it.
-_DRIVEN = ("armed", "moving")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +89,7 @@ def gather(
     driven = [
         row
         for row in rows
-        if row.role == OBSTACLE and row.facts.get("state", _DRIVEN[0]) in _DRIVEN
+        if row.role == OBSTACLE and row.facts.get("state", DRIVEN_STATES[0]) in DRIVEN_STATES
     ]
     commanded = _robot_curve(rows if driven else (), "sent_speed", "commanded")
     if not commanded:
