@@ -90,7 +90,7 @@ class StereoModel:
         )
 
     def changed(self, change: Float64Array) -> StereoModel:
-        """Return the rig with its global parameters changed by (G,), as ``Adjusted.covariance``."""
+        """Return the model, its global parameters changed by (G,) as of ``Adjusted.covariance``."""
         each = self.free_count
         lenses = []
         for index, lens in enumerate(self.lenses):
@@ -105,13 +105,13 @@ class StereoModel:
 
 
 # Derivatives (N, 2, F) of one camera's pixels by parameters that an adjustment does not estimate.
-# Arguments: the rig, the camera's number, its corners and their derivatives by pose (N, 2, 6).
+# Arguments: the model, the camera's number, its corners and their derivatives by pose (N, 2, 6).
 FurtherDerivatives: TypeAlias = Callable[[StereoModel, int, Corners, Float64Array], Float64Array]
 
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
-    """The best rig, and how it fits.
+    """The best model, and how it fits.
 
     Attributes:
         residuals: of each camera (N, 2) px, seen minus expected, in the order of its corners.
@@ -121,37 +121,37 @@ class Adjusted:
         scatter_px: standard deviation of a residual's component, by the degrees of freedom.
     """
 
-    rig: StereoModel
+    model: StereoModel
     residuals: tuple[Float64Array, ...]
     covariance: Float64Array | None
     scatter_px: float
 
 
 def adjust(
-    rig: StereoModel,
+    model: StereoModel,
     corners: Sequence[Corners],
     *,
     soft_px: float = np.inf,
     iterations: int = 60,
     hold: bool = False,
 ) -> Adjusted:
-    """Return the rig near ``rig`` that fits the corners best.
+    """Return the model near ``model`` that fits the corners best.
 
     Args:
-        corners: of each camera of the rig.
+        corners: of each camera of the model.
         soft_px: residuals longer than this count in proportion to their length, not to its
             square (Huber), which keeps single wrong corners from dominating.
         iterations: maximum number of steps.
         hold: estimate only the poses of the board, with lenses and cameras fixed.
     """
-    linear = _linear(rig, corners, soft_px, hold)
+    linear = _linear(model, corners, soft_px, hold)
     damping = _FIRST_DAMPING
     for _ in range(iterations):
         if linear is None:
             break
         while damping < _MOST_DAMPING:
             step = linear.step(damping)
-            trial = rig if step is None else _moved(rig, *step)
+            trial = model if step is None else _moved(model, *step)
             after = _linear(trial, corners, soft_px, hold)
             if after is not None and after.cost < linear.cost:
                 break
@@ -159,22 +159,22 @@ def adjust(
         else:
             break
         gain = (linear.cost - after.cost) / max(linear.cost, 1e-300)
-        rig, linear, damping = trial, after, max(damping * _LESS, 1e-12)
+        model, linear, damping = trial, after, max(damping * _LESS, 1e-12)
         if gain < _CONVERGED:
             break
-    residuals = tuple(derivatives(rig, index, each)[0] for index, each in enumerate(corners))
+    residuals = tuple(derivatives(model, index, each)[0] for index, each in enumerate(corners))
     used = len({int(v) for each in corners for v in np.unique(each.view)})
     freedom = sum(2 * len(each.px) for each in corners) - _POSE * used
-    freedom -= 0 if hold else rig.global_count
+    freedom -= 0 if hold else model.global_count
     if linear is None or hold:
-        return Adjusted(rig, residuals, None, np.nan)
+        return Adjusted(model, residuals, None, np.nan)
     scatter = float(np.sqrt(linear.squares / max(freedom, 1)))
-    return Adjusted(rig, residuals, linear.covariance(scatter), scatter)
+    return Adjusted(model, residuals, linear.covariance(scatter), scatter)
 
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """The normal equations linearized at one rig, one block for each pose of the board."""
+    """The normal equations linearized at one model, one block for each pose of the board."""
 
     cost: float
     squares: float
@@ -230,7 +230,7 @@ class _Linear:
 
 
 def reduced_by_view(
-    rig: StereoModel,
+    model: StereoModel,
     corners: Sequence[Corners],
     soft_px: float,
     further: FurtherDerivatives | None = None,
@@ -245,15 +245,15 @@ def reduced_by_view(
         over the views they are those of the whole fit. At its solution the right-hand sides
         cancel.
     """
-    linear = _linear(rig, corners, soft_px, False, further)
-    assert linear is not None, "a rig that was fitted sees its corners"
+    linear = _linear(model, corners, soft_px, False, further)
+    assert linear is not None, "a model that was fitted sees its corners"
     S, s = linear.reduced()
     seen = np.unique(np.concatenate([each.view for each in corners]))
     return S[seen], s[seen]
 
 
 def derivatives(
-    rig: StereoModel, camera: int, corners: Corners
+    model: StereoModel, camera: int, corners: Corners
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Residuals (N, 2) px, seen minus expected, and the derivatives of the expected pixels.
 
@@ -263,17 +263,17 @@ def derivatives(
         camera's frame; and those (N, 2, G) by the global parameters, in the order of
         ``Adjusted``.
     """
-    turned = np.einsum("nij,nj->ni", rig.board_R[corners.view], corners.on_board)
-    place = turned + rig.board_t[corners.view]
-    swung = place @ rig.R.T
-    at = place if camera == 0 else swung + rig.T
-    px, by_point, by_lens = rig.lenses[camera].project(at)
+    turned = np.einsum("nij,nj->ni", model.board_R[corners.view], corners.on_board)
+    place = turned + model.board_t[corners.view]
+    swung = place @ model.R.T
+    at = place if camera == 0 else swung + model.T
+    px, by_point, by_lens = model.lenses[camera].project(at)
     # In the left camera's frame a rotation by w moves a point of the board by w x p = -[p]x w.
-    to_left = by_point if camera == 0 else by_point @ rig.R
+    to_left = by_point if camera == 0 else by_point @ model.R
     by_pose = np.concatenate([-to_left @ cross_matrix(turned), to_left], axis=2)
-    each = rig.free_count
-    by_global = np.zeros((len(px), 2, rig.global_count))
-    by_global[:, :, camera * each : (camera + 1) * each] = by_lens[:, :, rig.free]
+    each = model.free_count
+    by_global = np.zeros((len(px), 2, model.global_count))
+    by_global[:, :, camera * each : (camera + 1) * each] = by_lens[:, :, model.free]
     if camera == 1:
         by_global[:, :, 2 * each : 2 * each + 3] = -by_point @ cross_matrix(swung)
         by_global[:, :, 2 * each + 3 :] = by_point
@@ -281,21 +281,21 @@ def derivatives(
 
 
 def _linear(
-    rig: StereoModel,
+    model: StereoModel,
     corners: Sequence[Corners],
     soft_px: float,
     hold: bool,
     further: FurtherDerivatives | None = None,
 ) -> _Linear | None:
-    every = [derivatives(rig, camera, seen) for camera, seen in enumerate(corners)]
+    every = [derivatives(model, camera, seen) for camera, seen in enumerate(corners)]
     if not all(np.isfinite(residual).all() for residual, _, _ in every):
         return None
     if further is not None:
         every = [
-            (residual, P, np.concatenate([G, further(rig, camera, seen, P)], axis=2))
+            (residual, P, np.concatenate([G, further(model, camera, seen, P)], axis=2))
             for camera, (seen, (residual, P, G)) in enumerate(zip(corners, every, strict=True))
         ]
-    views, count = len(rig.board_R), every[0][2].shape[2]
+    views, count = len(model.board_R), every[0][2].shape[2]
     H, g = np.zeros((views, count, count)), np.zeros((views, count))
     A, B = np.zeros((views, _POSE, _POSE)), np.zeros((views, count, _POSE))
     a = np.zeros((views, _POSE))
@@ -331,11 +331,11 @@ def _weighed(residual: Float64Array, soft_px: float) -> tuple[Float64Array, floa
     return weight, float(cost.sum())
 
 
-def _moved(rig: StereoModel, lens: Float64Array, pose: Float64Array) -> StereoModel:
-    changed = rig.changed(lens)
+def _moved(model: StereoModel, lens: Float64Array, pose: Float64Array) -> StereoModel:
+    changed = model.changed(lens)
     return replace(
         changed,
-        R=orthonormal(changed.R) if len(rig.lenses) > 1 else rig.R,
-        board_R=orthonormal(rotation_matrix(pose[:, :3]) @ rig.board_R),
-        board_t=rig.board_t + pose[:, 3:],
+        R=orthonormal(changed.R) if len(model.lenses) > 1 else model.R,
+        board_R=orthonormal(rotation_matrix(pose[:, :3]) @ model.board_R),
+        board_t=model.board_t + pose[:, 3:],
     )

@@ -78,13 +78,13 @@ def fit_stereo(
     report = progress or (lambda _words, _share: None)
     report("checking the views", 0.0)
     work = _Work(views, board, (width, height), distortion_model, report)
-    rig, soft_px = work.pair(work.camera_alone(0), work.camera_alone(1))
+    model, soft_px = work.pair(work.camera_alone(0), work.camera_alone(1))
     usable = work.usable()
     corners = corners_of(work.views, board, usable)
     both = _both(corners, len(views))
-    rig, folds = work.with_supported_terms(rig, corners, both, soft_px)
+    model, folds = work.with_supported_terms(model, corners, both, soft_px)
     report("fitting both cameras to all views", 0.9)
-    found = adjust(rig, corners, soft_px=soft_px)
+    found = adjust(model, corners, soft_px=soft_px)
     check_pair(found, np.flatnonzero(usable))
     assert found.covariance is not None
     report("computing the uncertainty", 0.93)
@@ -92,11 +92,11 @@ def fit_stereo(
     # Step of the finite differences: small against the curvature, large against the rounding of
     # inverted distortion.
     near = 0.5 * np.sqrt(np.diag(found.covariance))
-    depth = depth_covariance(found.rig, covariance, near)
+    depth = depth_covariance(found.model, covariance, near)
     errors = view_errors(found.residuals, corners, len(views))
     report("done", 1.0)
     return StereoFit(
-        calibration=found.rig.calibration,
+        calibration=found.model.calibration,
         board=board,
         rms_left=rms(found.residuals[0]),
         rms_right=rms(found.residuals[1]),
@@ -106,11 +106,11 @@ def fit_stereo(
             for index, view in enumerate(views)
         ),
         pairs=int(np.count_nonzero(both)),
-        interval_95=interval_95(found.rig, covariance, near),
+        interval_95=interval_95(found.model, covariance, near),
         depth_bias=DepthBias((tuple(depth.ravel().tolist()),)),
         held_out=None if folds is None else held_out(folds, corners),
-        coverage=(_coverage(corners[0], found.rig.size), _coverage(corners[1], found.rig.size)),
-        bend=board_bend(found.rig, corners, board, found.scatter_px),
+        coverage=(_coverage(corners[0], found.model.size), _coverage(corners[1], found.model.size)),
+        bend=board_bend(found.model, corners, board, found.scatter_px),
     )
 
 
@@ -148,7 +148,7 @@ class _Work:
         for turn in range(_ROUNDS):
             self._report(f"fitting the {side} camera", 0.1 + 0.2 * camera + min(0.1, turn / 100))
             soft_px = soft_threshold(found.residuals)
-            found = adjust(found.rig, [corners], soft_px=soft_px)
+            found = adjust(found.model, [corners], soft_px=soft_px)
             strays = stray_corners(found.residuals[0], corners, soft_px)
             if strays.any():
                 self.views = without(self.views, camera, corners, strays)
@@ -168,10 +168,10 @@ class _Work:
                 both = (off, None) if camera == 0 else (None, off)
                 self.refused[index] = ViewError(self.views[index].name, False, reason, *both)
             corners = self._corners(camera)
-            found = adjust(with_poses(found.rig, 0, corners), [corners], soft_px=soft_px)
+            found = adjust(with_poses(found.model, 0, corners), [corners], soft_px=soft_px)
         seen = np.unique(corners.view)
         check_camera(found, seen, f"the {side} camera")
-        return found.rig
+        return found.model
 
     def pair(self, left: StereoModel, right: StereoModel) -> tuple[StereoModel, float]:
         """Fit both cameras; also return the length, px, from which residuals are outliers."""
@@ -180,16 +180,16 @@ class _Work:
         corners = corners_of(self.views, self._board, usable)
         both = _both(corners, views)
         self._require_pairs(both, None)
-        rig, agree = begin_pair(left, right, corners, both)
+        model, agree = begin_pair(left, right, corners, both)
         kept = usable & (agree | ~both)
         soft_px, again = FIRST_SOFT_PX, usable.copy()
         for turn in range(_ROUNDS):
             self._report("fitting both cameras", 0.47 + min(0.15, turn / 100))
             self._require_pairs(kept & both, both)
             used = (corners[0].of_views(kept), corners[1].of_views(kept))
-            soft_px = soft_threshold(adjust(rig, used, soft_px=soft_px, iterations=5).residuals)
-            found = adjust(rig, used, soft_px=soft_px)
-            rig = found.rig
+            soft_px = soft_threshold(adjust(model, used, soft_px=soft_px, iterations=5).residuals)
+            found = adjust(model, used, soft_px=soft_px)
+            model = found.model
             errors = whole_errors(found.residuals, used, views)
             bad = outliers(errors)
             if bad.any():
@@ -202,46 +202,48 @@ class _Work:
             again &= ~waiting
             if not waiting.any():
                 break
-            late, own = posed(rig, corners, waiting, soft_px)
+            late, own = posed(model, corners, waiting, soft_px)
             back = waiting & (whole_errors(late.residuals, own, views) <= limit)
             if not back.any():
                 break
             kept |= back
-            rig = replace(
-                rig,
-                board_R=np.where(back[:, None, None], late.rig.board_R, rig.board_R),
-                board_t=np.where(back[:, None], late.rig.board_t, rig.board_t),
+            model = replace(
+                model,
+                board_R=np.where(back[:, None, None], late.model.board_R, model.board_R),
+                board_t=np.where(back[:, None], late.model.board_t, model.board_t),
             )
         for index in np.flatnonzero(usable & ~kept).tolist():
             name = self.views[index].name
-            self.refused[index] = explained(rig, corners, index, name, usual, soft_px, self._board)
-        return rig, soft_px
+            self.refused[index] = explained(
+                model, corners, index, name, usual, soft_px, self._board
+            )
+        return model, soft_px
 
     def with_supported_terms(
         self,
-        rig: StereoModel,
+        model: StereoModel,
         corners: tuple[Corners, Corners],
         both: NDArray[np.bool_],
         soft_px: float,
     ) -> tuple[StereoModel, Folds | None]:
-        """Return the rig with as many distortion terms as held-out views confirm."""
+        """Return the model with as many distortion terms as held-out views confirm."""
         words = "validating on held-out views"
 
         def report(begin: float) -> Callable[[float], None]:
             return lambda share: self._report(words, begin + 0.12 * share)
 
-        simple = fit_folds(rig, corners, both, soft_px, report(0.65))
+        simple = fit_folds(model, corners, both, soft_px, report(0.65))
         if simple is None:
-            return rig, None
-        every = replace(rig, free=np.ones_like(rig.free))
+            return model, None
+        every = replace(model, free=np.ones_like(model.free))
         rich = fit_folds(
-            adjust(every, corners, soft_px=soft_px).rig, corners, both, soft_px, report(0.77)
+            adjust(every, corners, soft_px=soft_px).model, corners, both, soft_px, report(0.77)
         )
         if rich is not None and richer_is_better(
             reprojection(simple, corners, soft_px), reprojection(rich, corners, soft_px)
         ):
             return every, rich
-        return rig, simple
+        return model, simple
 
     def _corners(self, camera: int) -> Corners:
         """Return the corners of one camera in the usable views.

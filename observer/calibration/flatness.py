@@ -32,7 +32,7 @@ class Bend:
 
 
 def board_bend(
-    rig: StereoModel, corners: tuple[Corners, Corners], board: Board, scatter_px: float
+    model: StereoModel, corners: tuple[Corners, Corners], board: Board, scatter_px: float
 ) -> Bend | None:
     """Return the bend that best explains the fit's residuals, with all other parameters free.
 
@@ -44,16 +44,16 @@ def board_bend(
     """
     blocks, left_over = [], []
     all_views = np.union1d(corners[0].view, corners[1].view)
-    chosen = np.zeros(len(rig.board_R), np.bool_)
+    chosen = np.zeros(len(model.board_R), np.bool_)
     chosen[all_views[:: -(-len(all_views) // _MOST_VIEWS)]] = True
     views, number = int(chosen.sum()), np.cumsum(chosen) - 1
-    count = rig.global_count
+    count = model.global_count
     for camera, whole in enumerate(corners):
         seen = whole.of_views(chosen)
-        residual, by_pose, by_global = derivatives(rig, camera, seen)
+        residual, by_pose, by_global = derivatives(model, camera, seen)
         J = np.zeros((len(residual), 2, BEND_SHAPES + count + _POSE * views))
         by_shift = by_pose[:, :, 3:]
-        out_of_board = np.einsum("nij,nj->ni", by_shift, rig.board_R[seen.view][:, :, 2])
+        out_of_board = np.einsum("nij,nj->ni", by_shift, model.board_R[seen.view][:, :, 2])
         J[:, :, :BEND_SHAPES] = (
             out_of_board[:, :, None] * bend_shapes(seen.on_board, board)[:, None]
         )

@@ -1,7 +1,7 @@
 """Cross-validation of a calibration on views that it was not fitted to.
 
-The views of a pair are split into folds. For each fold the rig is fitted without it, starting from
-the full solution, and tested on it. A rectified pair must show a point in the same row of both
+The views of a pair are split into folds. For each fold the model is fitted without it, starting
+from the full solution, and tested on it. A rectified pair must show a point in the same row of both
 images: this vertical error needs no pose of the board and no ground truth. The final calibration
 uses all views, so it is a little better than reported here.
 """
@@ -52,7 +52,7 @@ Folds: TypeAlias = list[tuple[StereoModel, NDArray[np.bool_]]]
 
 
 def fit_folds(
-    rig: StereoModel,
+    model: StereoModel,
     corners: tuple[Corners, Corners],
     both: NDArray[np.bool_],
     soft_px: float,
@@ -72,7 +72,7 @@ def fit_folds(
         part = np.zeros(len(both), np.bool_)
         part[shown[fold::count]] = True
         kept = [each.of_views(~part) for each in corners]
-        folds.append((adjust(rig, kept, soft_px=soft_px, iterations=_STEPS).rig, part))
+        folds.append((adjust(model, kept, soft_px=soft_px, iterations=_STEPS).model, part))
         report((fold + 1) / count)
     return folds
 
@@ -83,9 +83,9 @@ def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float)
     Only the pose of the board is fitted to them.
     """
     out = np.full(len(folds[0][1]), np.nan)
-    for rig, part in folds:
+    for model, part in folds:
         left_out = [each.of_views(part) for each in corners]
-        found = adjust(rig, left_out, soft_px=soft_px, iterations=_POSE_STEPS, hold=True)
+        found = adjust(model, left_out, soft_px=soft_px, iterations=_POSE_STEPS, hold=True)
         view = np.concatenate([each.view for each in left_out])
         square = np.sum(np.concatenate(found.residuals) ** 2, axis=1)
         # Limit the influence of a single wrong corner.
@@ -110,9 +110,9 @@ def richer_is_better(simple: Float64Array, rich: Float64Array) -> bool:
 def held_out(folds: Folds, corners: tuple[Corners, Corners]) -> HeldOut | None:
     """Return the vertical errors of all held-out views; None where there are none."""
     errors: list[Float64Array] = []
-    for rig, part in folds:
+    for model, part in folds:
         try:
-            calibration = rig.calibration
+            calibration = model.calibration
         except CalibrationError:
             return None
         left, right = (each.of_views(part) for each in corners)

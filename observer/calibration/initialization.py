@@ -31,7 +31,7 @@ _AGREES_PX, _AGREES_AT_MOST_PX = 10.0, 25.0
 def begin_camera(
     corners: Corners,
     views: int,
-    model: DistortionModel,
+    distortion_model: DistortionModel,
     size: tuple[int, int],
     free: NDArray[np.bool_],
 ) -> Adjusted:
@@ -53,13 +53,13 @@ def begin_camera(
     focal_only[[0, 1, 4]] = True
     best: Adjusted | None = None
     least = np.inf
-    for share in _FOCAL_SHARES[model]:
-        lens = Lens.ideal(model, share * size[0], *size)
+    for share in _FOCAL_SHARES[distortion_model]:
+        lens = Lens.ideal(distortion_model, share * size[0], *size)
         # Before there are poses, the board is a metre in front of the camera.
         ahead = np.tile(np.eye(3), (views, 1, 1)), np.tile([0.0, 0.0, 1.0], (views, 1))
-        rig = StereoModel(size, (lens,), focal_only, np.eye(3), np.zeros(3), *ahead)
-        rig = with_poses(rig, 0, corners)
-        found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX, iterations=_TRIAL_STEPS)
+        model = StereoModel(size, (lens,), focal_only, np.eye(3), np.zeros(3), *ahead)
+        model = with_poses(model, 0, corners)
+        found = adjust(model, [corners], soft_px=FIRST_SOFT_PX, iterations=_TRIAL_STEPS)
         length = np.linalg.norm(found.residuals[0], axis=1)
         cost = float(np.minimum(length, 10 * FIRST_SOFT_PX).sum())
         if np.isfinite(cost) and cost < least:
@@ -68,21 +68,21 @@ def begin_camera(
         raise CalibrationError(
             "no lens model fits the views of the board; check the number of corners of the board"
         )
-    rig = replace(best.rig, free=free)
-    found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX)
+    model = replace(best.model, free=free)
+    found = adjust(model, [corners], soft_px=FIRST_SOFT_PX)
     # With the lens known, a pose that started in the mirrored solution finds the right one.
-    again = with_poses(found.rig, 0, corners)
+    again = with_poses(found.model, 0, corners)
     return adjust(again, [corners], soft_px=FIRST_SOFT_PX)
 
 
-def with_poses(rig: StereoModel, camera: int, corners: Corners) -> StereoModel:
-    """Return the rig with T_left_board of each view as estimated from this camera alone.
+def with_poses(model: StereoModel, camera: int, corners: Corners) -> StereoModel:
+    """Return the model with T_left_board of each view as estimated from this camera alone.
 
     Two poses explain a flat board almost equally well (Collins and Bartoli: Infinitesimal
     Plane-based Pose Estimation, 2014); the better one is used. If there is none, the old one stays.
     """
-    board_R, board_t = rig.board_R.copy(), rig.board_t.copy()
-    looks = rig.lenses[camera].directions(corners.px)
+    board_R, board_t = model.board_R.copy(), model.board_t.copy()
+    looks = model.lenses[camera].directions(corners.px)
     for view in np.unique(corners.view):
         rows = (corners.view == view) & np.isfinite(looks).all(axis=1)
         pose = _pose(corners.on_board[rows], looks[rows, :2])
@@ -90,9 +90,9 @@ def with_poses(rig: StereoModel, camera: int, corners: Corners) -> StereoModel:
             continue
         R, t = pose
         if camera == 1:
-            R, t = rig.R.T @ R, rig.R.T @ (t - rig.T)
+            R, t = model.R.T @ R, model.R.T @ (t - model.T)
         board_R[view], board_t[view] = R, t
-    return replace(rig, board_R=board_R, board_t=board_t)
+    return replace(model, board_R=board_R, board_t=board_t)
 
 
 def begin_pair(
@@ -127,8 +127,8 @@ def begin_pair(
     board_R[only_right] = R[best].T @ right.board_R[only_right]
     board_t[only_right] = (right.board_t[only_right] - T[best]) @ R[best]
     lenses = left.lenses + right.lenses
-    rig = replace(left, lenses=lenses, R=R[best], T=T[best], board_R=board_R, board_t=board_t)
-    return rig, both & (errors <= limit)
+    model = replace(left, lenses=lenses, R=R[best], T=T[best], board_R=board_R, board_t=board_t)
+    return model, both & (errors <= limit)
 
 
 def _pose(on_board: Float64Array, look: Float64Array) -> tuple[Float64Array, Float64Array] | None:

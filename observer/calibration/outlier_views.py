@@ -108,20 +108,20 @@ def stray_corners(residuals: Float64Array, corners: Corners, soft_px: float) -> 
 
 
 def posed(
-    rig: StereoModel, corners: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
+    model: StereoModel, corners: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> tuple[Adjusted, tuple[Corners, Corners]]:
-    """Return the chosen views (V,) with the board's best poses for this rig, and their corners.
+    """Return the chosen views (V,) with the board's best poses for this model, and their corners.
 
     Where left and right contradict each other, the majority of the corners wins.
     """
     one, two = corners[0].of_views(chosen), corners[1].of_views(chosen)
-    rig = with_poses(rig, 1, two)
-    rig = with_poses(rig, 0, one)
-    return adjust(rig, (one, two), soft_px=soft_px, iterations=_STEPS, hold=True), (one, two)
+    model = with_poses(model, 1, two)
+    model = with_poses(model, 0, one)
+    return adjust(model, (one, two), soft_px=soft_px, iterations=_STEPS, hold=True), (one, two)
 
 
 def explained(
-    rig: StereoModel,
+    model: StereoModel,
     corners: tuple[Corners, Corners],
     index: int,
     name: str,
@@ -130,19 +130,19 @@ def explained(
     board: Board,
 ) -> ViewError:
     """Return why the view ``index`` does not fit the pair that the others agree on."""
-    chosen = np.arange(len(rig.board_R)) == index
-    found, own = posed(rig, corners, chosen, soft_px)
+    chosen = np.arange(len(model.board_R)) == index
+    found, own = posed(model, corners, chosen, soft_px)
     errors = view_errors(found.residuals, own, len(chosen))[index]
     left, right = (float(e) if np.isfinite(e) else None for e in errors)
     off = float(whole_errors(found.residuals, own, len(chosen))[index])
     apart = f"({off:.1f} px apart, other views {usual_px:.1f} px)"
-    turned, _ = posed(rig, (own[0], _numbered_back(own[1], board)), chosen, soft_px)
+    turned, _ = posed(model, (own[0], _numbered_back(own[1], board)), chosen, soft_px)
     if rms(np.concatenate(turned.residuals)) < 0.2 * off:
         reason = (
             "its corners are numbered from opposite ends in the two images; a board with an odd "
             "number of corners one way and an even number the other avoids this"
         )
-    elif _alone(rig, own, chosen, soft_px) < 0.5 * off:
+    elif _alone(model, own, chosen, soft_px) < 0.5 * off:
         reason = (
             f"left and right do not show the board in the same pose {apart}: it moved between the "
             "two exposures, or the images do not belong together"
@@ -156,14 +156,14 @@ def explained(
 
 
 def _alone(
-    rig: StereoModel, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
+    model: StereoModel, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> float:
     """Return the error of the two images fitted separately, the worse one, pixels."""
     nothing = own[0].of_views(np.zeros_like(chosen))
     worse = 0.0
     for camera, single in enumerate(((own[0], nothing), (nothing, own[1]))):
         if len(own[camera].px):
-            found, _ = posed(rig, single, chosen, soft_px)
+            found, _ = posed(model, single, chosen, soft_px)
             worse = max(worse, rms(found.residuals[camera]))
     return worse
 

@@ -33,8 +33,8 @@ def check_camera(found: Adjusted, seen: NDArray[np.intp], name: str) -> None:
         Raises:
             CalibrationError: they do not, or the lens is impossible.
     """
-    _check_lens(found.rig, 0, seen, name)
-    _check_variety(found.rig, seen)
+    _check_lens(found.model, 0, seen, name)
+    _check_variety(found.model, seen)
     _check_focal(found, seen, (name,), name, _UNSURE_ALONE)
 
 
@@ -44,7 +44,7 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
     Raises:
         CalibrationError: they do not, or it cannot.
     """
-    rig, scatter = found.rig, found.scatter_px
+    model, scatter = found.model, found.scatter_px
     if not scatter < _LARGE_RMS_PX:
         raise CalibrationError(
             f"the overall reprojection error is {scatter:.1f} px, 0.1 to 0.5 px is usual; check "
@@ -52,9 +52,9 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
         )
     names = ("the left camera", "the right camera")
     for camera, name in enumerate(names):
-        _check_lens(rig, camera, seen, name)
+        _check_lens(model, camera, seen, name)
     _check_focal(found, seen, names, "the pair", _UNSURE)
-    x, y, z = (-rig.R.T @ rig.T).tolist()
+    x, y, z = (-model.R.T @ model.T).tolist()
     if abs(x) <= max(abs(y), abs(z)):
         raise CalibrationError(
             f"the right camera is {x:.3f} m to the right of, {y:.3f} m below and {z:.3f} m in "
@@ -67,24 +67,24 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
         )
 
 
-def _check_lens(rig: StereoModel, camera: int, seen: NDArray[np.intp], name: str) -> None:
+def _check_lens(model: StereoModel, camera: int, seen: NDArray[np.intp], name: str) -> None:
     """Check that the lens is possible for an image of this size.
 
     Raises:
         CalibrationError: it cannot.
     """
-    width, height = rig.size
-    fx, fy, cx, cy = rig.lenses[camera].values[:4].tolist()
+    width, height = model.size
+    fx, fy, cx, cy = model.lenses[camera].values[:4].tolist()
     low, high = _FOCAL_SHARES
     if not (low * width < fx < high * width and 0.5 < fy / fx < 2):
         raise CalibrationError(
             f"the views of {name} give an impossible focal length ({fx:.4g} x {fy:.4g} pixels "
-            f"for an image of {width}x{height}); {_advice(rig, seen, camera)}"
+            f"for an image of {width}x{height}); {_advice(model, seen, camera)}"
         )
     if not (-0.25 * width < cx < 1.25 * width and -0.25 * height < cy < 1.25 * height):
         raise CalibrationError(
             f"the views of {name} place its principal point at {cx:.0f}, {cy:.0f}, far outside the "
-            f"image of {width}x{height} pixels; {_advice(rig, seen, camera)}"
+            f"image of {width}x{height} pixels; {_advice(model, seen, camera)}"
         )
 
 
@@ -99,17 +99,17 @@ def _check_focal(
     Raises:
         CalibrationError: they are not.
     """
-    rig, covariance = found.rig, found.covariance
+    model, covariance = found.model, found.covariance
     if covariance is None:
-        raise CalibrationError(_undetermined(rig, seen, whole))
+        raise CalibrationError(_undetermined(model, seen, whole))
     for camera, name in enumerate(names):
-        at = camera * rig.free_count
-        share = float(np.sqrt(covariance[at, at])) / float(rig.lenses[camera].values[0])
+        at = camera * model.free_count
+        share = float(np.sqrt(covariance[at, at])) / float(model.lenses[camera].values[0])
         if not share < most:
-            raise CalibrationError(_undetermined(rig, seen, name, share))
+            raise CalibrationError(_undetermined(model, seen, name, share))
 
 
-def _check_variety(rig: StereoModel, seen: NDArray[np.intp]) -> None:
+def _check_variety(model: StereoModel, seen: NDArray[np.intp]) -> None:
     """Check that the board was held in enough poses; without noise, one would seem enough.
 
     Raises:
@@ -117,7 +117,7 @@ def _check_variety(rig: StereoModel, seen: NDArray[np.intp]) -> None:
     """
 
     def alike(index: int, other: int) -> bool:
-        R, t = rig.board_R, rig.board_t
+        R, t = model.board_R, model.board_t
         turned = R[index] @ R[other].T
         angle = np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
         moved = np.linalg.norm(t[index] - t[other])
@@ -136,20 +136,20 @@ def _check_variety(rig: StereoModel, seen: NDArray[np.intp]) -> None:
 
 
 def _undetermined(
-    rig: StereoModel, seen: NDArray[np.intp], name: str, share: float | None = None
+    model: StereoModel, seen: NDArray[np.intp], name: str, share: float | None = None
 ) -> str:
     known = "" if share is None or not share < 9 else f" (known only to {100 * share:.0f} %)"
     return (
         f"the views do not determine the focal length of {name}{known}; "
-        f"{_advice(rig, seen, 0 if 'left' in name else len(rig.lenses) - 1)}"
+        f"{_advice(model, seen, 0 if 'left' in name else len(model.lenses) - 1)}"
     )
 
 
-def _advice(rig: StereoModel, seen: NDArray[np.intp], camera: int) -> str:
+def _advice(model: StereoModel, seen: NDArray[np.intp], camera: int) -> str:
     """Return what to do differently, judging by how the board was held."""
-    R = rig.board_R[seen]
+    R = model.board_R[seen]
     if camera == 1:
-        R = rig.R @ R
+        R = model.R @ R
     normal = R[:, :, 2]
     middle = np.median(normal, axis=0)
     middle /= max(float(np.linalg.norm(middle)), 1e-9)

@@ -80,25 +80,25 @@ def error_covariance(
     Args:
         found: the fit. corners, soft_px: as it was fitted to, see ``adjust``.
     """
-    shift = _SHIFT_SHARE * model_shift(found.rig, corners, board, soft_px, found.scatter_px)
-    scatter = view_covariance(found.rig, corners, soft_px)
+    shift = _SHIFT_SHARE * model_shift(found.model, corners, board, soft_px, found.scatter_px)
+    scatter = view_covariance(found.model, corners, soft_px)
     return np.asarray(scatter + np.outer(shift, shift), dtype=np.float64)
 
 
-def interval_95(rig: StereoModel, covariance: Float64Array, near: Float64Array) -> Interval95:
+def interval_95(model: StereoModel, covariance: Float64Array, near: Float64Array) -> Interval95:
     """Return the intervals of a pair by the covariance (G, G) of its global parameters.
 
     Args:
         near: (G,) changes of the parameters that are small against any curvature.
     """
     half = SIGMAS_95 * np.sqrt(np.diag(covariance))
-    each = rig.free_count
-    along = rig.T / np.linalg.norm(rig.T)
+    each = model.free_count
+    along = model.T / np.linalg.norm(model.T)
     T_cov = covariance[-3:, -3:]
     turn = np.rad2deg(half[-6:-3])
 
     def angles(change: Float64Array) -> Float64Array:
-        return view_angles_deg(rig.changed(change).calibration)
+        return view_angles_deg(model.changed(change).calibration)
 
     J = numeric_jacobian(angles, np.zeros_like(near), near)
     view = SIGMAS_95 * np.sqrt(np.einsum("ai,ij,aj->a", J, covariance, J))
@@ -116,7 +116,7 @@ def interval_95(rig: StereoModel, covariance: Float64Array, near: Float64Array) 
 
 
 def depth_covariance(
-    rig: StereoModel, covariance: Float64Array, near: Float64Array
+    model: StereoModel, covariance: Float64Array, near: Float64Array
 ) -> Float64Array:
     """Return the covariance of the two causes of depth errors, valid at every distance.
 
@@ -130,10 +130,10 @@ def depth_covariance(
     Returns:
         (2, 2) covariance of (scale, offset in pixels), the mean over five places in the image.
     """
-    truth = rig.calibration
+    truth = model.calibration
 
     def changes(change: Float64Array) -> Float64Array:
-        return depth_change(truth, rig.changed(change).calibration).reshape(-1)
+        return depth_change(truth, model.changed(change).calibration).reshape(-1)
 
     J = numeric_jacobian(changes, np.zeros_like(near), near)
     J = J.reshape(len(_PLACES), 2, -1)

@@ -25,19 +25,19 @@ from observer.intervals import SIGMAS_95
 _RIDGE = 1e-12
 
 
-def view_covariance(rig: StereoModel, corners: Sequence[Corners], soft_px: float) -> Float64Array:
+def view_covariance(model: StereoModel, corners: Sequence[Corners], soft_px: float) -> Float64Array:
     """Return the covariance of the global parameters by the scatter between views.
 
     It is scaled by Student's t for the number of views, so that ``SIGMAS_95`` standard deviations
     are half of a 95 % interval.
 
     Args:
-        rig: that fits the corners best. corners, soft_px: as it was fitted to, see ``adjust``.
+        model: that fits the corners best. corners, soft_px: as it was fitted to, see ``adjust``.
 
     Returns:
         (G, G), as ``Adjusted.covariance``.
     """
-    S, s = reduced_by_view(rig, corners, soft_px)
+    S, s = reduced_by_view(model, corners, soft_px)
     scale = 1 / np.sqrt(np.maximum(np.diag(S.sum(axis=0)), 1e-300))
     S, s = S * np.outer(scale, scale), s * scale
     without = S.sum(axis=0) - S + _RIDGE * np.eye(len(scale))

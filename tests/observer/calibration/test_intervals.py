@@ -102,10 +102,10 @@ def solved(true: StereoCalibration, views: list[BoardView]) -> Solved:
         for K, D in ((true.K1, true.D1), (true.K2, true.D2))
     )
     poses = np.tile(np.eye(3), (len(views), 1, 1)), np.zeros((len(views), 3))
-    rig = StereoModel((WIDTH, HEIGHT), lenses, np.arange(9) < 8, true.R, true.T, *poses)
-    rig = with_poses(rig, 0, corners[0])
-    soft_px = soft_threshold(adjust(rig, corners, iterations=5).residuals)
-    return Solved(true, adjust(rig, corners, soft_px=soft_px), corners, soft_px)
+    model = StereoModel((WIDTH, HEIGHT), lenses, np.arange(9) < 8, true.R, true.T, *poses)
+    model = with_poses(model, 0, corners[0])
+    soft_px = soft_threshold(adjust(model, corners, iterations=5).residuals)
+    return Solved(true, adjust(model, corners, soft_px=soft_px), corners, soft_px)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +122,8 @@ class Solved:
         assert covariance is not None
         assert self.found.covariance is not None
         near = 0.5 * np.sqrt(np.diag(self.found.covariance))
-        half = interval_95(self.found.rig, covariance, near)
-        error = errors(self.found.rig.calibration, self.true)
+        half = interval_95(self.found.model, covariance, near)
+        error = errors(self.found.model.calibration, self.true)
         return np.abs(error) <= widths(half)
 
 
@@ -184,7 +184,7 @@ def test_value_determined_by_a_single_view_is_uncertain() -> None:
     true, tilted = taken(replace(WELL, count=1), 4)
     fit = solved(true, [*facing, *tilted])
     assert fit.found.covariance is not None
-    scatter = view_covariance(fit.found.rig, fit.corners, fit.soft_px)
+    scatter = view_covariance(fit.found.model, fit.corners, fit.soft_px)
     assert scatter[0, 0] > 3**2 * fit.found.covariance[0, 0]
 
 
