@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,7 +22,10 @@ from app.cli.running_server import (
 )
 from observer.errors import InputError
 
-Watch = Callable[[dict[str, Any], dict[str, Any]], None]
+if TYPE_CHECKING:
+    from app.client.profile_drive import Watch
+    from app.client.server_api import ServerApi
+    from observer.motion_profiles.profile import MotionProfile
 
 
 def drive(
@@ -107,7 +110,7 @@ def programmes(
 
 
 def _play(
-    api: Any, programme: str, repeat: int, reverse: bool, takeover: bool, as_json: bool
+    api: ServerApi, programme: str, repeat: int, reverse: bool, takeover: bool, as_json: bool
 ) -> None:
     from app.client.profile_drive import PlayRequest, ProfileDrive
     from observer.motion_profiles.playing import duration_s
@@ -123,7 +126,7 @@ def _play(
     typer.echo(f"{chosen.name} is finished; the robots are disarmed", err=True)
 
 
-def _chosen(api: Any, programme: str) -> Any:
+def _chosen(api: ServerApi, programme: str) -> MotionProfile:
     """Return the programme as the server knows it; upload it first if it is a file."""
     from observer.motion_profiles.library import read_profile
     from observer.motion_profiles.profile_file import profile_from_text, profile_text

@@ -15,6 +15,7 @@ from typing import Any
 
 from app.contract.robots import StopMeasured
 from app.contract.runs import SpeedSource
+from observer.recording.payloads import Images
 
 
 def utc_now() -> str:
@@ -78,7 +79,7 @@ class RunRecord:
     notes: str = ""
     deleted_at: str | None = None
     rig: str | None = None
-    record: str | None = None
+    record: Images | None = None
     recording_bytes: int | None = None
     alignment: dict[str, Any] | None = None
     truth_id: str | None = None

@@ -18,6 +18,7 @@ from app.storage.models import Run, RunTag
 from app.storage.records import RunPage, RunRecord, RunState, mapping, utc_now
 from app.storage.searching import folded, matching
 from observer.parameters import translated
+from observer.recording.payloads import Images
 
 # Time during which a deletion can be undone.
 UNDO = timedelta(days=7)
@@ -49,7 +50,7 @@ class RunTables(Database):
         calibration_id: str | None = None,
         preset: str | None = None,
         rig: str | None = None,
-        record: str | None = None,
+        record: Images | None = None,
         truth_id: str | None = None,
         rerun_of: str | None = None,
         tags: Iterable[str] = (),

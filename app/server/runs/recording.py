@@ -37,7 +37,7 @@ def record_order(folder: DataFolder, run: RunRecord) -> RecordOrder | None:
         return None
     return RecordOrder(
         path=str((folder.run(run.id) / RECORDING).absolute()),
-        images=run.record,  # type: ignore[arg-type]
+        images=run.record,
         name=run.name,
         preset=run.preset,
         versions=dict(run.versions),
