@@ -66,7 +66,7 @@ class DriveLoop:
         """Set up the loop.
 
         Args:
-            roles: the loop waits for their attendants at the end.
+            roles: the loop waits for their robots' openers at the end.
             send: takes replies and events; returns at once.
             newest_sight, newest_plan: return the newest one at an instant, at once.
             write_wheels: takes the content of the slot ``WHEELS_NAME``.
@@ -211,13 +211,13 @@ class DriveLoop:
 
     def _say_goodbye(self) -> None:
         """Release every robot, in parallel; the last tick has stopped them."""
-        attendants = self._roles.attendants
+        openers = self._roles.openers
         for role, driven in self._roles.driven.items():
-            attendants[role].close(driven.connect(None))
+            openers[role].close(driven.connect(None))
         until = self._clock() + _GOODBYE_S
-        while any(each.busy for each in attendants.values()) and self._clock() < until:
+        while any(each.busy for each in openers.values()) and self._clock() < until:
             time.sleep(TICK_S)
-            for each in attendants.values():
+            for each in openers.values():
                 # A robot still being opened is closed.
                 each.opened()
             self._jitter.add(0.0)

@@ -21,7 +21,7 @@ from app.contract.drive import (
 from app.drive.engine_feed import EngineFeed
 from app.drive.loop import DriveLoop, Inbox
 from app.drive.priority import calm_interpreter, raise_priority
-from app.drive.robot_opener import AttendantThread, RobotOpener
+from app.drive.robot_opener import OpenRobot, RobotOpener
 from app.drive.roles import Roles
 from app.runtime.arguments import ProcessArguments
 from app.runtime.latest import LatestReader, LatestWriter
@@ -37,7 +37,7 @@ from observer.rig.rig import ROLES
 _LAST_S = 5.0
 
 
-def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoReturn:
+def run_drive(arguments: ProcessArguments, *, open_robot: OpenRobot) -> NoReturn:
     """Run the drive loop in this process until it is told to leave, then exit the process.
 
     Args:
@@ -55,9 +55,9 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
         sock, latest=(DriveState,), droppable=(WheelSpeedEvent, IncidentEvent, StoppedEvent)
     )
     parameters = GuardParameters()
-    attendants = {role: AttendantThread(role, open_robot) for role in ROLES}
+    openers = {role: RobotOpener(role, open_robot) for role in ROLES}
     loop = DriveLoop(
-        roles=Roles(Guard(parameters), attendants, parameters),
+        roles=Roles(Guard(parameters), openers, parameters),
         inbox=inbox,
         send=sender.send,
         newest_sight=EngineFeed(LatestReader(arguments.slots[SIGHT_NAME]), sight_of).newest,

@@ -13,17 +13,17 @@ from observer.robots.contract import Robot
 
 _log = logging.getLogger(__name__)
 
-RobotOpener = Callable[[str, str | None], Robot]
+OpenRobot = Callable[[str, str | None], Robot]
 
 
-class AttendantThread:
-    """Attendant of one role's robots: opens and closes them one after the other, never blocking.
+class RobotOpener:
+    """Opener of one role's robots: opens and closes them one after the other, never blocking.
 
     Releasing a robot takes seconds, and opening one imports what its port needs. Requests are
     carried out in order; all methods return at once.
     """
 
-    def __init__(self, role: Role, open_robot: RobotOpener) -> None:
+    def __init__(self, role: Role, open_robot: OpenRobot) -> None:
         self._role = role
         self._open_robot = open_robot
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -77,7 +77,7 @@ class AttendantThread:
         self._jobs.put(job)
         if self._thread is None:
             self._thread = threading.Thread(
-                target=self._run, name=f"attend the {self._role}", daemon=True
+                target=self._run, name=f"opener of the {self._role}", daemon=True
             )
             self._thread.start()
 

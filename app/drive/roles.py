@@ -1,6 +1,6 @@
 """Roles of both robots together: commands in, velocities out, once a tick.
 
-Nothing here waits or reads a clock; attendants open and close the robots.
+Nothing here waits or reads a clock; others open and close the robots (``robot_opener.py``).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from app.drive.driven_role import DrivenRole
 from app.drive.goals import Goals
 from app.drive.leases import Leases
 from app.drive.playing import Playing
-from app.drive.robot_opener import AttendantThread
+from app.drive.robot_opener import RobotOpener
 from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Guard
 from observer.guard.parameters import GuardParameters
@@ -70,7 +70,7 @@ class Roles:
     """Roles of both robots; see the module.
 
     Attributes:
-        attendants: the one of each role.
+        openers: of each role's robots.
         stopped: the latched stop.
         playing: the programme in progress.
         goals: of the observer.
@@ -81,11 +81,11 @@ class Roles:
     def __init__(
         self,
         guard: Guard,
-        attendants: Mapping[Role, AttendantThread],
+        openers: Mapping[Role, RobotOpener],
         parameters: GuardParameters,
     ) -> None:
         self._guard = guard
-        self.attendants = attendants
+        self.openers = openers
         self._parameters = parameters
         self.driven: dict[Role, DrivenRole] = {role: DrivenRole(role, guard) for role in ROLES}
         self.leases = Leases()
@@ -147,7 +147,7 @@ class Roles:
         self._incidents.append(IncidentEvent(role, "fault", f"the {role} {_FAILED}", now, None))
         if connection is not None:
             driven.connect(replace(connection, robot=None, trouble=f"the {role} {_FAILED}"))
-        self.attendants[role].close(robot)
+        self.openers[role].close(robot)
 
     def _tick(self, now: float) -> Tick:
         return Tick(
@@ -160,7 +160,7 @@ class Roles:
         )
 
     def _take_opened(self, role: Role) -> None:
-        opened = self.attendants[role].opened()
+        opened = self.openers[role].opened()
         connection = self.driven[role].connection
         if opened is None or connection is None:
             return
@@ -271,14 +271,14 @@ class Roles:
         if role == OBSERVER:
             self.goals.forget()
         before = self.driven[role].connect(Connection(shown, command.world, command.name))
-        attendant = self.attendants[role]
-        attendant.close(before)
-        attendant.open(command.port, command.model)
+        opener = self.openers[role]
+        opener.close(before)
+        opener.open(command.port, command.model)
 
     def _disconnect(self, command: DisconnectRobot, now: float) -> None:
         role = _checked(command.role)
         self._end_driving_of(role, now, "was disconnected")
-        self.attendants[role].close(self.driven[role].connect(None))
+        self.openers[role].close(self.driven[role].connect(None))
 
     def _take_lease(self, command: TakeLease, now: float) -> str:
         role = _checked(command.role)

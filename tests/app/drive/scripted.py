@@ -1,4 +1,4 @@
-"""Scripted robots, guard and attendants, and a bench whose clock the test sets."""
+"""Scripted robots, guard and openers, and a bench whose clock the test sets."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class ScriptedGuard(Guard):
         return Verdict("clear", False, *wanted, None, None, (), ())
 
 
-class ScriptedAttendant:
+class ScriptedOpener:
     """Has the robot that a test prepared, or a sentence that says why there is none."""
 
     def __init__(self, prepared: ScriptedRobot | str) -> None:
@@ -141,9 +141,9 @@ class Bench:
         self.now = 100.0
         self.robots = {role: ScriptedRobot(f"/dev/{role}") for role in ROLES}
         self.guard = ScriptedGuard()
-        self.attendants = {role: ScriptedAttendant(self.robots[role]) for role in ROLES}
+        self.openers = {role: ScriptedOpener(self.robots[role]) for role in ROLES}
         self.parameters = GuardParameters()
-        self.roles = Roles(self.guard, self.attendants, self.parameters)  # type: ignore[arg-type]
+        self.roles = Roles(self.guard, self.openers, self.parameters)  # type: ignore[arg-type]
         self.leases: dict[Role, str] = {}
         self.sequence = 0
         self.frame = 0

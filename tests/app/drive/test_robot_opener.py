@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from app.drive.robot_opener import AttendantThread
+from app.drive.robot_opener import RobotOpener
 from observer.errors import InputError
 
 
@@ -33,19 +33,19 @@ def until(found: Callable[[], Any]) -> Any:
 
 
 def test_a_slow_close_delays_only_the_next_robot() -> None:
-    attendant = AttendantThread("observer", lambda port, _: SlowRobot(port))  # type: ignore[arg-type,return-value]
-    attendant.open("first", None)
-    first = until(attendant.opened)
+    opener = RobotOpener("observer", lambda port, _: SlowRobot(port))  # type: ignore[arg-type,return-value]
+    opener.open("first", None)
+    first = until(opener.opened)
     started = time.monotonic()
-    attendant.close(first)
-    attendant.open("second", None)
-    assert attendant.opened() is None
+    opener.close(first)
+    opener.open("second", None)
+    assert opener.opened() is None
     assert time.monotonic() - started < 1.0
-    assert attendant.busy
+    assert opener.busy
     first.may_close.set()
-    second = until(attendant.opened)
+    second = until(opener.opened)
     assert (first.closed, second.port) == (True, "second")
-    until(lambda: not attendant.busy)
+    until(lambda: not opener.busy)
 
 
 def test_an_unwanted_robot_is_closed_once_open() -> None:
@@ -59,17 +59,17 @@ def test_an_unwanted_robot_is_closed_once_open() -> None:
         opened[-1].may_close.set()
         return opened[-1]
 
-    attendant = AttendantThread("observer", slow)
-    attendant.open("given up", None)
-    attendant.close(None)
+    opener = RobotOpener("observer", slow)
+    opener.open("given up", None)
+    opener.close(None)
     may_open.set()
     until(lambda: opened)
-    until(lambda: attendant.opened() is None and opened[0].closed)
-    until(lambda: not attendant.busy)
+    until(lambda: opener.opened() is None and opened[0].closed)
+    until(lambda: not opener.busy)
 
 
 def test_an_opening_failure_is_reported_and_the_next_port_is_tried() -> None:
-    def opener(port: str, model: str | None) -> Any:
+    def open_robot(port: str, model: str | None) -> Any:
         del model
         if port == "bad":
             raise InputError("there is no such port")
@@ -77,10 +77,10 @@ def test_an_opening_failure_is_reported_and_the_next_port_is_tried() -> None:
             raise RuntimeError("a bug")
         return SlowRobot(port)
 
-    attendant = AttendantThread("observer", opener)
-    attendant.open("bad", None)
-    assert until(attendant.opened) == "there is no such port"
-    attendant.open("worse", None)
-    assert "failed" in until(attendant.opened)
-    attendant.open("good", None)
-    assert until(attendant.opened).port == "good"
+    opener = RobotOpener("observer", open_robot)
+    opener.open("bad", None)
+    assert until(opener.opened) == "there is no such port"
+    opener.open("worse", None)
+    assert "failed" in until(opener.opened)
+    opener.open("good", None)
+    assert until(opener.opened).port == "good"

@@ -249,7 +249,7 @@ def test_a_failed_driver_is_closed_and_the_other_robot_drives_on(bench: Any, met
     both(bench, 0.3)
     assert bench.state("observer") == "refused"
     assert "driver failed" in bench.why("observer")
-    assert bench.attendants["observer"].closed == [robot]
+    assert bench.openers["observer"].closed == [robot]
     assert bench.kinds() == ["fault"]
     assert bench.sent("obstacle") == (0.3, 0.0)
 
@@ -319,9 +319,9 @@ def test_changing_the_port_disables_and_closes_the_old_robot(bench: Any) -> None
     robot = bench.robots["observer"]
     bench.take(ConnectRobot("observer", "/dev/other", None, "real"))
     assert robot.calls[-1] == ("disable",)
-    assert bench.attendants["observer"].closed == [robot]
+    assert bench.openers["observer"].closed == [robot]
     bench.tick()
-    assert bench.attendants["observer"].ports == ["/dev/observer", "/dev/other"]
+    assert bench.openers["observer"].ports == ["/dev/observer", "/dev/other"]
     assert not bench.roles.driven["observer"].armed
     refused(
         bench, ConnectRobot("observer", "/dev/obstacle", None, "real"),
@@ -330,7 +330,7 @@ def test_changing_the_port_disables_and_closes_the_old_robot(bench: Any) -> None
     bench.take(DisconnectRobot("observer"))
     bench.tick()
     assert bench.state("observer") is None
-    assert bench.attendants["observer"].closed == [robot, robot]
+    assert bench.openers["observer"].closed == [robot, robot]
 
 
 def test_a_key_is_passed_to_the_driver_and_never_shown(bench: Any) -> None:
@@ -338,7 +338,7 @@ def test_a_key_is_passed_to_the_driver_and_never_shown(bench: Any) -> None:
     port = f"external:0.0.0.0:7700?key={key}"
     bench.take(ConnectRobot("observer", port, None, "real"))
     bench.tick()
-    assert bench.attendants["observer"].ports[-1] == port
+    assert bench.openers["observer"].ports[-1] == port
     assert bench.roles.driven["observer"].connection.port == "external:0.0.0.0:7700"
     # The same address with another key is the same port.
     with pytest.raises(ProcessRefused, match="is already the port of the observer") as told:
@@ -351,7 +351,7 @@ def test_an_invalid_or_unprepared_port_is_reported(bench: Any) -> None:
         with pytest.raises(InputError):
             bench.take(ConnectRobot("observer", port, model, "real"))
     assert bench.state("observer") is None
-    bench.attendants["observer"].prepared = "install the client first"
+    bench.openers["observer"].prepared = "install the client first"
     bench.take(ConnectRobot("observer", "coppeliasim:localhost:23000/P3DX", None, "real"))
     bench.tick()
     assert bench.state("observer") == "refused"
