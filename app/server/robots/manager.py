@@ -27,7 +27,14 @@ from app.contract.drive import (
     WheelSpeedEvent,
 )
 from app.contract.events import StateEvent
-from app.contract.robots import DriveFacts, DriveProcess, RobotNow, RobotPortNow, RobotsNow
+from app.contract.robots import (
+    DRIVEN_STATES,
+    DriveFacts,
+    DriveProcess,
+    RobotNow,
+    RobotPortNow,
+    RobotsNow,
+)
 from app.runtime.errors import ProcessUnavailable
 from app.runtime.supervisor import ProcessHealth
 from app.server.asking import ask_drive
@@ -50,7 +57,6 @@ log = structlog.get_logger(__name__)
 _ARM_WITHIN_S = 8.0
 _ARM_AGAIN_S = 0.1
 _NO_PROCESS = "the drive process has not started yet"
-_DRIVEN = ("armed", "moving")
 _NOTHING_KNOWN = DriveFacts(None, None, None, None, None, dict.fromkeys(ROLES))
 
 
@@ -266,7 +272,7 @@ class RobotManager:
     def is_driven(self, role: Role) -> bool:
         """Return whether a robot of this role is armed."""
         robot = self.robot(role)
-        return robot is not None and robot.state in _DRIVEN
+        return robot is not None and robot.state in DRIVEN_STATES
 
     def any_driven(self) -> bool:
         """Return whether a robot of any role is armed."""
