@@ -873,7 +873,7 @@ export interface components {
       track_id: number | null;
       time?: number;
     };
-    /** @description Where motion could not be noticed; see ``observer.types.Unseen``. */
+    /** @description Parts of an image where motion could not be noticed; see ``observer.types.Unseen``. */
     UnseenEntry: {
       share: number;
       causes: {
