@@ -32,6 +32,11 @@ def missing_to_arm(
         return f"the {role}'s robot has a fault: {report.fault}; reset it first"
     if report.stop_pressed:
         return f"the stop button on the {role}'s robot is pressed; release it first"
+    if report.watchdog_s == 0.0:
+        return (
+            f"the watchdog of the {role}'s robot is switched off, so the robot would drive on if "
+            "this computer failed; set it to 2000 ms with the manufacturer's configuration tool"
+        )
     if role == "observer":
         return sight_trouble(tick.sight, tick.now, connection.world)
     return None

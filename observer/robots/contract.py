@@ -96,7 +96,8 @@ class RobotReport:
             none are fitted. stop_pressed: its own hardware button.
         battery_v: averaged. battery: its rating. charging: in words.
         sonars: those it has, in order; a reading keeps its time.
-        watchdog_s: time without a command after which its firmware stops it, as it reports.
+        watchdog_s: time without a command after which its firmware stops it, as it reports; 0 if
+            it never does.
         limits: in force: the lowest of all known limits.
         sent: the newest velocity that was actually sent.
         wanted: speed (m/s) and turn rate (rad/s) for which a robot that drives by itself asks

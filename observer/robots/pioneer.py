@@ -345,7 +345,7 @@ class Pioneer:
     @property
     def _watchdog_s(self) -> float | None:
         watchdog_ms = self._config.watchdog_ms
-        return watchdog_ms / 1000 if watchdog_ms else None
+        return None if watchdog_ms is None else watchdog_ms / 1000
 
     def _count_line(self, line: PacketLine) -> None:
         self._counters["packets"] += line.parser.packets
@@ -359,6 +359,13 @@ class Pioneer:
             warnings.append(
                 f"it identifies itself as {identity.subtype!r} but is driven as {spec.model}"
             )
+        protection = {
+            "bumpers": self._config.front_bumpers,
+            "watchdog": self._config.watchdog_ms,
+        }
+        unknown = [name for name, value in protection.items() if value is None]
+        if self._phase is RobotPhase.CONNECTED and unknown:
+            warnings.append(f"it did not report its settings: {' and '.join(unknown)} unknown")
         counters = dict.fromkeys(_COUNTERS, 0) | self._counters
         if (line := self._line) is not None:
             counters["packets"] += line.parser.packets

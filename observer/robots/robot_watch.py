@@ -145,10 +145,10 @@ class RobotWatch:
     def in_outage(self, now: float, watchdog_s: float | None) -> bool:
         """Return whether its firmware may have stopped it, as it may not have heard us either.
 
-        ``watchdog_s``: timeout of the firmware; None where unknown.
+        ``watchdog_s``: timeout of the firmware; None where unknown, 0 where it never stops.
         """
         bound = SILENCE_FAULT_S
-        if watchdog_s is not None:
+        if watchdog_s:
             bound = min(bound, _WATCHDOG_PART * watchdog_s)
         return self._connected and now - self._heard >= bound
 

@@ -60,6 +60,7 @@ class FakeDrive:
         refuse: what to refuse, by the command's class: ``(refusal, sentence)``.
         hangs: whether it answers nothing. cannot_start: whether it never starts.
         stops_at_connecting: whether somebody stops all robots while one is being connected.
+        watchdog_s: of the robots' reports.
     """
 
     def __init__(self) -> None:
@@ -70,6 +71,7 @@ class FakeDrive:
         self.hangs = False
         self.cannot_start = False
         self.stops_at_connecting = False
+        self.watchdog_s: float | None = 2.0
         self._leases = 0
         self._empty()
 
@@ -250,7 +252,7 @@ class FakeDrive:
             commanded=Velocity(0.0, 0.0),
             sent=Velocity(0.0, 0.0),
             guard=None,
-            report=RobotReport(RobotPhase.CONNECTED, battery_v=12.3, watchdog_s=2.0),
+            report=RobotReport(RobotPhase.CONNECTED, battery_v=12.3, watchdog_s=self.watchdog_s),
         )
 
     def measure(self, role: Role, sent: float, encoder: float | None, ago_s: float = 0.0) -> None:

@@ -49,6 +49,7 @@ from app.server.robots.operators import Operators
 from app.server.robots.wheels import WheelLog, WheelSample
 from app.server.source_time import SourceTime
 from observer.rig.rig import ROLES, Rig, Role
+from observer.robots.contract import RobotPhase
 from observer.robots.ports import shown_port
 
 log = structlog.get_logger(__name__)
@@ -218,8 +219,8 @@ class RobotManager:
 
     def _lost(self, event: DriveLostEvent) -> None:
         self._trouble = (
-            f"{event.reason}; the robots' firmware stops them. They are reconnected, disarmed, "
-            "once the drive process has restarted"
+            f"{event.reason}; {self._firmware_stops()}. They are reconnected, disarmed, once the "
+            "drive process has restarted"
         )
         log.error("drive_lost", reason=event.reason)
         # Robots without a drive process must not be shown as connected.
@@ -228,6 +229,17 @@ class RobotManager:
         self._connecting.drive_lost()
         self.operators.drive_lost(event.reason)
         self._changed()
+
+    def _firmware_stops(self) -> str:
+        """Return what stops the connected robots without commands, in words."""
+        reports = [robot.report for robot in self._facts.robots.values() if robot is not None]
+        connected = [each for each in reports if each.phase is RobotPhase.CONNECTED]
+        if all(each.watchdog_s for each in connected):
+            return "the robots' firmware stops them"
+        return (
+            "use the robots' own stop switch, as not every robot has reported a watchdog that "
+            "stops it"
+        )
 
     # --- state -----------------------------------------------------------------------------
 
@@ -326,8 +338,8 @@ class RobotManager:
             self._connecting.look()
             raise NotAvailable(
                 "use the robots' own stop switch: the stop did not reach the drive process "
-                f"({error}). Without commands the robots' firmware stops them; the new drive "
-                "process starts in the stopped state"
+                f"({error}). Without commands robots whose watchdog is on stop by themselves; the "
+                "new drive process starts in the stopped state"
             ) from error
         self._connecting.stop_due = None
 

@@ -22,6 +22,7 @@ class Faults:
         false_header: before every packet comes a header that announces more bytes than follow.
         sonar_overrun: a status packet claims more sonar readings than it holds.
         no_sync_reply: SYNC is never answered. strange_sync_reply: it is answered with type 0xFF.
+        no_config_reply: CONFIG is never answered.
         short_status: status packets end after the digital output, as in old firmware.
         strange_packets: packets of unknown types between status packets.
 
@@ -47,6 +48,7 @@ class Faults:
     sonar_overrun: bool = False
     no_sync_reply: bool = False
     strange_sync_reply: bool = False
+    no_config_reply: bool = False
     short_status: bool = False
     strange_packets: bool = False
 

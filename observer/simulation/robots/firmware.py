@@ -33,7 +33,7 @@ class Firmware:
         spec: the model. chassis: the machine below.
         now: start time, seconds; only differences matter.
         name, subtype: as it reports them; the subtype is the model's own unless given.
-        watchdog_s: the robot stops after this long without a command.
+        watchdog_s: the robot stops after this long without a command; 0: never.
         bumpers: number at each end, at most 7.
 
     Attributes:
@@ -234,7 +234,7 @@ class Firmware:
         if number == Command.CLOSE:
             self._end()
         elif number == Command.CONFIG:
-            return self._framed(self._config())
+            return b"" if self.faults.no_config_reply else self._framed(self._config())
         elif number in (Command.STOP, Command.E_STOP):
             self._motors.stop(hard=number == Command.E_STOP)
         elif number == Command.SETO:

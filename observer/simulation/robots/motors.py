@@ -175,7 +175,7 @@ class Motors:
         """Update what changes without a command: watchdog, stalls, goals."""
         self._now = now
         wheels = self._chassis.wheels()
-        if now - self._commanded > self._watchdog_s:
+        if self._watchdog_s and now - self._commanded > self._watchdog_s:
             self.timed_out = True
         if self._faults.stop_pressed and self._on:
             self.switch(on=False)

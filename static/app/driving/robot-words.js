@@ -122,7 +122,7 @@ export function figuresOf({ report, sent }) {
     ],
     [
       "Robot watchdog",
-      report.watchdog_s === null ? "–" : `${fixed(report.watchdog_s, 1)} s`,
+      watchdogInWords(report.watchdog_s),
       "the robot's firmware stops it this long after the last command",
     ],
     [
@@ -190,6 +190,12 @@ function stallInWords(stalled) {
   const [left, right] = stalled;
   if (left && right) return "both stalled";
   return left || right ? `${left ? "left" : "right"} stalled` : "turning freely";
+}
+
+/** @param {number | null} seconds */
+function watchdogInWords(seconds) {
+  if (seconds === null) return "–";
+  return seconds === 0 ? "off" : `${fixed(seconds, 1)} s`;
 }
 
 /** @param {RobotReport} report */

@@ -57,7 +57,9 @@ def test_an_arming_refusal_names_the_missing_condition(bench: Any) -> None:
     refused(bench, ArmRobot("observer", None), "a wheel stalled; reset it first")
     robot.change(fault=None, stop_pressed=True)
     refused(bench, ArmRobot("observer", None), "stop button .* is pressed")
-    robot.change(stop_pressed=False)
+    robot.change(stop_pressed=False, watchdog_s=0.0)
+    refused(bench, ArmRobot("observer", None), "watchdog .* switched off, .*; set it to 2000 ms")
+    robot.change(watchdog_s=2.0)
     refused(bench, ArmRobot("observer", None), "nothing can be seen")
     for seeing, match in (
         ({"mount_known": False}, "height and tilt"),

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from observer.robots import pioneer
+from observer.robots import handshake, pioneer
 from observer.robots.arcos import Command, command
 from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase, RobotReport
 from observer.robots.serial_port import open_port
@@ -131,6 +131,26 @@ def test_an_idle_robot_never_trips_its_watchdog(driven: Drivens) -> None:
     while time.monotonic() < until:
         assert not it.there.timed_out
         time.sleep(0.01)
+
+
+def test_a_watchdog_that_is_off_is_told_from_one_that_is_unknown(driven: Drivens) -> None:
+    it = driven(there=EmulatedRobot("p3dx-sh", now=time.monotonic(), watchdog_s=0.0))
+    report = it.connect()
+    assert (report.watchdog_s, report.warnings) == (0.0, ())
+
+
+def test_settings_that_were_not_reported_are_a_standing_warning(
+    driven: Drivens, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(handshake, "_CONFIG_S", 0.1)
+    there = EmulatedRobot("p3dx-sh", now=time.monotonic())
+    there.faults.no_config_reply = True
+    it = driven(there=there)
+    report = it.connect()
+    assert report.watchdog_s is None
+    it.arm()
+    warning = "it did not report its settings: bumpers and watchdog unknown"
+    assert it.robot.report().warnings == (warning,)
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,9 @@ def test_silence_becomes_a_warning_and_then_a_fault() -> None:
     assert watch.fault is None
 
 
-@pytest.mark.parametrize(("watchdog_s", "after_s"), [(None, 1.0), (2.0, 1.0), (0.4, 0.2)])
+@pytest.mark.parametrize(
+    ("watchdog_s", "after_s"), [(None, 1.0), (0.0, 1.0), (2.0, 1.0), (0.4, 0.2)]
+)
 def test_an_outage_starts_before_the_watchdog_may_have_expired(
     watchdog_s: float | None, after_s: float
 ) -> None:

@@ -96,6 +96,8 @@ test("figures say what is not known, which wheel stalls and which bumper is pres
     ["–", "–", "–", "none fitted"],
   );
   assert.equal(told({ stalled: [false, true] })["Wheels"], "right stalled");
+  const watchdogs = [null, 0, 2].map((watchdog_s) => told({ watchdog_s })["Robot watchdog"]);
+  assert.deepEqual(watchdogs, ["–", "off", "2.0 s"]);
   assert.equal(
     told({ front_bumpers: [true, false, true], rear_bumpers: [false, true] })["Bumpers"],
     "front 1, 3; rear 2",

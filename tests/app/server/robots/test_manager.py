@@ -228,6 +228,24 @@ async def test_an_undelivered_stop_is_sent_to_the_next_process(drive: Any, serve
     assert drive.stopped is None
 
 
+@pytest.mark.parametrize(
+    ("watchdog_s", "words"),
+    [
+        (2.0, "the robots' firmware stops them"),
+        (None, "use the robots' own stop switch, as not every robot has reported a watchdog"),
+    ],
+)
+async def test_a_lost_drive_process_is_reported_with_what_stops_the_robots(
+    peer: Any, drive: Any, storage: Storage, watchdog_s: float | None, words: str
+) -> None:
+    drive.watchdog_s = watchdog_s
+    peer.world, peer.robots = "simulated:lab/1", OWN
+    async with started(peer, storage, drive=drive) as server:
+        await until(lambda: all(server.driving.facts().robots.values()))
+        drive.lose()
+        assert words in (server.driving.facts().process.trouble or "")
+
+
 async def test_the_drive_process_stops_before_the_engine(
     peer: Any, drive: Any, storage: Storage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
