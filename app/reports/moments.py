@@ -24,6 +24,7 @@ from observer.parameters import Parameters, preset
 from observer.parameters.fields import PLANAR
 from observer.recording.payloads import MatchedTruth
 from observer.recording.replay import replay_revisions
+from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
 from observer.truth.counting import MOVING_MPS
 from observer.types import FullTrace, NoTrace, StereoFrame
@@ -129,15 +130,17 @@ class Moments:
 
     def __init__(self, source: RecordingSource, gathered: Gathered) -> None:
         self._source = source
-        self._lines = {line["frame"]: line for line in gathered.lines}
+        # Numbers of frames repeat where an engine was replaced; the run's times do not.
+        self._frames = RunTimes(source.recording.frames).frames
+        self._lines = {(line["frame"], line["time"]): line for line in gathered.lines}
         # Frames with something moving, and the significance of its motion.
         self._moving: list[tuple[int, float]] = []
-        for position, frame in enumerate(source.recording.frames):
-            line = self._lines.get(frame.index)
+        for position, frame in enumerate(self._frames):
+            line = self._lines.get(frame)
             best = None if line is None or position == 0 else most_significant(line)
             if best is not None:
                 self._moving.append((position, float(best["significance"])))
-        self._truth = {payload.frame: payload for payload in gathered.matched}
+        self._truth = {(payload.frame, payload.time): payload for payload in gathered.matched}
         self._revisions = replay_revisions(source.recording)
 
     def most_significant(self) -> int | None:
@@ -170,7 +173,6 @@ class Moments:
         begin = max(position - before, 0)
         self._source.seek(begin)
         trace = FullTrace()
-        index = None
         for at in range(begin, position + 1):
             frame = self._source.read()
             if not isinstance(frame, StereoFrame):
@@ -178,8 +180,7 @@ class Moments:
                     return None
                 continue
             observer.observe(frame, trace if at == position else NoTrace())
-            index = frame.index
-        line = None if index is None else self._lines.get(index)
+        line = self._lines.get(self._frames[position])
         if line is None or "previous_left" not in trace:
             return None
         boxes, by_truth = self._moving_boxes(line, observer.camera)
@@ -188,7 +189,7 @@ class Moments:
     def _moving_boxes(
         self, line: Mapping[str, Any], camera: StereoCamera
     ) -> tuple[tuple[Float64Array, ...], bool]:
-        payload = self._truth.get(line["frame"])
+        payload = self._truth.get((line["frame"], line["time"]))
         if payload is not None and line["pose"] is not None:
             return _true_boxes(payload, line, camera), True
         reported = (o for o in line["obstacles"] if o["motion"] == "moving")

@@ -22,6 +22,7 @@ class RunTimes:
 
     Attributes:
         span: first and last time of the run, None without a frame.
+        frames: number and time within the run of each frame; each pair is unique.
     """
 
     def __init__(self, frames: Sequence[RecordedFrame]) -> None:
@@ -29,6 +30,10 @@ class RunTimes:
         self._frames = frames
         self._offsets = [clock.add_recorded(frame) - frame.time for frame in frames]
         self._same = not any(self._offsets)
+        self.frames = tuple(
+            (frame.index, frame.time + offset)
+            for frame, offset in zip(frames, self._offsets, strict=True)
+        )
         self.span: tuple[float, float] | None = None
         if clock.begin_s is not None and clock.duration_s is not None:
             self.span = clock.begin_s, clock.begin_s + clock.duration_s

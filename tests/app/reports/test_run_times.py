@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from app.reports.gathering import _true_motions, gather, seen_motions
+from app.reports.moments import Moments
 from app.reports.page import report_html
 from app.reports.report import make_report
 from app.reports.run_chart import chart_csv, chart_values
@@ -20,6 +21,7 @@ from observer.opening import open_source
 from observer.recording.payloads import MatchedBody, MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
 from observer.recording.run_times import RunTimes
+from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
 from observer.types import StereoFrame
 
@@ -105,3 +107,18 @@ def test_truth_is_matched_to_the_frame_of_its_own_engine() -> None:
         "cart": ("right",) * 3 + ("",) * 3,
         "trolley": ("",) * 3 + ("left",) * 3,
     }
+
+
+def test_pictures_show_the_frame_of_their_own_engine(tmp_path: Path) -> None:
+    path = record(tmp_path / "r.mcap", frames=FRAMES)
+    _go_on(path)
+    with Recording(path) as recording:
+        gathered = gather(recording)
+    source = RecordingSource(path)
+    moments = Moments(source, gathered)
+    for position in (FRAMES - 1, 2 * FRAMES - 1):
+        moment = moments.published(position)
+        assert moment is not None
+        assert moment.line is gathered.lines[position]
+        assert moment.by_truth
+    source.close()
