@@ -1,6 +1,10 @@
 // The types of node's test runner that the tests use; the complete ones would need another package.
 declare module "node:test" {
   export function test(name: string, run: () => unknown): Promise<void>;
+  export const mock: {
+    method(object: object, name: string, instead: () => unknown): void;
+    timers: { enable(options: { apis: string[] }): void; tick(ms: number): void };
+  };
 }
 
 declare module "node:assert/strict" {

@@ -13,6 +13,8 @@ import { isArmed, ROLES } from "./roles.js";
 const SEND_EVERY_MS = 100;
 // The server stops a robot after 250 ms of operator silence; the page then asks for a new press.
 const FROZEN_AFTER_MS = 250;
+// Nobody consents to what they cannot see. The server sends something to show every 250 ms.
+const UNSEEN_AFTER_MS = 1000;
 // Upper limit for manual driving, whatever the robot is capable of.
 const MAX_TURN_RATE_RADPS = Math.PI / 2;
 const KEY = "dynamic-observer.driving";
@@ -44,7 +46,7 @@ export class Driver extends Emitter {
       this.link.addEventListener(type, () => this.#linkChanged());
     this.link.addEventListener("refused", () => this.#block(sentence(this.link.refusal)));
     hub.addEventListener("robots", () => this.#robotsChanged());
-    hub.addEventListener("connection", () => this.emit("change"));
+    hub.addEventListener("connection", () => this.#connectionChanged());
     // Browsers throttle the timers of hidden pages, so let go and then stay silent.
     document.addEventListener("visibilitychange", () => document.hidden && this.hold.releaseAll());
     for (const type of ["blur", "pagehide", "freeze"])
@@ -162,6 +164,8 @@ export class Driver extends Emitter {
     this.#ticked = now;
     if (document.hidden) return;
     if (wasFrozen) this.#block("This page froze for a moment: let go and press again.");
+    if (now - this.#hub.heardAt > UNSEEN_AFTER_MS)
+      return this.#block("The server is not responding: let go and press again.");
     const { topSpeed } = this;
     const held = this.hold.deflection;
     for (const role of this.link.leases.keys()) {
@@ -181,6 +185,12 @@ export class Driver extends Emitter {
   /** @param {number} speed_mps @param {number} turn_rate_radps */
   #send(speed_mps, turn_rate_radps) {
     if (this.link.leases.has(this.role)) this.link.drive(this.role, { speed_mps, turn_rate_radps });
+  }
+
+  #connectionChanged() {
+    if (this.#hub.connection !== "open")
+      this.#block("Connection to the server lost: let go and press again.");
+    this.emit("change");
   }
 
   #linkChanged() {

@@ -45,6 +45,8 @@ export class Hub extends Emitter {
   sources = [];
   /** @type {Connection} */
   connection = "connecting";
+  /** When the newest message of the live socket was read, ms of `performance.now`. */
+  heardAt = -Infinity;
   /** A click on the floor of the 3D scene, which a part may request. */
   floorPick = new FloorPick();
   /** @type {Freshness} */
@@ -91,6 +93,7 @@ export class Hub extends Emitter {
 
   /** @param {any} message */
   #receive(message) {
+    this.heardAt = performance.now();
     if (message.type === "observation") {
       this.#heartbeat = { at: performance.now(), age_s: message.age_ms / 1000 };
       this.observation = message;
