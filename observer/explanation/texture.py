@@ -14,9 +14,8 @@ from observer.geometry import Float64Array
 from observer.parameters import FeaturesParameters, FlowParameters, Parameters
 from observer.types import Image
 from observer.vision.features import corners, detect_features
+from observer.vision.klt_tracking import EIGENVALUE_UNIT
 
-# OpenCV returns the smaller eigenvalue of the mean gradient matrix in 1024 (grey levels/px)^2.
-_EIGENVALUE_UNIT = 1024.0
 # FAST needs this margin around a corner, for its circle.
 _FAST_REACH_PX = 4
 
@@ -87,7 +86,7 @@ def _texture(image: Image, px: np.ndarray[Any, Any], window_px: int) -> Float64A
         minEigThreshold=0.0,
     )
     value = np.asarray(eigenvalue, dtype=np.float64)[:, 0]
-    return np.asarray(np.sqrt(np.maximum(value, 0.0) * _EIGENVALUE_UNIT), dtype=np.float64)
+    return np.asarray(np.sqrt(np.maximum(value, 0.0) * EIGENVALUE_UNIT), dtype=np.float64)
 
 
 def _to_get_one(

@@ -31,7 +31,7 @@ from observer.kernels.small import determinant, inverse_symmetric, product, squa
 # Neighbours must agree in depth to within this many standard deviations.
 _DEPTH_SIGMAS = 3.0
 # Factor on the variance of the slope when a regression runs over a random walk of the pose.
-_RANDOM_WALK = 1.2
+RANDOM_WALK = 1.2
 # Above rounding errors: product of the three eigenvalues of an information, relative to the cube of
 # their mean; and their mean, relative to the sums whose difference it is.
 _LEAST_RANK = 1e-12
@@ -309,7 +309,7 @@ def _common_errors(
     errors accumulate as a random walk, and two systematic ones of the calibration.
     """
     x, y, z = place[0], place[1], place[2]
-    walk = _RANDOM_WALK / (dt * window)
+    walk = RANDOM_WALK / (dt * window)
     for r in range(3):
         for c in range(3):
             out[r, c] = 0.0

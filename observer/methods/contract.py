@@ -14,6 +14,9 @@ from observer.vision.view import StereoRows, View
 
 # Times a stage by name: ``with timer("features"): ...``.
 StageTimer = Callable[[str], AbstractContextManager[None]]
+# A model of the camera's motion that explains less than this share of the points may have locked
+# onto an obstacle.
+WEAK_SHARE = 0.4
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from observer.parameters import FlowParameters, KltTrackingParameters
 from observer.types import Image
 
 # OpenCV returns the smaller eigenvalue of the mean gradient matrix in 1024 (grey levels/px)^2.
-_EIGENVALUE_UNIT = 1024.0
+EIGENVALUE_UNIT = 1024.0
 # Lucas-Kanade ends when a step is below this, px, or after this many steps: few when starting from
 # a prediction, OpenCV's default when starting from the old position.
 _CONVERGED_PX = 0.01
@@ -100,7 +100,7 @@ def track_stereo_points(
             height,
             width,
             np.float32(p.window_px / 4),
-            np.float32(_EIGENVALUE_UNIT),
+            np.float32(EIGENVALUE_UNIT),
             np.float32(p.back_check_px**2),
             np.float32(p.max_error),
         )
@@ -271,7 +271,7 @@ def _flow(
         criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, steps, _CONVERGED_PX),
         flags=(0 if start is None else cv2.OPTFLOW_USE_INITIAL_FLOW)
         | (cv2.OPTFLOW_LK_GET_MIN_EIGENVALS if want_texture else 0),
-        minEigThreshold=parameters.min_texture**2 / _EIGENVALUE_UNIT,
+        minEigThreshold=parameters.min_texture**2 / EIGENVALUE_UNIT,
     )
     return _Flow(
         np.asarray(end, np.float32),

@@ -17,23 +17,20 @@ from scipy.special import ndtri
 from observer.camera import StereoCamera
 from observer.chi_square import upper_quantile
 from observer.geometry import Float64Array, Pose
+from observer.kernels.motion_test import RANDOM_WALK
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2
-from observer.methods.monocular.rays import RayPoints
+from observer.methods.monocular.rays import DEPTH_SHARED, RayPoints
 from observer.parameters import EvidenceParameters
 from observer.vision.neighbourhoods import false_alarms_per_test, summed
 
 # Neighbours move alike in the image to within this many pixels per frame, plus this share.
 _ALIKE_PX, _ALIKE_SHARE = 0.6, 0.1
 _LEAST_ANCHOR_S = 0.25
-# Factor on the depth variance: depths come from the same poses, so their errors are correlated.
-_DEPTH_SHARED = 9.0
 # A point below the ground is farther than the ground by a margin: a share of the ground's inverse
 # distance, and in 1 / camera heights. Most of its neighbours must each be so too.
 _FLOOR_SHARE, _SLACK = 0.8, 0.02
 _MOST, _EACH_SIGMAS = 0.7, 2.0
-# The pose's errors accumulate over the frames as a random walk.
-_RANDOM_WALK = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +83,7 @@ def ray_evidence(
         slack = _SLACK / ground.depth
     # The margin keeps ground points from seeming below the ground through errors of scale and tilt.
     excess = _FLOOR_SHARE * np.maximum(bound, 0.0) - slack - points.inverse
-    depth_weight = ready / np.maximum(_DEPTH_SHARED * points.variance, 1e-12)
+    depth_weight = ready / np.maximum(DEPTH_SHARED * points.variance, 1e-12)
     beyond = ready & (excess * np.sqrt(depth_weight) > _EACH_SIGMAS)
     singles = [
         np.einsum("ni,ni->n", velocity, information_vector),
@@ -104,7 +101,7 @@ def ray_evidence(
     spread = sums[:, 6] - np.einsum("ni,ni->n", pooled, sums[:, 4:6])
     scatter = np.maximum(1.0, spread / np.maximum(2 * (neighbours - 1), 1))
     J = np.nan_to_num(expected_sightings(points, T_camera_world, camera).by_pose)
-    ego = J @ step_covariance @ np.swapaxes(J, 1, 2) * (_RANDOM_WALK / (dt * age))[:, None, None]
+    ego = J @ step_covariance @ np.swapaxes(J, 1, 2) * (RANDOM_WALK / (dt * age))[:, None, None]
     C = C * (scatter * shared)[:, None, None] + ego
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_2x2(C), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)

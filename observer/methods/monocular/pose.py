@@ -16,13 +16,11 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
-from observer.methods.monocular.rays import RayPoints
+from observer.methods.monocular.rays import DEPTH_SHARED, RayPoints
 
 # Standard deviations beyond which residuals get little weight, round by round.
 _WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.0, 3.0)
 _OUTLIER_SIGMAS = 3.5
-# Factor on the depth variance: depths come from the same poses, so their errors are correlated.
-_DEPTH_SHARED = 9.0
 # Radians and metres, one standard deviation: how a robot's camera nods and bobs on flat ground.
 _NOD_SIGMA, _BOB_SIGMA_M = 0.004, 0.005
 
@@ -66,7 +64,7 @@ def estimate_pose(
     share = weight[use]
     noise = sighting_noise(chosen)
     # All depths come from the same poses, so their errors are correlated.
-    doubt = _DEPTH_SHARED * chosen.variance
+    doubt = DEPTH_SHARED * chosen.variance
     pose, information, length = T_expected, prior, np.zeros(len(chosen))
     for width in _WIDTHS:
         seen = expected_sightings(chosen, pose, camera)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 
 NO_OBSTACLE = -1
+# Factor on the depth variance: depths come from the same poses, so their errors are correlated.
+DEPTH_SHARED = 9.0
 
 
 @dataclass(frozen=True, eq=False)

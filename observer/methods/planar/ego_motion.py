@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, map_pixels
+from observer.methods.contract import WEAK_SHARE
 from observer.parameters import EgoMotionParameters
 from observer.types import Matches, Status
 
 _RANSAC_CONFIDENCE = 0.999
-# A model that explains less than this share of the matches may have locked onto an obstacle.
-_WEAK_SHARE = 0.4
 # Between two frames the image of the background cannot shrink or grow by more than this.
 _MAX_SCALE = 1.6
 # PnP's minimal solver takes 4 points; this many more make a wrong pose unlikely.
@@ -125,7 +124,7 @@ def estimate_ego_motion(
     reasons = []
     if support < 2 * parameters.min_inliers:
         reasons.append(f"the ego-motion is supported by only {support} matches")
-    if support < _WEAK_SHARE * count:
+    if support < WEAK_SHARE * count:
         reasons.append(f"only {100 * support / count:.0f} % of the matches agree on one motion")
     if pose is None:
         reasons.append("the camera's pose is unknown: too few background points with depth")

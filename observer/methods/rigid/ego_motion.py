@@ -17,13 +17,12 @@ from observer.camera import StereoCamera
 from observer.chi_square import quantile
 from observer.geometry import Float64Array, Pose
 from observer.kernels.pose_fit import fit_pose
+from observer.methods.contract import WEAK_SHARE
 from observer.parameters import EgoMotionParameters
 from observer.robust import median
 from observer.types import Status
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 
-# A pose that explains less than this share of the points may have locked onto an obstacle.
-_WEAK_SHARE = 0.4
 # Keeps the information invertible where the points do not constrain a direction.
 _DAMPING = 1e-9
 _MEDIAN_CHI2 = quantile(0.5, df=3)
@@ -96,7 +95,7 @@ def estimate_rigid_motion(
     if support < 2 * parameters.min_inliers:
         reasons.append(f"the ego-motion is supported by only {support} points")
     T_current_previous = pose @ T_previous_world.inverse()
-    if support < _WEAK_SHARE * count and not confirmed(T_current_previous):
+    if support < WEAK_SHARE * count and not confirmed(T_current_previous):
         reasons.append(f"only {100 * support / count:.0f} % of the points agree on one motion")
     # Normalized residuals in three dimensions have a mean square of 3; more means more noise than
     # declared.
