@@ -10,10 +10,10 @@ import numpy as np
 from observer.geometry import Float64Array, Pose
 
 # From the robot's axes (x forward, y left, z up) to those of a level camera.
-_R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
 # A level camera at z = 0, in axes with x forward, y left, z up.
-_T_LEVEL_CAMERA = Pose(_R_CAMERA_BASE.T, np.zeros(3))
+_T_LEVEL_CAMERA = Pose(R_CAMERA_BASE.T, np.zeros(3))
 
 
 def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Array:
@@ -25,7 +25,7 @@ def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Ar
     pan = Pose.from_rotvec([0.0, 0.0, pan_rad], np.zeros(3)).rotation
     tilt = Pose.from_rotvec([0.0, tilt_rad, 0.0], np.zeros(3)).rotation
     roll = Pose.from_rotvec([roll_rad, 0.0, 0.0], np.zeros(3)).rotation
-    return np.asarray(pan @ (tilt @ roll @ _R_CAMERA_BASE.T), dtype=np.float64)
+    return np.asarray(pan @ (tilt @ roll @ R_CAMERA_BASE.T), dtype=np.float64)
 
 
 @dataclass(frozen=True)

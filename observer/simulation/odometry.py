@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 
+from observer.simulation.robots.vehicle import SCALE_SIGMA, TURN_SIGMA
 from observer.simulation.world import World
 from observer.types import Odometry
 
-# Standard deviations of relative errors drawn once per run: wheel size and track width.
-_SCALE_SIGMA = 0.01
-_TURN_SIGMA = 0.01
 # Standard deviations per frame: encoders in metres and radians, slip in radians per metre.
 _DISTANCE_SIGMA_M = 0.0003
 _YAW_SIGMA = 0.0003
@@ -28,8 +26,8 @@ class SimulatedOdometry:
     def __init__(self, world: World) -> None:
         self._world = world
         self._rng = np.random.default_rng(np.random.SeedSequence([world.seed, 0x0D0]))
-        self._scale = 1 + _SCALE_SIGMA * float(self._rng.standard_normal())
-        self._turn = 1 + _TURN_SIGMA * float(self._rng.standard_normal())
+        self._scale = 1 + SCALE_SIGMA * float(self._rng.standard_normal())
+        self._turn = 1 + TURN_SIGMA * float(self._rng.standard_normal())
         self._time: float | None = None
         self._x = self._y = self._yaw = 0.0
 

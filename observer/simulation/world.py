@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 from observer.camera import StereoCalibration
 from observer.errors import ScenarioError
 from observer.geometry import Float64Array, Pose
+from observer.mount import R_CAMERA_BASE
 from observer.simulation.bodies import (
     hanging_facet,
     p3dx_parts,
@@ -43,8 +44,6 @@ from observer.simulation.specs.places import DoorSpec, PosterSpec
 from observer.simulation.specs.vehicles import AMIGOBOT_SIZE
 from observer.simulation.variation import build_motion, oscillation, varied
 
-# From a vehicle's axes (x forward, y left, z up) to a camera's (x right, y down, z forward).
-_R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 # Metres: least distance of a vehicle's centre from a wall; nearer ones are refused.
 _WALL_MARGIN_M = 0.15
 
@@ -237,9 +236,7 @@ class World:
         angles = [math.radians(self._shake[n].value(time)) for n in ("roll", "pitch", "yaw")]
         # Roll, pitch (downwards) and yaw (to the left) about the vehicle's x, y and z axes.
         R = Rotation.from_euler("ZYX", [angles[2], angles[1] + pitch, angles[0]]).as_matrix()
-        return Pose(
-            R @ _R_CAMERA_BASE.T, np.array([c.forward_m, c.baseline_m / 2, c.height_m + up])
-        )
+        return Pose(R @ R_CAMERA_BASE.T, np.array([c.forward_m, c.baseline_m / 2, c.height_m + up]))
 
     def T_room_left(self, time: float) -> Pose:
         return self.observer.T_room_body(time) @ self.T_base_left(time)

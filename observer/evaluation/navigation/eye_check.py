@@ -14,6 +14,7 @@ from observer.evaluation.navigation.crowd import People
 from observer.evaluation.navigation.perceived import FRAME_S, turned
 from observer.geometry import Float64Array
 from observer.guard.sight import Sight
+from observer.intervals import SIGMAS_95
 from observer.types import Status
 
 # A sighting is due for a person who has been in view for this long, walks at least this fast, and
@@ -21,7 +22,6 @@ from observer.types import Status
 _IN_VIEW_S, _WALKS_MPS, _FARTHEST_M = 0.5, 0.4, 5.5
 # A track belongs to the nearest person within this distance plus this share of its range.
 _GATE_M, _GATE_SHARE = 0.6, 0.1
-_SIGMAS_95: Final = 1.96
 _COUNTED: Final = ("frames", "usable", "due", "found", "false", "surplus", "covered")
 
 
@@ -114,7 +114,7 @@ class EyeChecker:
                 found.add(k)
                 errors = [one.vx - float(velocity[k, 0]), one.vy - float(velocity[k, 1])]
                 self._errors += errors
-                most = _SIGMAS_95 * (one.velocity_sigma_mps or math.inf)
+                most = SIGMAS_95 * (one.velocity_sigma_mps or math.inf)
                 self._counts["covered"] += sum(abs(each) <= most for each in errors)
         return found
 

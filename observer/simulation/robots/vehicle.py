@@ -25,10 +25,10 @@ _FRICTION_MPS2, _FRICTION_RADPS2 = 1.5, 6.0
 _TOUCH_M = 1e-6
 # Below these speeds a vehicle stands, if nothing is commanded.
 _STILL_MPS, _STILL_RADPS = 1e-4, 1e-3
-# Standard deviations of relative errors drawn once, as in ``observer.simulation.odometry``: wheel
-# size and track width; and slip, rad per square root of a metre driven.
-_SCALE_SIGMA = 0.01
-_TURN_SIGMA = 0.01
+# Standard deviations of relative errors of wheels, drawn once: wheel size and track width.
+SCALE_SIGMA = 0.01
+TURN_SIGMA = 0.01
+# Slip, rad per square root of a metre driven.
 _SLIP = 0.003
 
 
@@ -58,8 +58,8 @@ class Vehicle:
         self._half_track = 1 / (1000 * spec.wheel_turn)
         self._rng = np.random.default_rng(np.random.SeedSequence([seed or 0, 0xD21]))
         drifts = seed is not None
-        self._scale = 1 + drifts * _SCALE_SIGMA * float(self._rng.standard_normal())
-        self._turn = 1 + drifts * _TURN_SIGMA * float(self._rng.standard_normal())
+        self._scale = 1 + drifts * SCALE_SIGMA * float(self._rng.standard_normal())
+        self._turn = 1 + drifts * TURN_SIGMA * float(self._rng.standard_normal())
         self._slip = _SLIP if drifts else 0.0
         self._wheel_x = self._wheel_y = self._wheel_yaw = 0.0
         self._left = self._right = 0.0
