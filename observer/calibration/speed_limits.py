@@ -30,12 +30,13 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.chi_square import upper_quantile
 from observer.geometry import Float64Array, Pose
+from observer.kernels.motion_test import RANDOM_WALK
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.expectation import predict
 from observer.methods.rigid.bodies.filter import BodyFilter
 from observer.methods.rigid.bodies.lifecycle import judge
 from observer.methods.rigid.bodies.shape import BodyShape
-from observer.methods.rigid.bodies.tracker import BodyTracker
+from observer.methods.rigid.bodies.tracker import YAW_RATE_SIGMA, BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.parameters import Parameters
@@ -44,10 +45,6 @@ from observer.vision.camera_rate import CameraRate
 
 # Seconds of rest before it moves: several times the filters' memory.
 _REST_S = 2.0
-# As in the method: the factor by which a regression over a random walk knows its slope worse
-# (``methods.rigid.motion_test``); and the yaw rate sigma of a body that was just found, rad/s.
-_RANDOM_WALK = 1.2
-_YAW_RATE_SIGMA = 0.6
 _LEAST_VELOCITY_VARIANCE = 1e-6
 # m/s: the speeds to try.
 _SPEEDS = (0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0)
@@ -156,7 +153,7 @@ def report_delay(
             own, own_cov = _own_velocity(sums)
             shared = (1 + p.evidence.noise_correlation * (neighbours - 1)) / neighbours
             window = max(dt, float(sums.window_s()[0]))
-            cov = own_cov * shared + step_cov * _RANDOM_WALK / (dt * window)
+            cov = own_cov * shared + step_cov * RANDOM_WALK / (dt * window)
             if own @ np.linalg.solve(cov, own) + 3 < threshold:
                 continue
             if np.linalg.norm(own) < 0.5 * p.obstacles.stopped_below_mps:
@@ -223,7 +220,7 @@ def _start_track(
         velocity,
         np.eye(3) * 1e-6,
         cov + np.eye(3) * _LEAST_VELOCITY_VARIANCE,
-        _YAW_RATE_SIGMA,
+        YAW_RATE_SIGMA,
     )
     track = BodyTrack(id=-1, filter=motion, shape=BodyShape())
     track.points = count

@@ -59,7 +59,7 @@ from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, is_provisional
 
 # rad/s, one standard deviation: yaw rate of a body that was just found.
-_YAW_RATE_SIGMA = 0.6
+YAW_RATE_SIGMA = 0.6
 # Seconds, time constant with which old places of points on a body are forgotten: tracked patches
 # slide.
 _SHAPE_MEMORY_S = 2.0
@@ -392,7 +392,7 @@ class BodyTracker:
 def _start_filter(group: Group) -> BodyFilter:
     """Return the motion of a body known only by a group; its origin is the group's middle."""
     here = np.eye(3) * _ORIGIN_VARIANCE
-    return BodyFilter.begin(group.centre, group.velocity, here, group.velocity_cov, _YAW_RATE_SIGMA)
+    return BodyFilter.begin(group.centre, group.velocity, here, group.velocity_cov, YAW_RATE_SIGMA)
 
 
 def _note_seen(
