@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import deque
 
@@ -93,6 +94,44 @@ class Backlog:
             self._draining_since = None
             return False
         return True
+
+
+class Waiting:
+    """Finds out by their stamps how long frames waited in the driver's queue.
+
+    After a stall of its process, or while decoding takes longer than a period, a camera's driver
+    delivers frames that it has queued. They count as received when they would have come without
+    waiting, and those that waited long enough for a newer one to be there are skipped, which
+    empties the queue.
+    """
+
+    # The queue that OpenCV asks for. A camera whose stamps are always late must still deliver, as
+    # late as the stamps say.
+    _MOST_SKIPPED = 4
+    _WAITED_PERIODS = 1.5
+    # A transfer takes a period at most; whatever takes longer makes a frame stale.
+    _TRANSFER_S = 0.1
+    _TRANSFER_PERIODS = 2.0
+
+    def __init__(self) -> None:
+        self._transfer_s = math.inf
+        self._skipped = 0
+
+    def add(self, arrival: float, stamp: float, period: float) -> tuple[float, bool]:
+        """Return when the next frame would have come without waiting, and whether to skip it.
+
+        Args:
+            arrival: host's monotonic clock, seconds. stamp: of the exposure, same clock.
+            period: of the camera, seconds.
+        """
+        self._transfer_s = min(self._transfer_s, arrival - stamp)
+        longest = max(self._TRANSFER_S, self._TRANSFER_PERIODS * period)
+        received = min(arrival, stamp + min(self._transfer_s, longest))
+        if arrival - received <= self._WAITED_PERIODS * period:
+            self._skipped = 0
+            return received, False
+        self._skipped += 1
+        return received, self._skipped <= self._MOST_SKIPPED
 
 
 class Repeats:

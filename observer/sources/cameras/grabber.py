@@ -22,7 +22,7 @@ import numpy as np
 from observer.errors import SourceError
 from observer.processes import die_with_parent
 from observer.sources.cameras.capture import Capture, Opener
-from observer.sources.cameras.freshness import Backlog, Period, Repeats
+from observer.sources.cameras.freshness import Backlog, Period, Repeats, Waiting
 from observer.sources.cameras.messages import (
     Command,
     Decode,
@@ -144,18 +144,23 @@ class Grabber:
             Opened(width, height, channels, rate, dict(applied.accepted), applied.refused)
         )
         period = Period(rate)
-        backlog = Backlog()
+        backlog, waiting = Backlog(), Waiting()
         seq = 0
         while self._next(period):
             arrival = time.monotonic()
             stamp = self._capture.stamp()
-            period.add(arrival)
+            exposed = arrival if stamp is None else stamp
+            period.add(exposed)
             # A stamp gives a frame's age; without stamps only the pace shows it.
-            if stamp is None and backlog.holds(arrival, period.seconds):
+            received, is_old = arrival, False
+            if stamp is not None:
+                received, is_old = waiting.add(arrival, stamp, period.seconds)
+            elif backlog.holds(arrival, period.seconds):
                 continue
             seq += 1
-            until = arrival + _WAITING * period.seconds
-            self._notices.offer(Grabbed(seq, arrival if stamp is None else stamp, arrival, until))
+            # An old frame gives way at once, but the source learns of it, to count dropped pairs.
+            until = arrival if is_old else arrival + _WAITING * period.seconds
+            self._notices.offer(Grabbed(seq, exposed, arrival, received, until))
             if self._is_wanted(seq, until) and not self._deliver(seq, shared):
                 return
 

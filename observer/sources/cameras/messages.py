@@ -64,12 +64,14 @@ class Grabbed(msgspec.Struct, frozen=True, tag=True):
         seq: rises by one with each frame.
         stamp: exposure, seconds of the host's monotonic clock; the arrival where it is unknown.
         arrival: when it was grabbed, same clock.
+        received: when it would have been without waiting in the driver's queue, same clock.
         until: when it gives way to the next one, same clock.
     """
 
     seq: int
     stamp: float
     arrival: float
+    received: float
     until: float
 
 

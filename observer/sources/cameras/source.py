@@ -226,7 +226,7 @@ class CameraSource:
         is_news = self._last_time is None or left.stamp > self._last_time
         if is_news and not self._repeats(cameras):
             both = len(cameras) == 1
-            received = max(left.arrival, right.arrival)
+            received = max(left.received, right.received)
             if not self._pairs:
                 # The first pair may come together with the sizes that the cameras opened with.
                 self._check_sizes()
@@ -244,7 +244,7 @@ class CameraSource:
             self._last_time = left.stamp
             self._index += 1
             self._pairs += 1
-            self._pairless_since = received
+            self._pairless_since = max(left.arrival, right.arrival)
             for camera in cameras:
                 camera.recovered()
         for camera in cameras:

@@ -2,8 +2,9 @@
 
 The file is JSON, read before each frame: ``mode`` (below), ``size`` [width, height], ``rate``,
 ``phase`` (fraction of a period by which frames come after the host's whole periods), ``stamps``
-(``exposure``, ``standing`` or ``none``), ``late`` (fraction of a period by which every fifth
-frame is delayed further) and ``decoding_s`` (how long it takes to decode a frame).
+(``exposure``, ``standing`` or ``none``), ``behind_s`` (by which stamps are earlier), ``late``
+(fraction of a period by which every fifth frame is delayed further) and ``decoding_s`` (how long it
+takes to decode a frame).
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ class ScriptedCapture:
 
     Modes: ``good``; ``hang in grab`` and ``hang in retrieve``, in a native call that also holds
     the GIL; ``no image``; ``frozen``; ``twice`` (each image), or alternating with it
-    ``twice, later``; ``black`` (repeats too); ``gone`` (each grab fails
+    ``twice, later``; ``black`` (repeats too); ``stall`` (for half a second, and then the four
+    frames that its driver has queued come at once); ``gone`` (each grab fails
     at once); ``raise``; ``die``; ``busy`` (cannot be opened); ``hang in opening``.
     """
 
@@ -41,6 +43,7 @@ class ScriptedCapture:
         self._settings = settings
         self._stamp = self._grabbed = 0.0
         self._noise: Image | None = None
+        self._queued: list[float] | None = None
         mode = self._script()["mode"]
         if mode == "busy":
             raise SourceError("is in use by another program; close it")
@@ -62,6 +65,12 @@ class ScriptedCapture:
         if script["mode"] == "gone":
             return False
         period = 1.0 / script["rate"]
+        if script["mode"] == "stall" and self._queued is None:
+            self._queued = [self._stamp + n * period for n in (1, 2, 3, 4)]
+            time.sleep(0.5)
+        if self._queued:
+            self._stamp = self._queued.pop(0)
+            return True
         number = math.floor(time.monotonic() / period - script["phase"]) + 1
         if number * period <= self._grabbed:
             # Rounding gave the time of the last frame again.
@@ -85,7 +94,7 @@ class ScriptedCapture:
                 return None
             case "standing":
                 return 1234.5
-        return self._stamp
+        return self._stamp - self._script().get("behind_s", 0.0)
 
     def settle(self) -> AppliedSettings:
         width, height = self._script()["size"]

@@ -111,7 +111,7 @@ def test_messages_round_trip_and_notices_fit_into_an_atomic_write() -> None:
     assert back.settings == asked
     opened = Opened(640, 480, 3, None, {"size": "640x480"}, ("gain 7 is not offered",))
     assert decode_notice(encode(opened)) == opened
-    grabbed = Grabbed(2**53, 123456.123456789, 123456.123456789, 123456.123456789)
+    grabbed = Grabbed(2**53, *[123456.123456789] * 4)
     assert decode_notice(encode(grabbed)) == grabbed
     assert len(encode(grabbed)) <= 512
     assert decode_notice(encode(Failed("has stopped\nsending", alive=False))) == Failed(

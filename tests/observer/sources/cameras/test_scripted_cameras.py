@@ -171,6 +171,36 @@ def test_frames_are_fresh_after_the_observer_was_busy(watch: Watch) -> None:
         assert time.monotonic() - frame.time < 2 * PERIOD_S + LATE_S
 
 
+def test_frames_that_waited_in_a_drivers_queue_do_not_count_as_fresh(
+    watch: Watch, left: Path, right: Path
+) -> None:
+    watch.read_frames(5)
+    write_script(left, mode="stall")
+    write_script(right, mode="stall", phase=0.2)
+    before = watch.frames[-1].time
+    watch.read_until(lambda: watch.frames[-1].time - before > 0.6)
+    for frame in watch.frames:
+        assert frame.received - frame.time < 2 * PERIOD_S + LATE_S
+    # The queue is emptied at once.
+    gap = max(after.time - one.time for one, after in itertools.pairwise(watch.frames))
+    assert gap > 0.45
+
+
+def test_a_camera_whose_stamps_are_always_late_delivers_but_is_never_fresh(
+    left: Path, right: Path
+) -> None:
+    for path in (left, right):
+        write_script(path, behind_s=0.5)
+    source = CameraSource(scripted_spec(left, right), opener=OPENER)
+    try:
+        watch = Watch(source)
+        for _ in range(10):
+            watch.read_frames(1)
+            assert time.monotonic() - watch.frames[-1].received >= 0.4
+    finally:
+        source.close()
+
+
 def test_arrival_times_are_used_without_exposure_stamps(left: Path, right: Path) -> None:
     for path in (left, right):
         write_script(path, stamps="none")
