@@ -30,6 +30,7 @@ _NEXT_LOOK_S = 0.02
 # A robot is disarmed after this long without sight or reports.
 BLIND_S = 1.0
 _EXPIRED = "no command from the operator arrived in time"
+_INTERRUPTED = "driving was interrupted: release the controls once, then continue"
 _GUARD_FAILED = "the guard failed; see the log of the drive process"
 
 State = Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
@@ -66,6 +67,8 @@ class DrivenRole:
         self.verdict: Verdict | None = None
         self.report: RobotReport | None = None
         self._unsure_since: float | None = None
+        # Why the operator has to let go.
+        self._interruption = _INTERRUPTED
         self._incidents: list[IncidentEvent] = []
 
     # --- connection ------------------------------------------------------------------------
@@ -165,12 +168,31 @@ class DrivenRole:
         if robot is not None:
             robot.stop()
 
-    def rest(self) -> None:
-        """Send zero at once and stay armed; drive again only once the operator has let go."""
+    def rest(self, why: str = _INTERRUPTED) -> None:
+        """Send zero at once and stay armed; drive again only once the operator has let go.
+
+        Args:
+            why: one sentence, shown until then.
+        """
+        self._interruption = why
         if self.armed and self.robot is not None:
             self.robot.drive(0.0, 0.0)
         self.sent = self._reached = ZERO
         self.consent.withdraw()
+
+    def ask_again(self, now: float, why: str) -> None:
+        """Let an armed robot that was asked to move rest, as what was consented to has changed.
+
+        Nobody can let go of a robot that drives autonomously: it must be armed anew.
+
+        Args:
+            why: one sentence.
+        """
+        moves = any(each != ZERO for each in (self.consent.velocity, self.asked, self.sent))
+        if self.armed and self.report is not None and self.report.wanted is not None:
+            self.disarm(now, None, why)
+        elif self.armed and moves:
+            self.rest(f"{why}: release the controls once, then continue")
 
     def new_operator(self) -> None:
         """Forget the previous operator's requests and their numbering."""
@@ -193,6 +215,8 @@ class DrivenRole:
         """
         now = tick.now
         lapsed = self.consent.look(now + _NEXT_LOOK_S)
+        if self.consent.released:
+            self._interruption = _INTERRUPTED
         if self.robot is None:
             self.report = None
             return self._why_not_armed()
@@ -345,7 +369,7 @@ class DrivenRole:
         if trouble is not None:
             return trouble
         if not played and self.asked != ZERO and not self.consent.released:
-            return "driving was interrupted: release the controls once, then continue"
+            return self._interruption
         return None
 
     def _why_not_armed(self) -> str:

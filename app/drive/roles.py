@@ -39,7 +39,7 @@ from app.drive.playing import Playing
 from app.drive.robot_opener import RobotOpener
 from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Guard
-from observer.guard.parameters import GuardParameters
+from observer.guard.parameters import GuardParameters, is_loosened
 from observer.guard.sight import Sight
 from observer.motion_profiles.playing import duration_s
 from observer.navigation.errand import Errand
@@ -220,7 +220,7 @@ class Roles:
             case StopGoal():
                 self._note(self.goals.give_up(self.driven[OBSERVER], None, now))
             case SetGuard():
-                self._set_guard(command)
+                self._set_guard(command, now)
             case _:
                 name = type(command).__name__
                 raise ProcessRefused(f"{name} is unknown to the drive process", "input")
@@ -308,7 +308,7 @@ class Roles:
     def _check_lease(self, role: Role, lease: str) -> None:
         self.leases.check(_checked(role), lease)
 
-    def _set_guard(self, command: SetGuard) -> None:
+    def _set_guard(self, command: SetGuard, now: float) -> None:
         values = {name.removeprefix(_GUARD): value for name, value in command.parameters.items()}
         try:
             parameters = GuardParameters.model_validate({**self._parameters.model_dump(), **values})
@@ -317,8 +317,14 @@ class Roles:
             name = ".".join(str(part) for part in first["loc"])
             said = with_name(f"{_GUARD}{name}", validation_words(first))
             raise ProcessRefused(said, "input") from None
+        loosened = is_loosened(self._parameters, parameters)
         self._parameters = parameters
         self._guard.use(parameters)
+        if loosened:
+            # Anybody may change the parameters: whoever drives has consented to the stricter ones.
+            for role, driven in self.driven.items():
+                self._end_driving_of(role, now, "was driving when the guard was loosened")
+                driven.ask_again(now, "the guard was loosened")
 
     # --- motion profiles -------------------------------------------------------------------
 

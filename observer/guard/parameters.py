@@ -66,3 +66,25 @@ class GuardParameters(Stage):
         0.35, unit="m", ge=0.0, le=1.0, step=0.05, title="Min. obstacle width"
     )
     """Narrower objects between the cones of two sonars may go undetected."""
+
+
+# Parameters that only limit the robots more when they fall, and when they rise. Those of a sonar's
+# cone and of the age of its readings do either, depending on the place.
+_STRICTER_IF_LOWER = (
+    *("speed_max_mps", "turn_rate_max_radps", "acceleration_mps2", "turn_acceleration_radps2"),
+    *("deceleration_mps2", "step_m", "memory_s", "sonar_reach_m", "thing_width_m"),
+)
+_STRICTER_IF_HIGHER = (
+    *("reaction_s", "margin_m", "sigmas", "slow_time_s", "creep_mps", "release_s"),
+    *("robot_height_m", "intruder_mps", "sonar_stop_m"),
+)
+
+
+def is_loosened(before: GuardParameters, after: GuardParameters) -> bool:
+    """Return whether the guard may permit more after a change of its parameters."""
+    return any(
+        (name not in _STRICTER_IF_LOWER or value > getattr(before, name))
+        and (name not in _STRICTER_IF_HIGHER or value < getattr(before, name))
+        for name, value in after
+        if value != getattr(before, name)
+    )
