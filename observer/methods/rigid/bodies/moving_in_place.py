@@ -16,6 +16,7 @@ from observer.methods.rigid.bodies.segment_tracking import start_track
 from observer.methods.rigid.dense.people import is_person, standing_segment
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Mask, Segment, opened, widened
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
@@ -45,8 +46,14 @@ class MovingInPlace:
     def __init__(self) -> None:
         self._places: list[_Place] = []
 
-    def note(self, tracks: list[BodyTrack], scene: DenseScene, numbers: TrackIds) -> None:
-        """Note what changed, and on which body.
+    def note(
+        self,
+        tracks: list[BodyTrack],
+        points: TrackedPoints,
+        scene: DenseScene,
+        numbers: TrackIds,
+    ) -> TrackedPoints:
+        """Note what changed, and on which body; returns the points without the removed bodies.
 
         Args:
             tracks: the bodies; new ones that move in place are added, and tentative ones seen on
@@ -69,12 +76,16 @@ class MovingInPlace:
         for place in [p for p in self._places if p.changes.recurring]:
             segment = standing_segment(scene, place.at, free)
             if segment is not None and is_person(segment, scene):
-                for part in [t for t in tracks if _lies_on(t, segment)]:
+                parts = [t for t in tracks if _lies_on(t, segment)]
+                of_parts = np.isin(points.obstacle, [t.id for t in parts])
+                points = points.but(obstacle=np.where(of_parts, NO_OBSTACLE, points.obstacle))
+                for part in parts:
                     tracks.remove(part)
                 free &= ~segment.mask
                 track = start_track(numbers.provisional(), segment, scene, _STAYED_MPS)
                 track.changes, place.changes = place.changes, Changes()
                 tracks.append(track)
+        return points
 
     def _note_places(self, found: list[Float64Array], scene: DenseScene) -> None:
         for at in found:

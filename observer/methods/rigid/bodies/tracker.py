@@ -110,12 +110,15 @@ class BodyTracker:
         else:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
-            self._moving_in_place.note(self.tracks, scene, self._numbers)
+            points = self._moving_in_place.note(self.tracks, points, scene, self._numbers)
             self._light = scene.light
         note_lasting_errors(self.tracks, now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
         points = self.spawn(points, motion, reach, p)
+        # Bodies that were found just now are no more certain than others.
+        found = [track for track in self.tracks if track.frames == 0]
+        note_lasting_errors(found, now, parameters.evidence)
         points = self.update_lifecycle(points, now.position, reach, now.dt, p)
         for track in self.tracks:
             track.carry_box(now.T_camera_world, now.camera)

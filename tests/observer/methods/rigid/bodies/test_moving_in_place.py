@@ -17,10 +17,12 @@ from observer.methods.rigid.bodies.segment_tracking import start_track
 from observer.methods.rigid.dense.free_space import STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
+from .... import builders
 from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, on_floor, person, seen
 from .planted_bodies import DT
 
@@ -58,7 +60,7 @@ def found(
     now = set(frames)
     for k in range(lasting):
         still = scene(k * DT, who, places(k) if k in now else None)
-        in_place.note(tracks, replace(still, T_world_camera=pose), numbers)
+        in_place.note(tracks, TrackedPoints.none(), replace(still, T_world_camera=pose), numbers)
         for track in tracks:
             judge(track, np.zeros(3), DT, P)
     return tracks
@@ -132,8 +134,15 @@ def test_an_unconfirmed_part_becomes_the_whole_person() -> None:
     assert now.changed is not None
     part = segment_of(now, now.changed)
     in_place, tracks = MovingInPlace(), [start_track(numbers.provisional(), part, now)]
+    other = 7
+    points = builders.watched(
+        GRID.camera, np.full((2, 3), 3.0), np.zeros(3), np.random.default_rng(1)
+    ).but(obstacle=np.array([tracks[0].id, other]))
     for k in range(40):
-        in_place.note(tracks, scene(k * DT, WHO, hand() if k in set(WAVING) else None), numbers)
+        now = scene(k * DT, WHO, hand() if k in set(WAVING) else None)
+        points = in_place.note(tracks, points, now, numbers)
     (track,) = tracks
+    # The part's points are free to join another body.
+    assert points.obstacle.tolist() == [NO_OBSTACLE, other]
     assert track.outline is not None
     assert track.outline.height == pytest.approx(1.6, abs=0.3)

@@ -55,6 +55,17 @@ def test_a_body_is_confirmed_once_it_certainly_moves(watched: Any, box: Any, cra
     assert track.significance > 5
 
 
+def test_a_new_body_is_no_more_certain_than_the_calibration(
+    watched: Any, box: Any, crate: Any
+) -> None:
+    run = watched(box(to_the_right()), crate)
+    while not run.tracks:
+        run.step()
+    (track,) = run.tracks
+    assert track.frames == 0
+    assert np.linalg.eigvalsh(track.lasting_cov)[-1] > 0.0
+
+
 @pytest.mark.parametrize(("members", "frames"), [(3, 16), (4, 8), (10, 3), (60, 3)])
 def test_confirmation_takes_longer_with_fewer_points(
     make_track: Any, members: int, frames: int
