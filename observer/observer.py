@@ -46,7 +46,6 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import count
 from typing import Literal
 
 from observer.camera import StereoCalibration, StereoCamera, as_gray
@@ -61,6 +60,7 @@ from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, Trace, Unseen
 from observer.vision.image_health import ImageHealth
+from observer.vision.lifecycle import TrackIds
 from observer.vision.rectification import Rectification
 from observer.vision.view import View
 
@@ -135,7 +135,7 @@ class Observer:
         self._clock = clock
         self._method: Method | None = None
         # Obstacle ids are not reused in a later segment.
-        self._numbers = count(1)
+        self._numbers = TrackIds()
         # Calibration errors of the pair persist across segments too.
         self._drift = StereoDrift(self.camera)
         self._health = ImageHealth(self.camera)

@@ -190,7 +190,7 @@ class Obstacle:
     always given.
 
     Attributes:
-        id: the track's number, unique within its segment: negative and provisional while it is
+        id: the track's number, not used again by its observer: negative and provisional while it is
             tentative, positive and permanent from its confirmation on.
         position_camera: (3,) metres, camera frame at this frame: the centre as far as it is known.
         velocity_camera: (3,) m/s, the obstacle's velocity over ground, in camera axes.

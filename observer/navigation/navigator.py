@@ -32,6 +32,7 @@ from observer.navigation.surroundings import Surroundings
 from observer.occupancy import OccupancyMap
 from observer.robots.contract import SonarReading
 from observer.types import Status
+from observer.vision.lifecycle import is_provisional
 
 # m/s per second: how fast the velocity of a person out of view may change, one sigma.
 _CHANGED_MPS: Final = 0.3
@@ -98,9 +99,20 @@ class Navigator:
         for one in sight.obstacles:
             if not one.coasting or one.id not in self._known:
                 self._known[one.id] = _Known(_standing(one, pose), sight.received)
+        self._forget_renumbered(sight)
         self._map.move_to(float(pose[0]), float(pose[1]))
         if sight.scan is not None:
             self._map.see(sight.scan, sight.obstacles, pose, sight.received)
+
+    def _forget_renumbered(self, sight: Sight) -> None:
+        """Forget tentative tracks that are seen under another number, as they were confirmed."""
+        numbers = {one.id for one in sight.obstacles}
+        there = [self._known[one.id].track for one in sight.obstacles if not one.coasting]
+        for number, known in list(self._known.items()):
+            if is_provisional(number) and number not in numbers:
+                before = _aged(known, sight.received)
+                if any(_overlap(before, one) for one in there):
+                    del self._known[number]
 
     def local_map(self) -> OccupancyMap | None:
         """Return the current map of the ground; None where the newest frame is not usable."""
@@ -290,6 +302,10 @@ def _standing(one: SeenObstacle, pose: Float64Array) -> SeenObstacle:
         vx=c * one.vx - s * one.vy,
         vy=s * one.vx + c * one.vy,
     )
+
+
+def _overlap(one: SeenObstacle, other: SeenObstacle) -> bool:
+    return math.hypot(one.x - other.x, one.y - other.y) < one.radius_m + other.radius_m
 
 
 def _in_base(one: SeenObstacle, motion: Motion) -> tuple[float, float]:

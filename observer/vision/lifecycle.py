@@ -41,7 +41,10 @@ def expired(state: TrackState, missed: float, *, coast: float, patience: float) 
 
 
 class TrackIds:
-    """Ids of tracks; false alarms of a moment do not use up permanent ids."""
+    """Ids of tracks; false alarms of a moment do not use up permanent ids.
+
+    Shared by all segments of an observer, so that none, not even a provisional one, is used twice.
+    """
 
     def __init__(self, lasting: Iterator[int] | None = None) -> None:
         """``lasting`` supplies the positive ids of confirmed tracks; from 1 if left out."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from observer.camera import StereoCamera
@@ -17,7 +15,7 @@ from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.methods.monocular.reporting import describe_ground_track
 from observer.parameters import Parameters
 from observer.types import Image, Obstacle
-from observer.vision.lifecycle import while_lost
+from observer.vision.lifecycle import TrackIds, while_lost
 from observer.vision.neighbourhoods import grouped
 
 # A floating group has at least this many points.
@@ -28,7 +26,7 @@ class GroundObstacles:
     """Obstacles on the ground; there are none while the ground plane is unknown."""
 
     def __init__(
-        self, camera: StereoCamera, ground: GroundPlane | None, numbers: Iterator[int] | None
+        self, camera: StereoCamera, ground: GroundPlane | None, numbers: TrackIds | None
     ) -> None:
         self._camera = camera
         self._ground = ground

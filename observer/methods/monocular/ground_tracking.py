@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,9 +44,9 @@ _OUT_OF_REACH = 1.3
 class GroundTracker:
     """The obstacles of one segment."""
 
-    def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        """``numbers`` supplies the ids of confirmed obstacles; they count from 1 if left out."""
-        self._numbers = TrackIds(numbers)
+    def __init__(self, numbers: TrackIds | None = None) -> None:
+        """``numbers`` supplies the ids of obstacles; new ones if left out."""
+        self._numbers = numbers or TrackIds()
         self.tracks: list[GroundTrack] = []
 
     def boxes_px(self) -> Float64Array:

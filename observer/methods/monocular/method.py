@@ -7,8 +7,6 @@ covariances say so.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,6 +48,7 @@ from observer.vision.klt_tracking import (
     as_bright_as,
     track_stereo_points,
 )
+from observer.vision.lifecycle import TrackIds
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import View
 from observer.vision.wheel_odometry import driven_distance, driven_step
@@ -92,10 +91,10 @@ class MonocularMethod:
         camera: StereoCamera,
         view: View,
         parameters: Parameters,
-        numbers: Iterator[int] | None = None,
+        numbers: TrackIds | None = None,
         mount: CameraMount | None = None,
     ) -> None:
-        """Start a new world at ``view``; ``numbers`` supplies the ids of confirmed tracks.
+        """Start a new world at ``view``; ``numbers`` supplies the ids of tracks.
 
         Args:
             mount: how the camera is mounted on its robot; None if only the parameters may say.

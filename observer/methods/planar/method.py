@@ -8,7 +8,6 @@ Dynamic Obstacles". The camera's motion is a planar map of the image (affine, ho
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -33,6 +32,7 @@ from observer.methods.planar.tracking import Tracker
 from observer.parameters import Parameters
 from observer.types import EgoMotion, Image, Matches, Obstacle, Trace
 from observer.vision.features import Features, detect_features
+from observer.vision.lifecycle import TrackIds
 from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.stereo import disparity_around, disparity_map, sample_disparity
 from observer.vision.view import View
@@ -52,10 +52,8 @@ class _Seen:
 class PlanarMethod:
     """Steps 2 to 9 of the paper (see ``observer.methods.contract.Method``)."""
 
-    def __init__(
-        self, camera: StereoCamera, view: View, numbers: Iterator[int] | None = None
-    ) -> None:
-        """Start a new world at ``view``; ``numbers`` supplies the ids of confirmed tracks."""
+    def __init__(self, camera: StereoCamera, view: View, numbers: TrackIds | None = None) -> None:
+        """Start a new world at ``view``; ``numbers`` supplies the ids of tracks."""
         self._camera = camera
         self._tracker = Tracker(numbers)
         self._history = deque([_Seen(view, Pose.identity())], maxlen=_HISTORY)

@@ -6,7 +6,6 @@ detections belong together. Its own smoothed velocity is used only to predict th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -30,9 +29,9 @@ _FAR = 1e9
 class Tracker:
     """Nearest-neighbour tracker (Hungarian assignment) with confirmation and coasting."""
 
-    def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        """``numbers`` supplies the ids of confirmed tracks; they count from 1 if left out."""
-        self._numbers = TrackIds(numbers)
+    def __init__(self, numbers: TrackIds | None = None) -> None:
+        """``numbers`` supplies the ids of tracks; new ones if left out."""
+        self._numbers = numbers or TrackIds()
         self._tracks: list[Track] = []
         self._expected_velocity: dict[int, Float64Array] = {}
         self._time = 0.0

@@ -6,7 +6,6 @@ place; groups of neighbouring points that move together relative to them are dyn
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -41,7 +40,7 @@ from observer.types import Obstacle, Trace, Unseen
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights, has_corner
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
-from observer.vision.lifecycle import while_lost
+from observer.vision.lifecycle import TrackIds, while_lost
 from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import StereoRows, View
@@ -62,14 +61,14 @@ class RigidMethod:
         camera: StereoCamera,
         view: View,
         parameters: Parameters,
-        numbers: Iterator[int] | None = None,
+        numbers: TrackIds | None = None,
         mount: CameraMount | None = None,
         drift: StereoDrift | None = None,
     ) -> None:
         """Start a new world at ``view``.
 
         Args:
-            numbers: supplies the ids of confirmed tracks.
+            numbers: supplies the ids of tracks.
             mount: gives the ground's position and relates wheel odometry to the camera; without
                 it the ground is found once it is seen.
             drift: what was learnt about the stereo pair in earlier segments; nothing if left out.

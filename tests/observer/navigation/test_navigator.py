@@ -119,6 +119,21 @@ def test_a_person_who_left_the_view_is_avoided_for_a_while() -> None:
     assert navigator.plan(later, 13.05).waits_for is None
 
 
+def test_an_unconfirmed_person_out_of_view_is_kept_beside_another_one() -> None:
+    navigator = Navigator(LIMITS, PLANNER)
+    navigator.see(sight(person(0.9, 0.5, 0.0, -0.4, number=-2)), np.zeros(3))
+    navigator.see(sight(person(4.0, -2.0, number=-3), time=10.1), np.zeros(3))
+    assert navigator.plan(ERRAND, 10.15).waits_for == -2
+
+
+def test_a_confirmed_person_replaces_the_unconfirmed_one() -> None:
+    navigator = Navigator(LIMITS, PLANNER)
+    navigator.see(sight(person(1.5, 1.2, 0.0, -1.2, number=-2)), np.zeros(3))
+    assert navigator.plan(ERRAND, 10.05).waits_for == -2
+    navigator.see(sight(person(1.5, 1.2, 0.0, 1.3, number=7), time=10.1), np.zeros(3))
+    assert navigator.plan(ERRAND, 10.15).waits_for is None
+
+
 def test_the_robot_drives_around_a_box_in_its_path() -> None:
     blocked = tuple(2.0 if abs(each) < 0.15 else None for each in BEARINGS)
     scan = FreeScan(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -77,10 +77,10 @@ _ORIGIN_VARIANCE = 1e-6
 class BodyTracker:
     """Keeps the obstacles' tracks; points carry the number of the obstacle they belong to."""
 
-    def __init__(self, numbers: Iterator[int] | None = None) -> None:
-        """``numbers`` gives each confirmed track its own; from 1 if left out."""
+    def __init__(self, numbers: TrackIds | None = None) -> None:
+        """``numbers`` gives each track its own; new ones if left out."""
         self.tracks: list[BodyTrack] = []
-        self._numbers = TrackIds(numbers)
+        self._numbers = numbers or TrackIds()
         self._moving_in_place = MovingInPlace()
         # As of the last frame whose light is known.
         self._light = Light()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import count
-
 import numpy as np
 import pytest
 
@@ -12,6 +10,7 @@ from observer.methods.planar.results import Detection, Track
 from observer.methods.planar.tracking import Tracker
 from observer.parameters import TrackingParameters
 from observer.types import TrackState
+from observer.vision.lifecycle import TrackIds
 
 DT = 1 / 15
 HERE = Pose.identity()
@@ -37,7 +36,7 @@ class Run:
     """A tracker that is fed frame by frame."""
 
     def __init__(self, **parameters: float) -> None:
-        self.numbers = count(1)
+        self.numbers = TrackIds()
         self.tracker = Tracker(self.numbers)
         self.parameters = TrackingParameters(**parameters)
         self.time = 0.0
@@ -140,6 +139,14 @@ def test_numbers_are_not_reused() -> None:
     (second,) = run.see(detection((0, 0, 2)))
     assert second.id > first.id
     assert second.sightings == 1
+
+
+def test_provisional_numbers_are_not_reused_either() -> None:
+    run = Run(confirm_hits=3)
+    (first,) = run.see(detection((0, 0, 2)))
+    run.tracker = Tracker(run.numbers)
+    (second,) = run.see(detection((0, 0, 2)))
+    assert second.id < first.id < 0
 
 
 def test_only_confirmed_tracks_use_up_a_number() -> None:

@@ -15,6 +15,7 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
+from observer.vision.lifecycle import TrackIds
 
 from ..solid_worlds import outline_of, person
 from .planted_bodies import DT, alive, to_the_right
@@ -24,7 +25,7 @@ def test_the_number_is_provisional_until_confirmation_and_then_permanent(
     watched: Any, box: Any, crate: Any
 ) -> None:
     run = watched(box(to_the_right()), crate)
-    run.tracker = BodyTracker(count(7))
+    run.tracker = BodyTracker(TrackIds(count(7)))
     seen = []
     for _ in range(25):
         seen += [(t.state is TrackState.TENTATIVE, t.id) for t in run.step()]
@@ -45,7 +46,7 @@ def test_a_confirmed_track_keeps_its_number_when_merged_with_an_older_one(
 ) -> None:
     older, younger = make_track(number=-2), make_track(number=4)
     younger.state = TrackState.CONFIRMED
-    tracker = BodyTracker(count(9))
+    tracker = BodyTracker(TrackIds(count(9)))
     tracker.tracks = [older, younger]
     points = tracker.update_lifecycle(
         TrackedPoints.none(), np.zeros(3), lambda _: 0.1, 1 / 15, Parameters().obstacles
@@ -193,7 +194,7 @@ def test_points_at_the_position_of_a_hidden_person_do_not_show_them(
     older.outline = outline_of(person(0.0, 3.0))
     older.outline.seen, older.rigid = seen, rigid
     older.outline.middle = older.centre
-    tracker = BodyTracker(count(9))
+    tracker = BodyTracker(TrackIds(count(9)))
     tracker.tracks = [older, part]
     places = np.array([[0.1, 0.1, 3.0], [0.12, 0.1, 3.0]])
     sums = PositionVelocityFilter.begin(places, np.tile(np.eye(3) * 1e4, (2, 1, 1)))
@@ -225,7 +226,7 @@ def test_a_duplicate_is_merged_into_the_older_track(watched: Any, box: Any, crat
 
 
 def test_numbers_continue_in_the_next_segment(watched: Any, box: Any, crate: Any) -> None:
-    run, numbers = watched(box(to_the_right(x=-1.0)), crate), count(1)
+    run, numbers = watched(box(to_the_right(x=-1.0)), crate), TrackIds()
     run.tracker = BodyTracker(numbers)
     run.run(1.0)
     (first,) = alive(run.tracks)
@@ -240,6 +241,6 @@ def test_numbers_continue_in_the_next_segment(watched: Any, box: Any, crate: Any
 def test_numbers_can_be_supplied_by_the_caller(watched: Any, box: Any, crate: Any) -> None:
     """A caller that keeps them over segments can supply them."""
     run = watched(box(to_the_right()), crate)
-    run.tracker = BodyTracker(count(40))
+    run.tracker = BodyTracker(TrackIds(count(40)))
     run.run(1.0)
     assert {t.id for t in run.tracks} == {40}
