@@ -83,7 +83,7 @@ def is_silent(
 ) -> bool:
     """Return whether a robot has sonars, but none that faces a motion has a fresh reading.
 
-    Where none faces it, all count. A robot without readings has no sonars.
+    Where none faces it, all count. A robot without readings, even outdated ones, has no sonars.
 
     Args:
         direction: of the motion, positive forward.

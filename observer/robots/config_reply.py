@@ -34,7 +34,8 @@ class ConfigReply:
         turn_rate_top, turn_rate_max: deg/s, the highest accepted value, and the current setting.
         speed_top, speed_max: mm/s. acceleration_top: mm/s^2. turn_acceleration_top: deg/s^2.
         watchdog_ms: time without a command after which it stops its motors; 0: never.
-        front_bumpers, rear_bumpers: how many segments are fitted.
+        front_bumpers, rear_bumpers: how many segments are fitted. front_sonar, rear_sonar: whether
+            the array is fitted; 0: not.
     """
 
     type: str | None = None
@@ -47,6 +48,8 @@ class ConfigReply:
     acceleration_top: int | None = None
     turn_acceleration_top: int | None = None
     watchdog_ms: int | None = None
+    front_sonar: int | None = None
+    rear_sonar: int | None = None
     front_bumpers: int | None = None
     rear_bumpers: int | None = None
 

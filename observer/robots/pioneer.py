@@ -43,6 +43,10 @@ _FAREWELL_S = 0.1
 # CLOSE may be lost: it is repeated while status packets, every 100 ms, still come.
 _GOODBYES, _SILENT_S = 3, 0.15
 _CLOSE_S = 1.9
+# Sonars 0 to 7 are the front array.
+_SONAR_ARRAY = 8
+# Age of the readings of sonars that have not reported yet: nobody takes one this old for news.
+_NEVER_S = 10.0
 _COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
 _STOP = (command(Command.E_STOP), *STANDSTILL[1:], MOTORS_OFF)
 # Fields of a report taken from the model, and from the newest status packet.
@@ -246,10 +250,19 @@ class Pioneer:
                 self._odometry = WheelOdometry(spec)
                 self._moved = False
             self._odometry.rebaseline()
-            self._sonars.clear()
+            self._sonars = self._unheard_sonars(spec)
             self._writer = writer
             self._watch.connected(self._clock())
             self._phase, self._trouble = RobotPhase.CONNECTED, None
+
+    def _unheard_sonars(self, spec: RobotSpec) -> dict[int, SonarReading]:
+        """Return outdated readings of the sonars that are fitted: silent until they report."""
+        fitted = self._config.front_sonar, self._config.rear_sonar
+        return {
+            index: SonarReading(index, pose.x, pose.y, pose.heading, None, self._clock() - _NEVER_S)
+            for index, pose in enumerate(spec.sonars)
+            if fitted[index // _SONAR_ARRAY]
+        }
 
     def _serve(self, line: PacketLine, writer: SetpointWriter) -> None:
         """Process received packets and check the robot; every 50 ms or more often."""

@@ -689,7 +689,8 @@ export interface components {
      *         stalled: left and right wheel. front_bumpers, rear_bumpers: pressed or not; empty where
      *             none are fitted. stop_pressed: its own hardware button.
      *         battery_v: averaged. battery: its rating. charging: in words.
-     *         sonars: those it has, in order; a reading keeps its time.
+     *         sonars: those it has, in order; a reading keeps its time. Outdated from the beginning where
+     *             one is fitted but has not reported yet.
      *         watchdog_s: time without a command after which its firmware stops it, as it reports; 0 if
      *             it never does.
      *         limits: in force: the lowest of all known limits.

@@ -20,7 +20,7 @@ REPLY = (
 WHOLE = ConfigReply(
     type="Pioneer", subtype="p3dx-sh", name="Robby", turn_rate_top=360, turn_rate_max=120,
     speed_top=1500, speed_max=750, acceleration_top=2000, turn_acceleration_top=300,
-    watchdog_ms=2000, front_bumpers=5, rear_bumpers=3,
+    watchdog_ms=2000, front_sonar=1, rear_sonar=1, front_bumpers=5, rear_bumpers=3,
 )  # fmt: skip
 
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from observer.guard.parameters import GuardParameters
+from observer.guard.sonar_clear import is_silent
 from observer.robots import handshake, pioneer
 from observer.robots.arcos import Command, command
+from observer.robots.config_reply import ConfigReply
 from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase, RobotReport
 from observer.robots.serial_port import open_port
 from observer.simulation.robots.emulated import EmulatedRobot
@@ -131,6 +134,43 @@ def test_an_idle_robot_never_trips_its_watchdog(driven: Drivens) -> None:
     while time.monotonic() < until:
         assert not it.there.timed_out
         time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("model", "config", "fitted"),
+    [
+        ("p3dx-sh", ConfigReply(front_sonar=1, rear_sonar=1), range(16)),
+        ("p3dx-sh", ConfigReply(front_sonar=1, rear_sonar=0), range(8)),
+        ("amigo-sh", ConfigReply(front_sonar=1, rear_sonar=0), range(8)),
+        ("p3dx-sh", ConfigReply(front_sonar=0, rear_sonar=0), ()),
+        ("p3dx-sh", ConfigReply(), ()),
+    ],
+)
+def test_fitted_sonars_that_never_reported_are_silent(
+    driven: Drivens,
+    monkeypatch: pytest.MonkeyPatch,
+    model: str,
+    config: ConfigReply,
+    fitted: Sequence[int],
+) -> None:
+    monkeypatch.setattr(pioneer, "ask_config", lambda _: config)
+    there = EmulatedRobot(model, now=time.monotonic())
+    there.faults.sonar_overrun = True
+    sonars = driven(there=there).connect().sonars
+    assert [each.index for each in sonars] == list(fitted)
+    silent = is_silent(sonars, 0.3, time.monotonic(), GuardParameters(sonar_fresh_s=5.0))
+    assert silent == bool(fitted)
+
+
+def test_sonars_are_heard_from_their_first_reading_on(driven: Drivens) -> None:
+    it = driven()
+    it.connect()
+    for direction in (0.3, -0.3):
+        it.until(
+            lambda report, direction=direction: (
+                not is_silent(report.sonars, direction, time.monotonic(), GuardParameters())
+            )
+        )
 
 
 def test_a_watchdog_that_is_off_is_told_from_one_that_is_unknown(driven: Drivens) -> None:
