@@ -105,8 +105,8 @@ def test_each_step_accepts_the_first_stop_of_its_kind_from_motion() -> None:
     step = check.facts().steps[0]
     assert step.figures == StopMeasured(20.0, 610.0, 0.123, 0.04, 0.42)
     assert step.verdict == (
-        "stop command sent 20 ms after the guard's decision (limit 300 ms); the robot stood still "
-        "after 610 ms and 0.12 m, 0.42 m from the obstacle"
+        "stop command sent 20 ms after the guard's decision (limit 300 ms); the robot "
+        "came to a standstill after 610 ms and 0.12 m, 0.42 m from the obstacle"
     )
     assert (step.operator, step.at) == ("Anna", NOW)
 
