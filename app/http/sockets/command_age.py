@@ -30,6 +30,9 @@ _DRIFT = 1e-4
 _TOLERANCE_S = 0.005
 # The quickest round trip within this time shows what the link can do now.
 _LATELY_S = 2.0
+# Commands are sent ten times a second. One that takes longer expires before the next arrives, and a
+# robot that stutters must not be shown with a good link.
+_MOST_TRIP_S = COMMAND_FRESH_S - 0.1
 # Pings are sent five times a second.
 _LOST_S = 1.0
 # Time for which a command that came too late marks the link as slow.
@@ -96,13 +99,12 @@ class CommandAge:
         return age
 
     def is_fit(self, now: float) -> bool:
-        """Return whether a command that arrives now can be fresh at all.
+        """Return whether commands that arrive now can be fresh until the next one arrives.
 
-        If a round trip takes longer than the lifetime of a command, nobody can tell how much of
-        it was spent on the way here.
+        The whole round trip counts, as nobody can tell how much of it was spent on the way here.
         """
         rtt = self._rtt(now)
-        return rtt is not None and rtt <= COMMAND_FRESH_S and now - self._trips[-1][0] <= _LOST_S
+        return rtt is not None and rtt <= _MOST_TRIP_S and now - self._trips[-1][0] <= _LOST_S
 
     def state(self, now: float) -> LinkState:
         """Return the state of the link."""

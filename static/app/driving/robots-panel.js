@@ -159,7 +159,7 @@ class RobotsPanel extends Part {
         ? "No connection to the server: the values shown here are stale."
         : sentence(
             robots?.process?.trouble ??
-              "the drive process is restarting; the robots' own watchdogs stop them in the meantime",
+              "the drive process is restarting; until then, only the robots' own firmware can stop them",
           ),
     );
     this.#trouble.hidden = !lost || !robots;

@@ -100,6 +100,15 @@ def test_a_command_never_seems_younger_than_it_is(up_s: float, down_s: float, dr
     assert real - 1e-9 <= age <= real + down_s + 0.002
 
 
+@pytest.mark.parametrize(("each_way_s", "quality"), [(0.07, "good"), (0.09, "slow")])
+def test_a_link_is_slow_if_a_command_expires_before_the_next_arrives(
+    each_way_s: float, quality: str
+) -> None:
+    wire = Wire(up=lambda _: each_way_s, down=lambda _: each_way_s)
+    wire.settle(100.0)
+    assert wire.link.state(100.0 + 2 * each_way_s).quality == quality
+
+
 def test_a_link_that_becomes_slow_is_reported_and_never_becomes_normal() -> None:
     """A network queue grows to 0.4 s and stays: no window makes its messages fresh again."""
     wire = Wire(up=lambda at: 0.003 if at < 100 else 0.4)
