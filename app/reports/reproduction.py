@@ -7,7 +7,6 @@ here knows more than the page does.
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import time
 import urllib.error
@@ -29,6 +28,7 @@ from observer.guard.sight import SIGHT_FRESH_S
 from observer.motion_profiles.gesture import GESTURE_S
 from observer.motion_profiles.playing import duration_s
 from observer.motion_profiles.profile import MotionProfile
+from observer.whole_files import whole_file
 
 SOURCE = "simulated:drive"
 ATTEMPTS = 24
@@ -218,14 +218,12 @@ def _fetch(server: RunningServer, run_id: str, path: Path) -> None:
         f"http://127.0.0.1:{server.port}/api/runs/{run_id}/recording",
         headers={"Authorization": f"Bearer {server.token}"},
     )
-    part = path.with_name(path.name + ".part")
     try:
         with (
             urllib.request.urlopen(request, timeout=_DOWNLOAD_TIMEOUT_S) as answer,  # nosec B310
+            whole_file(path) as part,
             part.open("wb") as file,
         ):
             shutil.copyfileobj(answer, file)
-        os.replace(part, path)
     except (urllib.error.URLError, OSError) as error:
-        part.unlink(missing_ok=True)
         raise ReproductionError(f"the recording could not be fetched: {error}") from None

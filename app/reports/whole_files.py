@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from observer.errors import InputError
+from observer.whole_files import whole_file
 
 
 def write_file(path: Path, content: bytes) -> None:
@@ -14,11 +14,10 @@ def write_file(path: Path, content: bytes) -> None:
     Raises:
         InputError: it cannot be written.
     """
-    part = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content)
-        os.replace(part, path)
+        with whole_file(path) as part:
+            part.write_bytes(content)
     except OSError as error:
         raise InputError(
             f"cannot write {path}: {error.strerror}; name a file in a writable folder"

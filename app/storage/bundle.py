@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any
 
 from observer.errors import InputError
+from observer.whole_files import whole_file
 
 KIND = "dynamic-observer backup"
 VERSION = 1
@@ -109,25 +110,22 @@ def bundle_writer(path: Path) -> Iterator[BundleWriter]:
     Raises:
         BackupError: the extension is another one, or the file cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
+    if path.suffix not in (".zip", ".tar"):
+        raise BackupError(f"a backup file must end in .zip or .tar, not {path.name}")
     try:
-        archive: zipfile.ZipFile | tarfile.TarFile
-        if path.suffix == ".zip":
-            archive = zipfile.ZipFile(part, "w")
-        elif path.suffix == ".tar":
-            archive = tarfile.TarFile(part, "w", format=tarfile.PAX_FORMAT)
-        else:
-            raise BackupError(f"a backup file must end in .zip or .tar, not {path.name}")
-        with archive:
-            yield BundleWriter(archive)
-        part.replace(path)
+        with whole_file(path) as part:
+            archive: zipfile.ZipFile | tarfile.TarFile
+            if path.suffix == ".zip":
+                archive = zipfile.ZipFile(part, "w")
+            else:
+                archive = tarfile.TarFile(part, "w", format=tarfile.PAX_FORMAT)
+            with archive:
+                yield BundleWriter(archive)
     except OSError as error:
         raise BackupError(
             f"cannot write {path} ({error.strerror or error}); name a file in an existing folder "
             "with enough space"
         ) from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 class _Counted:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from observer.errors import InputError
 from observer.evaluation.breakdown import GROUPINGS, Group
 from observer.evaluation.results import Benchmark, PresetResult, SourceResult
 from observer.figures import DARK_GREY, GREY, SERIES, figure_bytes, plain_axes
+from observer.whole_files import whole_file
 
 _MARKERS = ("o", "s", "^", "D", "v")
 _RECALL = 0.97
@@ -35,10 +35,10 @@ def save_figure(figure: Figure, path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    part = path.with_name(path.name + ".part")
+    content = figure_bytes(figure, path.stem, path.suffix.lower().removeprefix("."))
     try:
-        part.write_bytes(figure_bytes(figure, path.stem, path.suffix.lower().removeprefix(".")))
-        os.replace(part, path)
+        with whole_file(path) as part:
+            part.write_bytes(content)
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 from observer.recording.container import Container
 from observer.recording.encoder import Encoded
 from observer.recording.errors import RecordingError
+from observer.whole_files import whole_file
 
 
 class Ring:
@@ -64,18 +64,12 @@ class Ring:
         Raises:
             RecordingError: it cannot be written.
         """
-        part = path.with_name(f".{path.name}.part")
         try:
-            with part.open("wb", buffering=0) as file:
+            with whole_file(path) as part, part.open("wb", buffering=0) as file:
                 container = Container(file, path.name)
                 for message in self.messages():
                     container.add(*message)
                     container.write_large()
                 container.finish()
-            part.replace(path)
         except OSError as error:
             raise RecordingError.of(error, path.name) from None
-        finally:
-            # It is there only after a failure.
-            with contextlib.suppress(OSError):
-                part.unlink(missing_ok=True)

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import hashlib
 import json
-import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from app.storage import RunRecord, Storage, StorageFull
 from app.storage.comparison import kept_comparison
 from observer.recording.run_folder import RECORDING
 from observer.version import library_version
+from observer.whole_files import whole_file
 
 ChartFormat = Literal["csv", "png", "svg", "pdf"]
 ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
@@ -219,12 +219,8 @@ def _kept_file(run: RunRecord, recording: Path, prefix: str) -> Path:
 
 def _keep(path: Path, prefix: str, content: bytes) -> None:
     """Cache the content; if it cannot be written, it is made again next time."""
-    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
-    try:
+    with contextlib.suppress(OSError):
         for old in path.parent.glob(f"{prefix}*"):
             old.unlink(missing_ok=True)
-        part.write_bytes(content)
-        part.replace(path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        with whole_file(path) as part:
+            part.write_bytes(content)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hashlib
-import secrets
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from app.server.errors import NotThere
 from app.workers.thumbnails.process import picture
 from observer.simulation.scenarios import load_scenario
 from observer.version import library_version
+from observer.whole_files import whole_file
 
 FOLDER = "thumbnails"
 # A large folder is indexed before its first image is read.
@@ -84,14 +84,10 @@ def _key(spec: str) -> str:
 
 def _keep(path: Path, content: bytes) -> None:
     """Write a picture; if there is no space for it, it is made again next time."""
-    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
-    try:
+    with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(content)
-        part.replace(path)
+        with whole_file(path) as part:
+            part.write_bytes(content)
         by_age = sorted(path.parent.glob("*.jpg"), key=lambda each: each.stat().st_mtime_ns)
         for old in by_age[:-_MOST]:
             old.unlink(missing_ok=True)
-    except OSError:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)

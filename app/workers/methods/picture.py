@@ -14,6 +14,7 @@ from observer.image_files.jpeg import encode_jpeg
 from observer.jsonl import ObservationLine
 from observer.types import StereoFrame
 from observer.vision.rectification import Rectification
+from observer.whole_files import whole_file
 
 _EVERY_S = 0.4
 _WIDTH, _QUALITY = 1280, 75
@@ -39,7 +40,5 @@ class MethodsPicture:
         self._shown = now
         left = self._rectification.apply_left(frame.left)
         both = np.hstack([draw_overlay(left, line) for line in lines])
-        # Replace atomically: a reader never finds a partial file.
-        part = self._path.with_suffix(".part")
-        part.write_bytes(encode_jpeg(both, _QUALITY, most_width=_WIDTH))
-        part.replace(self._path)
+        with whole_file(self._path) as part:
+            part.write_bytes(encode_jpeg(both, _QUALITY, most_width=_WIDTH))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import asdict
 from pathlib import Path
 
 from observer.errors import InputError
 from observer.evaluation.sweep.task import Outcome, Task
+from observer.whole_files import whole_file
 
 
 class TaskStore:
@@ -55,10 +55,9 @@ class TaskStore:
             "outcome": asdict(outcome),
         }
         path = self._path(task)
-        part = path.with_suffix(".part")
         try:
-            part.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
-            os.replace(part, path)
+            with whole_file(path) as part:
+                part.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
         except OSError as error:
             raise InputError(
                 f"cannot write {path}: {error.strerror}; finished results are kept"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -18,6 +17,7 @@ from observer.evaluation.sweep.results import DRIVING, Ranked, Row, Sweep, cost_
 from observer.evaluation.sweep.sources import SweepSource
 from observer.navigation.parameters import AllParameters
 from observer.parameters import ParameterValue
+from observer.whole_files import whole_file
 
 # Most rows in Markdown; the CSV file has all.
 _MARKDOWN_ROWS = 100
@@ -154,10 +154,9 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
             for name, kind in kinds.items()
         }
     )
-    part = path.with_name(path.name + ".part")
     try:
-        pyarrow.parquet.write_table(table, part)
-        os.replace(part, path)
+        with whole_file(path) as part:
+            pyarrow.parquet.write_table(table, part)
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror or error}") from None
 

@@ -189,7 +189,6 @@ def test_motion_is_found_for_any_camera_pose() -> None:
     """World axes differ from the camera's."""
     rng = np.random.default_rng(2)
     place, velocity = board(rng), np.array([0.2, 0.0, 0.1])
-    straight = pooled(watched(LAB, place, velocity, np.random.default_rng(3)))
     T_camera_world = Pose.from_rotvec((0.1, 2.0, -0.3), (4.0, -1.0, 2.0))
     points = watched(LAB, place, velocity, np.random.default_rng(3))
     sums, R = points.sums, T_camera_world.rotation
