@@ -277,5 +277,5 @@ def test_the_accuracy_table_says_how_it_was_made() -> None:
     """The command is right above the table, so that a new measurement replaces both."""
     text = (PAGES / "accuracy.md").read_text()
     assert re.search(
-        r"dynamic-observer benchmark --seeds \d+ --frames \d+\n```\n\n\| figure at", text
+        r"dynamic-observer benchmark --seeds \d+ --frames \d+\n```\n\n\| metric at", text
     )

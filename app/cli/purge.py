@@ -16,7 +16,7 @@ def purge(
         typer.Option(
             min=0,
             max=36500,
-            help="Only what was deleted at least this many days ago; 0: everything.",
+            help="Only what was deleted at least this many days ago (default: 7); 0: everything.",
         ),
     ] = None,
     data: DataOption = None,

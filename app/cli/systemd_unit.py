@@ -72,8 +72,7 @@ def _data_folder_of(user: str) -> Path:
 def _lines(settings: Settings, user: str) -> Iterator[str]:
     if not user.isprintable() or any(c.isspace() or c in "%:/" for c in user) or not user:
         raise InputError(f"{user[:40]!r} is not a user name; give one as whoami prints it")
-    yield "# To install it:"
-    yield f"#   dynamic-observer systemd-unit | sudo tee {_FILE}"
+    yield f"# To install it, write this text to {_FILE}, then:"
     yield "#   sudo systemctl daemon-reload"
     yield "#   sudo systemctl enable --now dynamic-observer"
     yield f"# The links, as {user}: dynamic-observer link --data {settings.data}"

@@ -163,7 +163,7 @@ def _people(tallies: Sequence[Tally]) -> list[Target]:
 
 
 def targets_table(
-    by_preset: Mapping[str, Sequence[Target]], title: str = "figure at 0.8-4 m"
+    by_preset: Mapping[str, Sequence[Target]], title: str = "metric at 0.8-4 m"
 ) -> str:
     """Return a Markdown table: figure, target, then each preset's value and verdict."""
     header = [title, "target"]

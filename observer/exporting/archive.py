@@ -1,4 +1,4 @@
-"""Export of a whole run as one zip: tables, video, point cloud, calibration, and a README."""
+"""Export of a whole run as one zip, with a README."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from observer.exporting.errors import ExportError
 from observer.exporting.run_video import write_run_video
 from observer.exporting.table_files import check_parquet, write_csv, write_parquet
 from observer.exporting.tables import TABLES, Table
+from observer.exporting.trajectories import write_tum
 from observer.recording.reader import Recording
 
 TableFormat = Literal["csv", "parquet"]
@@ -49,6 +50,7 @@ def write_archive(
             archive.add_table(table, tables)
         archive.add_video(path.with_name(f"{path.name}.mp4"), progress)
         archive.add_cloud(cloud_position, cloud_frame)
+        archive.add_trajectory()
         run = msgspec.json.format(msgspec.json.encode(facts), indent=2)
         archive.add("run.json", run, "source, cameras, versions and clocks of the run")
         description = "calibration used in the run, OpenCV format"
@@ -117,6 +119,19 @@ class _Archive:
             packed.getvalue(),
             f"{len(cloud.points)} points of frame {cloud.index}, {cloud.frame} frame, "
             f"{cloud.source}",
+        )
+
+    def add_trajectory(self) -> None:
+        text = io.StringIO()
+        try:
+            written = write_tum(self._recording, text)
+        except ExportError as error:
+            self._absent.append(f"camera.tum: {error}")
+            return
+        self.add(
+            "camera.tum",
+            text.getvalue(),
+            f"trajectory of the left camera in the TUM format, {written.poses} poses",
         )
 
     def add_lines(self) -> None:

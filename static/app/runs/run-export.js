@@ -34,7 +34,7 @@ const MADE = [
     words: "Everything, ZIP",
     ending: "zip",
     path: "export?format=zip",
-    help: "Tables, TUM trajectories, video and point cloud with a README",
+    help: "Tables, JSON lines, camera trajectory (TUM), video and point cloud with a README",
   },
   {
     words: "Point cloud, PLY",

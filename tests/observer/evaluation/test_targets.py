@@ -223,7 +223,7 @@ def test_limits_as_text_and_table_columns() -> None:
     assert Target("a", 0.9, 0.98, 1.0, 1).wanted == "0.9-0.98"
     run = (Tally(frames=4, samples=[pair()], moved=True), "ideal")
     text = targets_table({"paper": targets([run]), "default": targets([run], Cost(None, 5, 1.5))})
-    assert "| figure at 0.8-4 m | target | paper | reached | default | reached |" in text
+    assert "| metric at 0.8-4 m | target | paper | reached | default | reached |" in text
     assert "| speed RMSE, ideal, m/s | <= 0.02 | 0.010 | yes | 0.010 | yes |" in text
     assert "| coverage of velocity | 0.9-0.98 | 1.000 | **no** | 1.000 | **no** |" in text
     assert "| observe over bare OpenCV | <= 2 | - | - | 1.500 | yes |" in text

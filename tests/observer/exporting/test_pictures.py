@@ -175,6 +175,9 @@ def test_the_archive_holds_everything_and_names_what_is_missing(
         header = archive.read("obstacles.csv").decode().splitlines()[0].split(",")
         assert all(f"- {column} (" in readme for column in header)
         assert len(read_ply(archive.read("cloud.ply"))) > 10_000
+        poses = archive.read("camera.tum").decode().splitlines()[2:]
+        assert len(poses) == FRAMES
+        assert all(len(pose.split()) == 8 for pose in poses)
     assert {"overlay.mp4", "calibration.yaml", "truth.csv", "odometry.csv", "frames.csv"} < names
     with zipfile.ZipFile(tmp_path / "none.zip") as archive:
         assert "overlay.mp4" not in archive.namelist()
