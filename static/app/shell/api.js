@@ -34,7 +34,13 @@ export async function request(method, path, body) {
   const type = response.headers.get("content-type") ?? "";
   // An answer without content may still be labelled JSON.
   const empty = response.status === 204;
-  return type.includes("json") && !empty ? await response.json() : /** @type {T} */ (null);
+  if (!type.includes("json") || empty) return /** @type {T} */ (null);
+  try {
+    return await response.json();
+  } catch {
+    // The connection was lost before the whole answer arrived.
+    throw unreachable();
+  }
 }
 
 /**

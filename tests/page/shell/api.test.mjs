@@ -32,6 +32,15 @@ test("an answer without content is null, though it may be called JSON", async ()
   assert.equal(await request("DELETE", "/runs/r1"), null);
 });
 
+test("an answer that breaks off counts as a server that is not responding", async () => {
+  const headers = { "content-type": "application/json" };
+  answers(() => new Response('{"id": "r', { headers }));
+  await assert.rejects(
+    request("GET", "/runs/r1"),
+    (error) => error instanceof ApiError && error.status === 0,
+  );
+});
+
 test("a refusal is one sentence, and one for each field", async () => {
   answers(refusing({ detail: "a run is on" }, 409));
   await assert.rejects(
