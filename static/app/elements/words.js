@@ -13,9 +13,9 @@ const NO_HEADING_BELOW_MPS = 0.02;
  * @param {number} digits after the point
  */
 export function fixed(value, digits) {
-  return value === null || value === undefined || !Number.isFinite(value)
-    ? "–"
-    : value.toFixed(digits);
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  // No -0.00: the sign of a value rounded to zero means nothing.
+  return value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1");
 }
 
 /** Half of the 95 % interval of a value, shown after every ±. @param {number} std one standard deviation */

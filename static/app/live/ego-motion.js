@@ -75,8 +75,7 @@ function cameraFigures({ translation_m, rotation_rad }) {
  * @param {number} digits
  */
 function joinFixed(values, digits) {
-  // No -0.00: the sign of a value rounded to zero means nothing.
-  return values.map((value) => fixed(value, digits).replace(/^-(0\.0*)$/, "$1")).join(", ");
+  return values.map((value) => fixed(value, digits)).join(", ");
 }
 
 customElements.define("observer-ego-motion", EgoMotionPanel);

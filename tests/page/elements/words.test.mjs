@@ -13,6 +13,13 @@ test("a number that is not known is a dash, never a zero", () => {
     assert.equal(words.fixed(unknown, 2), "–");
 });
 
+test("a number rounded to zero has no sign", () => {
+  assert.equal(words.fixed(-0.001, 2), "0.00");
+  assert.equal(words.fixed(-0.4, 0), "0");
+  assert.equal(words.fixed(-0.006, 2), "-0.01");
+  assert.equal(words.fixed(-10, 0), "-10");
+});
+
 test("a speed carries half of its 95 % interval where one is known", () => {
   assert.equal(words.speedWithBand({ speed: 0.5, speed_std: 0.021 }), "0.50 ± 0.04");
   assert.equal(words.speedWithBand({ speed: 0.5, speed_std: null }), "0.50");
