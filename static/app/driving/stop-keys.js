@@ -23,7 +23,11 @@ export function listenForStop(driver) {
   window.addEventListener(
     "keydown",
     (event) => {
-      if (!isStop(event) || !driver.anyArmed) return;
+      if (!isStop(event) || !driver.anyArmed) {
+        // The release of an earlier press may not have arrived, as from the frame of the 3D scene.
+        if (event.code === taken && !event.repeat) taken = "";
+        return;
+      }
       event.preventDefault();
       event.stopImmediatePropagation();
       taken = event.code;
