@@ -1,6 +1,6 @@
 /** The drive socket: leases, velocities, heartbeats and link quality. */
 
-import { LiveSocket, socketUrl } from "../shell/live-socket.js";
+import { LiveSocket } from "../shell/live-socket.js";
 import { Emitter } from "../shell/emitter.js";
 
 /** @import { LinkMessage, SentMessage, Velocity } from "../contract" */
@@ -35,7 +35,7 @@ export class DriveLink extends Emitter {
   #sequence = 0;
   /** Lease requests not answered yet. @type {Map<Role, {takeover: boolean, done: (sentence: string | null) => void}>} */
   #asked = new Map();
-  #socket = new LiveSocket(PATH, {
+  #socket = new LiveSocket(() => this.#path, {
     message: (message) => this.#receive(message),
     state: (state) => this.#connectionChanged(state),
   });
@@ -72,12 +72,7 @@ export class DriveLink extends Emitter {
         },
       });
       if (this.connection === "open") this.#ask(role);
-      else {
-        this.#socket.url = socketUrl(
-          this.name ? `${PATH}?name=${encodeURIComponent(this.name)}` : PATH,
-        );
-        this.#socket.open();
-      }
+      else this.#socket.open();
     });
   }
 
@@ -110,6 +105,10 @@ export class DriveLink extends Emitter {
 
   stop() {
     this.#socket.send({ type: "stop" });
+  }
+
+  get #path() {
+    return this.name ? `${PATH}?name=${encodeURIComponent(this.name)}` : PATH;
   }
 
   #next() {

@@ -64,7 +64,7 @@ export class Hub extends Emitter {
   /** @param {(hub: Hub) => Driver} driver creates this page's driver of the robots */
   constructor(driver) {
     super();
-    this.socket = new LiveSocket("/api/live", {
+    this.socket = new LiveSocket(() => "/api/live", {
       message: (message) => this.#receive(message),
       state: (state) => this.#connectionChanged(state),
     });

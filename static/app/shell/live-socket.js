@@ -17,26 +17,32 @@ export class LiveSocket {
   #lastMessageAt = 0;
   #retry = 0;
   #checkedAt = 0;
+  #path;
+  /** False until it is first opened: nothing else may connect it. */
+  #wanted = false;
 
   /**
-   * @param {string} path as in "/api/live"
+   * @param {() => string} path as in "/api/live"; asked for at each connection
    * @param {object} handlers
    * @param {(message: any) => void} handlers.message one parsed message
    * @param {(state: Connection) => void} handlers.state
    */
   constructor(path, handlers) {
-    this.url = socketUrl(path);
+    this.#path = path;
     this.handlers = handlers;
     setInterval(() => this.#closeIfSilent(), CHECK_EVERY_MS);
-    window.addEventListener("online", () => this.open());
+    window.addEventListener("online", () => {
+      if (this.#wanted) this.open();
+    });
   }
 
   /** Open now, unless it is already open or opening. */
   open() {
+    this.#wanted = true;
     if (this.#socket) return;
     clearTimeout(this.#retry);
     this.handlers.state("connecting");
-    const socket = new WebSocket(this.url);
+    const socket = new WebSocket(socketUrl(this.#path()));
     let opened = false;
     this.#socket = socket;
     this.#lastMessageAt = performance.now();
