@@ -18,6 +18,9 @@ _CONFIDENCE = 0.9999
 # Share of all points that must lie in front of both cameras.
 _LEAST_SHARE = 0.6
 _LEAST_POINTS = 20
+# Baselines: as far as OpenCV may place a point. Its own limit of 50 drops most of a room's points
+# after a short sideways travel; far points are good evidence for the motion.
+_FARTHEST = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,10 @@ def two_views(
     )
     if E is None or E.shape != (3, 3):
         return None
-    _, R, t, kept = cv2.recoverPose(E, a, b, np.eye(3), mask=mask.copy())
+    # Without the keyword, OpenCV takes the number for the output R and keeps its own limit.
+    _, R, t, kept, _ = cv2.recoverPose(
+        E, a, b, np.eye(3), distanceThresh=_FARTHEST, mask=mask.copy()
+    )
     inliers = np.asarray(kept)[:, 0] > 0
     if inliers.sum() < max(_LEAST_POINTS, _LEAST_SHARE * len(first)):
         return None

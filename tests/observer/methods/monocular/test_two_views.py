@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose
@@ -21,8 +22,11 @@ def views(T: Pose, seed: int = 0, moving: int = 0) -> tuple[np.ndarray, np.ndarr
     first, second = p / p[:, 2:], later / later[:, 2:]
     second[:, :2] += noise
     distance = np.linalg.norm(p, axis=1)
-    unit = [r / np.linalg.norm(r, axis=1, keepdims=True) for r in (first, second)]
-    return unit[0], unit[1], distance
+    return unit(first), unit(second), distance
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
 def test_two_views_give_motion_and_depths_up_to_scale() -> None:
@@ -58,3 +62,19 @@ def test_travel_leaves_parallax_that_no_rotation_explains() -> None:
 def test_too_few_points_give_no_result() -> None:
     first, second, _ = views(Pose.from_rotvec([0, 0, 0], [0.3, 0, 0]))
     assert two_views(first[:10], second[:10], 0.1 / 443, CAMERA) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_points_beyond_many_baselines_count_for_the_motion(seed: int) -> None:
+    """The camera moves 12 cm sideways; most points are farther than 50 times that."""
+    rng = np.random.default_rng(seed)
+    px = rng.uniform((8, 8), (CAMERA.width - 9, CAMERA.height - 9), (200, 2))
+    depth = rng.uniform(1.5, 15, 200)
+    p = CAMERA.triangulate(px, CAMERA.fx * CAMERA.baseline / depth)
+    first, second = unit(p), p - (0.12, 0.0, 0.0)
+    second = second / second[:, 2:]
+    second[:, :2] += rng.normal(0, 0.1 / 443, (200, 2))
+    estimate = two_views(first, unit(second), 0.1 / 443, CAMERA)
+    assert estimate is not None
+    assert estimate.inliers.mean() > 0.9
+    assert estimate.T_second_first.translation[0] < -0.98
