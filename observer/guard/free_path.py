@@ -39,6 +39,9 @@ _SPECKLE_PIXELS = 30
 _FIXED_POINT = 16
 # One standard deviation of a coarse disparity, coarse pixels.
 _SIGMA_PX = 0.25
+# How many of them separate an object from the floor; not ``guard.sigmas``, since more caution must
+# not hide low objects.
+_FLOOR_SIGMAS = 2.0
 # Disparities searched about the floor's own: lowest offset and number, coarse pixels.
 _FLOOR_LEAST, _FLOOR_DISPARITIES = -8, 32
 # Angular width of a direction, and ratio of the far to the near edge of a floor cell.
@@ -159,12 +162,12 @@ class FreePath:
         inside = fixed <= _FIXED_POINT * np.arange(self._size[0])
         known = np.nonzero((fixed > 0) & inside)
         depth = np.float32(self._fb * _FIXED_POINT) / fixed[known]
-        sigma = np.float32(p.sigmas * _SIGMA_PX / self._fb) * depth * depth
+        sigma = depth * depth * np.float32(_SIGMA_PX / self._fb)
         rise, ahead = self._rise[known], self._ahead[known]
         height = np.float32(self._height) + rise * depth
-        standing = height > np.float32(p.step_m) + np.abs(rise) * sigma
+        standing = height > np.float32(p.step_m) + np.abs(rise) * sigma * np.float32(_FLOOR_SIGMAS)
         standing &= height < p.robot_height_m
-        distance = (ahead * (depth - sigma))[standing]
+        distance = (ahead * (depth - sigma * np.float32(p.sigmas)))[standing]
         return distance, self._column[known][standing]
 
     def _nearest(self, distance: NDArray[np.float32], column: NDArray[np.intp]) -> Float64Array:
@@ -191,10 +194,9 @@ class FreePath:
         ]
         fixed = np.asarray(self._floor.compute(wide[0], wide[1]))[:, before:-behind]
         off = fixed.astype(np.float32) / np.float32(_FIXED_POINT)
-        p = self._parameters
         # A point at height h differs from the floor's own disparity by h / (H - h) of it.
-        tolerance = np.float32(p.step_m / self._height) * self._floor_px
-        tolerance += np.float32(p.sigmas * _SIGMA_PX)
+        tolerance = np.float32(self._parameters.step_m / self._height) * self._floor_px
+        tolerance += np.float32(_FLOOR_SIGMAS * _SIGMA_PX)
         seen[first:] = (np.abs(off) <= tolerance) & self._in_right
         return seen
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,11 @@ from observer.simulation.world import World
 from observer.vision.rectification import Rectification
 
 P = GuardParameters()
+LOW_BOX = """
+based_on: drive
+robots: []
+objects: [{kind: cardboard, x: 2.6, y: 0, size: [0.4, 1.2, 0.08]}]
+"""
 MAX_DISPARITY_PX = 96
 # GUARD_SEEDS asks for a wide sweep.
 SEEDS = int(os.environ.get("GUARD_SEEDS", "0"))
@@ -178,6 +184,24 @@ def test_an_object_on_the_floor_ends_the_free_ground() -> None:
     assert (free[3][ahead] > 4.0).all()
     assert (boxed[2][ahead] < 2.05).all()
     assert np.abs(boxed[3][ahead] - 2.0).max() < 0.2
+
+
+def test_more_caution_does_not_hide_a_low_box(tmp_path: Path) -> None:
+    path = tmp_path / "low_box.yaml"
+    path.write_text(LOW_BOX)
+    scene = Scene(str(path), 0)
+    free_shares, blocked_shares = [], []
+    for sigmas in (0.0, 1.0, 2.0, 3.5, 5.0):
+        p = P.model_copy(update={"sigmas": sigmas})
+        finder = FreePath(scene.camera, scene.mount, MAX_DISPARITY_PX, p)
+        bearings, begins, ends, blocked = _arrays(finder.scan(*scene.pair(0.0)))
+        at_box = np.abs(bearings) < math.radians(10)
+        true = scene.surfaces(0.0, bearings)
+        free_shares.append(np.mean(((ends > begins) & (ends > true + 0.05))[at_box]))
+        blocked_shares.append(np.mean((blocked < true + 0.3)[at_box]))
+    assert blocked_shares[0] > 0.8
+    assert blocked_shares == sorted(blocked_shares)
+    assert free_shares == sorted(free_shares, reverse=True)
 
 
 def _drawn(camera: StereoCamera, mount: CameraMount, box_m: float | None) -> list[np.ndarray]:
