@@ -147,7 +147,7 @@ class MonocularMethod:
                 points, ego.T_camera_world, estimate.covariance, self._noise, self._camera
             )
             evidence = ray_evidence(
-                points, ego.T_camera_world, estimate.covariance, dt, self._noise, self._ground,
+                points, ego.T_camera_world, estimate.covariance, dt, self._ground,
                 float(np.radians(p.monocular.tilt_sigma_deg)), self._camera, p.evidence,
             )  # fmt: skip
             points = points.but(moving=evidence.moving)

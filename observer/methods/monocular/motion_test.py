@@ -56,7 +56,6 @@ def ray_evidence(
     T_camera_world: Pose,
     step_covariance: Float64Array,
     dt: float,
-    noise_scale: float,
     ground: GroundPlane | None,
     tilt_sigma: float,
     camera: StereoCamera,
@@ -65,15 +64,16 @@ def ray_evidence(
     """Test every point for motion, together with its neighbours.
 
     Args:
+        points: after this frame's update, which scaled their covariances to the noise learnt.
         step_covariance: (6, 6) of the camera's motion over one frame of ``dt`` seconds.
-        noise_scale: of the pixel noise. tilt_sigma: rad, of the ground relative to the camera.
+        tilt_sigma: rad, of the ground relative to the camera.
     """
     count = len(points)
     ready = (points.sightings >= parameters.min_sightings) & (points.anchor_s >= _LEAST_ANCHOR_S)
     ready &= np.isfinite(points.residual).all(axis=1)
     age = np.maximum(points.anchor_s, dt)
     velocity = points.residual / age[:, None]
-    cov = points.residual_cov * (max(1.0, noise_scale) ** 2 / age**2)[:, None, None]
+    cov = points.residual_cov / (age**2)[:, None, None]
     W = np.where(ready[:, None, None], inverse_2x2(cov), 0.0)
     pairs = _neighbours(points, ready, parameters.radius_px)
     information_vector = np.einsum("nij,nj->ni", W, velocity)
@@ -105,8 +105,7 @@ def ray_evidence(
     C = C * (scatter * shared)[:, None, None] + ego
     squared = np.einsum("ni,nij,nj->n", pooled, inverse_2x2(C), pooled)
     squared = np.where(ready & np.isfinite(squared), np.maximum(squared, 0.0), 0.0)
-    below = _below_ground(sums[:, 8], sums[:, 9], shared * max(1.0, noise_scale) ** 2, tilt_sigma,
-                         ground, ready)  # fmt: skip
+    below = _below_ground(sums[:, 8], sums[:, 9], shared, tilt_sigma, ground, ready)
     rate = false_alarms_per_test(parameters.false_alarms_per_frame, ready, neighbours)
     threshold = float(np.sqrt(upper_quantile(rate, df=2)))
     below *= threshold / float(-ndtri(rate))
