@@ -1,6 +1,7 @@
 """Robots of a simulated world, reached and driven like real ones.
 
-The AmigoBot that carries the cameras is the observer, the scenario's first robot the obstacle.
+The AmigoBot that carries the cameras is the observer, the scenario's first robot the obstacle; a
+scenario without robots, as with people alone, has only the observer.
 Their firmware runs on the wall clock, as a driver expects; their wheels turn on the frames'
 clock, so that a slow or paused simulation stays consistent. Each follows its script until its
 motors are first enabled, and from then on is driven until the source is rewound.
@@ -82,8 +83,9 @@ class SimulatedRobots:
             bodies: list[tuple[Role, RobotModel, Body]] = [
                 ("observer", _OBSERVER, self._world.observer)
             ]
-            if self._world.obstacles:
-                bodies.append(("obstacle", _OBSTACLE, self._world.obstacles[0]))
+            robots = [body for body in self._world.obstacles if body.person is None]
+            if robots:
+                bodies.append(("obstacle", _OBSTACLE, robots[0]))
             self._ports = tuple(self._served(*each) for each in bodies)
             self._world.move({body.id: self.vehicles[role].motion for role, _, body in bodies})
             self._source.follow(self)

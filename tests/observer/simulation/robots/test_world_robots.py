@@ -19,7 +19,7 @@ from observer.robots.arcos import Command, PacketParser, command
 from observer.simulation.motion import Parked, PlanarState
 from observer.simulation.robots.driven import Driven
 from observer.simulation.robots.world_robots import SimulatedRobots
-from observer.simulation.scenarios import scenario_from_text
+from observer.simulation.scenarios import load_scenario, scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
@@ -183,6 +183,12 @@ def test_roles_models_and_ports(make_lab: MakeLab) -> None:
             Link(port.port)
     alone = make_lab(SCENE.split("robots:")[0] + "observer: {}\n")
     assert list(alone.ports) == ["observer"]
+
+
+def test_a_person_is_not_served_as_a_robot() -> None:
+    world = World(load_scenario("people"))
+    with closing(SimulatedRobots(world, SimulatedSource(world))) as robots:
+        assert [(each.role, each.name) for each in robots.serve()] == [("observer", "AmigoBot")]
 
 
 def test_robots_that_are_not_driven_change_no_frame_and_end_with_the_scenario(
