@@ -23,6 +23,8 @@ declare module "node:fs" {
   export function readFileSync(file: URL, encoding: "utf8"): string;
 }
 
+declare function setImmediate(act: (value: unknown) => void): void;
+
 interface ImportMeta {
   url: string;
 }

@@ -30,6 +30,8 @@ export class RunLabels extends Part {
   #error = h("p.field-error", { role: "alert" });
   /** @type {Run | null} */
   #run = null;
+  /** Settles when the newest change has been saved or refused. @type {Promise<unknown>} */
+  #lastChange = Promise.resolve();
 
   build() {
     const form = h(
@@ -49,10 +51,13 @@ export class RunLabels extends Part {
     );
     this.#name.addEventListener("change", () => {
       const name = this.#name.value.trim();
-      if (name) void this.#keep({ name });
+      if (name) void this.#keep(() => ({ name }));
       else if (this.#run) this.#name.value = this.#run.name;
     });
-    this.#notes.addEventListener("change", () => void this.#keep({ notes: this.#notes.value }));
+    this.#notes.addEventListener("change", () => {
+      const notes = this.#notes.value;
+      void this.#keep(() => ({ notes }));
+    });
     onSubmit(form, () => this.#addTags());
     this.#add.addEventListener("focus", () => void this.#suggest());
   }
@@ -80,7 +85,7 @@ export class RunLabels extends Part {
   #tag(tag) {
     const remove = button(
       icon("close"),
-      () => this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }),
+      () => this.#keep(({ tags }) => ({ tags: tags.filter((each) => each !== tag) })),
       { class: "quiet", "aria-label": `Remove tag ${tag}` },
     );
     return h("li.tag-chip.plain", tag, remove);
@@ -93,7 +98,7 @@ export class RunLabels extends Part {
       .map((tag) => tag.trim())
       .filter(Boolean);
     if (added.length === 0) return;
-    const taken = await this.#keep({ tags: [...new Set([...(this.#run?.tags ?? []), ...added])] });
+    const taken = await this.#keep(({ tags }) => ({ tags: [...new Set([...tags, ...added])] }));
     if (taken) this.#add.value = "";
   }
 
@@ -105,14 +110,29 @@ export class RunLabels extends Part {
     );
   }
 
-  /** @param {{name?: string, tags?: string[], notes?: string}} change */
+  /**
+   * Save a change once those before it have been answered: all tags are sent together, so a change
+   * based on older ones would undo theirs.
+   *
+   * @param {(run: Run) => {name?: string, tags?: string[], notes?: string}} change of the newest run
+   * @returns {Promise<boolean>} whether it was saved
+   */
   async #keep(change) {
     const run = this.#run;
     if (!run) return false;
+    const done = this.#lastChange.then(() =>
+      this.#save(run.id, change(this.#run?.id === run.id ? this.#run : run)),
+    );
+    this.#lastChange = done.catch(() => false);
+    return done;
+  }
+
+  /** @param {string} id of the run @param {object} change */
+  async #save(id, change) {
     setText(this.#state, "Saving…");
     const done = await attemptIn(this.#error, async () => {
       /** @type {Run} */
-      const kept = await request("PATCH", `/runs/${encodeURIComponent(run.id)}`, change);
+      const kept = await request("PATCH", `/runs/${encodeURIComponent(id)}`, change);
       if (this.#run?.id === kept.id) {
         this.show(kept);
         this.changed(kept);
