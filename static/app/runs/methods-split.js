@@ -69,6 +69,8 @@ export class MethodsSplit extends Part {
   #shown = 0;
   /** While playing: when the first frame was due, ms. @type {number | null} */
   #began = null;
+  /** Number of starts and pauses: it ends the playback begun before the newest. */
+  #turns = 0;
   #timer = 0;
 
   build() {
@@ -165,22 +167,28 @@ export class MethodsSplit extends Part {
     if (this.#count < 2) return;
     if (this.#position >= this.#count - 1) this.#position = 0;
     this.#began = performance.now() - 1000 * (this.#time(this.#position) - this.#time(0));
+    this.#turns += 1;
     offerPlayback(this.#play, true);
-    void this.#playNext();
+    void this.#playNext(this.#turns);
   }
 
   #pause() {
     clearTimeout(this.#timer);
     if (this.#began === null) return;
     this.#began = null;
+    this.#turns += 1;
     offerPlayback(this.#play, false);
     this.#updateAddress();
   }
 
-  /** Show the frame that is due and continue; late frames are not skipped but delay the rest. */
-  async #playNext() {
+  /**
+   * Show the frame that is due and continue; late frames are not skipped but delay the rest.
+   *
+   * @param {number} turn of the start
+   */
+  async #playNext(turn) {
     await this.#show();
-    if (this.#began === null || !this.isConnected) return;
+    if (turn !== this.#turns || this.#began === null || !this.isConnected) return;
     if (this.#position >= this.#count - 1) return this.#pause();
     const due = () => (this.#began ?? 0) + 1000 * (this.#time(this.#position + 1) - this.#time(0));
     const wait = due() - performance.now();
@@ -188,7 +196,7 @@ export class MethodsSplit extends Part {
     this.#timer = setTimeout(
       () => {
         this.#position = this.#within(this.#position + 1);
-        void this.#playNext();
+        void this.#playNext(turn);
       },
       Math.max(0, wait),
     );
