@@ -6,11 +6,13 @@ import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, notify, exclusiveRunner } from "../shell/notice.js";
+import { attempt, attemptIn, notify, exclusiveRunner } from "../shell/notice.js";
 import { paintPreview } from "./calibration-preview.js";
 import { verdictTable, viewChart } from "./report-parts.js";
 
 /** @import { Calibration } from "./report-parts.js" */
+
+const RETRY_MS = 5000;
 
 export class ResultStep extends Part {
   /** Called to capture more views. */
@@ -20,6 +22,7 @@ export class ResultStep extends Part {
   /** Called once the calibration is saved and in use. */
   saved = () => {};
 
+  #unread = h("p.field-error", { role: "alert" });
   #sentence = h("p.verdict.big", { role: "status" });
   #warnings = h("ul.plain-list.warnings");
   #verdict = h("div");
@@ -54,6 +57,7 @@ export class ResultStep extends Part {
   #do = exclusiveRunner(undefined, this.#error);
   #shown = false;
   #read = "";
+  #timer = 0;
   /** @type {Record<string, any> | null} */
   #report = null;
 
@@ -65,6 +69,7 @@ export class ResultStep extends Part {
       h("div.row", this.#use, this.#keep, this.#again),
     );
     this.append(
+      this.#unread,
       this.#sentence,
       this.#warnings,
       h(
@@ -107,12 +112,21 @@ export class ResultStep extends Part {
     if (!same) setText(this.#recompute, `Recompute with ${counted(now.views.length, "view")}`);
     if (!this.#shown || !names || names === this.#read) return;
     this.#read = names;
-    const { report } = /** @type {{report: Record<string, any>}} */ (
-      await request("GET", "/calibrating/result")
-    );
-    if (!this.#name.value) this.#name.value = suggestedName(now?.source ?? null);
-    this.#show(report, new Set(now?.views.map((view) => view.name)));
-    void this.#paint();
+    clearTimeout(this.#timer);
+    const done = await attemptIn(this.#unread, async () => {
+      const { report } = /** @type {{report: Record<string, any>}} */ (
+        await request("GET", "/calibrating/result")
+      );
+      if (!this.#name.value) this.#name.value = suggestedName(now?.source ?? null);
+      this.#show(report, new Set(now?.views.map((view) => view.name)));
+      void this.#paint();
+    });
+    if (done) return;
+    // Do not try again on every status.
+    this.#timer = setTimeout(() => {
+      this.#read = "";
+      void this.#load();
+    }, RETRY_MS);
   }
 
   /** @param {Record<string, any>} report @param {Set<string>} present names of views that still exist */
