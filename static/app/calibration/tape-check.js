@@ -86,6 +86,7 @@ export class TapeCheck {
 
   /** @param {KeyboardEvent} event */
   #move(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     /** @type {Record<string, [number, number]>} */
     const steps = {
       ArrowLeft: [-STEP_PX, 0],

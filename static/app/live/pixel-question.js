@@ -109,6 +109,7 @@ export class PixelQuestion extends Part {
 
   /** @param {KeyboardEvent} event */
   #moved(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const arrow = ARROWS[/** @type {keyof typeof ARROWS} */ (event.key)];
     if (!arrow) return;
     event.preventDefault();

@@ -65,6 +65,7 @@ class SideTabs extends HTMLElement {
    * @param {HTMLElement} tab
    */
   #move(event, tab) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const tabs = this.#tabs().filter((each) => each.checkVisibility());
     const at = tabs.indexOf(tab);
     /** @type {Record<string, number>} */

@@ -62,6 +62,7 @@ class Splitter extends HTMLElement {
 
   /** @param {KeyboardEvent} event */
   #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const larger = this.#upright ? "ArrowLeft" : "ArrowUp";
     const smaller = this.#upright ? "ArrowRight" : "ArrowDown";
     const size = this.#size();
