@@ -20,7 +20,7 @@ const NUMBERS = [
 
 const DRIVE_ASKED_MS = 2000;
 
-class RigPanel extends Part {
+export class RigPanel extends Part {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
@@ -47,7 +47,7 @@ class RigPanel extends Part {
   #do = exclusiveRunner(undefined, this.#refusal);
   /** True while the form holds values that are not in use yet. */
   #changed = false;
-  /** Keys filled in while driving. @type {Set<string>} */
+  /** Keys filled in while driving, and not otherwise since. @type {Set<string>} */
   #driven = new Set();
 
   build() {
@@ -85,6 +85,7 @@ class RigPanel extends Part {
     for (const [key, input] of this.#inputs) {
       input.addEventListener("input", () => {
         this.#estimated.delete(key);
+        this.#driven.delete(key);
         this.#note(key, null);
       });
     }
@@ -126,9 +127,11 @@ class RigPanel extends Part {
     const found = await request(method, "/rig/drive");
     for (const [key, , , digits] of NUMBERS) {
       const number = found.values[key];
+      const input = this.#inputs.get(key);
       // Values typed or estimated from the floor are more accurate than those from driving.
-      const known = this.#inputs.get(key)?.value !== "" && !this.#driven.has(key);
-      if (!number || known) continue;
+      const known = input?.value !== "" && !this.#driven.has(key);
+      // A field emptied just now is about to be typed into.
+      if (!number || known || input === document.activeElement) continue;
       this.#driven.add(key);
       this.#fill(key, number, digits);
     }
@@ -228,7 +231,10 @@ class RigPanel extends Part {
       async () => {
         /** @type {FloorEstimate & Record<string, any>} */
         const found = await request("POST", "/rig/floor");
-        for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
+        for (const [key, , , digits] of NUMBERS.slice(0, 3)) {
+          this.#driven.delete(key);
+          this.#fill(key, found[key], digits);
+        }
         words = `${sentence(found.sentence)} Press “Use this mount” to apply it.`;
       },
       this.#words,

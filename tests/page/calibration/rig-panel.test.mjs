@@ -1,0 +1,74 @@
+import assert from "node:assert/strict";
+import { mock, test } from "node:test";
+
+import { buttonOf, serve, settled } from "../fake-page.mjs";
+
+/** @import { Hub } from "../../../static/app/shell/hub.js" */
+
+mock.timers.enable({ apis: ["setInterval"] });
+const { RigPanel } = await import("../../../static/app/calibration/rig-panel.js");
+
+const POLL_MS = 2000;
+const number = (/** @type {number} */ value) => ({ value, sigma: 0.01 });
+
+/** A panel, the heights that the server estimates, and the requests it gets while driving. */
+async function shown() {
+  const server = { driven_m: 0.5, floor_m: 0.6, asked: /** @type {string[]} */ ([]) };
+  serve((method, path) => {
+    if (path === "/rig") return { mount: {}, for_simulated: false };
+    if (path === "/rig/floor")
+      return {
+        height_m: number(server.floor_m),
+        tilt_deg: number(10),
+        roll_deg: number(0),
+        sentence: "",
+      };
+    server.asked.push(method);
+    return { values: { height_m: number(server.driven_m) }, sentence: "" };
+  });
+  const panel = new RigPanel();
+  panel.attach(/** @type {Hub} */ (/** @type {unknown} */ (new EventTarget())));
+  await settled();
+  const height = [...panel.querySelectorAll("input")].find(({ id }) => id === "rig-height_m");
+  if (!height) throw new Error("no field");
+  return { server, panel, height };
+}
+
+/** @param {unknown} panel @param {string} name */
+async function press(panel, name) {
+  buttonOf(panel, name).fire("click");
+  await settled();
+}
+
+async function poll() {
+  mock.timers.tick(POLL_MS);
+  await settled();
+}
+
+test("estimating while driving does not replace what is typed meanwhile", async () => {
+  const { server, panel, height } = await shown();
+  await press(panel, "Estimate while driving");
+  assert.equal(height.value, "0.5");
+  server.driven_m = 0.51;
+  await poll();
+  assert.equal(height.value, "0.51");
+  height.value = "0.8";
+  height.dispatchEvent(new Event("input"));
+  await poll();
+  assert.equal(height.value, "0.8");
+  height.value = "";
+  Object.assign(document, { activeElement: height });
+  await poll();
+  assert.equal(height.value, "");
+  Object.assign(document, { activeElement: null });
+  await press(panel, "Stop estimating");
+});
+
+test("nor what is estimated from the floor meanwhile", async () => {
+  const { panel, height } = await shown();
+  await press(panel, "Estimate while driving");
+  await press(panel, "Estimate from the floor");
+  await poll();
+  assert.equal(height.value, "0.6");
+  await press(panel, "Stop estimating");
+});
