@@ -170,9 +170,12 @@ export class ParameterField extends HTMLElement {
       step: entry.step,
       ...described,
     });
+    // True while the text field holds an unsent edit, which values shown meanwhile do not replace.
+    let typing = false;
     const display = (/** @type {ParameterValue} */ value) => {
-      number.value = roundOff(value);
-      slider.setAttribute("aria-valuetext", `${number.value} ${entry.unit}`);
+      const text = roundOff(value);
+      if (!typing) number.value = text;
+      slider.setAttribute("aria-valuetext", `${text} ${entry.unit}`);
     };
     const gesture = this.#gesture(display);
     slider.addEventListener("input", () => gesture.move(scale.valueAt(slider.valueAsNumber)));
@@ -186,10 +189,18 @@ export class ParameterField extends HTMLElement {
       gesture.move(value);
     });
     slider.addEventListener("keyup", () => gesture.end());
-    // Text that is not a number is sent unchanged: the server says what would be valid.
-    number.addEventListener("change", () =>
-      this.#commit(Number.isFinite(number.valueAsNumber) ? number.valueAsNumber : number.value),
-    );
+    number.addEventListener("input", () => (typing = true));
+    number.addEventListener("blur", () => {
+      // While another window has the focus, the edit is not over.
+      if (!typing || number === document.activeElement) return;
+      typing = false;
+      if (this.#shown !== undefined) display(this.#shown);
+    });
+    number.addEventListener("change", () => {
+      typing = false;
+      // Text that is not a number is sent unchanged: the server says what would be valid.
+      this.#commit(Number.isFinite(number.valueAsNumber) ? number.valueAsNumber : number.value);
+    });
     this.#show = (value) => {
       if (gesture.underWay) return;
       display(value);
