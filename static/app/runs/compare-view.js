@@ -50,8 +50,9 @@ export class CompareView extends Part {
 
   async #load() {
     const ids = this.#ids;
-    if (ids.length === 0) return;
+    // Even if nothing is asked now: an answer still to come is for a view that was left.
     const asked = ++this.#asked;
+    if (ids.length === 0) return;
     try {
       /** @type {Chart[]} */
       const charts = await Promise.all(
@@ -62,6 +63,7 @@ export class CompareView extends Part {
       );
       if (asked !== this.#asked) return;
       setText(this.#waiting, "");
+      setText(this.#error, "");
       this.named(`Compare ${charts.map(({ run }) => run.name).join(" and ")}`);
       this.#chart.show(charts);
       if (areSameFrames(charts))
