@@ -4,7 +4,7 @@ import { button, field, h, input, onSubmit, setAttribute, setText } from "../ele
 import { Part } from "../elements/part.js";
 import { fixed, half95, sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attemptIn, notify, exclusiveRunner } from "../shell/notice.js";
+import { notify, exclusiveRunner } from "../shell/notice.js";
 
 /** @import { DriveNow, FloorEstimate, RigNow, RigNumber } from "../contract" */
 
@@ -45,6 +45,7 @@ export class RigPanel extends Part {
   /** Why nothing could be estimated; errors in the fields have their own element. */
   #refusal = h("p.field-error", { role: "alert" });
   #do = exclusiveRunner(undefined, this.#refusal);
+  #doDrive = exclusiveRunner(undefined, this.#refusal);
   /** True while the form holds values that are not in use yet. */
   #changed = false;
   /** Keys filled in while driving, and not otherwise since. @type {Set<string>} */
@@ -105,10 +106,10 @@ export class RigPanel extends Part {
 
   /** Estimate from the first press to the second, and show the values meanwhile. */
   async #toggleDrive() {
-    const ending = this.#asking !== 0;
-    clearInterval(this.#asking);
-    this.#asking = 0;
-    await attemptIn(this.#refusal, async () => {
+    await this.#doDrive(async () => {
+      const ending = this.#asking !== 0;
+      clearInterval(this.#asking);
+      this.#asking = 0;
       await this.#showDrive(ending ? "DELETE" : "POST");
       if (!ending)
         this.#asking = setInterval(

@@ -72,3 +72,15 @@ test("nor what is estimated from the floor meanwhile", async () => {
   assert.equal(height.value, "0.6");
   await press(panel, "Stop estimating");
 });
+
+test("presses before the answer to the first one change nothing", async () => {
+  const { server, panel } = await shown();
+  for (let times = 0; times < 3; times += 1)
+    buttonOf(panel, "Estimate while driving").fire("click");
+  await settled();
+  await poll();
+  assert.deepEqual(server.asked, ["POST", "GET"]);
+  await press(panel, "Stop estimating");
+  await poll();
+  assert.deepEqual(server.asked, ["POST", "GET", "DELETE"]);
+});
