@@ -82,7 +82,7 @@ def _opened(spec: str) -> OpenedSource:
         raise SourceError(f"a source is named without NUL characters, not {spec[:_QUOTED]!r}")
     kind, rest = _split(spec)
     if kind == "simulated":
-        return _open_simulated(rest)
+        return _open_simulated(spec)
     if kind == "video":
         from observer.sources.video import open_video
 
@@ -149,6 +149,21 @@ def source_kind(spec: str) -> SourceKind | None:
     return next((each for each in _SCHEMES if each == kind), None)
 
 
+def simulated_world(spec: str) -> tuple[str, int]:
+    """Return the scenario, by name or path, and the seed of a simulated source.
+
+    Raises:
+        SourceError: the seed is not a number.
+    """
+    name, _, query = _split(spec)[1].partition("?")
+    if not query:
+        return name or "lab", 0
+    key, _, value = query.partition("=")
+    if key != "seed" or not re.fullmatch(r"[0-9]{1,18}", value):
+        raise SourceError(f"a scenario takes ?seed=NUMBER, not ?{query[:_QUOTED]}")
+    return name or "lab", int(value)
+
+
 def exclusive_world(spec: str) -> str | None:
     """Return the world that ``spec`` names if it allows only one source; nothing is opened."""
     kind, rest = _split(spec)
@@ -175,21 +190,15 @@ def _parse_cameras(spec: str) -> CamerasSpec:
     return parse_devices(rest) if kind == "camera" else parse_urls(spec)
 
 
-def _open_simulated(rest: str) -> OpenedSource:
+def _open_simulated(spec: str) -> OpenedSource:
     from observer.simulation.robots.world_robots import SimulatedRobots
     from observer.simulation.scenarios import load_scenario
     from observer.simulation.source import SimulatedSource
     from observer.simulation.truth import SimulatedTruth
     from observer.simulation.world import World
 
-    name, _, query = rest.partition("?")
-    seed = 0
-    if query:
-        key, _, value = query.partition("=")
-        if key != "seed" or not re.fullmatch(r"[0-9]{1,18}", value):
-            raise SourceError(f"a scenario takes ?seed=NUMBER, not ?{query[:_QUOTED]}")
-        seed = int(value)
-    world = World(load_scenario(name or "lab"), seed)
+    name, seed = simulated_world(spec)
+    world = World(load_scenario(name), seed)
     source = SimulatedSource(world)
     # Cameras must not move while a calibration board is shown to them.
     robots = None if world.board else SimulatedRobots(world, source)

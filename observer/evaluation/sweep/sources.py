@@ -9,7 +9,15 @@ from pathlib import Path
 
 from observer.errors import InputError
 from observer.evaluation.sources import BenchmarkSource, described
-from observer.opening import exclusive_world, live_devices, open_source, shown_spec
+from observer.opening import (
+    exclusive_world,
+    live_devices,
+    open_source,
+    shown_spec,
+    simulated_world,
+    source_kind,
+)
+from observer.simulation.scenarios import load_scenario
 
 _VIDEO = "video:"
 _BLOCK = 1 << 20
@@ -24,7 +32,7 @@ class SweepSource:
             found from any working directory.
         frames: highest number that is observed.
         digest: of its content: the bytes of a file; the names, sizes and modification times of a
-            folder's files; the name and seed of a scenario.
+            folder's files; a scenario with everything that it is based on, and its seed.
     """
 
     name: str
@@ -93,6 +101,10 @@ def _whole(text: str) -> str:
 
 def _digest(spec: str) -> str:
     digest = hashlib.blake2b(digest_size=16)
+    if source_kind(spec) == "simulated":
+        name, seed = simulated_world(spec)
+        digest.update(f"{load_scenario(name).model_dump_json()}\n{seed}".encode())
+        return digest.hexdigest()
     for part in spec.removeprefix(_VIDEO).split(",") if spec.startswith(_VIDEO) else [spec]:
         path = Path(part)
         if path.is_file():

@@ -185,12 +185,29 @@ def test_source_is_read_once_unless_too_large_for_the_cache(
     assert len(opened) == 3
 
 
+def test_results_of_a_scenario_are_kept_by_its_content_and_seed(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+
+    def key(suffix: str = "") -> str:
+        source = sweep_source(f"simulated:{path}{suffix}", None)
+        return Task(source, preset("default"), GATE_M, "1").key
+
+    path.write_text("based_on: lateral\ntexture: {robot: red}\n")
+    first = key()
+    assert key("?seed=1") != first
+    path.write_text("based_on: lateral\ntexture: {robot: dark}\n")
+    assert key() != first
+    path.write_text("# The same scenario.\nbased_on: lateral\ntexture: {robot: red}\n")
+    assert key() == key("?seed=0") == first
+
+
 @pytest.mark.parametrize(
     ("spec", "part"),
     [
         ("camera:0,1", "live"),
         ("coppeliasim:localhost:23000", "live"),
         ("simulated:nowhere", "nowhere"),
+        ("simulated:lab?seed=one", "seed=NUMBER"),
         ("/no/such/run.mcap", "run.mcap"),
     ],
 )
