@@ -127,7 +127,7 @@ class PlanarMethod:
             camera_velocity = -ego.T_current_previous.translation / (view.time - seen.view.time)
             self._history.append(_Seen(view, T_world_camera))
         # While the pose is unknown, tracking continues from the last known camera pose.
-        T_track_camera = seen.T_world_camera if T_world_camera is None else T_world_camera
+        T_track_camera = self._history[-1].T_world_camera
         tracks = self._tracker.update(detections, T_track_camera, view.time, p.tracking)
         return T_world_camera, tuple(
             describe_obstacle(track, T_track_camera, T_world_camera, camera_velocity, view.time)

@@ -11,7 +11,7 @@ from observer.observer import Observer
 from observer.parameters import Parameters, preset
 from observer.types import FullTrace, Status, TrackState
 
-from ...rendered_board import BOARD_M, CALIBRATION, DT, F, frames, observe_all
+from ...rendered_board import BOARD_M, CALIBRATION, DT, F, black, frames, observe_all
 
 PLANAR = Parameters().changed({"ego_motion.model": "affine"})
 
@@ -63,6 +63,17 @@ def test_the_interval_chooses_the_pair_and_dt_is_measured() -> None:
     (board,) = seen.reported
     assert board.speed == pytest.approx(0.15, abs=0.04)
     assert board.velocity_time == pytest.approx(6.5 * DT)
+
+
+def test_a_frame_without_a_pose_keeps_the_last_known_place_of_the_camera() -> None:
+    """The camera drives ahead; the pair to compare with is five frames, thus 5 cm, earlier."""
+    observer = Observer(CALIBRATION, PLANAR.changed({"frames.interval": 5}))
+    sequence = frames(9, board_speed=0.3, camera_velocity=(0.0, 0.0, 0.15))
+    seen = observe_all(observer, [*sequence[:-1], black(sequence[-1])])
+    assert seen[-1].T_world_camera is None
+    (before,), (lost,) = seen[-2].reported, seen[-1].reported
+    assert lost.state is TrackState.COASTING
+    assert lost.position_camera[2] == pytest.approx(before.position_camera[2], abs=0.01)
 
 
 def test_every_step_is_in_the_trace_and_consistent_with_the_others() -> None:
