@@ -77,7 +77,7 @@ _Steps: TypeAlias = Annotated[
 
 class _Roles(FileModel):
     noun = "a role"
-    form = f"hold a list of steps for {' or '.join(ROLES)}"
+    form = f"contain a list of steps for {' or '.join(ROLES)}"
 
     observer: _Steps | None = None
     obstacle: _Steps | None = None

@@ -25,9 +25,14 @@ def test_a_failed_block_leaves_the_earlier_file_alone(
 ) -> None:
     path = tmp_path / "table.json"
     path.write_text("before")
-    with pytest.raises(error), whole_file(path) as part:
-        part.write_text("half")
-        raise error
+
+    def fail() -> None:
+        with whole_file(path) as part:
+            part.write_text("half")
+            raise error
+
+    with pytest.raises(error):
+        fail()
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
 

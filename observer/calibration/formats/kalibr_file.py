@@ -23,7 +23,8 @@ def _coefficients(value: PlainData, info: ValidationInfo) -> Float64Array:
 
 class _Camera(PinholeCamera):
     form = (
-        "hold the keys camera_model, intrinsics, distortion_model, distortion_coeffs and resolution"
+        "contain the keys camera_model, intrinsics, distortion_model, distortion_coeffs and "
+        "resolution"
     )
 
     camera_model: Annotated[

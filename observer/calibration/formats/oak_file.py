@@ -38,7 +38,7 @@ _Socket: TypeAlias = Annotated[int, PlainValidator(_socket)]
 
 
 class _Point(FileModel):
-    form = "hold the keys x, y and z"
+    form = "contain the keys x, y and z"
 
     x: Annotated[Float64Array, array(1)]
     y: Annotated[Float64Array, array(1)]

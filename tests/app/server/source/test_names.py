@@ -29,7 +29,7 @@ async def test_a_recording_has_its_runs_name_and_can_be_left_again(
 ) -> None:
     id = await recorded(server)
     assert told(server) == ("simulated:lab", None)
-    with pytest.raises(Conflict, match="no source before it"):
+    with pytest.raises(Conflict, match="no previous source"):
         await server.source.go_back()
     await server.source.open(f"run:{id}", None)
     await until(lambda: told(server) == ("Recording of Morning", "simulated:lab"))

@@ -198,7 +198,7 @@ def test_empty_image_size_must_be_supplied() -> None:
         ({"TranslationOfCamera2": np.zeros((1, 3))}, "T must not be zero"),
         ({"TranslationOfCamera2": np.array([[120.0, 0, 0]])}, "swap left and right"),
         ({"TranslationOfCamera2": np.array([[-0.12, 0, 0]])}, "in metres (120 mm), set unit='m'"),
-        ({"TranslationOfCamera2": np.array([[np.nan, 0, 0]])}, "hold finite numbers only"),
+        ({"TranslationOfCamera2": np.array([[np.nan, 0, 0]])}, "contain finite numbers only"),
         ({"TranslationOfCamera2": "left"}, "TranslationOfCamera2 must contain numbers"),
         ({"CameraParameters1": camera(K1, WorldUnits="furlongs")}, "WorldUnits is 'furlongs'"),
         ({"CameraParameters1": camera(K1, ImageSize=np.array([[960, 1280]]))},

@@ -114,7 +114,7 @@ GOOD = {side: camera_info(side) for side in ("left", "right")}
         (GOOD["left"], camera_info("right", "equidistant", [0, 0, 0, 0.1]),
          "distortion_model is equidistant, but the left camera's is radtan"),
         (GOOD["left"], camera_info("right", "thin_prism"), "distortion_model must be plumb_bob"),
-        (GOOD["left"], camera_info("right", D=[1, 2, 3]), "D2|distortion_coefficients must hold"),
+        (GOOD["left"], camera_info("right", D=[1, 2, 3]), "D2|distortion_coefficients must con"),
         (GOOD["left"], camera_info("right", K=np.zeros((3, 3))), "camera_matrix is zero"),
         (GOOD["left"], camera_info("right", R=2 * np.eye(3)), "rectification_matrix must be a rot"),
         (GOOD["left"], camera_info("right", P=np.zeros((3, 4))), "projection_matrix must have a"),
