@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import statistics
 from dataclasses import dataclass
@@ -71,17 +72,19 @@ def driving_figures(crowd: SweepCrowd, parameters: AllParameters) -> dict[str, f
 
     Returns:
         ``time_ratio``: median of the time to the goal as a multiple of the free time at the default
-        speed; a goal that is not reached counts with the time limit. ``contacts_per_m``: people
-        touched while the robot moved, ``ahead_per_m``: those of them whom it drove into, per metre;
-        None if nothing was driven. ``reached``: share of goals.
+        speed, where a run that did not reach it counts as infinitely long; None if the median is
+        infinite. ``contacts_per_m``: people touched while the robot moved, ``ahead_per_m``: those
+        of them whom it drove into, per metre; None if nothing was driven. ``reached``: share of
+        goals.
     """
     risk = parameters.navigation.risk_per_metre
     seeds = range(_FIRST_SEED, _FIRST_SEED + crowd.runs)
     cases = [Case("planner", crowd.density_per_m2, crowd.kind, risk, seed) for seed in seeds]
     done = [run(case, parameters) for case in cases]
-    free_s, driven_m = free_time_s(GuardParameters()), sum(each.driven_m for each in done)
+    driven_m = sum(each.driven_m for each in done)
+    time_s = statistics.median(each.time_s if each.reached else math.inf for each in done)
     return {
-        "time_ratio": statistics.median(each.time_s for each in done) / free_s,
+        "time_ratio": None if math.isinf(time_s) else time_s / free_time_s(GuardParameters()),
         "contacts_per_m": sum(each.contacts for each in done) / driven_m if driven_m > 0 else None,
         "ahead_per_m": sum(each.ahead for each in done) / driven_m if driven_m > 0 else None,
         "reached": statistics.fmean(each.reached for each in done),

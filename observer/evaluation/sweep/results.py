@@ -98,7 +98,7 @@ class Ranked:
             others have it, as means over different sources cannot be compared.
         means: over the sources, of every figure of ``Sweep.ranked_by``; None if none is known.
         cost: mean over the sources: of processing relative to the preset ``default``, for driving
-            as ``Row.cost``.
+            as ``Row.cost`` and None if it is unknown or infinite on one of them.
         judged: number of sources on which it was evaluated.
         best: whether it is on the Pareto front: no other is both better and cheaper.
     """
@@ -129,7 +129,8 @@ def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
         means: dict[RankedBy, float | None] = {
             name: _mean([r.figures.get(name) for r in mine]) for name in sweep.ranked_by
         }
-        cost = _mean([r.cost(figure) for r in mine])
+        costs = [r.cost(figure) for r in mine]
+        cost = None if sweep.grid.driving and None in costs else _mean(costs)
         value = means[figure]
         if value is None or known.get(combination.number, set()) != all_known:
             unranked.append(Ranked(combination, None, means, cost, len(mine)))

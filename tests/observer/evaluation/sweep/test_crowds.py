@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet
 import pytest
 
 from observer.errors import InputError
-from observer.evaluation.navigation.run import Case, free_time_s, run
+from observer.evaluation.navigation.eye_check import EyeCheck
+from observer.evaluation.navigation.run import IN_TIME, Case, RunResult, free_time_s, run
 from observer.evaluation.sweep import crowds
 from observer.evaluation.sweep.cluster import ClusterChoice
 from observer.evaluation.sweep.crowds import SweepCrowd, driving_figures, sweep_crowd
@@ -127,6 +129,36 @@ def test_tables_and_figure_show_driving_results(sweep: Sweep, tmp_path: Path) ->
         "contacts / m",
         "time ratio (less is better)",
     )
+
+
+def test_a_robot_that_never_arrives_has_no_time_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
+    def drive(case: Case, parameters: AllParameters) -> RunResult:
+        """Arrive late at 1.4 m/s, never at 2 m/s, and at 0.5 m/s every other time."""
+        free_s, speed = free_time_s(parameters.guard), parameters.guard.speed_max_mps
+        reached = speed == 1.4 or (speed == 0.5 and case.seed % 2 == 0)
+        nothing = EyeCheck(0, 0, 0, 0, 0, 0, (), 0)
+        time_s = (IN_TIME - 0.1 if reached else IN_TIME) * free_s
+        return RunResult(case, reached, time_s, free_s, 10.0, 1, 0, 0, 0, {}, 0.0, 0.0, nothing)
+
+    monkeypatch.setattr(crowds, "run", drive)
+    grid = grid_from_text("guard.speed_max_mps: [0.5, 1.4, 2.0]", "grid.yaml", driving=True)
+    rows = []
+    for each in grid.chosen():
+        assert isinstance(each.parameters, AllParameters)
+        figures = driving_figures(CROWD, each.parameters)
+        rows.append(Row(each, CROWD, Outcome(figures=figures, cpu_s=9.0, wall_s=9.5)))
+    assert [row.figures["reached"] for row in rows] == [0.5, 1.0, 0.0]
+    sweep = Sweep(grid, (CROWD,), grid.chosen(), tuple(rows), 0.5, "1", 0)
+    ranked = ranking(sweep, "time_ratio")
+    assert [(r.combination.number, r.rank) for r in ranked] == [(2, 1), (1, None), (3, None)]
+    # Over a second crowd, where it arrives, it does not become cheap either.
+    other = replace(CROWD, name="crowd:hard:0.05", density_per_m2=0.05)
+    figures = {"time_ratio": 1.0, "contacts_per_m": 0.1, "ahead_per_m": 0.0, "reached": 1.0}
+    rows += [Row(each, other, Outcome(figures=figures)) for each in grid.chosen()]
+    both = Sweep(grid, (CROWD, other), grid.chosen(), tuple(rows), 0.5, "1", 0)
+    costs = {r.combination.number: r.cost for r in ranking(both, "contacts_per_m")}
+    assert costs[2] is not None
+    assert (costs[1], costs[3]) == (None, None)
 
 
 def test_figures_match_the_benchmark() -> None:
