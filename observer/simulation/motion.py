@@ -181,6 +181,11 @@ class Ramp:
         first, cruise, _ = self._times
         return first + cruise
 
+    @property
+    def cruise_begins(self) -> float:
+        """Seconds after the start at which the first ramp ends."""
+        return self._times[0]
+
     def distance_and_speed(self, time: float) -> tuple[float, float]:
         """Return distance and speed ``time`` seconds after the start."""
         first, cruise, last = self._times
@@ -247,6 +252,12 @@ class _TimedLeg:
         if self.ramp is None or not self.leg.travels:
             return 0.0
         return self.leg.speed if time < self.ramp.braking_begins else self.ramp.end
+
+    def commanded_speed_back(self, time: float) -> float:
+        """Return the speed commanded at the same place of the reversed motion."""
+        if self.ramp is None or not self.leg.travels:
+            return 0.0
+        return self.leg.speed if time > self.ramp.cruise_begins else self.ramp.start
 
 
 class Course:
@@ -363,6 +374,7 @@ class Course:
             return 0.0
         cycles, rest = divmod(max(0.0, time), self.period)
         if self._after == "back" and int(cycles) % 2 == 1:
-            rest = self.period - rest
+            leg, since = self._find(self.period - rest)
+            return leg.commanded_speed_back(since)
         leg, since = self._find(rest)
         return leg.commanded_speed(since)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -109,6 +110,26 @@ def test_the_commanded_speed_is_a_step_where_the_true_one_is_a_ramp() -> None:
     s = motion.state(0.01)
     assert math.hypot(s.vx, s.vy) == pytest.approx(0.005)
     assert motion.commanded_speed(motion.period - 1.0) == 0
+
+
+def test_the_reversed_motion_is_commanded_on_the_way_back() -> None:
+    motion = course([Leg(distance=1.0, speed=0.5)], "back")
+    # Not at the joints of ramps, where the command changes.
+    for t in np.arange(0.005, motion.period, 0.01).tolist():
+        assert motion.commanded_speed(motion.period + t) == motion.commanded_speed(t)
+    # Back it goes from 0.5 to 0.3 m/s.
+    motion = course([Leg(distance=1.0, speed=0.3), Leg(distance=1.0, speed=0.5)], "back")
+    for t in np.arange(0.005, motion.period, 0.01).tolist():
+        t += motion.period
+        now, later = (math.hypot(s.vx, s.vy) for s in (motion.state(t), motion.state(t + 1e-4)))
+        change = later - now
+        # The speed always tends towards the command.
+        if abs(change) > 1e-6:
+            assert change * (motion.commanded_speed(t) - now) > 0
+        else:
+            assert motion.commanded_speed(t) == pytest.approx(now)
+    assert motion.commanded_speed(motion.period + 0.01) == 0.5
+    assert motion.commanded_speed(2 * motion.period - 0.01) == 0.0
 
 
 def test_sway_and_parked() -> None:
