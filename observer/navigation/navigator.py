@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from observer.geometry import Float64Array, along_arc
+from observer.guard.dead_reckoning import moved
 from observer.guard.limiting import limit_of
 from observer.guard.outline import Outline
 from observer.guard.parameters import GuardParameters
@@ -206,24 +207,41 @@ class Navigator:
     def _forget_where_clear(
         self, sonars: Sequence[SonarReading], motion: Motion, now: float
     ) -> None:
-        """Forget people out of view whose predicted place is clear by sonar."""
+        """Forget people out of view of whom sonar heard nothing where they should have been."""
         p = self._limits
         fresh = [one for one in sonars if now - one.received <= p.sonar_fresh_s]
-        half = math.radians(p.sonar_half_angle_deg)
-        gone = []
-        for number, known in self._known.items():
-            if now - known.seen < _UNSEEN_S:
-                continue
-            x, y = _in_base(_aged(known, now), motion)
-            for sonar in fresh:
-                away = math.hypot(x - sonar.x, y - sonar.y)
-                off = math.atan2(y - sonar.y, x - sonar.x) - sonar.heading
-                echo = math.inf if sonar.range_m is None else sonar.range_m
-                if math.cos(off) > math.cos(half) and away < min(echo - _BODY_M, p.sonar_reach_m):
-                    gone.append(number)
-                    break
+        if not fresh:
+            return
+        # Each reading is compared with where robot and person were when it was made.
+        past = self._side.past.then_from_now(np.array([one.received for one in fresh]))
+        gone = [
+            number
+            for number, known in self._known.items()
+            if any(
+                sonar.received - known.seen >= _UNSEEN_S
+                and self._is_clear(_in_base(_aged(known, sonar.received), motion), sonar, then)
+                for sonar, then in zip(fresh, past, strict=True)
+            )
+        ]
         for number in gone:
             del self._known[number]
+
+    def _is_clear(
+        self, place: tuple[float, float], sonar: SonarReading, then: Float64Array
+    ) -> bool:
+        """Return whether a reading shows that nobody was at a place.
+
+        Args:
+            place: metres ahead and to the left of the robot as it stands now.
+            then: (3,) pose of the base as it stands now, in that of the reading.
+        """
+        p = self._limits
+        ((x, y),) = moved(np.array([place]), then).tolist()
+        away = math.hypot(x - sonar.x, y - sonar.y)
+        off = math.atan2(y - sonar.y, x - sonar.x) - sonar.heading
+        echo = math.inf if sonar.range_m is None else sonar.range_m
+        within = math.cos(off) > math.cos(math.radians(p.sonar_half_angle_deg))
+        return within and away < min(echo - _BODY_M, p.sonar_reach_m)
 
     def _people(self, motion: Motion, now: float) -> list[SeenObstacle]:
         """Return the people who matter, predicted to the present."""

@@ -232,3 +232,50 @@ def test_an_unseen_person_is_forgotten_when_sonar_has_no_echo() -> None:
     assert there.waits_for == 3
     gone = navigator.plan(replace(ERRAND, time=10.5, sonars=quiet), 10.5)
     assert gone.waits_for is None
+
+
+def counts_after_a_quiet_sonar(
+    known: SeenObstacle, age_s: float, turn_rate_radps: float = 0.0
+) -> bool:
+    """Return whether a person who was seen last at 10.0 still counts after one quiet reading.
+
+    Args:
+        age_s: of the reading, by a sonar that looks ahead, at the plan 0.72 s later.
+        turn_rate_radps: of the robot since then; its yaw is 0 at the plan.
+    """
+    navigator = Navigator(LIMITS, PLANNER)
+    start = -0.7 * turn_rate_radps
+    navigator.see(sight(known), np.array([0.0, 0.0, start]))
+    for k in range(8):
+        time = 10.02 + 0.1 * k
+        yaw = start + 0.1 * k * turn_rate_radps
+        errand = replace(
+            ERRAND, time=time, yaw=yaw, speed_mps=0.0, turn_rate_radps=turn_rate_radps, sonars=()
+        )
+        if k:
+            navigator.see(sight(time=time - 0.02), np.array([0.0, 0.0, yaw]))
+        if k == 7:
+            sonar = SonarReading(0, 0.2, 0.0, 0.0, None, time - age_s)
+            errand = replace(errand, sonars=(sonar,))
+        made = navigator.plan(errand, time)
+    return 3 in (made.waits_for, *(path.track for path in made.refused))
+
+
+def test_a_quiet_reading_counts_for_where_the_person_was_then() -> None:
+    # Comes from the side, and is 13° off the sonar's axis now but was 21° off 0.3 s ago.
+    comes = person(1.42, 0.62, -0.6, -0.6)
+    assert counts_after_a_quiet_sonar(comes, age_s=0.3)
+    assert not counts_after_a_quiet_sonar(comes, age_s=0.0)
+
+
+def test_a_quiet_reading_counts_only_if_the_person_was_out_of_view_by_then() -> None:
+    stands = person(1.2, 0.0)
+    assert counts_after_a_quiet_sonar(stands, age_s=0.4)
+    assert not counts_after_a_quiet_sonar(stands, age_s=0.3)
+
+
+def test_a_quiet_reading_counts_for_where_the_robot_looked_then() -> None:
+    # 23° off the axis when the sonar was read; the robot has turned towards the person since.
+    stands = person(1.2 * math.cos(0.7), 1.2 * math.sin(0.7))
+    assert counts_after_a_quiet_sonar(stands, age_s=0.34, turn_rate_radps=1.0)
+    assert not counts_after_a_quiet_sonar(stands, age_s=0.0, turn_rate_radps=1.0)
