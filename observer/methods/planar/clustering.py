@@ -87,18 +87,23 @@ def detect_obstacles(
 def _describe(
     motions: PointMotions, members: NDArray[np.intp], time: float, parameters: MotionParameters
 ) -> Detection:
-    members = members[_agree(motions.velocity[members], motions.velocity_cov[members])]
+    # The displacements are in the axes of the earlier frame, the obstacle is in those of this one.
+    R = motions.R_current_previous
+    velocities = motions.velocity[members] @ R.T
+    covariances = R @ motions.velocity_cov[members] @ R.T
+    agree = _agree(velocities, covariances)
+    members, velocities, covariances = members[agree], velocities[agree], covariances[agree]
     count = len(members)
     # Errors of neighbouring points are correlated (the matcher's blocks overlap); averaging does
     # not reduce the common part.
     shrink = (1 - parameters.noise_correlation) / count + parameters.noise_correlation
-    velocity = motions.velocity[members].mean(axis=0)
-    noise = _at_least_the_scatter(motions.velocity[members], motions.velocity_cov[members]) * shrink
-    bias = motions.model_error[members].mean(axis=0)
+    velocity = velocities.mean(axis=0)
+    noise = _at_least_the_scatter(velocities, covariances) * shrink
+    bias = R @ motions.model_error[members].mean(axis=0)
     known = bool(np.isfinite(bias).all())
     against = noise
     if known:
-        common = motions.model_error_cov[members].mean(axis=0)
+        common = R @ motions.model_error_cov[members].mean(axis=0) @ R.T
         against = noise + np.outer(bias, bias) + common
     points = motions.points_camera[members]
     position_cov = motions.point_cov[members].mean(axis=0) * shrink

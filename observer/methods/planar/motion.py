@@ -61,6 +61,7 @@ def measure_motion(
     noise = noise + camera.point_covariance(observed_px, observed_disparity, sigma_px, sigma_d)
     now_px, now_disparity = _mapped(observed_px, observed_disparity, ego.homography)
     model_error, model_error_cov = _model_error(previous, ego.homography, ego, camera)
+    turn = Pose.identity() if ego.T_current_previous is None else ego.T_current_previous
     return PointMotions(
         points_previous=previous,
         points_current=current[kept],
@@ -71,6 +72,7 @@ def measure_motion(
         point_cov=camera.point_covariance(now_px, now_disparity, sigma_px, sigma_d),
         model_error=model_error / dt,
         model_error_cov=model_error_cov / dt**2,
+        R_current_previous=turn.rotation,
     )
 
 

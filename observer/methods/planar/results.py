@@ -47,6 +47,8 @@ class PointMotions:
             because the model of the ego-motion does not fit its depth; NaN where unknown.
         model_error_cov: (K, 3, 3) (m/s)^2, of ``model_error``, from the pose covariance; common
             to all points, so averaging does not reduce it.
+        R_current_previous: (3, 3) turns the axes of the camera frame of t into those of t+dt; the
+            identity where the turn is unknown.
     """
 
     points_previous: Float64Array
@@ -58,6 +60,7 @@ class PointMotions:
     point_cov: Float64Array
     model_error: Float64Array
     model_error_cov: Float64Array
+    R_current_previous: Float64Array
 
 
 @dataclass(frozen=True, eq=False)

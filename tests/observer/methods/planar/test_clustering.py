@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from observer.geometry import Pose
 from observer.methods.planar.clustering import detect_obstacles, group_points
 from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters
@@ -60,6 +63,7 @@ def motions(
     sigma: float = 0.1,
     error: tuple[float, float, float] = (0.0, 0.0, 0.0),
     pose_sigma: float = 0.0,
+    turn: Pose | None = None,
 ) -> PointMotions:
     count = len(points)
     return PointMotions(
@@ -72,6 +76,7 @@ def motions(
         point_cov=np.tile(np.eye(3) * 1e-4, (count, 1, 1)),
         model_error=np.tile(error, (count, 1)),
         model_error_cov=np.tile(np.eye(3) * pose_sigma**2, (count, 1, 1)),
+        R_current_previous=(turn or Pose.identity()).rotation,
     )
 
 
@@ -101,6 +106,32 @@ def test_a_point_with_a_different_motion_is_excluded() -> None:
     (found,) = detect(motions(points, velocity))
     assert found.points == 11
     np.testing.assert_allclose(found.velocity, (0.3, 0, 0), atol=1e-12)
+
+
+def test_the_velocity_and_its_uncertainty_are_in_the_axes_of_the_newest_frame() -> None:
+    turn = Pose.from_rotvec([0.02, 0.3, -0.05], np.zeros(3))
+    points, R = blob((0, 0, 2), 12), turn.rotation
+    velocity = np.random.default_rng(3).normal((0.1, 0, 0.6), 0.02, (12, 3))
+    ahead = np.diag([0.1, 0.1, 0.5]) ** 2
+    before = motions(points, velocity, turn=turn)
+    before = replace(
+        before,
+        velocity_cov=np.tile(ahead, (12, 1, 1)),
+        model_error=np.tile((0.0, 0.0, 0.2), (12, 1)),
+        model_error_cov=np.tile(ahead / 4, (12, 1, 1)),
+    )
+    now = replace(
+        before,
+        velocity=turn.rotate(before.velocity),
+        velocity_cov=R @ before.velocity_cov @ R.T,
+        model_error=turn.rotate(before.model_error),
+        model_error_cov=R @ before.model_error_cov @ R.T,
+        R_current_previous=np.eye(3),
+    )
+    (found,), (expected,) = detect(before), detect(now)
+    np.testing.assert_allclose(found.velocity, R @ velocity.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(found.velocity_cov, expected.velocity_cov, atol=1e-12)
+    assert found.significance == pytest.approx(expected.significance)
 
 
 @pytest.mark.parametrize("shared", [0.0, 0.4, 1.0])

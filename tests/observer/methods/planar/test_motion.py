@@ -7,6 +7,7 @@ import pytest
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose, map_pixels
+from observer.methods.planar.clustering import detect_obstacles
 from observer.methods.planar.ego_motion import PlanarEgoMotion
 from observer.methods.planar.motion import measure_motion
 from observer.methods.planar.results import ResidualFlow
@@ -133,6 +134,28 @@ def test_the_model_error_is_the_velocity_a_static_point_would_show() -> None:
         np.testing.assert_allclose(motions.velocity, motions.model_error, atol=2e-4)
         error = np.linalg.norm(motions.model_error)
         assert error < 1e-6 if depth == 3.0 else error > 0.1
+
+
+def test_a_receding_obstacle_recedes_for_the_turned_camera_too() -> None:
+    """The camera turns at 1 rad/s, and the homography is exactly its rotation."""
+    dt, velocity = 0.133, np.array([0.0, 0.0, 0.6])
+    pose = Pose.from_rotvec([0.0, -dt, 0.0], np.zeros(3))
+    K = np.array([[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]])
+    H = K @ pose.rotation @ np.linalg.inv(K)
+    u, v = np.meshgrid(np.linspace(-0.15, 0.15, 4), np.linspace(-0.15, 0.15, 4))
+    points = np.column_stack([u.ravel(), v.ravel(), np.full(16, 2.0)])
+    px, d = CAMERA.project(points)
+    px_now, d_now = CAMERA.project(pose.apply(points + velocity * dt))
+    right = px_now - np.column_stack([d_now, np.zeros(16)])
+    back = np.linalg.inv(H)
+    after, right = map_pixels(back, px_now), map_pixels(back, right)
+    flow, d_after = all_dynamic(px, after), after[:, 0] - right[:, 0]
+    p = Parameters()
+    motions = measure_motion(flow, d, d_after, dt, ego(H, pose), CAMERA, p)
+    (found,) = detect_obstacles(motions, dt / 2, p.clustering, p.motion)
+    true = pose.rotate(velocity)
+    cosine = found.velocity @ true / np.linalg.norm(found.velocity) / np.linalg.norm(true)
+    assert np.degrees(np.arccos(min(cosine, 1.0))) < 1.0
 
 
 def test_the_model_error_is_unknown_without_a_pose() -> None:
