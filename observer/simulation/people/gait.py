@@ -29,8 +29,9 @@ _STANDING_MPS = 0.15
 # Frequency of a waving hand, and its amplitude to each side.
 _WAVE_HZ = 0.9
 _WAVE_RAD = 0.6
-# Seconds: sampling interval of the gait's phase.
+# Seconds: sampling interval of the gait's phase, and by how much it is extended at a time.
 _DISTANCE_STEP_S = 0.02
+_EXTENSION_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ class Gait:
         height: of the person, metres. swing: of the arms, 1 is normal.
         gesture: ``walk``, ``wave`` (the right hand, whether walking or not) or ``carry`` (both
             hands before the belly).
-        duration_s: of the scenario; the gait's phase is known until 60 s after its end.
+        duration_s: of the scenario. Until 60 s after its end the gait's phase is computed in
+            advance, later on demand.
     """
 
     def __init__(
@@ -74,14 +76,29 @@ class Gait:
         self._leg = leg_m
         self._gesture = gesture
         self._swing = swing
-        times = np.arange(0.0, duration_s + 60.0, _DISTANCE_STEP_S)
-        speeds = np.array([self._speed(t) for t in times.tolist()])
+        self._cycles = self._extended(np.zeros(1), duration_s + 60.0)
+
+    def _extended(self, cycles: Float64Array, seconds: float) -> Float64Array:
+        """Continue ``cycles``: gait cycles of two steps, completed at multiples of the interval.
+
+        They are added up one by one, so that the result does not depend on where it is extended.
+        """
+        first = len(cycles) - 1
+        numbers = np.arange(first, first + math.ceil(seconds / _DISTANCE_STEP_S))
+        speeds = np.array([self._speed(t) for t in (numbers * _DISTANCE_STEP_S).tolist()])
         steps = np.maximum(self._step_m(speeds), 1e-3)
-        self._times = times
-        # Number of gait cycles, two steps each, completed by each instant.
-        self._cycles = np.concatenate(
-            [[0.0], np.cumsum(speeds[:-1] * _DISTANCE_STEP_S / (2 * steps[:-1]))]
-        )
+        more = speeds * _DISTANCE_STEP_S / (2 * steps)
+        return np.concatenate([cycles[:-1], np.cumsum(np.concatenate([cycles[-1:], more]))])
+
+    def _cycles_at(self, time: float) -> float:
+        cycles = self._cycles
+        while time >= (len(cycles) - 1) * _DISTANCE_STEP_S:
+            # Other threads may do the same at the same time, with the same result.
+            cycles = self._cycles = self._extended(cycles, _EXTENSION_S)
+        k = int(max(0.0, time) / _DISTANCE_STEP_S)
+        # One more to each side, in case the division is rounded over a sample.
+        near = np.arange(max(0, k - 1), min(k + 3, len(cycles)))
+        return float(np.interp(time, near * _DISTANCE_STEP_S, cycles[near]))
 
     def _speed(self, time: float) -> float:
         state = self._motion.state(time)
@@ -93,7 +110,7 @@ class Gait:
 
     def joints(self, time: float) -> tuple[Joints, Joints]:
         """Return the joint angles of the left and the right side."""
-        phase = 2 * math.pi * float(np.interp(time, self._times, self._cycles))
+        phase = 2 * math.pi * self._cycles_at(time)
         speed = self._speed(time)
         walking = min(1.0, speed / _STANDING_MPS)
         step = float(self._step_m(np.array([speed]))[0])

@@ -37,8 +37,12 @@ def walking(speed: float) -> PlanarMotion:
     )  # fmt: skip
 
 
+def gait(motion: PlanarMotion, height: float = 1.75, gesture: str = "walk") -> Gait:
+    return Gait(motion, height, Figure.leg_m(height), gesture, 1.0, 10.0)
+
+
 def figure(motion: PlanarMotion, height: float = 1.75, gesture: str = "walk") -> Figure:
-    return Figure(height, 1.0, Gait(motion, height, Figure.leg_m(height), gesture, 1.0, 10.0))
+    return Figure(height, 1.0, gait(motion, height, gesture))
 
 
 def turned(rng: np.random.Generator) -> Float64Array:
@@ -93,6 +97,20 @@ def test_strides_grow_with_speed_and_a_standing_person_is_still() -> None:
     reach = [np.ptp([f.shape(t).centres[FEET[0], 0] for t in np.arange(3, 6, 0.05)])
              for f in (slow, quick)]  # fmt: skip
     assert reach[0] < 0.8 * reach[1]
+
+
+def test_a_person_walks_on_after_the_scenario_whatever_was_asked_before() -> None:
+    # A robot that is driven keeps the source running for as long as it is driven.
+    motion = Course(
+        0, 0, 0, [Leg(distance=3, speed=1.2)],
+        after="back", acceleration=2.0, angular_acceleration=1.0,
+    )  # fmt: skip
+    times = (80.0, 80.3, 95.0, 312.7)
+    it = gait(motion)
+    in_order = [it.joints(time) for time in times]
+    assert abs(in_order[1][0].hip - in_order[0][0].hip) > 0.1
+    other = gait(motion)
+    assert [other.joints(time) for time in reversed(times)] == in_order[::-1]
 
 
 def test_a_waving_person_moves_only_one_arm() -> None:
