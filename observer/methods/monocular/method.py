@@ -69,7 +69,9 @@ _FIRST_TURN_RATE, _FIRST_SPEED = 1.0, 1.0
 # Below this share of points with known depth the camera has not translated enough.
 _LEAST_KNOWN = 0.25
 _ANCHOR_TURNS = 4
-_TURNED_RAD = 0.01
+# The camera counts as turned beyond this angle since the first view, and as turning beyond this
+# rate: above the drift and the noise of a straight drive.
+_TURNED_RAD, _TURNING_RADPS = 0.01, 0.05
 _LEAST_LEFT = 0.5
 
 NO_SCALE = (
@@ -339,7 +341,7 @@ class MonocularMethod:
         )
 
     def _turns(self) -> bool:
-        return self._rate is not None and bool(np.linalg.norm(self._rate[0]) > _TURNED_RAD)
+        return self._rate is not None and bool(np.linalg.norm(self._rate[0]) > _TURNING_RADPS)
 
     # ------------------------------------------------------------------ points
 

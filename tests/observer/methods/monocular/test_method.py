@@ -13,7 +13,7 @@ from observer.explanation.answer import PixelVerdict
 from observer.explanation.pixel import explain_pixel
 from observer.jsonl import observation_line
 from observer.methods.monocular.initialization import NO_GROUND
-from observer.methods.monocular.method import NO_SCALE, ONLY_TURNED
+from observer.methods.monocular.method import NO_SCALE, NOT_TRAVELLED, ONLY_TURNED
 from observer.mount import CameraMount
 from observer.observer import Observer
 from observer.parameters import Parameters
@@ -180,6 +180,23 @@ def test_a_camera_that_only_turns_is_reported() -> None:
         assert observation.reasons == (ONLY_TURNED,)
         assert observation.T_world_camera is None
         assert observation.obstacles == ()
+
+
+@pytest.mark.parametrize(
+    ("leg", "reason"),
+    [
+        ("{kind: arc, radius_m: 8, angle_deg: 20, speed: 0.25}", NOT_TRAVELLED),
+        ("{kind: turn, angle_deg: 20, rate_deg: 20}", ONLY_TURNED),
+    ],
+)
+def test_a_turn_is_distinguished_from_the_drift_of_a_straight_drive(leg: str, reason: str) -> None:
+    """The arc turns by at most 1.8 degrees a second."""
+    course = f"observer: {{motion: {{kind: course, legs: [{leg}]}}}}\n"
+    text = "based_on: static_turning\ntitle: x\nhelp: x\ncamera: {forward_m: 0.0}\n" + course
+    source = SimulatedSource(World(scenario_from_text(text, "x"), 3))
+    early = observe(read(source, 5), source.info.mount)[2:]
+    assert {o.status for o in early} == {Status.DEGRADED}
+    assert {o.reasons for o in early} == {(reason,)}
 
 
 def test_the_right_image_does_not_change_the_result(
