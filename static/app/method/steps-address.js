@@ -1,5 +1,7 @@
 /** The page's address of a step, which holds everything the step depends on. Pure functions. */
 
+/** @import { Values } from "../parameters/parameter-store.js" */
+
 export const STEPS = 9;
 const PAPER = "paper";
 // Prefix of a parameter's name, here and in the server's address.
@@ -57,6 +59,34 @@ export function queryOf({ source, frame, preset, changes }, more = {}) {
   for (const [name, value] of Object.entries(changes)) query.set(PREFIX + name, value);
   for (const [name, value] of Object.entries(more)) query.set(name, value);
   return query;
+}
+
+/**
+ * Return whether two places show the same frames, computed alike, perhaps at different steps.
+ *
+ * @param {StepsPlace} one
+ * @param {StepsPlace | null} other
+ */
+export function areSameFrames(one, other) {
+  return other !== null && queryOf(one).toString() === queryOf(other).toString();
+}
+
+/**
+ * Return the values that a place asks for; one that could not be in force stays as it was.
+ *
+ * @param {StepsPlace} place
+ * @param {Values} preset all values of its preset
+ * @returns {Values}
+ */
+export function valuesAt({ changes }, preset) {
+  const values = { ...preset };
+  for (const [name, text] of Object.entries(changes)) {
+    const before = preset[name];
+    if (typeof before === "boolean") values[name] = text === "true";
+    else if (typeof before === "string") values[name] = text;
+    else if (text.trim() !== "" && Number.isFinite(Number(text))) values[name] = Number(text);
+  }
+  return values;
 }
 
 /** Keep colons, slashes and commas unescaped: they are valid in a query and easier to read. */

@@ -15,7 +15,15 @@ import { LatestRequest } from "../elements/latest-request.js";
 import { formulaParts } from "./step-formula.js";
 import { StepPicture } from "./step-picture.js";
 import { StepPresentation } from "./step-presentation.js";
-import { addressOf, placeOfAddress, queryOf, stepByKey, STEPS } from "./steps-address.js";
+import {
+  addressOf,
+  areSameFrames,
+  placeOfAddress,
+  queryOf,
+  stepByKey,
+  STEPS,
+  valuesAt,
+} from "./steps-address.js";
 import { StepsChoice } from "./steps-choice.js";
 
 /** @import { MethodStep, MethodSteps } from "../contract" */
@@ -196,11 +204,13 @@ export class StepsView extends Part {
     const drawing = place.frame === null ? null : this.#draw();
     try {
       const answer = await asked;
-      if (answer === undefined || this.#place === null) return;
+      // What was chosen meanwhile is loaded next.
+      if (answer === undefined || !areSameFrames(place, this.#place)) return;
       this.#take(answer);
       if (drawing === null) this.#draw();
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
+      if (!areSameFrames(place, this.#place)) return;
       this.#refused(error);
     }
     setAttribute(this, "aria-busy", null);
@@ -224,12 +234,15 @@ export class StepsView extends Part {
   #refused({ fields, message }) {
     const { changes } = /** @type {StepsPlace} */ (this.#place);
     const refused = Object.keys(fields).filter((name) => name in changes);
-    for (const name of refused) this.#made.get(name)?.fail(fields[name] ?? "");
-    const unseen = refused.filter((name) => !this.#made.get(name)?.isConnected);
-    if (refused.length > 0 && unseen.length === 0) {
-      for (const name of refused) delete changes[name];
+    const seen = refused.filter((name) => this.#made.get(name)?.isConnected);
+    if (seen.length > 0) {
+      for (const name of seen) delete changes[name];
       history.replaceState(null, "", addressOf(/** @type {StepsPlace} */ (this.#place)));
-    } else this.#choice.fail(message);
+      // The fields show the values that stay, and then why.
+      this.#render();
+      for (const name of seen) this.#made.get(name)?.fail(fields[name] ?? "");
+    }
+    if (seen.length === 0 || seen.length < refused.length) this.#choice.fail(message);
   }
 
   /** Show the picture of the present step. */
@@ -268,6 +281,14 @@ export class StepsView extends Part {
 
   // --- rendering -----------------------------------------------------------------------------
 
+  /** The values asked for, even before the answer, lest a field fall back to its old value. */
+  get #values() {
+    const { preset, values = {} } = this.#answer ?? {};
+    // Of a preset just chosen, the values are not known yet.
+    if (!this.#place || this.#place.preset !== preset) return /** @type {Values} */ (values);
+    return valuesAt(this.#place, this.defaults);
+  }
+
   /** @returns {MethodStep | undefined} */
   get #step() {
     const number = this.#place?.step;
@@ -298,11 +319,12 @@ export class StepsView extends Part {
       table("step-numbers", [], rows),
     );
     this.#presentation?.update(step);
-    this.#showFields(step, /** @type {Values} */ (this.#answer.values));
+    this.#showFields(step);
   }
 
-  /** @param {MethodStep} step @param {Values} values */
-  #showFields({ parameters }, values) {
+  /** @param {MethodStep} step */
+  #showFields({ parameters }) {
+    const values = this.#values;
     const known = storeOf(this.hub).schema.map(({ name }) => name);
     const shown = parameters.filter((name) => known.includes(name));
     this.#fieldList.show(shown, (name) => name);

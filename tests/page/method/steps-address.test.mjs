@@ -50,3 +50,24 @@ test("keys lead from step to step and not beyond", () => {
   assert.equal(address.stepByKey("0", 2, false), null);
   assert.equal(address.stepByKey("a", 2, false), null);
 });
+
+test("places differ by everything but the step", () => {
+  assert.ok(address.areSameFrames(PLACE, { ...PLACE, step: 9 }));
+  for (const change of [{ source: null }, { frame: 41 }, { preset: "default" }, { changes: {} }])
+    assert.ok(!address.areSameFrames(PLACE, { ...PLACE, ...change }));
+  assert.ok(!address.areSameFrames(PLACE, null));
+});
+
+test("a place asks for its preset's values with its own changes", () => {
+  const preset = { "a.size": 15, "a.on": true, "a.model": "affine", "a.other": 1 };
+  const valuesAt = (/** @type {Record<string, string>} */ changes) =>
+    address.valuesAt({ ...PLACE, changes }, preset);
+  assert.deepEqual(valuesAt({ "a.size": "2.5", "a.on": "false", "a.model": "homography" }), {
+    ...preset,
+    "a.size": 2.5,
+    "a.on": false,
+    "a.model": "homography",
+  });
+  for (const size of ["", " ", "soon"]) assert.deepEqual(valuesAt({ "a.size": size }), preset);
+  assert.deepEqual(valuesAt({}), preset);
+});

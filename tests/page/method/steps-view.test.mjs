@@ -1,0 +1,129 @@
+import assert from "node:assert/strict";
+import { mock, test } from "node:test";
+
+import { settled } from "../fake-page.mjs";
+
+/** @import { Hub } from "../../../static/app/shell/hub.js" */
+/** @import { Values } from "../../../static/app/parameters/parameter-store.js" */
+
+mock.timers.enable({ apis: ["setTimeout", "setInterval"] });
+const replaceState = (/** @type {string[]} */ ...[, , hash]) => {
+  location.hash = hash ?? "";
+};
+Object.assign(globalThis, { history: { replaceState } });
+const { StepPicture } = await import("../../../static/app/method/step-picture.js");
+mock.method(StepPicture.prototype, "show", async () => false);
+const { StepsView } = await import("../../../static/app/method/steps-view.js");
+
+const NAME = "flow.window_px";
+const PRESET = { [NAME]: 15, "ego_motion.model": "affine" };
+const ENTRY = {
+  name: NAME,
+  group: "flow",
+  group_help: "Flow.",
+  title: "Window size",
+  help: "Side of the window.",
+  type: "integer",
+  unit: "px",
+  default: 15,
+  models: ["affine"],
+  cloud: false,
+  basic: false,
+  minimum: 5,
+  maximum: 51,
+  step: 2,
+};
+
+/** The server's answer. @param {number} frame @param {Values} [changes] */
+function answer(frame, changes = {}) {
+  return {
+    source: "simulated:lab",
+    frame,
+    frame_count: 100,
+    first_frame: 0,
+    time: 1,
+    dt: 0.1,
+    preset: "paper",
+    preset_values: PRESET,
+    values: { ...PRESET, ...changes },
+    models: ["affine"],
+    truth: false,
+    steps: [
+      {
+        number: 1,
+        key: "flow",
+        title: "Flow",
+        text: "",
+        caption: "",
+        formula: [],
+        numbers: [],
+        missing: null,
+        parameters: [NAME],
+      },
+    ],
+  };
+}
+
+/** A page at frame 40, and its requests for steps, each answered by the test. */
+async function shown() {
+  /** @type {{url: string, answer: (told: unknown, status?: number) => void}[]} */
+  const asked = [];
+  const fetched = async (/** @type {string} */ url) => {
+    if (url.startsWith("/api/steps?"))
+      return new Promise((resolve) =>
+        asked.push({
+          url,
+          answer: (told, status = 200) => resolve(Response.json(told, { status })),
+        }),
+      );
+    if (url === "/api/parameters/schema") return Response.json([ENTRY]);
+    if (url === "/api/parameters") return Response.json({ values: PRESET });
+    return Response.json(url.startsWith("/api/history") ? { runs: [] } : []);
+  };
+  globalThis.fetch = /** @type {typeof fetch} */ (/** @type {unknown} */ (fetched));
+  const view = new StepsView();
+  view.attach(/** @type {Hub} */ (/** @type {unknown} */ (new EventTarget())));
+  const open = (/** @type {number} */ frame) => {
+    location.hash = `#steps/1?source=simulated:lab&frame=${frame}&preset=paper`;
+    view.show(location.hash);
+  };
+  open(40);
+  await settled();
+  asked[0]?.answer(answer(40));
+  await settled();
+  return { view, asked, open };
+}
+
+test("what was chosen is not replaced by the answer to an earlier choice", async () => {
+  const { view, asked, open } = await shown();
+  open(41);
+  const slider = [...view.querySelectorAll("input")].find(
+    (each) => each.getAttribute("type") === "range",
+  );
+  if (!slider) throw new Error("no slider");
+  Object.assign(slider, { value: "50" });
+  slider.dispatchEvent(new Event("input"));
+  asked[1]?.answer(answer(41));
+  await settled();
+  assert.match(location.hash, /frame=50/);
+  mock.timers.tick(150);
+  await settled();
+  assert.match(String(asked[2]?.url), /frame=50/);
+});
+
+test("a field keeps the value just entered until the answer, and falls back if it is refused", async () => {
+  const { view, asked } = await shown();
+  const text = [...view.querySelectorAll("input")].find(({ id }) => id === "step-flow-window_px");
+  if (!text) throw new Error("no field");
+  text.value = "21";
+  text.dispatchEvent(new Event("change"));
+  mock.timers.tick(0);
+  await settled();
+  assert.equal(text.value, "21");
+  asked[1]?.answer({ detail: [{ loc: ["query", NAME], msg: "must be odd" }] }, 422);
+  await settled();
+  assert.equal(text.value, "15");
+  assert.ok(!location.hash.includes(NAME));
+  const [error] = [...view.querySelectorAll("p")].filter(({ id }) => id.endsWith("px-error"));
+  assert.equal(error?.textContent, "Not applied: must be odd. The value stays at 15.");
+});
