@@ -7,7 +7,8 @@ import { run } from "../made.mjs";
 /** @import { Hub } from "../../../static/app/shell/hub.js" */
 
 // As the library of the charts asks for; nothing is drawn here.
-Object.assign(globalThis, { navigator: { userAgent: "" }, devicePixelRatio: 1 });
+if (!("navigator" in globalThis)) Object.assign(globalThis, { navigator: { userAgent: "" } });
+Object.assign(globalThis, { devicePixelRatio: 1 });
 const { RunChart } = await import("../../../static/app/runs/run-chart.js");
 mock.method(RunChart.prototype, "show", () => {});
 const { CompareView } = await import("../../../static/app/runs/compare-view.js");
