@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +16,7 @@ from observer.navigation.futures import displaced
 _LOOK_S: Final = 0.4
 # One standard deviation of the velocity after that time, in addition to the track's own.
 _MANOEUVRE_MPS: Final = 0.25
-# Nobody does the same forever: at each comparison the weights move this share towards the prior.
+# Nobody does the same forever: in each such interval the weights move this share towards the prior.
 _FORGETTING: Final = 0.3
 _FORGOTTEN_S: Final = 3.0
 
@@ -37,19 +37,27 @@ class Habits:
         self._of: dict[int, _Habit] = {}
 
     def weights(
-        self, people: Sequence[SeenObstacle], time: float, prior: Sequence[float]
+        self,
+        people: Sequence[SeenObstacle],
+        time: float,
+        prior: Sequence[float],
+        unseen: Collection[int] = (),
     ) -> Float64Array:
         """(N, M) probabilities of going on, stopping, turning left and right.
 
         Args:
             people: tracks in a frame that does not turn between calls. time: seconds.
             prior: M probabilities for a person of whom nothing is known.
+            unseen: ids of those whose velocity is only predicted, which confirms no habit.
         """
         self._of = {i: h for i, h in self._of.items() if time - h.time < _FORGOTTEN_S}
         out = np.empty((len(people), len(prior)))
         for row, one in zip(out, people, strict=True):
             velocity = np.array([one.vx, one.vy])
             habit = self._of.get(one.id)
+            if one.id in unseen:
+                row[:] = prior if habit is None else _faded(habit.weights, time - habit.time, prior)
+                continue
             if habit is None:
                 habit = _Habit(velocity, time, np.array(prior))
             elif time - habit.time >= _LOOK_S:
@@ -76,5 +84,10 @@ def _looked(
     likelihood = np.exp(-(squared - squared.min()) / (2 * variance))
     weights = habit.weights * likelihood
     weights /= weights.sum()
-    weights = (1 - _FORGETTING) * weights + _FORGETTING * np.array(prior)
-    return _Habit(velocity, time, weights)
+    return _Habit(velocity, time, _faded(weights, passed, prior))
+
+
+def _faded(weights: Float64Array, passed_s: float, prior: Sequence[float]) -> Float64Array:
+    """Return the weights after a time, closer to the prior with every full interval."""
+    kept = (1 - _FORGETTING) ** (passed_s // _LOOK_S)
+    return np.asarray(kept * weights + (1 - kept) * np.array(prior))

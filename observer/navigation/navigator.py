@@ -142,7 +142,7 @@ class Navigator:
         self._forget_where_clear(errand.sonars, motion, now)
         seen = self._people(motion, now)
         planner = self._planner
-        weights = self._habits.weights(seen, now, planner.prior)
+        weights = self._habits.weights(seen, now, planner.prior, self._out_of_view())
         people = futures(seen, weights, TIMES, planner.acceleration_noise)
         for one in seen:
             if math.hypot(one.vx, one.vy) < _STATIONARY_MPS:
@@ -249,6 +249,11 @@ class Navigator:
         self._known = {i: k for i, k in self._known.items() if now - k.seen < memory}
         people = [_aged(known, now) for known in self._known.values()]
         return [one for one in people if self._matters(one, motion)]
+
+    def _out_of_view(self) -> frozenset[int]:
+        """Return the numbers of the people not seen in the newest frame."""
+        newest = math.inf if self._sight is None else self._sight.received
+        return frozenset(number for number, known in self._known.items() if known.seen < newest)
 
     def _matters(self, one: SeenObstacle, motion: Motion) -> bool:
         speed = math.hypot(one.vx, one.vy) + self._limits.speed_max_mps

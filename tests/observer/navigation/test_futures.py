@@ -63,3 +63,30 @@ def test_habits_follow_observed_behaviour() -> None:
     assert weights[2] > 3 * PRIOR[2] > 3 * weights[3]
     # Other people start from the prior.
     assert habits.weights([replace(turning, id=8)], 2.4, PRIOR)[0] == pytest.approx(PRIOR)
+
+
+def test_habits_of_people_out_of_view_fade() -> None:
+    habits = Habits()
+    habits.weights([WALKER], 0.0, PRIOR)
+    turned = replace(WALKER, vx=1.2 * math.cos(0.36), vy=1.2 * math.sin(0.36))
+    before = habits.weights([turned], 0.4, PRIOR)[0]
+    assert before[2] > 2 * PRIOR[2]
+    # A single frame without the person changes nothing; each interval brings the prior nearer.
+    assert habits.weights([turned], 0.5, PRIOR, {7})[0] == pytest.approx(before)
+    off = [
+        np.abs(habits.weights([turned], 0.4 + 0.1 * k, PRIOR, {7})[0] - PRIOR).sum()
+        for k in range(1, 22)
+    ]
+    assert (np.diff(off) <= 0).all()
+    assert off[-1] < 0.2 * np.abs(before - PRIOR).sum()
+
+
+def test_the_predicted_velocity_of_a_person_out_of_view_confirms_no_habit() -> None:
+    habits = Habits()
+    habits.weights([WALKER], 0.0, PRIOR)
+    goes_on = habits.weights([WALKER], 0.4, PRIOR)[0][0]
+    for k in range(5, 25):
+        weights = habits.weights([WALKER], 0.1 * k, PRIOR, {7})[0]
+        assert PRIOR[0] <= weights[0] <= goes_on
+    # Nothing is known of a person who comes into question only now.
+    assert habits.weights([replace(WALKER, id=8)], 2.4, PRIOR, {8})[0] == pytest.approx(PRIOR)

@@ -279,3 +279,30 @@ def test_a_quiet_reading_counts_for_where_the_robot_looked_then() -> None:
     stands = person(1.2 * math.cos(0.7), 1.2 * math.sin(0.7))
     assert counts_after_a_quiet_sonar(stands, age_s=0.34, turn_rate_radps=1.0)
     assert not counts_after_a_quiet_sonar(stands, age_s=0.0, turn_rate_radps=1.0)
+
+
+def test_a_person_out_of_view_is_predicted_without_habits_confirmed_by_the_prediction() -> None:
+    alone = replace(ERRAND, sonars=())
+    # Would pass, and meets the robot only on turning.
+    passes = person(3.0, 3.0, -0.9, -0.6)
+    navigator = Navigator(LIMITS, PLANNER)
+    navigator.see(sight(passes), np.zeros(3))
+    for k in range(21):
+        time = 10.0 + 0.1 * k
+        if k:
+            navigator.see(sight(time=time), np.zeros(3))
+        made = navigator.plan(replace(alone, time=time), time)
+    # The same prediction, made from a single sight.
+    there = replace(
+        person(3.0 - 0.9 * 2, 3.0 - 0.6 * 2, -0.9, -0.6),
+        position_sigma_m=math.hypot(0.05, 0.1 * 2 + 0.3 * 2**2 / 2),
+        velocity_sigma_mps=math.hypot(0.1, 0.3 * 2),
+    )
+    new = Navigator(LIMITS, PLANNER)
+    new.see(sight(there, time=12.0), np.zeros(3))
+    expected = new.plan(replace(alone, time=12.0), 12.0)
+    risks, expects = (
+        [path.risk for path in each.refused if path.cause == "risk"] for each in (made, expected)
+    )
+    assert risks
+    assert risks == pytest.approx(expects)
