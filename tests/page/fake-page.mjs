@@ -15,6 +15,7 @@ export class FakeElement extends EventTarget {
   dataset = {};
   tabIndex = 0;
   style = { setProperty() {} };
+  classList = { add() {} };
 
   constructor(localName = "observer-part") {
     super();
@@ -126,10 +127,12 @@ export class FakeElement extends EventTarget {
 /** @type {Map<string, new () => any>} */
 const parts = new Map();
 
+Object.defineProperty(globalThis, "navigator", { value: { userAgent: "", language: "en" } });
 Object.assign(globalThis, {
   Node: FakeElement,
   Element: FakeElement,
   HTMLElement: FakeElement,
+  devicePixelRatio: 1,
   innerWidth: 1000,
   innerHeight: 500,
   requestAnimationFrame() {},

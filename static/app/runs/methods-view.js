@@ -49,6 +49,8 @@ export class MethodsView extends Part {
   #shown = false;
   /** @type {string[]} */
   #ids = [];
+  /** Whether something could not be read. */
+  #failed = false;
   #asked = 0;
   #timer = 0;
   #do = exclusiveRunner(
@@ -81,7 +83,7 @@ export class MethodsView extends Part {
     this.#split.attach(this.hub);
     this.#split.hidden = true;
     onSubmit(this.#form, () => this.#start());
-    this.listen("reconnected", () => this.#shown && this.#ask());
+    this.listen("reconnected", () => this.#resume());
     this.listen("hashchange", () => this.#follow(), window);
   }
 
@@ -106,9 +108,18 @@ export class MethodsView extends Part {
     if (this.#shown && position !== null) this.#split.goTo(position);
   }
 
+  /** Continue now that the server is back; what could not be read is read again. */
+  #resume() {
+    if (!this.#shown) return;
+    if (!this.#failed) return void this.#ask();
+    this.#asked += 1;
+    void this.#open();
+  }
+
   async #open() {
     const asked = this.#asked;
-    await attemptIn(this.#error, async () => {
+    this.#failed = false;
+    const done = await attemptIn(this.#error, async () => {
       if (this.#ids.length === 2) void this.#load();
       const [granted] = await Promise.all([access(), this.#connected()]);
       const [status, listed, sources] = await Promise.all([
@@ -126,6 +137,7 @@ export class MethodsView extends Part {
       if (newest) location.replace(methodsHref(newest));
       else if (granted === "operator" && this.#mayStartUnasked) await this.#start();
     });
+    if (asked === this.#asked && !done) this.#failed = true;
   }
 
   /** Wait for the first status from the server. */
@@ -225,7 +237,7 @@ export class MethodsView extends Part {
     const ids = this.#ids;
     setText(this.#waiting, "Reading both runs…");
     const paths = ids.map((id) => `/runs/${encodeURIComponent(id)}`);
-    await attemptIn(this.#error, async () => {
+    const done = await attemptIn(this.#error, async () => {
       /** @type {Promise<Run>[]} */
       const runs = paths.map((path) => request("GET", path));
       /** @type {Promise<RunFrames>[]} */
@@ -250,7 +262,9 @@ export class MethodsView extends Part {
         h("a", { href: compareHref(ids) }, "Speeds, errors and parameters of both runs"),
       );
     });
-    if (asked === this.#asked) setText(this.#waiting, "");
+    if (asked !== this.#asked) return;
+    setText(this.#waiting, "");
+    if (!done) this.#failed = true;
   }
 
   /** @param {Run[][]} pairs */

@@ -57,6 +57,8 @@ export class RunPlayer extends Part {
   #images = null;
   /** Why there are no images. */
   #trouble = "";
+  /** Whether frames or images could not be loaded. */
+  #failed = false;
   #at = 0;
   /** Position of the image shown. */
   #drawn = -1;
@@ -77,6 +79,7 @@ export class RunPlayer extends Part {
     this.addEventListener("keydown", (event) => this.#pressed(event));
     offerPlayback(this.#play, this.#playing);
     this.#empty("");
+    this.listen("reconnected", () => this.#run && this.#failed && this.#load(this.#run));
   }
 
   /** Position of the frame shown. */
@@ -104,6 +107,7 @@ export class RunPlayer extends Part {
     this.#setPlaying(false);
     this.#images?.close();
     this.#images = null;
+    this.#failed = false;
     if (run.state === "running")
       return this.#empty("The frames are available when the run has ended.");
     if (run.record === null)
@@ -120,7 +124,9 @@ export class RunPlayer extends Part {
       this.#take(frames);
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
-      if (asked === this.#asked) this.#empty(error.message);
+      if (asked !== this.#asked) return;
+      this.#failed = true;
+      this.#empty(error.message);
     }
   }
 
@@ -132,7 +138,7 @@ export class RunPlayer extends Part {
   async #showFirst(images) {
     const bitmap = await images.at(this.#at);
     if (images !== this.#images || this.#frames) return bitmap?.close();
-    if (!bitmap) return this.#showNoImages(images.trouble || NO_IMAGES);
+    if (!bitmap) return this.#giveUp(images);
     this.#picture.show(bitmap, null, { width: bitmap.width, height: bitmap.height });
   }
 
@@ -166,6 +172,12 @@ export class RunPlayer extends Part {
     this.#drawn = -1;
     setText(this.#note, this.#trouble);
     this.#goTo(Math.min(this.#at, count - 1));
+  }
+
+  /** @param {FrameImages} images that cannot be loaded, or do not exist */
+  #giveUp({ trouble }) {
+    if (trouble) this.#failed = true;
+    this.#showNoImages(trouble || NO_IMAGES);
   }
 
   /** @param {string} words why there are no images; empty: there are */
@@ -228,7 +240,7 @@ export class RunPlayer extends Part {
     const bitmap = await images.at(position).finally(() => (this.#waiting -= 1));
     const wanted = position === this.#at || (this.#playing && position > this.#drawn);
     if (images !== this.#images || !this.#frames || !wanted) return bitmap?.close();
-    if (!bitmap && images.trouble) return this.#showNoImages(images.trouble);
+    if (!bitmap && images.trouble) return this.#giveUp(images);
     this.#drawn = position;
     this.#picture.show(bitmap, this.#frames.at(position), this.#frames.size);
   }

@@ -147,14 +147,15 @@ export class RunView extends Part {
       this.#takeRun(chart.run);
       this.#chart.show([chart]);
       this.#truth.show(chart);
-      if (chart.run.state === "running")
-        this.#timer = setTimeout(() => void this.#load(), RETRY_MS);
+      setText(this.#error, "");
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       if (asked !== this.#asked) return;
       setText(this.#waiting, "");
       setText(this.#error, error.message);
     }
+    if (this.#run?.id === id && this.#run.state === "running")
+      this.#timer = setTimeout(() => void this.#load(), RETRY_MS);
   }
 
   /** @param {Run} run */
