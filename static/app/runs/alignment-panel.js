@@ -14,8 +14,7 @@ import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { fixed, half95, sentence } from "../elements/words.js";
-import { request } from "../shell/api.js";
-import { attemptIn } from "../shell/notice.js";
+import { ApiError, request } from "../shell/api.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
 import { MatchTable } from "./match-table.js";
 import { TruthPicker } from "./truth-picker.js";
@@ -162,6 +161,7 @@ export class AlignmentPanel extends Part {
     const left = /** @type {NodeListOf<HTMLInputElement>} */ (
       this.#compared.querySelectorAll("input:not(:checked)")
     );
+    const run = this.#chart?.run.id;
     setText(this.#align, "Aligning…");
     await this.#ask({
       truth_id: file?.id ?? null,
@@ -171,7 +171,7 @@ export class AlignmentPanel extends Part {
       camera_on_body: camera,
     });
     setText(this.#align, "Align");
-    this.#scrollToResult();
+    if (run === this.#chart?.run.id) this.#scrollToResult();
   }
 
   /** @param {string} why */
@@ -197,20 +197,26 @@ export class AlignmentPanel extends Part {
   async #ask(wanted) {
     const run = this.#chart?.run;
     if (!run || this.#busy) return this.#showMatches();
+    // Another run may be shown by the time of the answer.
+    const shown = () => this.#chart?.run.id === run.id;
     this.#setBusy(true);
+    setText(this.#error, "");
     setText(this.#state, "Aligning: comparing speeds over the whole run…");
-    const done = await attemptIn(this.#error, async () => {
+    try {
       await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
-      setText(this.#state, "Aligned. Recomputing the errors…");
+      if (shown()) setText(this.#state, "Aligned. Recomputing the errors…");
       this.hub.emit("runs");
-      this.aligned();
-    });
-    this.#setBusy(false);
-    if (done) return;
-    setText(this.#state, "");
-    this.#showMatches();
-    if (this.#chart?.aligned)
-      setText(this.#error, `${this.#error.textContent} The previous alignment is kept.`);
+      if (shown()) this.aligned();
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      if (!shown()) return;
+      setText(this.#state, "");
+      this.#showMatches();
+      const kept = this.#chart?.aligned ? " The previous alignment is kept." : "";
+      setText(this.#error, error.message + kept);
+    } finally {
+      this.#setBusy(false);
+    }
   }
 }
 

@@ -1,0 +1,52 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { Emitter } from "../../../static/app/shell/emitter.js";
+import { buttonOf, serve, settled } from "../fake-page.mjs";
+import { run } from "../made.mjs";
+
+const { AlignmentPanel } = await import("../../../static/app/runs/alignment-panel.js");
+
+/** @param {string} id @param {object} [alignment] */
+function chart(id, alignment) {
+  const aligned = alignment !== undefined;
+  const sentence = aligned ? "aligned" : null;
+  return /** @type {any} */ ({ run: run({ id }), aligned, sentence, alignment, curves: [] });
+}
+
+const ALIGNMENT = {
+  roles: { robot: "observer", cart: "obstacle" },
+  matches: {},
+  notes: [],
+  camera_on_body: null,
+  drift_sigma_ppm: null,
+  offset_s: 0,
+  sigma_s: 0.001,
+  correlation: 0.99,
+  frame_residual_m: null,
+};
+
+/** A panel, and how to let its alignment fail. */
+async function panel() {
+  /** @type {(answer: Error) => void} */
+  let refuse = () => {};
+  serve((method) => (method === "GET" ? [] : new Promise((resolve) => (refuse = resolve))));
+  const made = new AlignmentPanel();
+  made.attach(/** @type {any} */ (new Emitter()));
+  made.show(chart("r1", ALIGNMENT));
+  await settled();
+  return { made, refuse: () => refuse(new Error("the tracks are too short")) };
+}
+
+test("a refused alignment is reported with its run only", async () => {
+  const { made, refuse } = await panel();
+  for (const id of ["r1", "r2"]) {
+    buttonOf(made, "Align").fire("click");
+    await settled();
+    if (id === "r2") made.show(chart(id, ALIGNMENT));
+    refuse();
+    await settled();
+    assert.equal(/too short/.test(String(made.textContent)), id === "r1");
+    assert.equal(buttonOf(made, "Align").getAttribute("aria-disabled"), null);
+  }
+});
