@@ -78,7 +78,8 @@ export class AlignmentPanel extends Part {
 
   /** @param {RunChart} chart */
   show(chart) {
-    const other = chart.run.id !== this.#chart?.run.id;
+    const before = this.#chart;
+    const other = chart.run.id !== before?.run.id;
     this.#chart = chart;
     this.hidden = false;
     if (other) {
@@ -89,7 +90,8 @@ export class AlignmentPanel extends Part {
       void this.#picker.load(chart.run.truth_id ?? (chart.alignment ? "live" : null));
     } else {
       if (!this.#busy) setText(this.#state, "");
-      this.#renderBodies(this.#picker.file);
+      // Keep what is ticked while the chart of a running run is read again.
+      if (alignmentOf(chart) !== alignmentOf(before)) this.#renderBodies(this.#picker.file);
     }
     setText(
       this.#sentence,
@@ -218,6 +220,11 @@ export class AlignmentPanel extends Part {
       this.#setBusy(false);
     }
   }
+}
+
+/** Return everything that the choice of bodies depends on. @param {RunChart} chart */
+function alignmentOf({ run, alignment }) {
+  return JSON.stringify([run.truth_id, alignment]);
 }
 
 /** Return figures for how well it fits. @param {AlignmentFacts} alignment */

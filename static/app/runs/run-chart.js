@@ -147,6 +147,8 @@ export class RunChart extends HTMLElement {
     this.#end.addEventListener("change", () =>
       this.#typed(this.#range[0], this.#end.valueAsNumber),
     );
+    for (const input of [this.#begin, this.#end])
+      input.addEventListener("blur", () => this.#showRange());
     this.#layout.append(
       h("legend.visually-hidden", "Comparison layout"),
       ...["Side by side", "Overlaid"].map((words, at) => {
@@ -224,7 +226,8 @@ export class RunChart extends HTMLElement {
     );
     this.#renderLegend();
     this.#draw();
-    this.#zoom(...this.#range);
+    // Do not overwrite what is being typed, as while a running run is read again.
+    this.#zoom(...this.#range, document.activeElement);
     this.#errors.replaceChildren(errorSection(this.#charts, several && this.#overlaid));
     this.#errors.querySelector("details")?.toggleAttribute("open", opened);
     this.#panels[focused]?.focus();
@@ -327,18 +330,25 @@ export class RunChart extends HTMLElement {
    *
    * @param {number} begin
    * @param {number} end
+   * @param {Element | null} [typed] a field of the range that keeps its text
    */
-  #zoom(begin, end) {
+  #zoom(begin, end, typed = null) {
     const [first, last] = this.#extent;
     if (begin < end) {
       const span = Math.min(last - first, Math.max(end - begin, MIN_SPAN_S));
       const from = Math.min(Math.max(begin, first), last - span);
       this.#range = [from, from + span];
     }
-    this.#begin.value = fixed(this.#range[0], 2);
-    this.#end.value = fixed(this.#range[1], 2);
+    this.#showRange(typed);
     for (const panel of this.#panels) panel.rescale();
     this.#restoreCursor();
+  }
+
+  /** @param {Element | null} [typed] a field that keeps its text */
+  #showRange(typed = null) {
+    [this.#begin, this.#end].forEach((input, at) => {
+      if (input !== typed) input.value = fixed(this.#range[at], 2);
+    });
   }
 }
 

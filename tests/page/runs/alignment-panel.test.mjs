@@ -50,3 +50,16 @@ test("a refused alignment is reported with its run only", async () => {
     assert.equal(buttonOf(made, "Align").getAttribute("aria-disabled"), null);
   }
 });
+
+test("bodies stay as ticked while a running run is read again", async () => {
+  const { made } = await panel();
+  const boxes = () =>
+    /** @type {any} */ (made)
+      .querySelectorAll("input")
+      .filter((/** @type {any} */ each) => each.getAttribute("type") === "checkbox");
+  const [first] = boxes();
+  made.show(chart("r1", structuredClone(ALIGNMENT)));
+  assert.ok(boxes()[0] === first);
+  made.show(chart("r1", { ...ALIGNMENT, roles: { robot: "observer" } }));
+  assert.equal(boxes().length, 1);
+});
