@@ -64,7 +64,10 @@ class Grid:
 
     def reduced(self, image: Image) -> Image:
         """Return a grey image (H, W) downscaled to one pixel per cell."""
-        small = cv2.resize(image, (self.width, self.height), interpolation=cv2.INTER_AREA)
+        height, width = self.height * self.reduction, self.width * self.reduction
+        small = cv2.resize(
+            image[:height, :width], (self.width, self.height), interpolation=cv2.INTER_AREA
+        )
         return np.asarray(small, np.uint8)
 
     def to_cells(self, px: Float64Array) -> Float64Array:

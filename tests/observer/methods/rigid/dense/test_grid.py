@@ -75,3 +75,19 @@ def test_a_cell_has_the_mean_brightness_of_its_pixels() -> None:
     image = np.random.default_rng(0).integers(0, 256, (400, 640)).astype(np.uint8)
     mean = image.reshape(200, 2, 320, 2).mean(axis=(1, 3))
     np.testing.assert_allclose(GRID.reduced(image), mean, atol=0.51)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1242, 375), (848, 480), (2208, 1242)])
+def test_cells_lie_where_their_pixels_are_if_the_reduction_does_not_divide_the_size(
+    width: int, height: int
+) -> None:
+    grid = Grid.of(camera(width, height))
+    assert (width % grid.reduction, height % grid.reduction) != (0, 0)
+    # The last cell's brightness is that of its own pixels, in images that are bright in them only.
+    last = np.array([grid.width - 1.0, grid.height - 1.0])
+    u, v = np.round(grid.to_px(last) - (grid.reduction - 1) / 2).astype(int)
+    image = np.zeros((height, width), np.uint8)
+    image[v : v + grid.reduction, u : u + grid.reduction] = 200
+    small = grid.reduced(image)
+    assert small[-1, -1] == 200
+    assert np.count_nonzero(small) == 1
