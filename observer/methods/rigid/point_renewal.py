@@ -63,9 +63,9 @@ class PointRenewal:
         points = points.take(kept)
         turn = None if rate is None else view.index
         px = new_keypoints(view.left, cell[kept], marked, parameters, turn)
-        if len(px) == 0:
-            return points
         due = np.flatnonzero(points.sightings == parameters.evidence.min_sightings)
+        if len(px) == 0 and len(due) == 0:
+            return points
         searched = np.concatenate([points.px[due], px])
         coarse = coarse_disparity(view.left, view.right, searched, parameters.stereo)
         wrong = due[_contradicted(points, due, coarse[: len(due)])]

@@ -7,6 +7,7 @@ import pytest
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose
+from observer.methods.rigid import point_renewal
 from observer.methods.rigid.point_renewal import PointRenewal
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
@@ -48,3 +49,25 @@ def test_disparity_is_uncorrected_without_known_skew_or_motion(
     points = new_points(right_time, rate)
     expected = DISPARITY_PX - SKEW_S * FLOW_PX_S
     assert np.median(points.disparity) == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_points_on_the_wrong_surface_are_removed_even_if_no_cell_is_free(
+    monkeypatch: pytest.MonkeyPatch, full: bool
+) -> None:
+    least = Parameters().evidence.min_sightings
+    points = new_points(None, None)
+    points = points.but(
+        right_px=points.right_px - np.float32([8.0, 0.0]),
+        sightings=np.full(len(points), least, np.int64),
+    )
+    if full:
+        none = np.zeros((0, 2), np.float32)
+        monkeypatch.setattr(point_renewal, "new_keypoints", lambda *_: none)
+    left, right = as_image(WALL.moved()), as_image(WALL.moved(-DISPARITY_PX))
+    view, nowhere = View(0, 0.0, None, left, right), np.zeros((0, 4))
+    kept = PointRenewal(CAMERA).renewed(
+        points, view, nowhere, Pose.identity(), None, Parameters(), 0.0
+    )
+    assert len(points) > 30
+    assert (kept.px[:, 0] - kept.right_px[:, 0] < DISPARITY_PX + 4.0).all()
