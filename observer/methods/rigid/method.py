@@ -49,6 +49,9 @@ from observer.vision.wheel_odometry import agrees
 # Weight of the newest frame in the noise learnt from the background.
 _NOISE_GAIN = 0.3
 
+# Share of the usual matches in the right image, below which that image counts as bad.
+_FAILED_SHARE = 0.5
+
 
 class RigidMethod:
     """Holds the tracked points, the obstacles and the camera's pose of one segment.
@@ -90,6 +93,9 @@ class RigidMethod:
         self._last: CameraStep | None = None
         # Standard deviation of the sightings, relative to that predicted from the texture.
         self._noise = 1.0
+        # Share of the points whose depth was known in the last frame with a good right image, and
+        # whether the newest right image is bad.
+        self._usual_share, self._right_failed = 0.0, False
         self._renew_points(parameters)
 
     def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
@@ -101,11 +107,14 @@ class RigidMethod:
             T_expected = self._expected_pose(dt)
             expected = self._expectation(T_expected, dt, p)
             levels = FIRST_LEVELS if self._last is None else LEVELS
-            seen = track_in_both_cameras(before, previous, view, expected, levels, p.klt_tracking)
+            seen = track_in_both_cameras(
+                before, previous, view, expected, dt, levels, p.klt_tracking
+            )
             bias_px = self._drift.bias_px
             points, sigma = sighted_points(
                 before, seen, expected, view, dt, p.klt_tracking, self._camera, bias_px
             )
+            self._note_matches(points.stereo_share)
         with timer("ego_motion"):
             ego = self._ego_motion(points, sigma, T_expected, view, dt, p)
         rows = stereo_rows(points, self._camera, bias_px)
@@ -166,7 +175,15 @@ class RigidMethod:
         place, _ = self._points.sums.static_position()
         body = expected_at(self._tracker.tracks, self._points, place, dt, p.obstacles)
         place = np.where(np.isfinite(body), body, place)
-        return expected_view(self._points, place, T_expected, self._camera)
+        return expected_view(
+            self._points, place, T_expected, self._camera, regain=self._right_failed
+        )
+
+    def _note_matches(self, share: float) -> None:
+        """Note the share of points with depth: a sudden loss is the right image's failure."""
+        self._right_failed = share < _FAILED_SHARE * self._usual_share
+        if not self._right_failed:
+            self._usual_share = share
 
     def _ego_motion(
         self,

@@ -20,6 +20,8 @@ from observer.vision.view import View
 LEAST_DISPARITY_PX = 0.25
 # Pixels: noise and miscalibration may make the disparity of a far point negative down to this.
 MOST_NEGATIVE_PX = -2.0
+# Pixels: a point that had lost its match regains it within this distance of the expected disparity.
+_REGAINED_PX = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +37,24 @@ class Expectation:
 
 
 def expected_view(
-    points: TrackedPoints, place: Float64Array, T_camera_world: Pose, camera: StereoCamera
+    points: TrackedPoints,
+    place: Float64Array,
+    T_camera_world: Pose,
+    camera: StereoCamera,
+    *,
+    regain: bool = False,
 ) -> Expectation:
-    """Return where points at places (N, 3) m, world, should be seen from a pose."""
+    """Return where points at places (N, 3) m, world, should be seen from a pose.
+
+    Args:
+        regain: also expect those in the right image whose match was lost, as after a bad image.
+            Otherwise they stay without: most of them lie on depth edges.
+    """
     px, disparity = camera.project(T_camera_world.apply(place))
     unknown = ~np.isfinite(px).all(axis=1)
     px[unknown] = points.px[unknown]
-    disparity = np.where(np.isfinite(points.disparity), disparity, np.nan)
+    if not regain:
+        disparity = np.where(np.isfinite(points.disparity), disparity, np.nan)
     return Expectation(px.astype(np.float32), disparity.astype(np.float32))
 
 
@@ -50,6 +63,7 @@ def track_in_both_cameras(
     previous: View,
     view: View,
     expected: Expectation,
+    dt: float,
     levels: int,
     parameters: KltTrackingParameters,
 ) -> Sightings:
@@ -61,10 +75,20 @@ def track_in_both_cameras(
         points.px,
         points.right_px,
         expected.px,
-        expected.disparity,
+        _as_exposed(points, expected, view, dt),
         levels,
         parameters,
     )
+
+
+def _as_exposed(
+    points: TrackedPoints, expected: Expectation, view: View, dt: float
+) -> NDArray[np.float32]:
+    """Return the disparities (N,) px at which points appear: the right camera may expose later."""
+    if view.right_time is None:
+        return expected.disparity
+    flow = (expected.px[:, 0] - points.px[:, 0]) / np.float32(dt)
+    return np.asarray(expected.disparity - np.float32(view.right_time - view.time) * flow)
 
 
 def sighted_points(
@@ -101,6 +125,10 @@ def sighted_points(
         LEAST_DISPARITY_PX,
     )
     points = points.take(at)
+    # Without a match before, no second path to the right image confirms the new one.
+    regained = ~np.isfinite(points.disparity)
+    off = np.abs(disparity - expected.disparity[at]) > _REGAINED_PX
+    disparity[regained & off] = np.nan
     points = points.but(
         px=px,
         right_px=right_px,
