@@ -58,7 +58,7 @@ def test_points_on_the_wrong_surface_are_removed_even_if_no_cell_is_free(
     least = Parameters().evidence.min_sightings
     points = new_points(None, None)
     points = points.but(
-        right_px=points.right_px - np.float32([8.0, 0.0]),
+        right_px=points.right_px - np.array([8.0, 0.0], np.float32),
         sightings=np.full(len(points), least, np.int64),
     )
     if full:
