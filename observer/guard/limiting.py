@@ -26,7 +26,7 @@ from observer.guard.outline import Outline, is_spot_turn, swept
 from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Approach, Stopping, approach
 from observer.guard.side import WHOLE, Limit, Side
-from observer.guard.sight import Sight
+from observer.guard.sight import Sight, obstacle_named
 from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh_sonar, is_silent
 from observer.robots.contract import SonarReading
 
@@ -76,19 +76,12 @@ def _limit_by_coming(
 def _limit_by_obstacles(near: Approach, p: GuardParameters) -> Limit:
     slow = 1.0 if near.contact_s is None else near.contact_s / p.slow_time_s
     if near.stop_share <= min(slow, WHOLE):
-        return Limit(near.stop_share, f"{_named(near.stopper)} is within the stopping distance")
+        return Limit(
+            near.stop_share, f"{obstacle_named(near.stopper)} is within the stopping distance"
+        )
     if slow < 1.0:
-        return Limit(slow, f"the time to contact with {_named(near.nearest)} is short")
+        return Limit(slow, f"the time to contact with {obstacle_named(near.nearest)} is short")
     return Limit(1.0)
-
-
-def _named(number: int | None) -> str:
-    # A tentative track has no permanent number yet.
-    return (
-        "an object that has started to move"
-        if number is None or number < 0
-        else f"obstacle {number}"
-    )
 
 
 def _limit_by_ground(

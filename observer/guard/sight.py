@@ -97,3 +97,10 @@ def sight_of(facts: Mapping[str, Any]) -> Sight:
         ValueError: they do not describe a sight.
     """
     return _SIGHT.validate_python(facts)
+
+
+def obstacle_named(number: int | None) -> str:
+    """Return an obstacle in words; a tentative track has no lasting number yet."""
+    if number is None or number < 0:
+        return "an object that has started to move"
+    return f"obstacle {number}"

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from observer.guard.sight import obstacle_named
 from observer.navigation.futures import Futures
 from observer.navigation.planner import Choice
 
@@ -86,7 +87,7 @@ def _decider(choice: Choice, people: Futures) -> Reason | None:
     if chance[who] < LEAST_CHANCE and choice.permitted[_STRAIGHT]:
         return None
     track, meets = people.ids[who], float(risk.when_s[_STRAIGHT, who])
-    sentence = f"Waiting for {_named(track)}: it would cross in {meets:.1f} s."
+    sentence = f"Waiting for {obstacle_named(track)}: it would cross in {meets:.1f} s."
     return Reason(sentence, track, meets, _predicted(choice, people, who, meets))
 
 
@@ -106,7 +107,7 @@ def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
     # Its most probable manoeuvre.
     way = people.mean[who, int(np.argmax(people.weight[who]))]
     moves = way[-1] - way[0]
-    named = _named(people.ids[who])
+    named = obstacle_named(people.ids[who])
     if math.hypot(*moves) < 0.2:
         return f"Driving around {named}."
     path = choice.ways.poses[choice.best, :, :2]
@@ -119,8 +120,3 @@ def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
 def _index(people: Futures, decider: Reason) -> int:
     assert decider.track is not None
     return people.ids.index(decider.track)
-
-
-def _named(track: int) -> str:
-    # A tentative track has no permanent number yet.
-    return "an object that has started to move" if track < 0 else f"obstacle {track}"

@@ -48,7 +48,6 @@ from observer.vision.wheel_odometry import agrees
 
 # Weight of the newest frame in the noise learnt from the background.
 _NOISE_GAIN = 0.3
-
 # Share of the usual matches in the right image, below which that image counts as bad.
 _FAILED_SHARE = 0.5
 
