@@ -30,8 +30,9 @@ _NEXT_LOOK_S = 0.02
 # A robot is disarmed after this long without sight or reports.
 BLIND_S = 1.0
 _EXPIRED = "no command from the operator arrived in time"
-_LET_GO = "release the controls once, then continue"
-_INTERRUPTED = f"driving was interrupted: {_LET_GO}"
+# What the operator must do before the robot drives again.
+RELEASE_FIRST = "release the controls once, then continue"
+_INTERRUPTED = f"driving was interrupted: {RELEASE_FIRST}"
 _GUARD_FAILED = "the guard failed; see the log of the drive process"
 
 State = Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
@@ -193,7 +194,7 @@ class DrivenRole:
         if self.armed and self.report is not None and self.report.wanted is not None:
             self.disarm(now, None, why)
         elif self.armed and moves:
-            self.rest(f"{why}: {_LET_GO}")
+            self.rest(f"{why}: {RELEASE_FIRST}")
 
     def new_operator(self) -> None:
         """Forget the previous operator's requests and their numbering."""

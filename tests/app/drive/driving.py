@@ -27,6 +27,7 @@ from app.contract.drive import (
     TakeLease,
 )
 from app.contract.values import plain
+from app.drive.driven_role import RELEASE_FIRST
 from app.drive.supervisor import DRIVE_COMMAND
 from app.runtime.arguments import ProcessArguments
 from app.runtime.environment import program_environment
@@ -174,7 +175,7 @@ class Drive:
                 issued, answer = self.command(role, SPEED_MPS)
                 if answer.speed_mps < SPEED_MPS - 0.01:
                     started = time.monotonic()
-                if "let go" in (answer.limited_by or ""):
+                if RELEASE_FIRST in (answer.limited_by or ""):
                     # This process stalled for too long: the key has to be let go first.
                     self.command(role, 0.0)
             time.sleep(random.uniform(0.05, 0.1))

@@ -20,6 +20,7 @@ from app.contract.drive import (
     SetGuard,
     TakeLease,
 )
+from app.drive.driven_role import RELEASE_FIRST
 from app.drive.supervisor import DriveSupervisor
 from app.runtime.errors import ProcessRefused
 
@@ -74,7 +75,7 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
             if answer.speed_mps < SPEED_MPS - 0.01:
                 started = time.monotonic()
                 limited = answer.limited_by or ""
-                wants_release = wants_release or "let go" in limited
+                wants_release = wants_release or RELEASE_FIRST in limited
                 if "not armed" in limited and not told:
                     with suppress(ProcessRefused):
                         await supervisor.request(ArmRobot(role, leases[role]), 10)  # type: ignore[arg-type]
