@@ -240,13 +240,15 @@ class LoadedRun:
             SourceError: the frame's images or its observation were not recorded.
         """
         left, right = self.images(position)
-        at = self.recording.frames[position]
+        # Numbers and times of frames repeat where an engine was replaced; the run's times do not.
+        times = RunTimes(self.recording.frames)
+        number, time = times.frames[position]
+        placed = zip(self.lines, times.lines(self.lines), strict=True)
         line = next(
-            (each for each in self.lines if (each["frame"], each["time"]) == (at.index, at.time)),
-            None,
+            (line for line, at in placed if (at["frame"], at["time"]) == (number, time)), None
         )
         if line is None:
-            raise SourceError(f"the observation of frame {at.index} was not recorded")
+            raise SourceError(f"the observation of frame {number} was not recorded")
         rectified, _ = Rectification(self.recording.calibration()).apply(left, right)
         return np.ascontiguousarray(draw_overlay(rectified, line)[:, :, ::-1])
 

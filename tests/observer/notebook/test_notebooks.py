@@ -138,6 +138,27 @@ def test_truth_is_matched_to_the_frames_of_its_own_engine(
     assert np.isfinite(first.true).any()
 
 
+def test_a_picture_shows_the_observation_of_its_own_engine(
+    recorded_run: Path, tmp_path: Path
+) -> None:
+    with Recording(recorded_run) as once:
+        writer = RecordingWriter(tmp_path / "twice.mcap", once.facts)
+        lines = {line["frame"]: line for line in once.lines()}
+        shown = next(k for k, each in enumerate(once.frames) if lines[each.index]["obstacles"])
+        # Numbers and times begin again, and the second engine sees nothing.
+        changes: tuple[dict[str, Any], ...] = ({}, {"obstacles": []})
+        for segment, changed in enumerate(changes):
+            for position in range(shown - 1, shown + 1):
+                frame, images = once.frames[position], once.pair(position)
+                received = frame.received + 10.0 * segment
+                writer.frame(StereoFrame(frame.index, frame.time, *images, received))
+                writer.observation({**lines[frame.index], **changed, "segment": segment}, received)
+        writer.finish()
+    with observer.load(recorded_run) as run, observer.load(tmp_path / "twice.mcap") as twice:
+        np.testing.assert_array_equal(twice.picture(1), run.picture(shown))
+        assert (twice.picture(3) != twice.picture(1)).any()
+
+
 def test_a_run_is_found_in_a_data_folder(recorded_run: Path, tmp_path: Path) -> None:
     folder = tmp_path / "runs" / "0af3"
     folder.mkdir(parents=True)
