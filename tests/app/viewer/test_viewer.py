@@ -459,13 +459,13 @@ async def test_the_scene_reuses_its_nodes_and_hides_a_stale_robot_pose(
                 await asyncio.sleep(0.06)
             assert scene._cloud.visible
             assert scene._cloud.points.shape == (300, 3)
-            assert scene._boxes.visible
-            assert scene._boxes.points.shape == (16 * 12, 2, 3)
-            assert scene._labels[0].visible
-            assert scene._labels[0].text.startswith("#7  0.40")
-            assert not scene._labels[1].visible
+            assert scene._obstacles.boxes.visible
+            assert scene._obstacles.boxes.points.shape == (16 * 12, 2, 3)
+            assert scene._obstacles.labels[0].visible
+            assert scene._obstacles.labels[0].text.startswith("#7  0.40")
+            assert not scene._obstacles.labels[1].visible
             assert scene._camera._image_data == peer.views["plain"].read(0).payload
-            assert not scene._outline.visible
+            assert not scene._robot.outline.visible
             assert not scene._map.visible
             cells = OccupancyMap.of(np.ones((9, 9), np.uint8), (0.0, 0.0), 0.1, (0.0,) * 3, 0.0)
             for local_map in (LocalMapEvent(cells, Pose.identity()), LocalMapEvent(None, None)):
@@ -476,34 +476,34 @@ async def test_the_scene_reuses_its_nodes_and_hides_a_stale_robot_pose(
             assert scene._map.scale == pytest.approx(0.9)
             robots: Any = {"observer": _ROBOT, "obstacle": None}
             drive.publish(DriveState(DriveFacts(None, None, None, None, None, robots), 0.0))
-            while not scene._outline.visible:
+            while not scene._robot.outline.visible:
                 peer.observe()
                 await asyncio.sleep(0.03)
-            assert scene._base.visible
-            assert not scene._path.visible
+            assert scene._robot.base.visible
+            assert not scene._robot.path.visible
             drive.publish(DriveState(DriveFacts(None, None, None, None, _GOAL, robots), 0.0))
-            while not scene._goal.visible:
+            while not scene._robot.goal.visible:
                 peer.observe()
                 await asyncio.sleep(0.03)
-            assert scene._path.points.shape == (MOST_PATH_LINES, 2, 3)
-            assert scene._reason.text == _GOAL.sentence
+            assert scene._robot.path.points.shape == (MOST_PATH_LINES, 2, 3)
+            assert scene._robot.reason.text == _GOAL.sentence
             drive.publish(DriveState(DriveFacts(None, None, None, None, None, robots), 0.0))
-            while scene._goal.visible:
+            while scene._robot.goal.visible:
                 peer.observe()
                 await asyncio.sleep(0.03)
-            assert scene._stop_zone.points.shape == (MOST_ZONE_LINES, 2, 3)
-            assert scene._slow_zone.visible
-            assert scene._sonar.visible
-            assert scene._reason.text == "slowed: obstacle 3 is 1.2 m ahead"
+            assert scene._robot.stop_zone.points.shape == (MOST_ZONE_LINES, 2, 3)
+            assert scene._robot.slow_zone.visible
+            assert scene._robot.sonar.visible
+            assert scene._robot.reason.text == "slowed: obstacle 3 is 1.2 m ahead"
             peer.lose()
-            while scene._outline.visible:
+            while scene._robot.outline.visible:
                 await asyncio.sleep(0.01)
-            assert not scene._reason.visible
-            assert not scene._base.visible
+            assert not scene._robot.reason.visible
+            assert not scene._robot.base.visible
             # The page, not the scene, says that it is old.
             assert scene._cloud.visible
             peer.start_process()
-            while not scene._outline.visible:
+            while not scene._robot.outline.visible:
                 if peer.opened is not None:
                     peer.observe()
                 await asyncio.sleep(0.03)
