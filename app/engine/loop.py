@@ -9,8 +9,9 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from app.contract.events import (
     HeartbeatEvent,
@@ -30,6 +31,7 @@ from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
 from app.engine.preparing import Preparing
 from app.engine.publishing import Publisher
+from app.engine.recording import RunRecorder
 from app.engine.session import ObserverFactory, Session
 from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD
@@ -267,13 +269,7 @@ class Engine:
             local_map = drive.wayfinder.look(sight, session.parameters)
         self._tell_local_map(session, played, observation, local_map)
         if recorder is not None:
-            recorder.observation(
-                line, frame.received, event.ego_motion, event.truth, self._truth.why_none
-            )
-            if truth is not None:
-                recorder.truth(
-                    truth.sample(frame.index, frame.time, played.source_time), frame.received
-                )
+            self._record(recorder, session, played, event, line)
             if local_map is not None:
                 recorder.local_map(
                     LocalMapPayload(frame=frame.index, time=frame.time, map=local_map)
@@ -284,6 +280,23 @@ class Engine:
         kept_by = None if session.run_id is None else recorder
         self._publisher.publish(observed, None if kept_by is None else kept_by.cloud)
         session.spent(began, time.monotonic())
+
+    def _record(
+        self,
+        recorder: RunRecorder,
+        session: Session,
+        played: PlayedFrame,
+        event: ObservationEvent,
+        line: Mapping[str, Any],
+    ) -> None:
+        """Record the whole line of an observation, with the ground truth beside it."""
+        recorder.observation(
+            line, event.received, event.ego_motion, event.truth, self._truth.why_none
+        )
+        if session.truth is not None:
+            frame = played.frame
+            sample = session.truth.sample(frame.index, frame.time, played.source_time)
+            recorder.truth(sample, frame.received)
 
     def _tell_local_map(
         self,
