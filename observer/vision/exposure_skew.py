@@ -9,12 +9,18 @@ a frame, static points show it by
 
 where alpha, beta and gamma absorb the camera's own motion. The flow at a frame is interpolated from
 the intervals before and after it, so every frame is evaluated one frame late.
+
+What remains of the camera's motion, and what moves unnoticed, changes c from frame to frame, too,
+slowly. A constant part is estimated beside tau, and the uncertainty grows with what is left over:
+by its variance, and, as errors that last average out slowly, by ``(1 + r) / (1 - r)`` with the
+correlation r of consecutive frames (Bartlett's variance of the mean of a first-order process).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +43,9 @@ _BEND, _BEND_SKEW_S = 0.25, 0.01
 _MEMORY_S = 60.0
 _KNOWN_S = 0.002
 _SURE_SIGMAS = 3.0
+# Below this share of its largest possible value the determinant tells no skew from a constant;
+# largest correlation that is assumed.
+_SINGULAR, _MOST_CORRELATED = 1e-9, 0.9
 
 
 @dataclass(frozen=True)
@@ -82,48 +91,73 @@ class DisparityStep:
         return DisparityStep(dt, constant, sigma, median(flow) / dt)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExposureSkew:
     """Estimate so far of the time by which the right camera exposes later.
 
     Attributes:
-        information: 1/s^2, and vector: 1/s, summed over the frames.
+        frames: number of frames, those long ago counting less.
+        sums: (3, 3), of ``v v^T`` over the frames, where v is (c, Delta u', 1) divided by one
+            standard deviation of c. lagged: of ``v w^T``, where w is v of the frame before.
+        last: (3,) the newest v; None if the next frame does not follow it.
         recent: the last two frames, older first; None for a frame without a fit.
     """
 
-    information: float = 0.0
-    vector: float = 0.0
+    frames: float = 0.0
+    sums: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
+    lagged: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
+    last: Float64Array | None = None
     recent: tuple[DisparityStep | None, DisparityStep | None] = (None, None)
 
     def after(self, step: DisparityStep | None) -> ExposureSkew:
         """Add one more frame, with which the frame before it can be evaluated."""
         first, middle = self.recent
-        recent = (middle, step)
         if first is None or middle is None or step is None:
-            return ExposureSkew(self.information, self.vector, recent)
+            return replace(self, last=None, recent=(middle, step))
         change = _between(middle, step) - _between(first, middle)
         bend = _BEND * abs(step.flow_px_s - 2 * middle.flow_px_s + first.flow_px_s)
         sigma = math.hypot(middle.sigma_px, _BEND_SKEW_S * bend)
+        seen = np.array([middle.constant_px, change, 1.0]) / sigma
+        before = np.zeros(3) if self.last is None else self.last
         keep = math.exp(-step.dt / _MEMORY_S)
         return ExposureSkew(
-            keep * self.information + (change / sigma) ** 2,
-            keep * self.vector - change * middle.constant_px / sigma**2,
-            recent,
+            frames=keep * self.frames + 1,
+            sums=keep * self.sums + np.outer(seen, seen),
+            lagged=keep * self.lagged + np.outer(seen, before),
+            last=seen,
+            recent=(middle, step),
         )
 
     def interrupted(self) -> ExposureSkew:
         """Return the same estimate for when the next frame does not follow the last one."""
-        return ExposureSkew(self.information, self.vector)
+        return replace(self, last=None, recent=(None, None))
+
+    @cached_property
+    def _fit(self) -> tuple[float, float]:
+        """Seconds of skew, and one standard deviation; 0 and infinity while unknown."""
+        normal = self.sums[1:, 1:]
+        determinant = float(np.linalg.det(normal))
+        if determinant <= _SINGULAR * float(normal[0, 0] * normal[1, 1]):
+            return 0.0, math.inf
+        slope, constant = np.linalg.solve(normal, self.sums[1:, 0])
+        left_over = np.array([1.0, -slope, -constant])
+        squares = float(left_over @ self.sums @ left_over)
+        products = float(left_over @ self.lagged @ left_over)
+        scatter = max(1.0, squares / max(1.0, self.frames - 2))
+        correlation = min(max(0.0, products / squares), _MOST_CORRELATED) if squares > 0 else 0.0
+        lasting = (1 + correlation) / (1 - correlation)
+        variance = float(normal[1, 1]) / determinant * scatter * lasting
+        return -float(slope), math.sqrt(variance)
 
     @property
     def skew_s(self) -> float:
         """Seconds by which the right camera exposes later; 0 while unknown."""
-        return self.vector / self.information if self.information > 0 else 0.0
+        return self._fit[0]
 
     @property
     def sigma_s(self) -> float:
         """One standard deviation of it; infinite while unknown."""
-        return self.information**-0.5 if self.information > 0 else math.inf
+        return self._fit[1]
 
     @property
     def sure(self) -> bool:

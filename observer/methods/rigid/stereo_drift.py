@@ -13,7 +13,7 @@ from observer.geometry import Float64Array, Pose
 from observer.intervals import half_95
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.point_tracking import LEAST_DISPARITY_PX
-from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.parameters import Parameters
 from observer.robust import median
 from observer.types import Trace
@@ -122,12 +122,15 @@ class StereoDrift:
         """
         self._skew_is_reported = view.right_time is not None
         if not self._skew_is_reported:
+            # What moves shifts the flow and the disparities as a skew does.
+            free = (before.obstacle == NO_OBSTACLE) & (before.within == NO_OBSTACLE)
+            stands = free[found] & ~before.dynamic[found]
             self.skew = self.skew.after(
                 DisparityStep.of(
-                    before.px[found],
-                    points.px,
-                    _raw(before)[found],
-                    _raw(points),
+                    before.px[found][stands],
+                    points.px[stands],
+                    _raw(before)[found][stands],
+                    _raw(points)[stands],
                     now.dt,
                     self._camera,
                 )

@@ -177,6 +177,12 @@ class BodyTrack:
         self.shape.forget()
         self.recent.forget()
 
+    def become(self, part: BodyTrack) -> None:
+        """Go on as a part of what was taken for one body; ID and state stay."""
+        self.filter, self.shape, self.outline = part.filter, part.shape, part.outline
+        self.recent, self.box, self.points = part.recent, None, 0
+        self.rigid, self.rigidity, self.by_points = False, 0.0, False
+
     def carry_box(self, T_camera_world: Pose, camera: StereoCamera) -> None:
         """Move the image box of a body out of sight to where it is expected in this frame."""
         pose, before = T_camera_world, self._centre_px

@@ -45,6 +45,8 @@ _ACROSS_SHARE = 0.5
 # Where light flickers, a body that is slower than so many times the stopped speed may stand, unless
 # it crosses the view.
 _SLOW_IN_FLICKER = 8.0
+# A body that shows this share of itself where nothing was a moment ago still goes on.
+_ENTERS_SHARE = 0.6
 # Frames in which a segment must have entered free space, or been uncovered, and standard deviations
 # of its velocity. A body that goes away is uncovered by itself. What others uncover seems to move
 # across the view as they do, so this share of the velocity must lead away.
@@ -99,6 +101,8 @@ def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> Motio
     least = _STILL_SIGMAS if moved and speed > _CREEPING * limit else _MOVING_SIGMAS
     if speed >= limit and track.significance >= least:
         return MotionState.MOVING if speed - sigma > limit else track.motion
+    if moved and speed > _CREEPING * limit and _enters(track):
+        return track.motion
     # Out of sight only the certainty fades, and likewise for a moment after limbs were taken for
     # the body. But a body that fills the same cells as before stands, however uncertain its
     # velocity.
@@ -121,6 +125,12 @@ def _is_unmoved(track: BodyTrack) -> bool:
     """Return whether all of a body is seen where something was before."""
     outline = track.seen_outline
     return outline is not None and outline.segment.static >= _UNMOVED_SHARE
+
+
+def _enters(track: BodyTrack) -> bool:
+    """Return whether most of a body is seen where nothing was a moment ago."""
+    outline = track.seen_outline
+    return outline is not None and outline.segment.arrived >= _ENTERS_SHARE
 
 
 def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:

@@ -92,6 +92,7 @@ class Outline:
         only_legs: the trunk is above the image's upper border. legs_seen: it was at some time.
         arrived_frames, uncovered_frames: number of frames with evidence of motion of either kind.
         idle_frames: frames in a row in which it idled, see ``count_idle``.
+        gap_frames: frames in a row in which there was a gap between two parts of it.
         moving_area: largest while it moved, cells per px^2 of disparity, so at any distance.
     """
 
@@ -107,6 +108,7 @@ class Outline:
     arrived_frames: int = 0
     uncovered_frames: int = 0
     idle_frames: int = 0
+    gap_frames: int = 0
     bias_px: float = 0.0
     carried_s: float = 0.0
     trunk: TrunkView | None = None

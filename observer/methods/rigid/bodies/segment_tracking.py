@@ -16,6 +16,7 @@ from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whol
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
 from observer.methods.rigid.bodies.segment_gate import has_left, leaps, misfit
 from observer.methods.rigid.bodies.shape import BodyShape, Box
+from observer.methods.rigid.bodies.side_by_side import parted, separated
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.ground import tells_approach
@@ -28,6 +29,7 @@ from observer.methods.rigid.dense.segments import (
     followed_segment,
     fresh_segments,
     owners,
+    segment_of,
     widened,
 )
 from observer.methods.rigid.point_motion import PooledMotion
@@ -50,6 +52,8 @@ _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 _SEEN_BEFORE = 1.5
 # Cells at the border of an outline that may show the background, as edges in depth are not sharp.
 _BORDER_CELLS = 2
+# Frames in a row for which a gap in a body must be seen before it is two bodies.
+_GAP_FRAMES = 2
 # Gain with which a body's middle follows the newest frame.
 _MIDDLE_GAIN = 0.3
 _MOST_DEPTH_M = 0.6
@@ -71,16 +75,22 @@ def track_segments(
         tracks: already predicted, and measured by their points; new ones are added, and those that
             turn out to be parts of others removed. min_points: with fewer a body is not seen.
     """
-    _follow(tracks, points, scene, now)
+    _follow(tracks, points, scene, now, numbers)
     cells = scene.grid.at(points.px)
     obstacle = points.obstacle.copy()
     free = free_cells([t.outline for t in tracks if t.outline is not None], scene.grid)
-    for segment in fresh_segments(scene, free):
+    for segment in separated(fresh_segments(scene, free), scene):
         if any(t.seen_outline.take(segment, scene) for t in tracks if t.seen_outline is not None):
             continue
         inside = segment.mask[cells]
         found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)
         if not found:
+            pair = _spanning(segment, inside, tracks, obstacle, scene)
+            if pair is not None:
+                track, own = pair
+                obstacle[inside & (obstacle == track.id)] = NO_OBSTACLE
+                tracks.append(_part(track, own, segment, scene, numbers))
+                continue
             whole = whole_person(scene, segment, free)
             track = start_track(numbers.provisional(), whole, scene)
             track.part_moves = whole is not segment
@@ -170,7 +180,11 @@ def shown_by_points(track: BodyTrack) -> bool:
 
 
 def _follow(
-    tracks: list[BodyTrack], points: TrackedPoints, scene: DenseScene, now: CameraStep
+    tracks: list[BodyTrack],
+    points: TrackedPoints,
+    scene: DenseScene,
+    now: CameraStep,
+    numbers: TrackIds,
 ) -> None:
     """Find each body's segment where it is expected; cells go to the likeliest body."""
     expected: list[tuple[BodyTrack, Expected]] = []
@@ -205,6 +219,13 @@ def _follow(
         if grows and not track.rigid:
             segment = with_head(scene, segment, (free & (owner < 0)) | segment.mask)
         free &= ~segment.mask
+        halves = parted(segment, scene)
+        if track.outline is not None:
+            track.outline.gap_frames = track.outline.gap_frames + 1 if halves else 0
+        if halves and track.outline is not None and track.outline.gap_frames > _GAP_FRAMES:
+            own, other = sorted(halves, key=lambda half: half.area, reverse=True)
+            tracks.append(_part(track, own, other, scene, numbers))
+            continue
         _measure(track, segment, scene)
 
 
@@ -290,6 +311,51 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
     track.missed_s = track.merged_s = 0.0
     track.far = False
+
+
+# --- parting -----------------------------------------------------------------------------------
+
+
+def _spanning(
+    segment: Segment,
+    inside: NDArray[np.bool_],
+    tracks: list[BodyTrack],
+    obstacle: NDArray[np.int64],
+    scene: DenseScene,
+) -> tuple[BodyTrack, Segment] | None:
+    """Return the body whose points lie on a new segment, too, and its own segment beside that.
+
+    None if there is no such body; it is two people, taken for one.
+
+    Args:
+        inside: (N,) which points lie on the new segment. obstacle: (N,) as of ``TrackedPoints``.
+    """
+    for track in tracks:
+        outline = track.seen_outline
+        if outline is None or not track.rigid:
+            continue
+        if np.count_nonzero(inside & (obstacle == track.id)) < _LEAST_MEMBERS:
+            continue
+        both = segment_of(scene, segment.mask | outline.segment.mask)
+        if parted(both, scene) is not None:
+            return track, outline.segment
+    return None
+
+
+def _part(
+    track: BodyTrack, own: Segment, other: Segment, scene: DenseScene, numbers: TrackIds
+) -> BodyTrack:
+    """Keep one segment for a body, and return the track of another that moves like it."""
+    twin = start_track(numbers.provisional(), other, scene)
+    kept = start_track(track.id, own, scene)
+    velocity, cov = track.mean[VELOCITY], track.filter.covariance[VELOCITY, VELOCITY]
+    for each in (twin, kept):
+        place, place_cov = each.mean[POSITION], each.filter.covariance[POSITION, POSITION]
+        each.filter = BodyFilter.begin(place, velocity, place_cov, cov, 0.0).straightened()
+    twin.state, twin.motion, twin.age_s = track.state, track.motion, track.age_s
+    twin.hits, twin.sightings, twin.confirmed_at = track.hits, track.sightings, twin.centre
+    track.become(kept)
+    return twin
 
 
 # --- beginning -------------------------------------------------------------------------------

@@ -1,0 +1,95 @@
+"""People who walk side by side are two bodies, however alike they move."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.kernels.sight import place_of
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment, extent_m, segment_of
+
+# Metres above the ground: what reaches higher is more than legs, between which there is a gap too.
+_LEAST_TOP_M = 1.0
+# Metres, least width of a person seen from any side, and height, or share of the view's height.
+_LEAST_WIDTH_M, _LEAST_HEIGHT_M, _VIEW_SHARE = 0.2, 0.8, 0.6
+# Least width of the gap between two, metres and cells.
+_LEAST_GAP_M, _LEAST_GAP_CELLS = 0.08, 3
+# Share of a segment's rows that its cells may fill in a gap, as depth is smeared at the image's
+# border; and share of the gap's known cells in which something farther must be seen.
+_FILLED_SHARE, _FARTHER_SHARE = 0.15, 0.6
+
+
+def parted(segment: Segment, scene: DenseScene) -> tuple[Segment, Segment] | None:
+    """Return the segments of two people of whom one shows left, one right of a gap; None if one.
+
+    The scene must be seen farther in all of the gap, and both must reach higher than legs do.
+    """
+    per_metre = scene.grid.per_metre(segment.disparity)
+    least = max(2, round(_LEAST_WIDTH_M * per_metre))
+    left, top, right, bottom = segment.box
+    if scene.ground is None or right - left < 2 * least:
+        return None
+    filled = segment.mask[top:bottom, left:right].sum(axis=0)
+    empty = filled <= _FILLED_SHARE * (bottom - top)
+    wide = max(_LEAST_GAP_CELLS, round(_LEAST_GAP_M * per_metre))
+    start, end = _longest_run(empty[least : len(empty) - least])
+    if end - start < wide:
+        return None
+    gap = slice(left + least + start, left + least + end)
+    if not _is_farther(scene, segment, slice(top, bottom), gap):
+        return None
+    halves = []
+    for columns in (slice(0, gap.start), slice(gap.stop, None)):
+        mask = np.zeros_like(segment.mask)
+        mask[:, columns] = segment.mask[:, columns]
+        if not mask.any():
+            return None
+        half = segment_of(scene, mask)
+        if not _may_be_person(half, scene):
+            return None
+        halves.append(half)
+    return halves[0], halves[1]
+
+
+def separated(segments: list[Segment], scene: DenseScene) -> list[Segment]:
+    """List segments, and instead of one that shows two people each of them."""
+    found: list[Segment] = []
+    for segment in segments:
+        halves = parted(segment, scene)
+        apart = halves is not None and all(half.is_separate for half in halves)
+        found += halves if halves is not None and apart else [segment]
+    return found
+
+
+def _is_farther(scene: DenseScene, segment: Segment, rows: slice, columns: slice) -> bool:
+    """Return whether something farther than a segment is seen in most of a gap."""
+    seen = scene.disparity[rows, columns][~segment.mask[rows, columns]]
+    seen = seen[np.isfinite(seen)]
+    farther = seen < segment.disparity - scene.tolerance(segment.disparity)
+    return len(seen) > 0 and float(farther.mean()) >= _FARTHER_SHARE
+
+
+def _may_be_person(segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a segment is large enough for a person, and reaches higher than legs do.
+
+    A raised arm is too small, and so is a box that a person carries.
+    """
+    width_m, height_m = extent_m(segment, scene.grid)
+    view_m = scene.grid.height / scene.grid.per_metre(segment.disparity)
+    if width_m < _LEAST_WIDTH_M or height_m < min(_LEAST_HEIGHT_M, _VIEW_SHARE * view_m):
+        return False
+    assert scene.ground is not None
+    pose, camera = scene.T_world_camera, scene.grid.camera.numbers
+    u, v = scene.grid.to_px(np.array([segment.columns[1], segment.box[1]])).tolist()
+    top = place_of(u, v, segment.disparity, pose.rotation, pose.translation, camera)
+    return scene.ground.height(top) >= _LEAST_TOP_M
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return the first index of the longest run of true flags (N,), and that after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    if len(edges) == 0:
+        return 0, 0
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * longest]), int(edges[2 * longest + 1])
