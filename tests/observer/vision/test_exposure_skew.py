@@ -60,6 +60,40 @@ def test_steady_turn_leaves_the_skew_uncertain() -> None:
     assert not skew.sure
 
 
+def estimated(true_s: float, left_over: np.ndarray, rng: np.random.Generator) -> ExposureSkew:
+    """Estimate from 90 frames of a camera that turns unevenly, with given errors (90,) px of c."""
+    flow = 100 * np.sin(np.cumsum(rng.uniform(0, 0.4, 92)))
+    skew = ExposureSkew()
+    for k in range(1, 91):
+        # The flow at a frame is the mean of that before and after it.
+        change = (flow[k + 1] - flow[k - 1]) / 2
+        c = -true_s * change + left_over[k - 1]
+        skew = skew.after(DisparityStep(DT, float(c), 0.04, float(flow[k])))
+    return skew
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_lasting_errors_and_a_constant_are_no_skew(seed: int) -> None:
+    """What moves unnoticed, and the camera's motion, leave errors that last over frames."""
+    rng = np.random.default_rng(seed)
+    lasting = np.zeros(90)
+    for k in range(1, 90):
+        lasting[k] = 0.8 * lasting[k - 1] + rng.normal(0, 0.06)
+    skew = estimated(0.0, lasting + rng.choice([-0.1, 0.1]), rng)
+    assert not skew.sure
+    assert abs(skew.skew_s) < 3 * skew.sigma_s
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_stated_uncertainty_grows_with_what_is_left_over(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    quiet = estimated(0.01, rng.normal(0, 0.04, 90), np.random.default_rng(seed))
+    noisy = estimated(0.01, rng.normal(0, 0.16, 90), np.random.default_rng(seed))
+    assert noisy.sigma_s == pytest.approx(4 * quiet.sigma_s, rel=0.5)
+    assert quiet.skew_s == pytest.approx(0.01, abs=3 * quiet.sigma_s)
+    assert quiet.sure
+
+
 def test_non_consecutive_frames_are_not_compared() -> None:
     step = DisparityStep(DT, 1.0, 0.05, 10.0)
     other = DisparityStep(DT, 1.0, 0.05, 90.0)

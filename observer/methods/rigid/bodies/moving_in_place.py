@@ -10,9 +10,9 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.kernels.patches import describe_patches
 from observer.kernels.sight import place_of
+from observer.methods.rigid.bodies.beginning import start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
-from observer.methods.rigid.bodies.segment_tracking import start_track
 from observer.methods.rigid.dense.people import is_person, standing_segment
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Mask, Segment, opened, widened

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.beginning import OWN_SHARE, bodies_of, motion_at, start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.cells_around import cells_around
-from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
 from observer.methods.rigid.bodies.legs import at_hips, shows_only_legs, swing_cov
 from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
-from observer.methods.rigid.bodies.segment_gate import has_left, leaps, misfit
-from observer.methods.rigid.bodies.shape import BodyShape, Box
-from observer.methods.rigid.bodies.side_by_side import parted, separated
+from observer.methods.rigid.bodies.segment_gate import has_left, leaps
+from observer.methods.rigid.bodies.shape import Box
+from observer.methods.rigid.bodies.side_by_side import part_off, parted, separated, spanning
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.ground import tells_approach
@@ -29,7 +29,6 @@ from observer.methods.rigid.dense.segments import (
     followed_segment,
     fresh_segments,
     owners,
-    segment_of,
     widened,
 )
 from observer.methods.rigid.point_motion import PooledMotion
@@ -38,16 +37,12 @@ from observer.robust import median
 from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, is_provisional
 
-# Members from which a body's segment is looked for where they are, and the share of them that makes
-# a segment the body's.
+# Members from which a body's segment is looked for where they are.
 _LEAST_MEMBERS = 3
-_OWN_SHARE = 0.5
 # Share of a body's members that must be at or beside cells near enough to be judged.
 _NEAR_SHARE = 0.5
 # Share of them that may lie on the ground, as shadows do.
 _LYING_SHARE = 0.5
-# m/s, one standard deviation: horizontal and vertical speed of a body that was just found.
-_FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 # Frames since a body was seen, below which it is followed rather than found again.
 _SEEN_BEFORE = 1.5
 # Cells at the border of an outline that may show the background, as edges in depth are not sharp.
@@ -83,13 +78,13 @@ def track_segments(
         if any(t.seen_outline.take(segment, scene) for t in tracks if t.seen_outline is not None):
             continue
         inside = segment.mask[cells]
-        found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)
+        found = bodies_of(segment, inside, tracks, obstacle, scene, min_points)
         if not found:
-            pair = _spanning(segment, inside, tracks, obstacle, scene)
+            pair = spanning(segment, inside, tracks, obstacle, scene)
             if pair is not None:
                 track, own = pair
                 obstacle[inside & (obstacle == track.id)] = NO_OBSTACLE
-                tracks.append(_part(track, own, segment, scene, numbers))
+                tracks.append(part_off(track, own, segment, scene, numbers))
                 continue
             whole = whole_person(scene, segment, free)
             track = start_track(numbers.provisional(), whole, scene)
@@ -224,7 +219,7 @@ def _follow(
             track.outline.gap_frames = track.outline.gap_frames + 1 if halves else 0
         if halves and track.outline is not None and track.outline.gap_frames > _GAP_FRAMES:
             own, other = sorted(halves, key=lambda half: half.area, reverse=True)
-            tracks.append(_part(track, own, other, scene, numbers))
+            tracks.append(part_off(track, own, other, scene, numbers))
             continue
         _measure(track, segment, scene)
 
@@ -272,7 +267,7 @@ def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) 
     whole = whole_person(scene, part, free)
     if whole is not part:
         place, cov = measured_anchor(whole, anchor_of(whole), scene)
-        track.filter = _motion_at(place, np.zeros(3), cov)
+        track.filter = motion_at(place, np.zeros(3), cov)
         track.hits = track.sightings = 0
         track.part_moves = True
         track.loosen()
@@ -294,7 +289,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     if track.forgotten and not track.rigid:
         outline.offsets.clear()
         before = np.zeros(3) if has_left(track, scene) else track.mean[VELOCITY]
-        track.filter = _motion_at(place, before, cov)
+        track.filter = motion_at(place, before, cov)
     if outline.depth_by_points and not outline.depths.measured:
         # Points told changes of depth only: meanwhile the body went from where its segment is.
         outline.offsets.clear()
@@ -313,117 +308,6 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     track.far = False
 
 
-# --- parting -----------------------------------------------------------------------------------
-
-
-def _spanning(
-    segment: Segment,
-    inside: NDArray[np.bool_],
-    tracks: list[BodyTrack],
-    obstacle: NDArray[np.int64],
-    scene: DenseScene,
-) -> tuple[BodyTrack, Segment] | None:
-    """Return the body whose points lie on a new segment, too, and its own segment beside that.
-
-    None if there is no such body; it is two people, taken for one.
-
-    Args:
-        inside: (N,) which points lie on the new segment. obstacle: (N,) as of ``TrackedPoints``.
-    """
-    for track in tracks:
-        outline = track.seen_outline
-        if outline is None or not track.rigid:
-            continue
-        if np.count_nonzero(inside & (obstacle == track.id)) < _LEAST_MEMBERS:
-            continue
-        both = segment_of(scene, segment.mask | outline.segment.mask)
-        if parted(both, scene) is not None:
-            return track, outline.segment
-    return None
-
-
-def _part(
-    track: BodyTrack, own: Segment, other: Segment, scene: DenseScene, numbers: TrackIds
-) -> BodyTrack:
-    """Keep one segment for a body, and return the track of another that moves like it."""
-    twin = start_track(numbers.provisional(), other, scene)
-    kept = start_track(track.id, own, scene)
-    velocity, cov = track.mean[VELOCITY], track.filter.covariance[VELOCITY, VELOCITY]
-    for each in (twin, kept):
-        place, place_cov = each.mean[POSITION], each.filter.covariance[POSITION, POSITION]
-        each.filter = BodyFilter.begin(place, velocity, place_cov, cov, 0.0).straightened()
-    twin.state, twin.motion, twin.age_s = track.state, track.motion, track.age_s
-    twin.hits, twin.sightings, twin.confirmed_at = track.hits, track.sightings, twin.centre
-    track.become(kept)
-    return twin
-
-
-# --- beginning -------------------------------------------------------------------------------
-
-
-def start_track(
-    number: int, segment: Segment, scene: DenseScene, sigma_mps: float = _FIRST_MPS
-) -> BodyTrack:
-    """Return the track of a body with limbs that was found as a segment.
-
-    Args:
-        sigma_mps: one standard deviation of its speed.
-    """
-    anchor = anchor_of(segment)
-    place, cov = measured_anchor(segment, anchor, scene)
-    track = BodyTrack(
-        id=number,
-        filter=_motion_at(place, np.zeros(3), cov, sigma_mps),
-        shape=BodyShape(),
-        outline=Outline.of(segment, scene),
-        rigid=False,
-        rigidity=0.0,
-    )
-    assert track.outline is not None
-    track.outline.offsets[anchor] = np.zeros(3)
-    track.outline.note(segment, place, scene, track.age_s)
-    return track
-
-
-def _motion_at(
-    place: Float64Array, velocity: Float64Array, cov: Float64Array, sigma_mps: float = _FIRST_MPS
-) -> BodyFilter:
-    spread = np.diag([sigma_mps, _FIRST_UP_MPS, sigma_mps]) ** 2
-    return BodyFilter.begin(place, velocity, cov, spread, 0.0).straightened()
-
-
-def _bodies_of(
-    segment: Segment,
-    inside: NDArray[np.bool_],
-    tracks: list[BodyTrack],
-    obstacle: NDArray[np.int64],
-    scene: DenseScene,
-    min_points: int,
-) -> list[BodyTrack]:
-    """List the bodies that a new segment shows, the surest first: they are all one body.
-
-    But of several that were reported, and may have come back, it shows only the likeliest.
-
-    Args:
-        inside: (N,) which points lie on it. obstacle: (N,) as of ``TrackedPoints``.
-    """
-    found = []
-    for track in [t for t in tracks if t.seen_outline is None]:
-        members = obstacle == track.id
-        count = np.count_nonzero(members)
-        on_it = count >= min_points and inside[members].mean() >= _OWN_SHARE
-        on_it = on_it and not (track.outline is not None and leaps(track, segment, scene))
-        # A body with limbs is out of sight without its outline, whatever points are seen.
-        hidden = track.missed_s > 0 or not track.rigid
-        apart = misfit(track, segment, scene) if hidden else None
-        if on_it or apart is not None:
-            tentative = track.state is TrackState.TENTATIVE
-            rank = (tentative, -track.points if on_it else 0, apart or 0.0)
-            found.append((rank, on_it or tentative, track))
-    found.sort(key=lambda each: each[0])
-    return [track for k, (_, part, track) in enumerate(found) if k == 0 or part]
-
-
 # --- points ----------------------------------------------------------------------------------
 
 
@@ -437,7 +321,7 @@ def _absorbed(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:
         hosts, counts = np.unique(within[members], return_counts=True)
         most = int(np.argmax(counts))
         host = next((t for t in tracks if t.id == hosts[most]), None)
-        if host is None or counts[most] <= _OWN_SHARE * np.count_nonzero(members):
+        if host is None or counts[most] <= OWN_SHARE * np.count_nonzero(members):
             continue
         obstacle[members] = NO_OBSTACLE
         tracks.remove(part)

@@ -6,13 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.kernels.sight import place_of
+from observer.methods.rigid.bodies.beginning import start_track
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, extent_m, segment_of
+from observer.vision.lifecycle import TrackIds
 
 # Metres above the ground: what reaches higher is more than legs, between which there is a gap too.
 _LEAST_TOP_M = 1.0
 # Metres, least width of a person seen from any side, and height, or share of the view's height.
 _LEAST_WIDTH_M, _LEAST_HEIGHT_M, _VIEW_SHARE = 0.2, 0.8, 0.6
+# Points of a body on another segment from which the two may be two people.
+_LEAST_POINTS = 3
 # Least width of the gap between two, metres and cells.
 _LEAST_GAP_M, _LEAST_GAP_CELLS = 0.08, 3
 # Share of a segment's rows that its cells may fill in a gap, as depth is smeared at the image's
@@ -60,6 +66,51 @@ def separated(segments: list[Segment], scene: DenseScene) -> list[Segment]:
         apart = halves is not None and all(half.is_separate for half in halves)
         found += halves if halves is not None and apart else [segment]
     return found
+
+
+def spanning(
+    segment: Segment,
+    inside: NDArray[np.bool_],
+    tracks: list[BodyTrack],
+    obstacle: NDArray[np.int64],
+    scene: DenseScene,
+) -> tuple[BodyTrack, Segment] | None:
+    """Return a body that is two people: some of its points lie on a new segment beside its own.
+
+    Returns:
+        The body and its own segment; None if there is no such body.
+
+    Args:
+        inside: (N,) which points lie on the new segment. obstacle: (N,) as of ``TrackedPoints``.
+    """
+    for track in tracks:
+        outline = track.seen_outline
+        if outline is None or not track.rigid:
+            continue
+        if np.count_nonzero(inside & (obstacle == track.id)) < _LEAST_POINTS:
+            continue
+        both = segment_of(scene, segment.mask | outline.segment.mask)
+        if parted(both, scene) is not None:
+            return track, outline.segment
+    return None
+
+
+def part_off(
+    track: BodyTrack, own: Segment, other: Segment, scene: DenseScene, numbers: TrackIds
+) -> BodyTrack:
+    """Keep one segment for a body, and return the track of another that moves like it."""
+    twin = start_track(numbers.provisional(), other, scene)
+    kept = start_track(track.id, own, scene)
+    velocity, cov = track.mean[VELOCITY], track.filter.covariance[VELOCITY, VELOCITY]
+    for each in (twin, kept):
+        place, place_cov = each.mean[POSITION], each.filter.covariance[POSITION, POSITION]
+        each.filter = BodyFilter.begin(place, velocity, place_cov, cov, 0.0).straightened()
+    twin.state, twin.motion, twin.age_s = track.state, track.motion, track.age_s
+    twin.hits, twin.sightings = track.hits, track.sightings
+    track.become(kept)
+    if track.confirmed_at is not None:
+        track.confirmed_at, twin.confirmed_at = track.centre, twin.centre
+    return twin
 
 
 def _is_farther(scene: DenseScene, segment: Segment, rows: slice, columns: slice) -> bool:

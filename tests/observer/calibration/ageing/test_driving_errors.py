@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+import numpy as np
 import pytest
 
 from observer.calibration.ageing.driving_errors import (
@@ -87,19 +88,25 @@ def test_contradiction_is_reported() -> None:
     assert "near and far points contradict this: +0.07°" in joined.sentence
 
 
+def estimated(skew_s: float, sigma_s: float) -> ExposureSkew:
+    """Return an estimate without a residual: the disparities fit the skew exactly."""
+    flow = np.array([1 / sigma_s, 0.0])
+    seen = np.stack([-skew_s * flow, flow, [0.0, 1.0]])
+    return ExposureSkew(frames=2.0, sums=seen @ seen.T)
+
+
 @pytest.mark.parametrize(("skew_s", "course"), [(0.0162, "after"), (-0.0162, "before")])
 def test_confident_skew_is_reported_and_updated_only_when_its_text_changes(
     skew_s: float, course: str
 ) -> None:
     watch = SkewWatch()
     assert watch.look(None) is None
-    assert watch.look(ExposureSkew(1.0, skew_s)) is None
-    information = 0.0004**-2
-    found = watch.look(ExposureSkew(information, information * skew_s))
+    assert watch.look(estimated(skew_s, 1.0)) is None
+    found = watch.look(estimated(skew_s, 0.0004))
     assert found is not None
     assert found.exposure_skew_s == pytest.approx(skew_s)
     assert found.sigma_s == pytest.approx(0.0004)
     assert f"exposes 16.2 ± 0.8 ms {course} the left one" in found.sentence
-    assert watch.look(ExposureSkew(information, information * 1.0001 * skew_s)) is found
+    assert watch.look(estimated(1.0001 * skew_s, 0.0004)) is found
     assert watch.look(None) is found
-    assert watch.look(ExposureSkew(information, information * 1.1 * skew_s)) is not found
+    assert watch.look(estimated(1.1 * skew_s, 0.0004)) is not found

@@ -24,6 +24,7 @@ def test_losing_the_velocity_does_not_count_as_stopping(outlined_track: MakeTrac
     track = outlined_track(arrived=3)
     judge_frames(track)
     assert (track.state, track.motion) == (TrackState.CONFIRMED, MotionState.MOVING)
+    track.outline.segment = replace(track.outline.segment, arrived=0.3)
     for sigma, motion in ((0.5, MotionState.MOVING), (0.1, MotionState.STOPPED)):
         track.filter = outlined_track((0.2, 0.0, 0.0), sigma=sigma).filter
         judge_frames(track)
@@ -50,7 +51,24 @@ def test_a_body_that_stays_in_its_cells_has_stopped(
     judge_frames(track)
     track.filter = outlined_track((0.2, 0.0, 0.0), sigma=0.5).filter
     for static, motion in ((0.9, MotionState.MOVING), (1.0, MotionState.STOPPED)):
-        track.outline.segment = replace(track.outline.segment, static=static)
+        segment = track.outline.segment
+        track.outline.segment = replace(segment, static=static, arrived=1 - static)
+        judge_frames(track)
+        assert track.motion is motion
+
+
+def test_a_body_that_still_enters_free_space_has_not_stopped(outlined_track: MakeTrack) -> None:
+    """Of somebody near, whose legs swing, the velocity may not be significant for a while."""
+    for arrived, speed, motion in (
+        (0.9, 0.3, MotionState.MOVING),
+        (0.3, 0.3, MotionState.STOPPED),
+        (0.9, 0.1, MotionState.STOPPED),
+    ):
+        track = outlined_track(arrived=3)
+        judge_frames(track)
+        assert track.motion is MotionState.MOVING
+        track.filter = outlined_track((speed, 0.0, 0.0), sigma=0.2).filter
+        track.outline.segment = replace(track.outline.segment, arrived=arrived)
         judge_frames(track)
         assert track.motion is motion
 

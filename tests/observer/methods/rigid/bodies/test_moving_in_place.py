@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from observer.geometry import Pose
+from observer.methods.rigid.bodies.beginning import start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.lifecycle import judge
 from observer.methods.rigid.bodies.moving_in_place import MovingInPlace
-from observer.methods.rigid.bodies.segment_tracking import start_track
 from observer.methods.rigid.dense.free_space import STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of

@@ -1,0 +1,135 @@
+"""People side by side, as boxes at known places: two bodies, however alike they move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Pose
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import VELOCITY
+from observer.methods.rigid.bodies.segment_tracking import track_segments
+from observer.methods.rigid.bodies.side_by_side import parted, separated
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment, segment_of
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.parameters import Parameters
+from observer.types import TrackState
+from observer.vision.lifecycle import TrackIds
+
+from ..solid_worlds import (
+    HERE,
+    ROOM,
+    Shape,
+    Solid,
+    SolidView,
+    arrived,
+    cells_of,
+    on_floor,
+    patch,
+    person,
+    points_on,
+    seen,
+    step_to,
+    tracked,
+)
+
+quick = settings(deadline=None, max_examples=15)
+LOW = Pose(np.eye(3), np.array([0.0, 0.7, 0.0]))
+
+
+def as_one(*things: Shape, T_world_camera: Pose = HERE) -> tuple[DenseScene, Segment]:
+    """Things that have arrived in a room, all taken for one segment."""
+    shapes = [*ROOM, *things]
+    mask = np.any([cells_of(thing, shapes, T_world_camera) for thing in things], axis=0)
+    scene = seen(shapes, T_world_camera, np.where(mask, ARRIVED, STATIC).astype(np.uint8))
+    return scene, segment_of(scene, mask & scene.standing)
+
+
+@quick
+@given(z=st.floats(2.5, 5.5), apart=st.floats(0.62, 1.0), x=st.floats(-0.4, 0.4))
+def test_two_people_with_a_gap_between_them_are_parted(z: float, apart: float, x: float) -> None:
+    one, other = person(x - apart / 2, z), person(x + apart / 2, z)
+    scene, both = as_one(one, other)
+    halves = parted(both, scene)
+    assert halves is not None
+    for half, who in zip(halves, (one, other), strict=True):
+        np.testing.assert_array_equal(half.mask, cells_of(who, [*ROOM, one, other]) & both.mask)
+
+
+@pytest.mark.parametrize(
+    ("things", "pose"),
+    [
+        ((person(0.0, 4.0),), HERE),
+        # Shoulder to shoulder: nothing is seen between them.
+        ((person(-0.23, 4.0), person(0.23, 4.0)), HERE),
+        # A raised arm, and a box that is carried.
+        ((person(0.0, 4.0), Solid((0.45, -0.4, 4.0), (0.25, 0.4, 0.2))), HERE),
+        # The legs of one person, of whom a low camera sees nothing else.
+        ((on_floor(-0.2, 1.2, (0.2, 0.85, 0.2)), on_floor(0.2, 1.2, (0.2, 0.85, 0.2))), LOW),
+        # A table.
+        ((on_floor(-0.6, 4.0, (0.25, 0.7, 0.2)), on_floor(0.6, 4.0, (0.25, 0.7, 0.2))), LOW),
+    ],
+    ids=["one", "touching", "arm", "legs", "low"],
+)
+def test_one_body_is_not_parted(things: tuple[Shape, ...], pose: Pose) -> None:
+    scene, segment = as_one(*things, T_world_camera=pose)
+    assert parted(segment, scene) is None
+    assert separated([segment], scene) == [segment]
+
+
+def test_without_a_known_ground_nobody_is_parted() -> None:
+    scene, both = as_one(person(-0.4, 4.0), person(0.4, 4.0))
+    assert parted(both, scene) is not None
+    assert parted(both, replace(scene, ground=None)) is None
+
+
+def test_a_new_segment_of_two_people_begins_two_tracks() -> None:
+    scene, both = as_one(person(-0.4, 4.0), person(0.4, 4.0))
+    assert len(separated([both], scene)) == 2
+
+
+def test_a_body_that_shows_two_people_becomes_two_that_move_alike() -> None:
+    """They are parted once the gap between them is seen for a moment."""
+    view = SolidView()
+    for _ in range(5):
+        view.step(ROOM)
+    for k in range(24):
+        x = -0.9 + 0.08 * k
+        # At first something is seen between them, as where depth is smeared.
+        between = [Solid((x, 0.2, 4.0), (0.3, 1.5, 0.2))] if k < 12 else []
+        view.step([*ROOM, person(x - 0.36, 4.0), person(x + 0.36, 4.0), *between])
+        if k == 11:
+            (before,) = [t for t in view.tracks if t.state is TrackState.CONFIRMED]
+    both = sorted(
+        (t for t in view.tracks if t.state is TrackState.CONFIRMED), key=lambda t: t.centre[0]
+    )
+    assert [t.centre[0] - x for t in both] == pytest.approx([-0.36, 0.36], abs=0.1)
+    assert before.id in [t.id for t in both]
+    for track in both:
+        assert track.mean[VELOCITY][0] == pytest.approx(0.8, abs=0.2)
+        assert track.outline is not None
+        assert track.outline.width == pytest.approx(0.45, abs=0.12)
+
+
+def test_points_on_both_of_two_people_no_longer_hold_them_together() -> None:
+    """One group of points on both was taken for one rigid body, with the segment of one of them."""
+    left, right = person(-0.4, 4.0), person(0.4, 4.0)
+    numbers = TrackIds()
+    tracks: list[BodyTrack] = []
+    points = points_on(np.concatenate([patch(-0.4, 0.0, 3.87), patch(0.4, 0.0, 3.87)]))
+    tracked(tracks, TrackedPoints.none(), arrived(left), numbers)
+    (track,) = tracks
+    track.rigid, track.state = True, TrackState.CONFIRMED
+    points = points.but(obstacle=np.full(len(points), track.id))
+    scene = arrived(left, right)
+    least = Parameters().obstacles.min_points
+    found = track_segments(tracks, points, scene, step_to(), numbers, least)
+    assert sorted(round(t.centre[0], 1) for t in tracks) == [-0.4, 0.4]
+    assert not any(t.rigid for t in tracks)
+    np.testing.assert_array_equal(found.obstacle[9:], NO_OBSTACLE)
