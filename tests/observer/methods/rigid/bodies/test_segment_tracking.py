@@ -113,10 +113,10 @@ def test_a_stopped_body_keeps_its_position_and_size() -> None:
 
 
 def leave_to_the_left(view: SolidView) -> int:
-    """Let a person walk out of view and stay away for a moment; return the track's number."""
-    walk(view, lambda t: (-0.9 - 1.2 * t, 4.0), 15)
+    """Let a person run out of view and stay away for a moment; return the track's number."""
+    walk(view, lambda t: (0.6 - 2.0 * t, 4.0), 16)
     number = confirmed(view).id
-    for _ in range(4):
+    for _ in range(7):
         view.step(ROOM)
     return number
 
@@ -124,12 +124,12 @@ def leave_to_the_left(view: SolidView) -> int:
 def test_a_person_who_comes_back_over_the_border_keeps_the_number() -> None:
     view = watching()
     number = leave_to_the_left(view)
-    walk(view, lambda t: (-2.6 + 1.2 * t, 4.0), 8)
+    walk(view, lambda t: (-2.7 + 2.0 * t, 4.0), 6)
     assert number in [t.id for t in view.tracks if t.missed_s == 0]
 
 
 @pytest.mark.parametrize(
-    "newcomer", [person(-0.6, 4.0), on_floor(-1.4, 4.0, (1.6, 1.2, 0.2))], ids=["inside", "wide"]
+    "newcomer", [person(-0.7, 4.0), on_floor(-1.4, 4.0, (1.6, 1.2, 0.2))], ids=["inside", "wide"]
 )
 def test_who_has_left_is_not_what_appears_elsewhere(newcomer: Shape) -> None:
     """A person is noticed soon after coming back, and has not grown."""
