@@ -52,6 +52,8 @@ _ENTERS_SHARE = 0.6
 # across the view as they do, so this share of the velocity must lead away.
 _ARRIVED_FRAMES, _ARRIVED_SIGMAS = 3, 3.0
 _UNCOVERED_FRAMES, _UNCOVERED_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
+# m/s: nobody runs away faster, but the depth beside something nearer may change as fast.
+_MOST_AWAY_MPS = 3.0
 _STEADY = Light()
 
 
@@ -254,7 +256,7 @@ def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
 def _has_moved(track: BodyTrack) -> bool:
     """Return whether a body stands apart, and not all of it is seen where something was before."""
     if track.outline is None:
-        return track.merged_s == 0
+        return track.merged_s == 0 and _shown_by_many(track)
     return track.seen_outline is not None and not _is_unmoved(track)
 
 
@@ -283,6 +285,7 @@ def _confirmed_by_outline(
     away_mps = float(track.mean[VELOCITY] @ away) / float(np.linalg.norm(away))
     uncovered = outline.uncovered_frames >= _UNCOVERED_FRAMES
     uncovered &= away_mps > _AWAY_SHARE * float(np.linalg.norm(track.mean[VELOCITY]))
+    uncovered &= away_mps < _MOST_AWAY_MPS
     return (arrived and track.significance >= sigmas) or (
         uncovered and track.significance >= _UNCOVERED_SIGMAS
     )

@@ -74,6 +74,12 @@ def test_an_emerging_body_needs_more_frames_and_a_more_certain_velocity(
     assert judge_frames(outlined_track(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
 
 
+def test_what_recedes_faster_than_anyone_runs_is_not_confirmed(outlined_track: MakeTrack) -> None:
+    """The depth of a plain wall beside something nearer may change from frame to frame."""
+    for speed, state in ((2.5, TrackState.CONFIRMED), (3.5, TrackState.TENTATIVE)):
+        assert judge_frames(outlined_track((0.0, 0.0, speed), uncovered=4)) is state
+
+
 def test_background_uncovered_by_others_is_not_confirmed(
     outlined_track: MakeTrack,
 ) -> None:
@@ -121,6 +127,18 @@ def test_points_of_a_body_merged_with_its_surroundings_do_not_confirm(
     ):
         track = make_track()
         track.points, track.merged_s, track.off_ground = points, merged_s, off_ground
+        assert judge_frames(track, P.confirm_hits + 5) is state
+
+
+def test_a_few_creeping_points_without_an_outline_do_not_confirm(make_track: MakeTrack) -> None:
+    """Where the legs of two chairs cross in the image, points slide along."""
+    for points, speed, state in (
+        (5, 0.12, TrackState.TENTATIVE),
+        (5, 0.25, TrackState.CONFIRMED),
+        (20, 0.12, TrackState.CONFIRMED),
+    ):
+        track = make_track((0.0, 0.0, 4.0), (speed, 0.0, 0.0), sigma=0.01)
+        track.points = points
         assert judge_frames(track, P.confirm_hits + 5) is state
 
 
