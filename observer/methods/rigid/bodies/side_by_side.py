@@ -24,6 +24,8 @@ _LEAST_GAP_M, _LEAST_GAP_CELLS = 0.08, 3
 # Share of a segment's rows that its cells may fill in a gap, as depth is smeared at the image's
 # border; and share of the gap's known cells in which something farther must be seen.
 _FILLED_SHARE, _FARTHER_SHARE = 0.15, 0.6
+# Metres: a trunk this wide is that of two, whose arms may fill this share of the gap's rows.
+_WIDER_THAN_ONE_M, _ARMS_SHARE = 1.0, 0.5
 
 
 def parted(segment: Segment, scene: DenseScene) -> tuple[Segment, Segment] | None:
@@ -37,7 +39,9 @@ def parted(segment: Segment, scene: DenseScene) -> tuple[Segment, Segment] | Non
     if scene.ground is None or right - left < 2 * least:
         return None
     filled = segment.mask[top:bottom, left:right].sum(axis=0)
-    empty = filled <= _FILLED_SHARE * (bottom - top)
+    trunk_m = (segment.columns[2] - segment.columns[0]) / per_metre
+    share = _FILLED_SHARE if trunk_m < _WIDER_THAN_ONE_M else _ARMS_SHARE
+    empty = filled <= share * (bottom - top)
     wide = max(_LEAST_GAP_CELLS, round(_LEAST_GAP_M * per_metre))
     start, end = _longest_run(empty[least : len(empty) - least])
     if end - start < wide:

@@ -23,6 +23,8 @@ from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds
 
 from ..solid_worlds import (
+    CAMERA,
+    GRID,
     HERE,
     ROOM,
     Shape,
@@ -62,6 +64,18 @@ def test_two_people_with_a_gap_between_them_are_parted(z: float, apart: float, x
         np.testing.assert_array_equal(half.mask, cells_of(who, [*ROOM, one, other]) & both.mask)
 
 
+def test_two_people_whose_arms_touch_are_parted() -> None:
+    """Together they are wider than anyone."""
+    arms = Solid((0.0, -0.1, 4.0), (0.3, 0.4, 0.2))
+    scene, both = as_one(person(-0.36, 4.0), person(0.36, 4.0), arms)
+    halves = parted(both, scene)
+    assert halves is not None
+    assert [round(half.columns[1]) for half in halves] == pytest.approx(
+        [GRID.to_cells(CAMERA.project(np.array([[x, 0.0, 3.9]]))[0])[0, 0] for x in (-0.36, 0.36)],
+        abs=4,
+    )
+
+
 @pytest.mark.parametrize(
     ("things", "pose"),
     [
@@ -70,12 +84,15 @@ def test_two_people_with_a_gap_between_them_are_parted(z: float, apart: float, x
         ((person(-0.23, 4.0), person(0.23, 4.0)), HERE),
         # A raised arm, and a box that is carried.
         ((person(0.0, 4.0), Solid((0.45, -0.4, 4.0), (0.25, 0.4, 0.2))), HERE),
+        # Somebody with a board across the chest, and a wide thing without a gap.
+        ((person(0.0, 4.0), Solid((0.0, 0.0, 3.9), (1.3, 0.3, 0.1))), HERE),
+        ((on_floor(0.0, 4.0, (1.3, 1.6, 0.2)),), HERE),
         # The legs of one person, of whom a low camera sees nothing else.
         ((on_floor(-0.2, 1.2, (0.2, 0.85, 0.2)), on_floor(0.2, 1.2, (0.2, 0.85, 0.2))), LOW),
         # A table.
         ((on_floor(-0.6, 4.0, (0.25, 0.7, 0.2)), on_floor(0.6, 4.0, (0.25, 0.7, 0.2))), LOW),
     ],
-    ids=["one", "touching", "arm", "legs", "low"],
+    ids=["one", "touching", "arm", "board", "wide", "legs", "low"],
 )
 def test_one_body_is_not_parted(things: tuple[Shape, ...], pose: Pose) -> None:
     scene, segment = as_one(*things, T_world_camera=pose)
