@@ -48,6 +48,11 @@ def start_track(
 def motion_at(
     place: Float64Array, velocity: Float64Array, cov: Float64Array, sigma_mps: float = _FIRST_MPS
 ) -> BodyFilter:
+    """Return the motion of a body at a place (3,) m, world, with covariance (3, 3).
+
+    Args:
+        velocity: (3,) m/s, the likeliest. sigma_mps: one standard deviation of it, horizontally.
+    """
     spread = np.diag([sigma_mps, _FIRST_UP_MPS, sigma_mps]) ** 2
     return BodyFilter.begin(place, velocity, cov, spread, 0.0).straightened()
 

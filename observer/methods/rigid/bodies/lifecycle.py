@@ -254,7 +254,10 @@ def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
 
 
 def _has_moved(track: BodyTrack) -> bool:
-    """Return whether a body stands apart, and not all of it is seen where something was before."""
+    """Return whether a body stands apart, and not all of it is seen where something was before.
+
+    Without an outline only many points show that it stands apart: a few may slide along an edge.
+    """
     if track.outline is None:
         return track.merged_s == 0 and _shown_by_many(track)
     return track.seen_outline is not None and not _is_unmoved(track)

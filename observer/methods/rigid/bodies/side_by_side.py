@@ -9,6 +9,7 @@ from observer.kernels.sight import place_of
 from observer.methods.rigid.bodies.beginning import start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
+from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, extent_m, segment_of
 from observer.vision.lifecycle import TrackIds
@@ -29,34 +30,19 @@ _WIDER_THAN_ONE_M, _ARMS_SHARE = 1.0, 0.5
 
 
 def parted(segment: Segment, scene: DenseScene) -> tuple[Segment, Segment] | None:
-    """Return the segments of two people of whom one shows left, one right of a gap; None if one.
+    """Return the segments of two people, left and right of a gap; None if there is only one.
 
-    The scene must be seen farther in all of the gap, and both must reach higher than legs do.
+    The scene must be seen farther in most of the gap, and both must reach higher than legs do.
     """
-    per_metre = scene.grid.per_metre(segment.disparity)
-    least = max(2, round(_LEAST_WIDTH_M * per_metre))
-    left, top, right, bottom = segment.box
-    if scene.ground is None or right - left < 2 * least:
-        return None
-    filled = segment.mask[top:bottom, left:right].sum(axis=0)
-    trunk_m = (segment.columns[2] - segment.columns[0]) / per_metre
-    share = _FILLED_SHARE if trunk_m < _WIDER_THAN_ONE_M else _ARMS_SHARE
-    empty = filled <= share * (bottom - top)
-    wide = max(_LEAST_GAP_CELLS, round(_LEAST_GAP_M * per_metre))
-    start, end = _longest_run(empty[least : len(empty) - least])
-    if end - start < wide:
-        return None
-    gap = slice(left + least + start, left + least + end)
-    if not _is_farther(scene, segment, slice(top, bottom), gap):
+    gap = _gap(segment, scene)
+    if gap is None or scene.ground is None:
         return None
     halves = []
     for columns in (slice(0, gap.start), slice(gap.stop, None)):
         mask = np.zeros_like(segment.mask)
         mask[:, columns] = segment.mask[:, columns]
-        if not mask.any():
-            return None
         half = segment_of(scene, mask)
-        if not _may_be_person(half, scene):
+        if not _may_be_person(half, scene, scene.ground):
             return None
         halves.append(half)
     return halves[0], halves[1]
@@ -102,7 +88,13 @@ def spanning(
 def part_off(
     track: BodyTrack, own: Segment, other: Segment, scene: DenseScene, numbers: TrackIds
 ) -> BodyTrack:
-    """Keep one segment for a body, and return the track of another that moves like it."""
+    """Keep one segment for a body, and return the track of another body that moves like it.
+
+    Both keep the state and the velocity, which was that of either; where they are is seen anew.
+
+    Args:
+        own, other: the segments of the two. numbers: gives the other its number.
+    """
     twin = start_track(numbers.provisional(), other, scene)
     kept = start_track(track.id, own, scene)
     velocity, cov = track.mean[VELOCITY], track.filter.covariance[VELOCITY, VELOCITY]
@@ -117,6 +109,23 @@ def part_off(
     return twin
 
 
+def _gap(segment: Segment, scene: DenseScene) -> slice | None:
+    """Return the columns of the widest gap in a segment, away from its sides; None without one."""
+    per_metre = scene.grid.per_metre(segment.disparity)
+    side = max(2, round(_LEAST_WIDTH_M * per_metre))
+    left, top, right, bottom = segment.box
+    if right - left < 2 * side:
+        return None
+    filled = segment.mask[top:bottom, left + side : right - side].sum(axis=0)
+    trunk_m = (segment.columns[2] - segment.columns[0]) / per_metre
+    share = _FILLED_SHARE if trunk_m < _WIDER_THAN_ONE_M else _ARMS_SHARE
+    start, end = _longest_run(filled <= share * (bottom - top))
+    if end - start < max(_LEAST_GAP_CELLS, round(_LEAST_GAP_M * per_metre)):
+        return None
+    gap = slice(left + side + start, left + side + end)
+    return gap if _is_farther(scene, segment, slice(top, bottom), gap) else None
+
+
 def _is_farther(scene: DenseScene, segment: Segment, rows: slice, columns: slice) -> bool:
     """Return whether something farther than a segment is seen in most of a gap."""
     seen = scene.disparity[rows, columns][~segment.mask[rows, columns]]
@@ -125,7 +134,7 @@ def _is_farther(scene: DenseScene, segment: Segment, rows: slice, columns: slice
     return len(seen) > 0 and float(farther.mean()) >= _FARTHER_SHARE
 
 
-def _may_be_person(segment: Segment, scene: DenseScene) -> bool:
+def _may_be_person(segment: Segment, scene: DenseScene, ground: GroundPlane) -> bool:
     """Return whether a segment is large enough for a person, and reaches higher than legs do.
 
     A raised arm is too small, and so is a box that a person carries.
@@ -134,11 +143,10 @@ def _may_be_person(segment: Segment, scene: DenseScene) -> bool:
     view_m = scene.grid.height / scene.grid.per_metre(segment.disparity)
     if width_m < _LEAST_WIDTH_M or height_m < min(_LEAST_HEIGHT_M, _VIEW_SHARE * view_m):
         return False
-    assert scene.ground is not None
     pose, camera = scene.T_world_camera, scene.grid.camera.numbers
     u, v = scene.grid.to_px(np.array([segment.columns[1], segment.box[1]])).tolist()
     top = place_of(u, v, segment.disparity, pose.rotation, pose.translation, camera)
-    return scene.ground.height(top) >= _LEAST_TOP_M
+    return ground.height(top) >= _LEAST_TOP_M
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
