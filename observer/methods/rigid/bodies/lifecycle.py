@@ -33,6 +33,8 @@ _MERGED_S = 1.0
 # So many points that stand out of the ground and move alike are a body, even if it is merged with
 # its surroundings.
 _MANY_POINTS = 12
+# Points that do not all lie on one edge.
+_SEVERAL_POINTS = 6
 # Frames in a row for which a segment may idle, see ``Outline.count_idle``.
 _IDLE_FRAMES = 3
 # A segment that stood for so many seconds and never left its place only seemed to move.
@@ -256,10 +258,10 @@ def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
 def _has_moved(track: BodyTrack) -> bool:
     """Return whether a body stands apart, and not all of it is seen where something was before.
 
-    Without an outline only many points show that it stands apart: a few may slide along an edge.
+    Without an outline it takes several points to show that: a few may slide along one edge.
     """
     if track.outline is None:
-        return track.merged_s == 0 and _shown_by_many(track)
+        return track.merged_s == 0 and track.points >= _SEVERAL_POINTS
     return track.seen_outline is not None and not _is_unmoved(track)
 
 

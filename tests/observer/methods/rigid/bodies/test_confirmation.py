@@ -135,7 +135,7 @@ def test_a_few_creeping_points_without_an_outline_do_not_confirm(make_track: Mak
     for points, speed, state in (
         (5, 0.12, TrackState.TENTATIVE),
         (5, 0.25, TrackState.CONFIRMED),
-        (20, 0.12, TrackState.CONFIRMED),
+        (8, 0.12, TrackState.CONFIRMED),
     ):
         track = make_track((0.0, 0.0, 4.0), (speed, 0.0, 0.0), sigma=0.01)
         track.points = points
