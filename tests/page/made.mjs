@@ -1,6 +1,7 @@
 /** Fake server messages: each function returns a complete message with a test's changes. */
 
 /** @import { AgeingStatus, GoalNow, LiveLine, ObstacleEntry, RobotNow, RobotReport, RobotsMessage, Run, TrueBodyEntry } from "../../static/app/contract" */
+/** @import { ParameterEntry } from "../../static/app/parameters/parameter-store.js" */
 
 /** It moves, 3 m ahead. @param {Partial<ObstacleEntry>} [changes] @returns {ObstacleEntry} */
 export function obstacle(changes) {
@@ -212,6 +213,28 @@ export function ageing(changes) {
       distance_m: 3,
     },
     exposure_skew: null,
+    ...changes,
+  };
+}
+
+/** A whole number with limits. @param {Partial<ParameterEntry>} [changes] @returns {ParameterEntry} */
+export function parameter(changes) {
+  return {
+    name: "flow.window_px",
+    group: "flow",
+    group_help: "Flow.",
+    title: "Window size",
+    help: "Side of the window.",
+    type: "integer",
+    unit: "px",
+    default: 15,
+    models: ["affine"],
+    cloud: false,
+    basic: false,
+    minimum: 5,
+    maximum: 51,
+    step: 2,
+    choices: null,
     ...changes,
   };
 }

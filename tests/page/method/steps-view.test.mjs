@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import { mock, test } from "node:test";
 
 import { settled } from "../fake-page.mjs";
+import { parameter } from "../made.mjs";
 
 /** @import { Hub } from "../../../static/app/shell/hub.js" */
 /** @import { Values } from "../../../static/app/parameters/parameter-store.js" */
@@ -17,22 +18,7 @@ const { StepsView } = await import("../../../static/app/method/steps-view.js");
 
 const NAME = "flow.window_px";
 const PRESET = { [NAME]: 15, "ego_motion.model": "affine" };
-const ENTRY = {
-  name: NAME,
-  group: "flow",
-  group_help: "Flow.",
-  title: "Window size",
-  help: "Side of the window.",
-  type: "integer",
-  unit: "px",
-  default: 15,
-  models: ["affine"],
-  cloud: false,
-  basic: false,
-  minimum: 5,
-  maximum: 51,
-  step: 2,
-};
+const ENTRY = parameter({ name: NAME });
 
 /** The server's answer. @param {number} frame @param {Values} [changes] */
 function answer(frame, changes = {}) {

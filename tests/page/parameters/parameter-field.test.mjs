@@ -2,30 +2,14 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import "../fake-page.mjs";
+import { parameter } from "../made.mjs";
 
-/** @import { ParameterEntry, Values } from "../../../static/app/parameters/parameter-store.js" */
+/** @import { Values } from "../../../static/app/parameters/parameter-store.js" */
 
 const { ParameterField } = await import("../../../static/app/parameters/parameter-field.js");
 
 const NAME = "flow.window_px";
-/** @type {ParameterEntry} */
-const ENTRY = {
-  name: NAME,
-  group: "flow",
-  group_help: "Flow.",
-  title: "Window size",
-  help: "Side of the window.",
-  type: "integer",
-  unit: "px",
-  default: 15,
-  models: ["affine"],
-  cloud: false,
-  basic: false,
-  minimum: 5,
-  maximum: 51,
-  step: 2,
-  choices: null,
-};
+const ENTRY = parameter({ name: NAME });
 
 /** A field that shows 15, its text, and what it has sent. */
 function shown() {

@@ -8,44 +8,25 @@ import {
   valueInWords,
   withTitles,
 } from "../../../static/app/parameters/value-words.js";
-
-/** @import { ParameterEntry } from "../../../static/app/parameters/parameter-store.js" */
-
-/** @param {Partial<ParameterEntry>} changes @returns {ParameterEntry} */
-function entry(changes) {
-  return {
-    name: "flow.window_px",
-    group: "flow",
-    group_help: "Flow.",
-    title: "Window size",
-    help: "Side of the window.",
-    type: "integer",
-    unit: "px",
-    default: 15,
-    models: ["affine"],
-    cloud: false,
-    basic: false,
-    minimum: 5,
-    maximum: 51,
-    step: 2,
-    choices: null,
-    ...changes,
-  };
-}
+import { parameter } from "../made.mjs";
 
 test("values and ranges are said with their unit", () => {
-  assert.equal(valueInWords(15, entry({})), "15 px");
-  assert.equal(valueInWords(0.1 + 0.2, entry({ unit: "" })), "0.3");
-  assert.equal(valueInWords(1e-9, entry({ unit: "" })), "1e-9");
-  assert.equal(valueInWords(false, entry({ type: "boolean", unit: "" })), "off");
-  assert.equal(rangeInWords(entry({})), "5 to 51 px");
-  assert.equal(rangeInWords(entry({ type: "choice" })), "");
+  assert.equal(valueInWords(15, parameter({})), "15 px");
+  assert.equal(valueInWords(0.1 + 0.2, parameter({ unit: "" })), "0.3");
+  assert.equal(valueInWords(1e-9, parameter({ unit: "" })), "1e-9");
+  assert.equal(valueInWords(false, parameter({ type: "boolean", unit: "" })), "off");
+  assert.equal(rangeInWords(parameter({})), "5 to 51 px");
+  assert.equal(rangeInWords(parameter({ type: "choice" })), "");
   assert.equal(groupTitle("ego_motion"), "Ego-motion");
   assert.equal(groupTitle("klt_tracking"), "KLT tracking");
 });
 
 test("only what differs is compared, in the order of declaration", () => {
-  const schema = [entry({ name: "b.x" }), entry({ name: "a.x" }), entry({ name: "c.x" })];
+  const schema = [
+    parameter({ name: "b.x" }),
+    parameter({ name: "a.x" }),
+    parameter({ name: "c.x" }),
+  ];
   const found = differences(
     schema,
     { "a.x": 1, "b.x": 2, "c.x": 3 },
@@ -61,7 +42,7 @@ test("only what differs is compared, in the order of declaration", () => {
 });
 
 test("names of parameters are shown as the titles of their fields", () => {
-  const schema = [entry({})];
+  const schema = [parameter({})];
   assert.equal(
     withTitles("With flow.window_px at 9 or below (now 15), e.g. 0.5 s.", schema),
     "With Window size (Flow) at 9 or below (now 15), e.g. 0.5 s.",

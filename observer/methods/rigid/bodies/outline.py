@@ -22,6 +22,7 @@ from observer.methods.rigid.dense.segments import (
     Segment,
     box_px,
     extent_m,
+    is_high,
     is_limb,
     with_limb,
 )
@@ -51,8 +52,6 @@ _LOST_SHARE = 0.9
 _SCALES = (0.4, 2.5)
 # Height over width of an upright body: a walking person is taller than wide, a robot is not.
 _UPRIGHT = 1.2
-# Metres, and share of the view's height: a segment as high as either is no patch of noise.
-_PERSON_PART_M, _VIEW_SHARE = 0.8, 0.6
 # Factor by which a body's extent may shrink per frame, as arms and legs swing.
 _SHRINK = 0.97
 # Shares of moved and of static cells that are evidence of motion, and of rest, in a frame.
@@ -147,9 +146,7 @@ class Outline:
     @property
     def is_high(self) -> bool:
         """True if it is as high as a part of a person, or fills much of the view's height."""
-        view_m = self.grid.height / self.grid.per_metre(self.segment.disparity)
-        _, height_m = extent_m(self.segment, self.grid)
-        return height_m >= min(_PERSON_PART_M, _VIEW_SHARE * view_m)
+        return is_high(self.segment, self.grid)
 
     @property
     def merged(self) -> bool:

@@ -214,13 +214,13 @@ def _follow(
         if grows and not track.rigid:
             segment = with_head(scene, segment, (free & (owner < 0)) | segment.mask)
         free &= ~segment.mask
-        halves = parted(segment, scene)
         if track.outline is not None:
+            halves = parted(segment, scene)
             track.outline.gap_frames = track.outline.gap_frames + 1 if halves else 0
-        if halves and track.outline is not None and track.outline.gap_frames > _GAP_FRAMES:
-            own, other = sorted(halves, key=lambda half: half.area, reverse=True)
-            tracks.append(part_off(track, own, other, scene, numbers))
-            continue
+            if halves and track.outline.gap_frames > _GAP_FRAMES:
+                own, other = sorted(halves, key=lambda half: half.area, reverse=True)
+                tracks.append(part_off(track, own, other, scene, numbers))
+                continue
         _measure(track, segment, scene)
 
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.kernels.sight import place_of
 from observer.methods.rigid.bodies.beginning import start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
+from observer.methods.rigid.bodies.legs import top_height
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import Segment, extent_m, segment_of
+from observer.methods.rigid.dense.segments import Segment, extent_m, is_high, segment_of
 from observer.vision.lifecycle import TrackIds
 
 # Metres above the ground: what reaches higher is more than legs, between which there is a gap too.
 _LEAST_TOP_M = 1.0
-# Metres, least width of a person seen from any side, and height, or share of the view's height.
-_LEAST_WIDTH_M, _LEAST_HEIGHT_M, _VIEW_SHARE = 0.2, 0.8, 0.6
+# Metres, least width of a person seen from any side.
+_LEAST_WIDTH_M = 0.2
 # Points of a body on another segment from which the two may be two people.
 _LEAST_POINTS = 3
 # Least width of the gap between two, metres and cells.
@@ -139,14 +139,9 @@ def _may_be_person(segment: Segment, scene: DenseScene, ground: GroundPlane) -> 
 
     A raised arm is too small, and so is a box that a person carries.
     """
-    width_m, height_m = extent_m(segment, scene.grid)
-    view_m = scene.grid.height / scene.grid.per_metre(segment.disparity)
-    if width_m < _LEAST_WIDTH_M or height_m < min(_LEAST_HEIGHT_M, _VIEW_SHARE * view_m):
-        return False
-    pose, camera = scene.T_world_camera, scene.grid.camera.numbers
-    u, v = scene.grid.to_px(np.array([segment.columns[1], segment.box[1]])).tolist()
-    top = place_of(u, v, segment.disparity, pose.rotation, pose.translation, camera)
-    return ground.height(top) >= _LEAST_TOP_M
+    width_m, _ = extent_m(segment, scene.grid)
+    large = width_m >= _LEAST_WIDTH_M and is_high(segment, scene.grid)
+    return large and top_height(segment, scene, ground) >= _LEAST_TOP_M
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:

@@ -37,6 +37,8 @@ _APART, _CLEAR, _CLEAR_UNCOVERED, _CLEAR_NEAR = 0.6, 0.2, 0.35, 0.1
 _NEAR_SHARE, _MOVED_SHARE, _APART_AWAY = 0.05, 0.7, 0.8
 # A cell may belong to an expected body up to so many tolerances from its disparity.
 _OWN_TOLERANCES = 1.5
+# Metres, and share of the view's height: a segment as high as either is no patch of noise.
+_PERSON_PART_M, _VIEW_SHARE = 0.8, 0.6
 # A limb is at most so many metres from its body, and either above or below it, in this share of the
 # columns, or smaller than this share of it. It differs by at most so many tolerances to be joined
 # to the body, and to be a limb, or seen between limbs, at all.
@@ -293,6 +295,13 @@ def extent_m(segment: Segment, grid: Grid) -> tuple[float, float]:
     left, top, right, bottom = segment.box
     per_metre = grid.per_metre(segment.disparity)
     return (right - left) / per_metre, (bottom - top) / per_metre
+
+
+def is_high(segment: Segment, grid: Grid) -> bool:
+    """Return whether a segment is as high as a part of a person, or fills much of the view."""
+    view_m = grid.height / grid.per_metre(segment.disparity)
+    _, height_m = extent_m(segment, grid)
+    return height_m >= min(_PERSON_PART_M, _VIEW_SHARE * view_m)
 
 
 def box_px(grid: Grid, segment: Segment) -> BoxPx:
