@@ -126,7 +126,10 @@ class CurrentRun:
         """Write the rows so far; if that is impossible now, they are written with the next ones."""
         self._flushed = self._clock()
         if not self._asked:
-            self._asked = self._writer.post(self._write, self._wrote)
+            # Set beforehand: the writer's thread may end the write before ``post`` returns.
+            self._asked = True
+            if not self._writer.post(self._write, self._wrote):
+                self._asked = False
 
     def now(self) -> str:
         """Return the time of day: the run's start plus the monotonic time since."""

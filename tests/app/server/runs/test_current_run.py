@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -44,6 +46,67 @@ def test_rows_are_written_once_despite_a_locked_database(
         writer.stop()
     assert [row.speed for row in storage.speeds(record.id)] == [0.3, 0.25]
     assert writer.dropped == 0
+
+
+class _FastWriter(Writer):
+    """Writer whose thread ends a write before ``post`` returns."""
+
+    def post(
+        self,
+        work: Callable[[], Any],
+        done: Callable[[Any, BaseException | None], None] | None = None,
+    ) -> bool:
+        ended = threading.Event()
+
+        def noted(value: Any, error: BaseException | None) -> None:
+            if done is not None:
+                done(value, error)
+            ended.set()
+
+        taken = super().post(work, noted)
+        assert not taken or ended.wait(5.0)
+        return taken
+
+
+def _wheel(at: float, speed: float) -> WheelSample:
+    return WheelSample("observer", at, speed, None, number=0, segment=0)
+
+
+def test_a_write_that_ends_immediately_does_not_stop_later_ones(storage: Storage) -> None:
+    storage.open()
+    record = storage.create_run(name="a", source="b", parameters={}, versions={})
+    writer = _FastWriter()
+    writer.start()
+    try:
+        run = CurrentRun(record, storage, writer, lambda: 0.0)
+        run.frames = 1
+        for speed in (0.1, 0.2):
+            run.measured(_wheel(speed, speed))
+            run.flush()
+    finally:
+        writer.stop()
+    assert [row.speed for row in storage.speeds(record.id)] == [0.1, 0.2]
+
+
+def test_rows_refused_by_a_full_queue_are_written_later(storage: Storage) -> None:
+    storage.open()
+    record = storage.create_run(name="a", source="b", parameters={}, versions={})
+    writer = Writer(queue_length=1)
+    assert writer.post(lambda: None)
+    run = CurrentRun(record, storage, writer, lambda: 0.0)
+    run.frames = 1
+    run.measured(_wheel(0.1, 0.1))
+    run.flush()
+    writer.start()
+    try:
+        # The queue has room again as soon as the thread has taken the first write.
+        deadline = time.monotonic() + 5.0
+        while not storage.speeds(record.id) and time.monotonic() < deadline:
+            run.flush()
+            time.sleep(0.01)
+    finally:
+        writer.stop()
+    assert [row.speed for row in storage.speeds(record.id)] == [0.1]
 
 
 def test_a_run_duration_is_independent_of_the_wall_clock(storage: Storage) -> None:
