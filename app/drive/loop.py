@@ -9,6 +9,8 @@ from __future__ import annotations
 import logging
 import queue
 import time
+import traceback
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -18,8 +20,12 @@ from app.contract.drive import (
     DriveState,
     LeaveDrive,
     ReallySent,
+    ResetStop,
+    StartGoal,
+    StartProgramme,
     WheelSpeedEvent,
 )
+from app.drive import reasons
 from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
 from app.drive.priority import Priority, tidy
@@ -31,7 +37,7 @@ from app.runtime.requests import Reply, Request
 from observer.errors import InputError
 from observer.guard.sight import Sight
 from observer.navigation.plan import Plan
-from observer.rig.rig import ROLES
+from observer.rig.rig import ROLES, Role
 
 _log = logging.getLogger(__name__)
 
@@ -43,6 +49,10 @@ _LATENESS_TICKS = 50
 # Time for releasing the robots at the end.
 _GOODBYE_S = 2.5
 _FAILED = "the drive process, which failed; see its log"
+# A failure that repeats itself every tick is logged this often.
+_LOG_AGAIN_S = 1.0
+# What a failed tick undoes with its stop.
+_UNDONE_BY_STOP = (ResetStop, StartGoal, StartProgramme)
 
 Inbox = queue.SimpleQueue[Request | None]
 
@@ -89,7 +99,10 @@ class DriveLoop:
         self._stop_watches = [StopWatch(role) for role in ROLES]
         self._reported: object = None
         self._tick_of_event = -_EVENT_TICKS
-        self._failures = 0
+        # Requests taken in this tick and answered at its end.
+        self._unanswered: deque[tuple[Request, Callable[[], object]]] = deque()
+        # When each failure was last logged, by its type and place.
+        self._logged: dict[tuple[type, str], float] = {}
         self.leaving = False
 
     def run(self) -> None:
@@ -113,33 +126,55 @@ class DriveLoop:
         self._jitter.add(late_s)
         try:
             self._turn(now)
-        except Exception:  # noqa: BLE001
-            self._failures += 1
-            if self._failures == 1:
-                _log.exception("a tick failed")
+        except Exception as error:  # noqa: BLE001
             self._roles.stop(_FAILED, now)
+            self._log_failure(error, now)
+            self._answer_after_failure()
+
+    def _log_failure(self, error: Exception, now: float) -> None:
+        """Log a failure, unless the same one was logged within the last second."""
+        *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+        key = (type(error), f"{frame.f_code.co_filename}:{line}")
+        if now - self._logged.get(key, -_LOG_AGAIN_S) >= _LOG_AGAIN_S:
+            self._logged[key] = now
+            _log.error("a tick failed", exc_info=error)
+
+    def _answer_after_failure(self) -> None:
+        """Answer what was taken before the tick failed: its senders would wait in vain."""
+        while self._unanswered:
+            request, answer = self._unanswered.popleft()
+            if isinstance(request.command, _UNDONE_BY_STOP):
+                sentence = f"all robots were stopped by {_FAILED}"
+                self._send(Reply(request.number, error=sentence, refusal="failure"))
+                continue
+            try:
+                self._send(Reply(request.number, answer()))
+            except Exception as error:  # noqa: BLE001
+                self._send(_failed_reply(request, error))
 
     def _turn(self, now: float) -> None:
-        answers = self._take_requests(now)
+        self._take_requests(now)
         if self._orphaned():
             self.leaving = True
         if self.leaving:
             self._roles.stop("the drive process shutting down", now)
         self._roles.step(now, self._newest_sight(now), self._newest_plan(now))
-        for number, answer in answers:
-            self._send(Reply(number, answer()))
+        while self._unanswered:
+            request, answer = self._unanswered[0]
+            value = answer()
+            self._unanswered.popleft()
+            self._send(Reply(request.number, value))
         self._tell(now)
 
     # --- requests --------------------------------------------------------------------------
 
-    def _take_requests(self, now: float) -> list[tuple[int, Callable[[], object]]]:
-        """Take all queued requests; return the answers that are known only after the tick."""
-        answers: list[tuple[int, Callable[[], object]]] = []
+    def _take_requests(self, now: float) -> None:
+        """Take all queued requests; those answered only after the tick are kept until then."""
         while True:
             try:
                 request = self._inbox.get_nowait()
             except queue.Empty:
-                return answers
+                return
             if request is None:
                 self.leaving = True
                 continue
@@ -150,27 +185,31 @@ class DriveLoop:
             except InputError as error:
                 self._send(Reply(request.number, error=str(error), refusal="input"))
             except Exception as error:
-                sentence = f"{type(request.command).__name__} failed: {error}"
-                self._send(Reply(request.number, error=sentence, refusal="failure"))
+                self._send(_failed_reply(request, error))
                 raise
             else:
-                if answer is not None:
-                    answers.append((request.number, answer))
+                self._unanswered.append((request, answer))
 
-    def _take(self, request: Request, now: float) -> Callable[[], object] | None:
+    def _take(self, request: Request, now: float) -> Callable[[], object]:
         command = request.command
         if isinstance(command, LeaveDrive):
             self.leaving = True
             return lambda: None
         taken = self._roles.take(command, now)
         if isinstance(taken, DriveAnswer):
-            driven, age = self._roles.driven[taken.role], taken.age_s
-            return lambda: ReallySent(*driven.sent, driven.hindrance, age)
+            role, age = taken.role, taken.age_s
+            return lambda: self._really_sent(role, age)
         if isinstance(command, ArmRobot | DisarmRobot):
             role, driven = command.role, self._roles.driven[command.role]
             holder = self._roles.leases.holder(role)
             return lambda: role_facts(driven, holder)
         return lambda: taken
+
+    def _really_sent(self, role: Role, age_s: float) -> ReallySent:
+        driven, stopped = self._roles.driven[role], self._roles.stopped
+        # A failed tick stops the robots after their hindrance was determined.
+        why = driven.hindrance if stopped is None else reasons.stopped_by(stopped.by)
+        return ReallySent(*driven.sent, why, age_s)
 
     # --- telling ---------------------------------------------------------------------------
 
@@ -222,3 +261,8 @@ class DriveLoop:
                 each.opened()
             self._jitter.add(0.0)
             self._tell(self._clock())
+
+
+def _failed_reply(request: Request, error: Exception) -> Reply:
+    sentence = f"{type(request.command).__name__} failed: {error}"
+    return Reply(request.number, error=sentence, refusal="failure")

@@ -15,6 +15,7 @@ from app.contract.drive import (
     DriveState,
     IncidentEvent,
     LeaveDrive,
+    ResetStop,
     StopRobots,
     TakeLease,
     WheelSpeedEvent,
@@ -200,6 +201,44 @@ def test_an_internal_failure_stops_the_robots_and_silences_events(turning: Turni
     assert len(turning.events(DriveState)) == before, "silence lets the supervisor replace it"
     reply = turning.ask("no command")
     assert reply.refusal == "input"
+
+
+def test_every_new_failure_is_logged_and_a_lasting_one_once_a_second(
+    turning: Turning, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(error: Exception) -> None:
+        def raising(_: float) -> None:
+            raise error
+
+        turning.loop._newest_sight = raising
+
+    fail(ValueError("first"))
+    turning.turn(40)
+    fail(KeyError("second"))
+    turning.turn(55)
+    told = [str(r.exc_info[1]) for r in caplog.records if r.exc_info and r.exc_info[1]]
+    assert told == ["first", "'second'", "'second'"]
+
+
+def test_requests_accepted_in_a_tick_that_fails_are_answered(turning: Turning) -> None:
+    lease = turning.ready("obstacle")
+    for count in range(20):
+        turning.ask(DriveCommand("obstacle", lease, count, turning.bench.now, 0.3, 0.0))
+    driven = turning.put(DriveCommand("obstacle", lease, 20, turning.bench.now, 0.3, 0.0))
+    taken = turning.put(TakeLease("observer", "Bob"))
+    reset = turning.put(ResetStop("Bob"))
+    # Not a port at all: an error of the code, not of the input.
+    failing = turning.put(ConnectRobot("observer", None, None, "real"))  # type: ignore[arg-type]
+    turning.turn()
+    assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
+    assert turning.reply(failing).refusal == "failure"
+    answer = turning.reply(driven).value
+    assert answer is not None
+    assert (answer.speed_mps, answer.turn_rate_radps) == (0.0, 0.0)
+    assert "the drive process, which failed" in answer.limited_by
+    assert turning.reply(taken).refusal is None
+    assert turning.reply(reset).refusal == "failure"
+    assert turning.bench.roles.stopped is not None
 
 
 @pytest.mark.parametrize("how", ["asked", "channel", "orphan"])
