@@ -56,12 +56,13 @@ class SightNow:
 
 @dataclass(frozen=True)
 class DriveLoop:
-    """Punctuality of the drive loop."""
+    """Punctuality of the drive loop, and what it could not report."""
 
     ticks: int
     late_p99_ms: float | None
     late_max_ms: float | None
     priority: str
+    wheel_speeds_lost: Annotated[int, means("Wheel speeds dropped because the server was busy.")]
 
 
 @dataclass(frozen=True)

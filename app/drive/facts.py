@@ -14,16 +14,13 @@ from app.contract.robots import (
 )
 from app.contract.values import filled
 from app.drive.driven_role import DrivenRole
-from app.drive.jitter import Lateness
 from app.drive.roles import Roles
 from observer.robots.contract import RobotPhase, RobotReport
 
 _NOTHING = RobotReport(RobotPhase.CONNECTING)
 
 
-def drive_facts(
-    roles: Roles, now: float, ticks: int, lateness: Lateness, priority: str
-) -> DriveFacts:
+def drive_facts(roles: Roles, now: float, loop: DriveLoop) -> DriveFacts:
     """Return all facts at this instant."""
     sight, playing, going = roles.sight, roles.playing, roles.goals.going
     return DriveFacts(
@@ -31,7 +28,7 @@ def drive_facts(
         sight=SightNow(None, None, None)
         if sight is None
         else SightNow(now - sight.received, sight.status.value, sight.world),
-        loop=DriveLoop(ticks, lateness.p99_ms, lateness.max_ms, priority),
+        loop=loop,
         programme=None if playing is None else playing.facts(now),
         goal=None if going is None else going.facts(now),
         robots={

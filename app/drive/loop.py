@@ -25,6 +25,7 @@ from app.contract.drive import (
     StartProgramme,
     WheelSpeedEvent,
 )
+from app.contract.robots import DriveLoop as LoopFacts
 from app.drive import reasons
 from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
@@ -66,6 +67,7 @@ class DriveLoop:
         roles: Roles,
         inbox: Inbox,
         send: Callable[[object], None],
+        wheel_speeds_lost: Callable[[], int],
         newest_sight: Callable[[float], Sight | None],
         newest_plan: Callable[[float], Plan | None],
         write_wheels: Callable[[dict[str, Any]], object],
@@ -78,6 +80,7 @@ class DriveLoop:
         Args:
             roles: the loop waits for their robots' openers at the end.
             send: takes replies and events; returns at once.
+            wheel_speeds_lost: returns how many events ``send`` has dropped.
             newest_sight, newest_plan: return the newest one at an instant, at once.
             write_wheels: takes the content of the slot ``WHEELS_NAME``.
             orphaned: returns true once the parent is gone.
@@ -87,6 +90,7 @@ class DriveLoop:
         self._roles = roles
         self._inbox = inbox
         self._send = send
+        self._wheel_speeds_lost = wheel_speeds_lost
         self._newest_sight = newest_sight
         self._newest_plan = newest_plan
         self._write_wheels = write_wheels
@@ -236,8 +240,11 @@ class DriveLoop:
             if due:
                 self._tick_of_event = ticks
             self._reported = outline
-            facts = drive_facts(self._roles, now, ticks, self._lateness, self._priority)
-            self._send(DriveState(facts, now))
+            self._send(DriveState(drive_facts(self._roles, now, self._loop_facts()), now))
+
+    def _loop_facts(self) -> LoopFacts:
+        late, lost = self._lateness, self._wheel_speeds_lost()
+        return LoopFacts(self._jitter.ticks, late.p99_ms, late.max_ms, self._priority, lost)
 
     def _tell_wheel_speeds(self, now: float) -> None:
         for role, driven in self._roles.driven.items():

@@ -6,6 +6,7 @@ import logging
 import os
 import queue
 import signal
+import socket
 import time
 from typing import NoReturn
 
@@ -14,8 +15,6 @@ from app.contract.drive import (
     SIGHT_NAME,
     WHEELS_NAME,
     DriveState,
-    IncidentEvent,
-    StoppedEvent,
     WheelSpeedEvent,
 )
 from app.drive.engine_feed import EngineFeed
@@ -37,6 +36,14 @@ from observer.rig.rig import ROLES
 _LAST_S = 5.0
 
 
+def message_sender(sock: socket.socket) -> MessageSender:
+    """Return the sender of replies and events.
+
+    Incidents and stops are records of safety and rare, so only wheel speeds are dropped.
+    """
+    return MessageSender(sock, latest=(DriveState,), droppable=(WheelSpeedEvent,))
+
+
 def run_drive(arguments: ProcessArguments, *, open_robot: OpenRobot) -> NoReturn:
     """Run the drive loop in this process until it is told to leave, then exit the process.
 
@@ -51,15 +58,14 @@ def run_drive(arguments: ProcessArguments, *, open_robot: OpenRobot) -> NoReturn
         signal.signal(number, lambda *_: inbox.put(None))
     # Before any thread is started: they must all inherit it.
     priority = raise_priority()
-    sender = MessageSender(
-        sock, latest=(DriveState,), droppable=(WheelSpeedEvent, IncidentEvent, StoppedEvent)
-    )
+    sender = message_sender(sock)
     parameters = GuardParameters()
     openers = {role: RobotOpener(role, open_robot) for role in ROLES}
     loop = DriveLoop(
         roles=Roles(Guard(parameters), openers, parameters),
         inbox=inbox,
         send=sender.send,
+        wheel_speeds_lost=lambda: sender.lost(WheelSpeedEvent),
         newest_sight=EngineFeed(LatestReader(arguments.slots[SIGHT_NAME]), sight_of).newest,
         newest_plan=EngineFeed(LatestReader(arguments.slots[PLAN_NAME]), plan_of).newest,
         write_wheels=LatestWriter(arguments.slots[WHEELS_NAME]).write,

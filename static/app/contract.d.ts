@@ -245,12 +245,14 @@ export interface components {
       /** @description Downscaling factor for stereo matching: more than 1 for large images. */
       coarseness: number | null;
     };
-    /** @description Punctuality of the drive loop. */
+    /** @description Punctuality of the drive loop, and what it could not report. */
     DriveLoop: {
       ticks: number;
       late_p99_ms: number | null;
       late_max_ms: number | null;
       priority: string;
+      /** @description Wheel speeds dropped because the server was busy. */
+      wheel_speeds_lost: number;
     };
     DriveProcess: {
       alive: boolean;

@@ -227,7 +227,7 @@ class FakeDrive:
         return DriveFacts(
             stopped=self.stopped,
             sight=SightNow(0.05, "ok", "real"),
-            loop=DriveLoop(5, 0.4, 1.5, "normal"),
+            loop=DriveLoop(5, 0.4, 1.5, "normal", 0),
             programme=None
             if programme is None
             else ProgrammeNow(

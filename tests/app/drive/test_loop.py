@@ -37,11 +37,13 @@ class Turning:
         self.sent: list[Any] = []
         self.wheels: list[dict[str, Any]] = []
         self.orphaned = False
+        self.lost = 0
         self.number = 0
         self.loop = DriveLoop(
             roles=bench.roles,
             inbox=self.inbox,
             send=self.sent.append,
+            wheel_speeds_lost=lambda: self.lost,
             newest_sight=lambda _: bench.sight,
             newest_plan=lambda _: bench.plan,
             write_wheels=self.wheels.append,
@@ -182,6 +184,12 @@ def test_odometry_of_the_last_second_is_shared_while_connected(turning: Turning)
     robot.change(phase="waiting")
     turning.turn(2)
     assert turning.wheels[-1] == {role: [] for role in ROLES}
+
+
+def test_the_state_tells_how_many_wheel_speeds_were_dropped(turning: Turning) -> None:
+    turning.lost = 7
+    turning.turn(5)
+    assert plain(turning.events(DriveState)[-1].facts)["loop"]["wheel_speeds_lost"] == 7
 
 
 def test_an_unknown_port_is_refused_as_input(turning: Turning) -> None:
