@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any, TypeVar
 import structlog
 
 from app.contract.comparing import COMPARISON_TAG, ComparisonProgress, ComparisonStatus
+from app.contract.runs import RingFile
 from app.runtime.jobs import Progress
 from app.runtime.worker import JobFailed
 from app.server.calibrations.library import keep_own_calibration
@@ -39,7 +41,6 @@ from observer.recording.run_folder import RECORDING, RUNS
 
 log = structlog.get_logger(__name__)
 
-# Tag by which the resulting runs can be found in the history.
 _SIMULATED = "simulated:"
 _PICTURE = "picture.jpg"
 # Free space required: half a minute of camera images, with a margin.
@@ -138,17 +139,20 @@ class MethodComparison:
         parameters = [self._parameters.compose(name, {}, {}) for name in presets]
         # Set before the first await, so that a second request is refused.
         self._progress = Progress("starting", 0.0)
+        self._title = _title(self._source.wanted if source is None else Opening(source, None))
+        accepted: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        work = self._run(source, seconds, list(zip(presets, parameters, strict=True)), accepted)
+        task = self._task = asyncio.create_task(work, name="compare methods")
+        # Not at the end of the task's own code: if cancelled at once, it runs none.
+        task.add_done_callback(self._ended)
+        self._shared.background.start(task)
         try:
-            order = await self._order(source)
-            if await asyncio.to_thread(self._storage.folder.free_bytes) < _SPARE_BYTES:
-                raise StorageFull("no space is left to compare methods; free some disk space")
-        except BaseException:
-            self._progress = None
+            await asyncio.wait({task, accepted}, return_when=asyncio.FIRST_COMPLETED)
+        except asyncio.CancelledError:
+            task.cancel()
             raise
-        self._title, self._runs, self._trouble = order.title, None, None
-        work = self._run(order, seconds, list(zip(presets, parameters, strict=True)))
-        self._task = asyncio.create_task(work, name="compare methods")
-        self._shared.background.start(self._task)
+        if accepted.done():
+            accepted.result()
         return self.facts()
 
     async def picture(self) -> bytes | None:
@@ -168,6 +172,45 @@ class MethodComparison:
         if task is not None:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
+            self._runs = self._trouble = None
+
+    async def _run(
+        self,
+        source: str | None,
+        seconds: float,
+        methods: Sequence[tuple[str, ParametersInForce]],
+        accepted: asyncio.Future[None],
+    ) -> None:
+        """Compare the methods.
+
+        Args:
+            accepted: ends once it is certain that the comparison can begin, or with the refusal.
+        """
+        try:
+            async with self._ordered(source) as order:
+                if await asyncio.to_thread(self._storage.folder.free_bytes) < _SPARE_BYTES:
+                    raise StorageFull("no space is left to compare methods; free some disk space")
+                self._title, self._runs, self._trouble = order.title, None, None
+                accepted.set_result(None)
+                await self._compare(order, seconds, methods)
+        except Exception as error:
+            if accepted.done():
+                raise
+            accepted.set_exception(error)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        del task
+        self._progress = self._task = self._picture = None
+
+    @asynccontextmanager
+    async def _ordered(self, source: str | None) -> AsyncIterator[_Order]:
+        """Yield what is to be compared; a clip saved for it is deleted after the block."""
+        order = await self._order(source)
+        try:
+            yield order
+        finally:
+            if order.clip is not None:
+                _delete(order.clip)
 
     async def _order(self, source: str | None) -> _Order:
         if source is None:
@@ -198,8 +241,13 @@ class MethodComparison:
         )
 
     async def _of_clip(self, opening: Opening) -> _Order:
-        saved = await self._clips.save()
-        clip = self._storage.folder.path.absolute() / saved.file
+        saving = asyncio.ensure_future(self._clips.save())
+        try:
+            clip = self._path(await asyncio.shield(saving))
+        except asyncio.CancelledError:
+            # The engine saves it all the same.
+            self._shared.background.start(self._delete_saved(saving))
+            raise
         return _Order(
             title=_title(opening),
             spec=str(clip),
@@ -210,7 +258,15 @@ class MethodComparison:
             original=None,
         )
 
-    async def _run(
+    def _path(self, clip: RingFile) -> Path:
+        return self._storage.folder.path.absolute() / clip.file
+
+    async def _delete_saved(self, saving: asyncio.Future[RingFile]) -> None:
+        """Delete a clip as soon as it has been saved."""
+        with contextlib.suppress(DynamicObserverError):
+            _delete(self._path(await saving))
+
+    async def _compare(
         self, order: _Order, seconds: float, methods: Sequence[tuple[str, ParametersInForce]]
     ) -> None:
         try:
@@ -229,11 +285,6 @@ class MethodComparison:
         except (JobFailed, StorageError, NotAvailable, FieldError) as error:
             log.warning("comparison_failed", source=order.shown, reason=str(error))
             self._trouble = str(error)
-        finally:
-            if order.clip is not None:
-                with contextlib.suppress(OSError):
-                    order.clip.unlink(missing_ok=True)
-            self._progress = self._task = self._picture = None
 
     def _job(
         self,
@@ -332,6 +383,11 @@ async def _whole(work: Coroutine[Any, Any, _T]) -> _T:
     except asyncio.CancelledError:
         await asyncio.gather(working, return_exceptions=True)
         raise
+
+
+def _delete(clip: Path) -> None:
+    with contextlib.suppress(OSError):
+        clip.unlink(missing_ok=True)
 
 
 def _title(opening: Opening) -> str:
