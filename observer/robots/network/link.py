@@ -27,6 +27,9 @@ PERMIT_INTERVAL_S = 0.05
 EXPIRES_S = 0.25
 _HELLO_WITHIN_S = 2.0
 _RETRY_S = 1.0
+# After a failed accept, often for want of descriptors, the connection still waits and would wake
+# the thread again at once.
+_ACCEPT_AGAIN_S = 0.5
 # Most connections that have not sent their hello yet.
 _MOST_STRANGERS = 4
 # Far above any robot's rate; a flood of messages would delay the permits.
@@ -77,6 +80,8 @@ class ExternalLink:
         self._watch, self._lock, self._clock = watch, lock, clock
         self._closing = threading.Event()
         self._strangers: list[_Connection] = []
+        # When to accept connections again after one could not be accepted.
+        self._accept_again: float | None = None
         self._robot: _Connection | None = None
         self._sequence = 0
         self._permit: Permit | None = None
@@ -142,6 +147,9 @@ class ExternalLink:
         self._selector.register(listener, selectors.EVENT_READ)
         try:
             while not self._closing.is_set():
+                if self._accept_again is not None and self._clock() >= self._accept_again:
+                    self._accept_again = None
+                    self._selector.register(listener, selectors.EVENT_READ)
                 for key, _ in self._selector.select(self._patience()):
                     if key.fileobj is listener:
                         self._accept(listener)
@@ -153,7 +161,8 @@ class ExternalLink:
                 self._dismiss_silent_strangers()
                 self._say_permit()
         finally:
-            self._selector.unregister(listener)
+            if self._accept_again is None:
+                self._selector.unregister(listener)
             if self._robot is not None:
                 self._say_permit()
             # Sending the permit may have shown that the robot is gone.
@@ -163,15 +172,21 @@ class ExternalLink:
                 self._drop(each, None)
 
     def _patience(self) -> float:
-        if self._robot is None:
-            return PERMIT_INTERVAL_S if self._strangers else _RETRY_S
-        return max(0.0, self._permit_due - self._clock())
+        if self._robot is not None:
+            return max(0.0, self._permit_due - self._clock())
+        if self._strangers:
+            return PERMIT_INTERVAL_S
+        return _RETRY_S if self._accept_again is None else _ACCEPT_AGAIN_S
 
     def _accept(self, listener: socket.socket) -> None:
         try:
             accepted, _ = listener.accept()
+        except (BlockingIOError, ConnectionAbortedError):
+            # The peer has disconnected again.
+            return
         except OSError:
-            # The peer has disconnected again, or too many files are open.
+            self._selector.unregister(listener)
+            self._accept_again = self._clock() + _ACCEPT_AGAIN_S
             return
         accepted.setblocking(False)
         accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

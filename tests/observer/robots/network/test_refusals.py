@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import resource
 import socket
 import time
 
@@ -74,6 +76,26 @@ def test_a_new_connection_replaces_a_silent_one(robot: ExternalRobot, free_port:
         with driving(robot, client):
             assert robot.report().counters["reconnects"] == 1
     raw.close()
+
+
+def test_a_robot_waits_without_a_busy_loop_while_no_file_can_be_opened(
+    robot: ExternalRobot, free_port: int
+) -> None:
+    with socket.socket() as connecting:
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        lowest_free = os.dup(0)
+        os.close(lowest_free)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (lowest_free, hard))
+        try:
+            connecting.connect(("127.0.0.1", free_port))
+            before = time.process_time()
+            time.sleep(0.4)
+            used = time.process_time() - before
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        assert used < 0.1
+        connecting.sendall(json.dumps(RawRobot.HELLO).encode() + b"\n")
+        until(lambda: robot.report().name == "raw")
 
 
 def test_a_client_that_sends_no_hello_is_disconnected(
