@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -84,7 +85,10 @@ class MethodStepsManager:
         self._worker: LastingWorker | None = None
         # Submits one job at a time to the worker; jobs cancelled while they wait never start.
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="method steps")
+        # Number of requests that wait for the worker; without any, a timer ends it.
+        self._under_way = 0
         self._resting: asyncio.TimerHandle | None = None
+        self._closed = False
         self._kept: OrderedDict[str, Steps | bytes] = OrderedDict()
 
     async def steps(self, choice: PairChoice) -> MethodSteps:
@@ -130,13 +134,14 @@ class MethodStepsManager:
 
     async def close(self) -> None:
         """End the process; safe to call twice."""
-        if self._resting is not None:
-            self._resting.cancel()
-        if self._worker is not None:
-            self._worker.end()
+        self._closed = True
+        self._stop_resting()
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.end()
         await asyncio.to_thread(self._thread.shutdown, cancel_futures=True)
-        if self._worker is not None:
-            await asyncio.to_thread(self._worker.close)
+        if worker is not None:
+            await asyncio.to_thread(worker.close)
 
     # --- the request -------------------------------------------------------------------------
 
@@ -222,15 +227,9 @@ class MethodStepsManager:
         return result
 
     async def _done(self, job: DrawStep) -> Steps | bytes:
-        if self._worker is None:
-            self._worker = self._make_worker()
-        worker, loop = self._worker, asyncio.get_running_loop()
-        if self._resting is not None:
-            self._resting.cancel()
-        try:
+        loop = asyncio.get_running_loop()
+        with self._kept_awake() as worker:
             answer = await loop.run_in_executor(self._thread, worker.do, job, StepsAnswer)
-        finally:
-            self._resting = loop.call_later(_IDLE_S, self._rest)
         if answer is None:
             raise NotAvailable(
                 "the steps could not be computed in time; try again, or choose a frame nearer to "
@@ -239,6 +238,32 @@ class MethodStepsManager:
         if answer.result is None:
             raise FieldError(("query", answer.place), answer.refused)
         return answer.result
+
+    @contextmanager
+    def _kept_awake(self) -> Iterator[LastingWorker]:
+        """Yield the worker, which becomes idle when the last of overlapping requests has ended.
+
+        Raises:
+            NotAvailable: the server is shutting down.
+        """
+        if self._closed:
+            raise NotAvailable("the server is shutting down")
+        if self._worker is None:
+            self._worker = self._make_worker()
+        self._stop_resting()
+        self._under_way += 1
+        try:
+            yield self._worker
+        finally:
+            self._under_way -= 1
+            if self._under_way == 0 and not self._closed:
+                loop = asyncio.get_running_loop()
+                self._resting = loop.call_later(_IDLE_S, self._rest)
+
+    def _stop_resting(self) -> None:
+        if self._resting is not None:
+            self._resting.cancel()
+            self._resting = None
 
     def _rest(self) -> None:
         """End the process after it has been idle for a while; the next request starts another."""
