@@ -3,7 +3,7 @@ declare module "node:test" {
   export function test(name: string, run: () => unknown): Promise<void>;
   export const mock: {
     method(object: object, name: string, instead: () => unknown): void;
-    timers: { enable(options: { apis: string[] }): void; tick(ms: number): void };
+    timers: { enable(options: { apis: string[] }): void; tick(ms: number): void; reset(): void };
   };
 }
 

@@ -1,7 +1,7 @@
 /** The images of a run's frames, prefetched ahead of the frame shown. */
 
 import { BoundedMap } from "../elements/bounded-map.js";
-import { ApiError, requestImage } from "../shell/api.js";
+import { Aborted, ApiError, requestImage } from "../shell/api.js";
 
 const MAX_CONCURRENT = 3;
 // About 20 MB for a 640x480 camera.
@@ -64,8 +64,8 @@ export class FrameImages {
       this.trouble = "";
       return blob;
     } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      if (!this.#stop.signal.aborted) this.trouble = error.message;
+      if (error instanceof ApiError) this.trouble = error.message;
+      else if (!(error instanceof Aborted)) throw error;
       // Try again next time.
       this.#cache.delete(position);
       return null;

@@ -5,7 +5,7 @@ import { button, download, field, h, select, setText } from "../elements/dom.js"
 import { ExportMenu } from "../elements/export-menu.js";
 import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
-import { ApiError, requestImage } from "../shell/api.js";
+import { Aborted, ApiError, requestImage } from "../shell/api.js";
 import { showModal } from "../shell/modal.js";
 import { hasImages, size } from "./run-words.js";
 
@@ -202,8 +202,8 @@ export class RunExport extends Part {
         end = `${words} exported: ${size(blob.size)}.`;
       }
     } catch (error) {
-      if (error instanceof ApiError && !making.signal.aborted) refused = error.message;
-      else if (!making.signal.aborted) throw error;
+      if (error instanceof ApiError) refused = error.message;
+      else if (!(error instanceof Aborted)) throw error;
     } finally {
       this.#making = null;
       if (making.signal.aborted) end = `${words} cancelled.`;

@@ -1,6 +1,7 @@
 /** The REST interface under /api: one function to call, one error to catch. */
 
 import { sentence } from "../elements/words.js";
+import { patienceMs } from "./patience.js";
 import { goToSignIn } from "./session.js";
 
 /**
@@ -21,6 +22,14 @@ export class ApiError extends Error {
   }
 }
 
+/** The caller itself aborted the request: nothing failed, so there is nothing to say. */
+export class Aborted extends Error {
+  constructor() {
+    super("The request was aborted.");
+    this.name = "Aborted";
+  }
+}
+
 /**
  * @template T
  * @param {"GET" | "POST" | "PUT" | "PATCH" | "DELETE"} method
@@ -29,18 +38,13 @@ export class ApiError extends Error {
  * @returns {Promise<T>} the answer's JSON, or null if it has none
  * @throws {ApiError}
  */
-export async function request(method, path, body) {
-  const response = await send(method, path, body);
-  const type = response.headers.get("content-type") ?? "";
-  // An answer without content may still be labelled JSON.
-  const empty = response.status === 204;
-  if (!type.includes("json") || empty) return /** @type {T} */ (null);
-  try {
-    return await response.json();
-  } catch {
-    // The connection was lost before the whole answer arrived.
-    throw unreachable();
-  }
+export function request(method, path, body) {
+  return send(method, path, body, undefined, (response) => {
+    const type = response.headers.get("content-type") ?? "";
+    // An answer without content may still be labelled JSON.
+    const empty = response.status === 204;
+    return !type.includes("json") || empty ? null : response.json();
+  });
 }
 
 /**
@@ -50,44 +54,63 @@ export async function request(method, path, body) {
  * @param {AbortSignal} [signal] aborts it; the server then stops making the file
  * @returns {Promise<{blob: Blob, headers: Headers}>}
  * @throws {ApiError}
+ * @throws {Aborted}
  */
-export async function requestImage(path, signal) {
-  const response = await send("GET", path, undefined, signal);
-  try {
+export function requestImage(path, signal) {
+  return send("GET", path, undefined, signal, async (response) => {
     return { blob: await response.blob(), headers: response.headers };
-  } catch {
-    throw unreachable();
-  }
+  });
 }
 
 /**
  * @param {string} method
  * @param {string} path
- * @param {unknown} [body]
- * @param {AbortSignal} [signal]
+ * @param {unknown} body
+ * @param {AbortSignal | undefined} signal
+ * @param {(response: Response) => unknown} read returns the content of an answer that is no refusal
+ * @returns {Promise<any>} that content
  */
-async function send(method, path, body, signal) {
+async function send(method, path, body, signal, read) {
+  if (signal?.aborted) throw new Aborted();
   const form = body instanceof FormData;
+  const ending = new AbortController();
+  const end = () => ending.abort();
   /** @type {RequestInit} */
-  const options = { method, credentials: "same-origin", cache: "no-store" };
-  if (signal) options.signal = signal;
+  const options = { method, credentials: "same-origin", cache: "no-store", signal: ending.signal };
   if (body !== undefined) {
     options.body = form ? body : JSON.stringify(body);
     if (!form) options.headers = { "content-type": "application/json" };
   }
-  let response;
+  const patience = patienceMs(method, path, body);
+  const timer = patience < Infinity ? setTimeout(end, patience) : undefined;
+  signal?.addEventListener("abort", end);
   try {
-    response = await fetch(`/api${path}`, options);
-  } catch {
-    throw unreachable();
+    const response = await fetch(`/api${path}`, options);
+    if (response.ok) return await read(response);
+    if (response.status === 401) goToSignIn();
+    throw refusal(response.status, await response.json().catch(() => null));
+  } catch (error) {
+    if (error instanceof ApiError) throw error;
+    if (signal?.aborted) throw new Aborted();
+    // Also where the connection was lost before the whole answer arrived.
+    throw ending.signal.aborted ? unanswered(method, patience) : unreachable();
+  } finally {
+    clearTimeout(timer);
+    signal?.removeEventListener("abort", end);
   }
-  if (response.ok) return response;
-  if (response.status === 401) goToSignIn();
-  throw refusal(response.status, await response.json().catch(() => null));
 }
 
 function unreachable() {
   return new ApiError("The server is not responding. Try again when it is back.", 0);
+}
+
+/** @param {string} method @param {number} patience milliseconds */
+function unanswered(method, patience) {
+  const seconds = patience / 1000;
+  const time = seconds < 120 ? `${seconds} s` : `${seconds / 60} min`;
+  const next =
+    method === "GET" ? "Try again later." : "It may still do what was asked: look before retrying.";
+  return new ApiError(`The server did not answer within ${time}. ${next}`, 0);
 }
 
 /**

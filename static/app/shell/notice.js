@@ -1,7 +1,7 @@
 /** Transient notices, confirmations and prompts, and reporting errors of actions. */
 
 import { button, field, h, icon, input, setAttribute, setText } from "../elements/dom.js";
-import { ApiError } from "./api.js";
+import { Aborted, ApiError } from "./api.js";
 import { showModal } from "./modal.js";
 
 /** Event of the window for every notice: its detail has `text` and `severity`. */
@@ -48,8 +48,9 @@ export function notify(text, kind = "done", offer) {
   setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
 }
 
-/** @param {unknown} error */
+/** Show why something failed. @param {unknown} error */
 export function notifyError(error) {
+  if (error instanceof Aborted) return;
   notify(error instanceof Error ? error.message : String(error), "error");
 }
 
@@ -83,8 +84,8 @@ export async function attemptIn(place, action) {
     await action();
     return true;
   } catch (error) {
-    if (!(error instanceof ApiError)) throw error;
-    showError(place, error.message);
+    if (error instanceof ApiError) showError(place, error.message);
+    else if (!(error instanceof Aborted)) throw error;
     return false;
   }
 }

@@ -1,7 +1,8 @@
 import assert from "node:assert/strict";
-import { test } from "node:test";
+import { mock, test } from "node:test";
 
-import { ApiError, request } from "../../../static/app/shell/api.js";
+import { Aborted, ApiError, request, requestImage } from "../../../static/app/shell/api.js";
+import { patienceMs, USUAL_MS } from "../../../static/app/shell/patience.js";
 
 /** Set the server's answer to the next request. @param {() => Response} answer */
 function answers(answer) {
@@ -65,4 +66,58 @@ test("an answer that is no JSON, and a server that is gone, are told in words", 
     throw new TypeError("network");
   });
   await assert.rejects(request("GET", "/runs"), (error) => error.status === 0);
+});
+
+/** Answer no request until it is aborted, as a hung server. */
+function hangs() {
+  const fetched = (/** @type {string} */ _, /** @type {RequestInit} */ { signal }) =>
+    new Promise((_, reject) => {
+      signal?.addEventListener("abort", () => reject(new DOMException("aborted", "AbortError")));
+    });
+  globalThis.fetch = /** @type {typeof fetch} */ (/** @type {unknown} */ (fetched));
+}
+
+test("a server that hangs is given up, in words that fit what was asked", async () => {
+  hangs();
+  mock.timers.enable({ apis: ["setTimeout"] });
+  const late = "The server did not answer within 30 s.";
+  /** @param {string} next @returns {(error: any) => boolean} */
+  const says = (next) => (error) =>
+    error instanceof ApiError && error.message === `${late} ${next}` && error.status === 0;
+  const given = [
+    assert.rejects(request("GET", "/presets"), says("Try again later.")),
+    assert.rejects(
+      request("POST", "/programmes", {}),
+      says("It may still do what was asked: look before retrying."),
+    ),
+  ];
+  mock.timers.tick(USUAL_MS);
+  await Promise.all(given);
+  mock.timers.reset();
+});
+
+test("what takes long is waited for longer, and an upload as long as it takes", () => {
+  assert.equal(patienceMs("GET", "/session"), USUAL_MS);
+  for (const [method = "", path = ""] of [
+    ["PUT", "/source"],
+    ["POST", "/runs"],
+    ["POST", "/recording/ring"],
+    ["POST", "/calibrating/compute"],
+    ["GET", "/steps/3.png?frame=1"],
+    ["GET", "/runs/r1/export?format=mp4"],
+  ])
+    assert.ok(patienceMs(method, path) > USUAL_MS, path);
+  assert.ok(patienceMs("GET", "/runs/r1/chart.pdf") > patienceMs("GET", "/runs/r1/chart"));
+  assert.ok(patienceMs("POST", "/robots/stop") < USUAL_MS);
+  assert.equal(patienceMs("POST", "/truth", new FormData()), Infinity);
+});
+
+test("an aborted request is no outage", async () => {
+  hangs();
+  const stop = new AbortController();
+  const isAborted = (/** @type {unknown} */ error) => error instanceof Aborted;
+  const asked = assert.rejects(requestImage("/runs/r1/export", stop.signal), isAborted);
+  stop.abort();
+  await asked;
+  await assert.rejects(requestImage("/runs/r1/export", stop.signal), isAborted);
 });
