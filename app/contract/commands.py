@@ -68,6 +68,7 @@ class OpenSource(ToEngine[Opened]):
     ``truth`` is listened to from now on; an existing connection to it is kept.
     With ``record`` the run is recorded; if recording cannot begin, the source is refused, unless
     the run is being continued: then it continues without a recording.
+    ``opening`` is the number by which ``CancelOpening`` names it.
     If refused, the source that was open before stays open.
     """
 
@@ -83,20 +84,34 @@ class OpenSource(ToEngine[Opened]):
     rig_yaml: str | None = None
     record: RecordOrder | None = None
     truth: LiveTruthOrder | None = None
+    opening: int = 0
 
 
 @dataclass(frozen=True)
 class BeginCalibration(ToEngine[Opened]):
     """Open a source, show its images as taken and look for a board; ends in ``calibrating``.
 
-    ``views`` were captured before and still count. If refused, the source that was open before
-    stays open.
+    ``views`` were captured before and still count. ``opening`` is the number by which
+    ``CancelOpening`` names it. If refused, the source that was open before stays open.
     """
 
     source: str
     board: Board
     views: tuple[BoardView, ...] = ()
     automatic: bool = True
+    opening: int = 0
+
+
+@dataclass(frozen=True)
+class CancelOpening(ToEngine[None]):
+    """Give up the opening of this number, even if it has just succeeded; leave any other alone.
+
+    It records nothing and keeps no source open. ``reason`` says why, in words that follow
+    "because".
+    """
+
+    opening: int
+    reason: str
 
 
 @dataclass(frozen=True)

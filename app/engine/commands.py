@@ -11,6 +11,7 @@ from typing import Any
 from app.contract.answers import CalibrationPreview, KeptClip, ScenePairs
 from app.contract.commands import (
     BeginCalibration,
+    CancelOpening,
     ChangeCalibration,
     CloseSource,
     ExplainPixel,
@@ -99,6 +100,8 @@ class CommandHandler:
         match command:
             case RecordRobots():
                 return self._record_robots(command)
+            case CancelOpening():
+                return self._cancel_opening(command)
             case CloseSource():
                 return self._close_source()
             case ChangeCalibration():
@@ -164,8 +167,13 @@ class CommandHandler:
         if session is not None and session.recorder is not None:
             session.recorder.robots(command.rows, command.incidents)
 
+    def _cancel_opening(self, command: CancelOpening) -> None:
+        given_up = self._current.cancel(command.opening, command.reason)
+        if given_up is not None:
+            self._send(given_up)
+
     def _close_source(self) -> None:
-        given_up = self._current.give_up_opening()
+        given_up = self._current.give_up_opening("it was closed in the meantime")
         if given_up is not None:
             self._send(given_up)
         self._current.close()

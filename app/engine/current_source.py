@@ -47,7 +47,7 @@ class Opening:
     Attributes:
         request, command: the request that asked for it.
         session, error: the result; one of them is set once it is done.
-        abandoned: it was cancelled; its session only needs to be closed.
+        abandoned: it was cancelled; it must not record, and its session only needs to be closed.
         lender: the session that lent its source; it continues if the opening is refused.
         before: the session that had to be closed for it, to be reopened if the opening is refused.
         parameters: with their revision, if they were set meanwhile.
@@ -75,6 +75,15 @@ class Opening:
             done(self)
 
         threading.Thread(target=run, name="opening a source", daemon=True).start()
+
+    def refuse_abandoned(self) -> None:
+        """Refuse to go on with an opening that was cancelled; the opening thread calls this.
+
+        Raises:
+            NotNow: it was cancelled.
+        """
+        if self.abandoned:
+            raise NotNow(f"opening {shown_spec(self.command.source)} was cancelled meanwhile")
 
 
 class CurrentSource:
@@ -121,6 +130,8 @@ class CurrentSource:
         self.opening: Opening | None = None
         self.raw_pair: StereoFrame | None = None
         self._failed: StateEvent | None = None
+        # Number of the opening that led to the session.
+        self._opened_as: int | None = None
 
     @property
     def observing(self) -> Session | None:
@@ -157,7 +168,7 @@ class CurrentSource:
         elif session is not None and _exclude_each_other(session.spec, spec):
             opening.before = self._again(session)
             self.close()
-        opening.start(lambda: self._open(command, open_source), self._opened)
+        opening.start(lambda: self._open(opening, open_source), self._opened)
 
     def _again(self, session: PlayedSource) -> OpeningCommand:
         command = session.again()
@@ -165,11 +176,17 @@ class CurrentSource:
             return replace(command, truth=self._truth.order)
         return command
 
-    def _open(self, command: OpeningCommand, open_source: SourceOpener) -> PlayedSource:
+    def _open(self, opening: Opening, open_source: SourceOpener) -> PlayedSource:
+        command = opening.command
         if isinstance(command, BeginCalibration):
             return open_calibration(command, open_source, self._boards)
         return open_session(
-            command, open_source, self._prepared_observer, self._stage_clock, self._recorders
+            command,
+            open_source,
+            self._prepared_observer,
+            self._stage_clock,
+            self._recorders,
+            opening.refuse_abandoned,
         )
 
     def _prepared_observer(self, *args: Any, **more: Any) -> FrameObserver:
@@ -192,7 +209,7 @@ class CurrentSource:
         if opening.lender is not None:
             session.take_over(opening.lender)
         self.close()
-        self.session = session
+        self.session, self._opened_as = session, opening.command.opening
         calibration_yaml = None
         if isinstance(session, Session):
             assert isinstance(opening.command, OpenSource)
@@ -227,8 +244,33 @@ class CurrentSource:
                 self._failed = replace(self._failed, run_id=command.run_id, segment=command.segment)
         return reply
 
-    def give_up_opening(self) -> Reply | None:
-        """Cancel the current opening, if any, and return the refusal for its requester."""
+    def cancel(self, number: int, reason: str) -> Reply | None:
+        """Cancel the opening of this number, even if it has succeeded; leave any other alone.
+
+        Args:
+            reason: as for ``give_up_opening``.
+
+        Returns:
+            The refusal for its requester, if that still waits for a reply.
+        """
+        opening, session, given_up = self.opening, self.session, None
+        if opening is not None and opening.command.opening == number:
+            spec, given_up = opening.command.source, self.give_up_opening(reason)
+        elif session is not None and self._opened_as == number:
+            spec = session.spec
+            self.close()
+        else:
+            return None
+        if self.session is None:
+            self._failed = StateEvent(EngineState.FAILED, _cancelled(spec, reason))
+        return given_up
+
+    def give_up_opening(self, reason: str) -> Reply | None:
+        """Cancel the current opening, if any, and return the refusal for its requester.
+
+        Args:
+            reason: why, in words that follow "because".
+        """
         opening, self.opening = self.opening, None
         if opening is None:
             return None
@@ -236,9 +278,9 @@ class CurrentSource:
         if opening.lender is not None:
             # The opening may still use the lent source: ``finish`` closes it.
             self.session = None
+            self._truth.observing(None)
             self._closed()
-        source = shown_spec(opening.command.source)
-        what = f"opening {source} was cancelled because it was closed in the meantime"
+        what = _cancelled(opening.command.source, reason)
         return Reply(opening.request.number, error=what, refusal="state")
 
     def close(self) -> None:
@@ -280,6 +322,10 @@ class CurrentSource:
         state = self.session.state(time.monotonic())
         has_truth = state.has_truth or truth.in_place
         return replace(state, has_truth=has_truth, truth=truth.facts())
+
+
+def _cancelled(spec: str, reason: str) -> str:
+    return f"opening {shown_spec(spec)} was cancelled because {reason}"
 
 
 def _exclude_each_other(a: str, b: str) -> bool:

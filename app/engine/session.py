@@ -244,10 +244,15 @@ def open_session(
     make_observer: ObserverFactory,
     clock: Callable[[], float],
     recorders: Recorders,
+    refuse_abandoned: Callable[[], None],
 ) -> Session:
     """Open the source and all that belongs to it, and read its first frame.
 
     If refused, nothing stays open.
+
+    Args:
+        refuse_abandoned: raises if nobody wants the session any longer: its run may be deleted, and
+            a recording begun for it would stay forever.
 
     Raises:
         InputError: the source, the calibration or a parameter cannot be used; one sentence says
@@ -285,6 +290,7 @@ def open_session(
         skipped = read_first(player)
         info = opened.source.info
         begin = partial(recorders.begin, info=info, calibration_yaml=text, mount=mount)
+        refuse_abandoned()
         return Session(
             command,
             opened,

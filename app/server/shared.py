@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 from app.contract.answers import Opened
-from app.contract.commands import BeginCalibration, OpenSource
+from app.contract.commands import BeginCalibration, CancelOpening, OpenSource
 from app.server.asking import ask
 from app.server.background import Background
 from app.server.contracts import Engine
@@ -50,14 +53,18 @@ class Shared:
         self.background = Background()
         self.warnings: list[str] = []
         self.opened_by = 0
+        self._openings = itertools.count(1)
 
     async def open_in_engine(self, command: OpenSource | BeginCalibration) -> Opened:
         """Have the engine open a source; if it ends before that, have the next one open it.
+
+        An opening that nobody waits for any longer is cancelled in the engine too.
 
         Raises:
             FieldError: the source cannot be opened; the previous one stays open.
             Conflict, StorageFull, NotAvailable: as for ``ask``.
         """
+        command = replace(command, opening=next(self._openings))
         asking = asyncio.create_task(self._ask_to_open(command))
         try:
             while not (await asyncio.wait({asking}, timeout=_OPEN_TIMEOUT_S))[0]:
@@ -65,9 +72,11 @@ class Shared:
                     raise NotAvailable(
                         f"{shown_spec(command.source)} did not open within {_OPEN_TIMEOUT_S:g} s"
                     )
-        finally:
+            return asking.result()
+        except (NotAvailable, asyncio.CancelledError) as error:
             asking.cancel()
-        return asking.result()
+            await self._cancel_opening(command.opening, error)
+            raise
 
     async def _ask_to_open(self, command: OpenSource | BeginCalibration) -> Opened:
         opened = await ask(
@@ -80,6 +89,17 @@ class Shared:
         # Set at once: a moment later another engine may be running that has not opened anything.
         self.opened_by = self.engine.health.generation
         return opened
+
+    async def _cancel_opening(self, opening: int, error: BaseException) -> None:
+        """Tell the engine to give an opening up.
+
+        Otherwise it would go on with it, refuse every other source meanwhile and, in the end,
+        record a run that is no longer known here.
+        """
+        reason = str(error) or "the request to open it was withdrawn"
+        # An engine that does not answer is replaced, and the opening ends with it.
+        with contextlib.suppress(NotAvailable):
+            await ask(self.engine, CancelOpening(opening, reason))
 
     def refuse_in_run(self, remedy: str) -> None:
         """Refuse to go on while a run is in progress.

@@ -196,6 +196,8 @@ class RunManager:
                     )
             except BaseException:
                 self.running = None
+                # If the source did open, the engine records the run that is about to be deleted.
+                await end_recording(self._engine, opening)
                 await self._forget(created.id)
                 raise
             self._source.wanted = opening

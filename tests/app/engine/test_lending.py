@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from app.contract.commands import BeginCalibration, OpenSource
 from app.contract.events import EngineState
 from app.engine.calibrating import BoardPublisher
 from app.engine.current_source import CurrentSource, Opening
+from app.engine.live_truth import LiveTruth, ObservedSource
 from app.runtime.requests import Reply, Request
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
@@ -90,11 +92,22 @@ class Camera:
         self.closed = True
 
 
+class Truth(LiveTruth):
+    """Remembers the source that it was last told of."""
+
+    source: ObservedSource | None = None
+
+    def observing(self, source: ObservedSource | None) -> None:
+        self.source = source
+        super().observing(source)
+
+
 class Desk:
     """The current session, and the answers to requests."""
 
     def __init__(self, cameras: Cameras) -> None:
         self.done: queue.SimpleQueue[Opening] = queue.SimpleQueue()
+        self.truth = Truth()
         self.current = CurrentSource(
             open_source=cameras.source,
             make_observer=Observer,
@@ -102,6 +115,7 @@ class Desk:
             closed=lambda: None,
             boards=BoardPublisher(lambda _: None, lambda *_: None, lambda: None),
             stage_clock=time.perf_counter,
+            truth=self.truth,
         )
         self._number = 0
 
@@ -222,7 +236,7 @@ def test_closing_leaves_nothing_open(desk: Desk, cameras: Cameras, given_up: boo
     command = observed()
     desk.current.begin(Request(9, command), command)
     if given_up:
-        assert desk.current.give_up_opening() is not None
+        assert desk.current.give_up_opening("it was closed") is not None
         desk.current.close()
         assert desk.finished() is None
     else:
@@ -230,6 +244,23 @@ def test_closing_leaves_nothing_open(desk: Desk, cameras: Cameras, given_up: boo
         desk.current.close()
     assert cameras.open == 0
     assert desk.current.state().state is EngineState.IDLE
+
+
+def test_a_cancelled_handover_leaves_no_source_to_the_live_truth(
+    desk: Desk, cameras: Cameras
+) -> None:
+    desk.ask(observed())
+    assert desk.truth.source is not None
+    command = replace(observed(), opening=2)
+    desk.current.begin(Request(9, command), command)
+    assert desk.current.cancel(2, "it took too long") is not None
+    assert desk.truth.source is None
+    assert desk.current.state().state is EngineState.FAILED
+    assert desk.current.state().reason == (
+        "opening camera:0,1 was cancelled because it took too long"
+    )
+    assert desk.finished() is None
+    assert cameras.open == 0
 
 
 def test_switching_to_another_source_closes_the_cameras(desk: Desk, cameras: Cameras) -> None:

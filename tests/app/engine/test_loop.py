@@ -5,13 +5,16 @@ from __future__ import annotations
 import itertools
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
 from app.contract.commands import (
+    CancelOpening,
     CloseSource,
     ExplainPixel,
     PreviewCalibration,
+    RecordOrder,
     SetParameters,
     SetPlayback,
     Shutdown,
@@ -181,6 +184,40 @@ def test_an_opening_can_be_cancelled(bench: Bench) -> None:
     assert bench.sources["numbers"].closed == 1
     assert bench.state.source is not None
     assert bench.state.source.frame_count == 10_000
+
+
+def test_a_cancelled_opening_neither_records_nor_holds_its_source(
+    bench: Bench, tmp_path: Path
+) -> None:
+    bench.open_gate = threading.Event()
+    record = RecordOrder(str(tmp_path / "r1" / "recording.mcap"), "lossless", "a run")
+    asked = bench.ask(opening(run_id="r1", record=record, opening=1))
+    bench.value(CancelOpening(1, "it took too long"))
+    refused = bench.wait(Reply, lambda r: r.number == asked)
+    assert refused.refusal == "state"
+    assert refused.error == "opening numbers was cancelled because it took too long"
+    assert (bench.state.state, bench.state.reason) == (EngineState.FAILED, refused.error)
+    slow, bench.open_gate = bench.open_gate, None
+    bench.value(opening("many", opening=2))
+    # It is over already; the newer one goes on.
+    bench.value(CancelOpening(1, "it took too long"))
+    slow.set()
+    deadline = time.monotonic() + PATIENCE_S
+    while bench.sources["numbers"].closed == 0 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert bench.sources["numbers"].closed == 1
+    assert bench.state.state is EngineState.PREVIEW
+    assert bench.state.source is not None
+    assert bench.state.source.frame_count == 10_000
+    assert not any(tmp_path.iterdir())
+
+
+def test_an_opening_is_cancelled_even_if_it_has_just_succeeded(bench: Bench) -> None:
+    bench.value(opening("many", run_id="r1", opening=1))
+    bench.value(CancelOpening(1, "it took too long"))
+    assert bench.state.state is EngineState.FAILED
+    assert bench.sources["many"].closed == 1
+    bench.value(opening())
 
 
 def test_heartbeats_continue_between_slow_stages(bench: Bench) -> None:

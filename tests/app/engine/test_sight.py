@@ -188,6 +188,7 @@ def session(source: Any, robots: Robots | None, opened: OpenedSource | None = No
         Observer,
         time.perf_counter,
         Recorders(),
+        lambda: None,
     )
 
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from app.contract.commands import OpenSource
+from app.contract.commands import CancelOpening, OpenSource
 from app.contract.events import EngineState, StateEvent
 from app.server import NotAvailable, Server
 from app.server.status import status
-from app.storage import RunState
+from app.storage import RunState, StorageFull
 
 from .servers import begin, opens, until
 
@@ -85,17 +85,23 @@ async def test_requests_are_refused_while_there_is_no_engine(peer: Any, server: 
     assert await server.runs.archive.newest() == []
 
 
+def cancelled(peer: Any) -> list[CancelOpening]:
+    return [command for command in peer.commands if isinstance(command, CancelOpening)]
+
+
 class SlowOpening:
     """Lets the peer open sources only once ``gate`` is set."""
 
     def __init__(self, peer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         self.gate = asyncio.Event()
+        self.asked: list[OpenSource] = []
         self._request = peer.request
         monkeypatch.setattr(peer, "request", self._slowly)
         monkeypatch.setattr("app.server.shared._OPEN_TIMEOUT_S", 0.2)
 
     async def _slowly(self, command: Any, *args: Any, **more: Any) -> Any:
         if isinstance(command, OpenSource):
+            self.asked.append(command)
             await self.gate.wait()
         return await self._request(command, *args, **more)
 
@@ -103,9 +109,47 @@ class SlowOpening:
 async def test_a_source_that_does_not_open_is_given_up(
     peer: Any, server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    SlowOpening(peer, monkeypatch)
+    slow = SlowOpening(peer, monkeypatch)
     with pytest.raises(NotAvailable, match=r"a/folder did not open within 0\.2 s"):
         await server.source.open("a/folder", None)
+    number = slow.asked[0].opening
+    assert number > 0
+    assert cancelled(peer) == [CancelOpening(number, "a/folder did not open within 0.2 s")]
+
+
+async def test_an_opening_that_nobody_waits_for_is_given_up(
+    peer: Any, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow = SlowOpening(peer, monkeypatch)
+    asking = asyncio.create_task(server.source.open("a/folder", None))
+    await until(lambda: slow.asked)
+    asking.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await asking
+    assert [each.opening for each in cancelled(peer)] == [slow.asked[0].opening]
+
+
+async def test_the_engine_gives_up_a_run_before_the_run_is_deleted(
+    peer: Any, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow = SlowOpening(peer, monkeypatch)
+    with pytest.raises(NotAvailable, match="did not open"):
+        await begin(server)
+    assert slow.asked[0].run_id is not None
+    assert [each.opening for each in cancelled(peer)] == [slow.asked[0].opening]
+    assert await server.runs.archive.newest() == []
+
+
+async def test_a_run_that_cannot_be_stored_is_ended_in_the_engine(
+    peer: Any, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise StorageFull("the disk is full")
+
+    monkeypatch.setattr("app.server.runs.manager.keep_own_calibration", full)
+    with pytest.raises(StorageFull):
+        await begin(server)
+    assert peer.state().run_id is None
 
 
 async def test_a_preparing_engine_gets_more_time(
