@@ -58,6 +58,7 @@ from app.http.sockets.drive import DriveSocket
 from app.http.sockets.live import LiveHub
 from app.http.sockets.view_feed import ViewFeed
 from app.http.sockets.viewer_proxy import ViewerDoor
+from app.runtime.endless import keep_running
 from app.server import Engine, Server
 from app.server.contracts import Drive
 from app.server.journal import Journal
@@ -172,13 +173,15 @@ def create_app(
             stack.push_async_callback(_stop_viewer, door)
             await server.start()
             stack.callback(log.follow())
-            hub = asyncio.create_task(live.run(), name="live hub")
+            hub = asyncio.create_task(keep_running(live.run, "live hub"), name="live hub")
             stack.push_async_callback(_cancel, hub)
             admission.file.load()
             # Saved at once, so that a shared link survives a crash.
             await admission.file.save()
             stack.push_async_callback(admission.file.save)
-            keeping = asyncio.create_task(admission.file.keep(), name="sessions")
+            keeping = asyncio.create_task(
+                keep_running(admission.file.keep, "session keeper"), name="sessions"
+            )
             stack.push_async_callback(_cancel, keeping)
             # The page is served at once; the viewer takes a second and may fail.
             starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, server))
