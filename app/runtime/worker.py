@@ -13,7 +13,7 @@ import signal
 import subprocess
 import threading
 from asyncio.subprocess import DEVNULL, PIPE, Process
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO, TypeVar, cast
@@ -112,10 +112,34 @@ class Worker:
                 process = await stack.enter_async_context(starting)
             except (ChannelError, OSError) as error:
                 raise JobFailed(f"the computation cannot be started: {error}") from error
-            if held is not None:
-                holding = asyncio.create_task(_hold(process, held))
-                stack.callback(holding.cancel)
-            return await _heard(process, message, progress)
+            if held is None:
+                return await _heard(process, message, progress)
+            return await _heard_unless(_hold(process, held), _heard(process, message, progress))
+
+
+async def _heard_unless(
+    holding: Coroutine[Any, Any, None], hearing: Coroutine[Any, Any, Any]
+) -> Any:
+    """Return what is heard, unless holding fails: the process may then be suspended for ever.
+
+    Raises:
+        JobFailed: holding failed.
+    """
+    tasks = held, heard = asyncio.create_task(holding), asyncio.create_task(hearing)
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        if heard.done():
+            return heard.result()
+        error = held.exception()
+        _log.error("it is unknown whether a computation must pause", exc_info=error)
+        raise JobFailed(
+            "the computation was ended because the server could not find out whether it must "
+            "pause; start it again, or see the server's log"
+        ) from error
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _hold(process: Process, held: Callable[[], bool]) -> None:

@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 import app.runtime.worker as worker_module
-from app.runtime.worker import LastingWorker, Worker
+from app.runtime.worker import JobFailed, LastingWorker, Worker
 
 LONGEST_S = 2.5
 ECHO = "from app.runtime.jobs import do_jobs\n\ndo_jobs(lambda job, _: job)\n"
@@ -135,4 +135,25 @@ async def test_a_held_job_can_be_cancelled(tmp_path: Path, repository: Path) -> 
         doing.cancel()
         with pytest.raises(asyncio.CancelledError):
             await doing
+    assert psutil.Process().children() == []
+
+
+async def test_a_job_ends_if_it_is_unknown_whether_it_is_held(
+    tmp_path: Path, repository: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "counting.py").write_text(COUNTING)
+    paths = os.pathsep.join((str(repository), str(tmp_path)))
+    worker = Worker("counting", 5, {"PYTHONPATH": paths})
+    answers = iter([True])
+
+    def held() -> bool:
+        try:
+            return next(answers)
+        except StopIteration:
+            raise ValueError("on purpose") from None
+
+    async with asyncio.timeout(30):
+        with pytest.raises(JobFailed, match="whether it must pause"):
+            await worker.do(60, lambda _: None, held=held)
+    assert "on purpose" in caplog.text
     assert psutil.Process().children() == []
