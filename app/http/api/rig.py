@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 from pydantic import Field, StrictBool
 
 from app.contract.rig import DriveNow, FloorEstimate, RigNow, RigNumber
@@ -14,6 +14,8 @@ from app.contract.values import filled, known
 from app.http.api.common import TheServer, attachment
 from app.http.api.refusals import refusals
 from app.http.api.values import In
+from app.http.gate.access import Access
+from app.http.gate.admission import access_of
 from app.server import Conflict, Server
 from app.server.rig.ground_survey import survey_floor
 from observer.rig.rig import Rig, RobotModel, Role
@@ -90,8 +92,11 @@ async def put_rig(change: RigChange, server: TheServer) -> RigNow:
     response_class=Response,
     responses={200: {"content": {"application/yaml": {}}}},
 )
-async def get_file(server: TheServer) -> Response:
-    return attachment(server.rig.text, "rig.yaml", "application/yaml")
+async def get_file(request: Request, server: TheServer) -> Response:
+    """A read-only client gets it without the robots' ports, which may contain keys."""
+    operator = access_of(request.scope) is Access.OPERATOR
+    text = server.rig.text if operator else server.rig.observed_text
+    return attachment(text, "rig.yaml", "application/yaml")
 
 
 @router.put("/file", summary="Upload a rig.yaml", responses=refusals(409, 422, 503, 507))

@@ -143,6 +143,12 @@ async def test_a_stop_does_not_wait_and_survives_the_process(
     assert (await http.get("/api/robots")).json()["process"]["restarts"] == 1
 
 
+def described_gets(app: Any) -> list[str]:
+    """Paths of all answers that take no name of anything."""
+    paths = app.openapi()["paths"].items()
+    return [path for path, methods in paths if "get" in methods and "{" not in path]
+
+
 async def test_a_key_is_stored_and_never_shown(
     serve: Any,
     drive: Any,
@@ -179,8 +185,14 @@ async def test_a_key_is_stored_and_never_shown(
         for answer in answers:
             assert key not in answer.text, answer.url
         assert all(key not in str(c.rig_yaml) for c in peer.commands if isinstance(c, OpenSource))
-        # The file is the configuration itself: it contains the key, readable by this user only.
+        # The file is the configuration itself: it contains the key, readable by operators only.
         assert key in (await http.get("/api/rig/file")).text
+        link = served.app.state.admission.sessions.links.newest.token
+        async with served.anonymous(Authorization=f"Bearer {link}") as watching:
+            for path in described_gets(served.app):
+                told = await watching.get(path)
+                assert key not in told.text, path
+                assert path != "/api/rig/file" or told.is_success
     file = tmp_path / "rig.yaml"
     assert read_rig(file.read_text(), "rig.yaml").ports == {"observer": port}
     assert file.stat().st_mode & 0o777 == 0o600
