@@ -146,21 +146,20 @@ class CommandHandler:
 
     def _save_clip(self, number: int, command: SaveClip) -> None:
         """Have the ring buffer saved; the recorder's thread replies."""
-        session, path = self._current.observing, Path(command.path)
+        session = self._current.observing
         if session is None or session.recorder is None:
             raise NotNow(
                 "the last half minute can be saved only from live cameras or during a run; the "
                 "open source can simply be replayed"
             )
 
-        def done(seconds: float | RecordingError) -> None:
-            if isinstance(seconds, RecordingError):
-                self._send(refusal(number, seconds))
+        def done(clip: KeptClip | RecordingError) -> None:
+            if isinstance(clip, RecordingError):
+                self._send(refusal(number, clip))
             else:
-                clip = KeptClip(path.stat().st_size, round(seconds, 1))
                 self._send(Reply(number, value=clip))
 
-        session.recorder.save_clip(path, command.reserve_bytes, done)
+        session.recorder.save_clip(Path(command.path), command.reserve_bytes, done)
 
     def _record_robots(self, command: RecordRobots) -> None:
         session = self._current.observing

@@ -17,6 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from app.contract.answers import KeptClip
 from app.contract.commands import RecordOrder
 from app.contract.status import EgoMotionStatus, RecordingStatus
 from app.engine.dense_stereo import Cloud
@@ -41,6 +42,8 @@ _FLUSH_S = 0.2
 _LOOK_AT_DISK_S = 1.0
 
 Work = Callable[[RecordingWriter], None]
+# Takes the saved clip, or why there is none; it must not raise.
+ClipReply = Callable[[KeptClip | RecordingError], None]
 
 
 def free_bytes(path: Path) -> int:
@@ -87,6 +90,8 @@ class RunRecorder(threading.Thread):
         self._changed = threading.Condition()
         self._waiting: deque[tuple[Work, int]] = deque()
         self._waiting_bytes = 0
+        # Replies of the clips that are still to be saved.
+        self._clips: list[ClipReply] = []
         self._dropped = 0
         # Dropped, but not yet noted in the recording.
         self._unreported_drops = 0
@@ -206,34 +211,23 @@ class RunRecorder(threading.Thread):
         incident = Incident(kind=kind, sentence=sentence, received=time.monotonic())
         self._give(lambda w: w.incident(incident))
 
-    def save_clip(
-        self, path: Path, reserve_bytes: int, done: Callable[[float | RecordingError], None]
-    ) -> None:
+    def save_clip(self, path: Path, reserve_bytes: int, done: ClipReply) -> None:
         """Queue the last half minute for writing.
 
         Args:
-            done: called in another thread with the duration of the clip, seconds, or with the error
-                if there is no file.
+            done: called exactly once, in another thread, even if the recording ends before.
 
         Raises:
             NotNow: no last half minute is kept at the moment.
         """
-        ring, trouble = self._ring, self._trouble
-        if ring is None or trouble is not None or self._ending:
-            raise NotNow(trouble or "the recording is ending; try again in a moment")
-
-        def save(_: RecordingWriter) -> None:
-            try:
-                make_room(path, reserve_bytes)
-                ring.save(path)
-            except RecordingError as error:
-                # It is a separate file; the run's own recording continues.
-                done(error)
-            else:
-                done(ring.seconds_held)
-
-        if not self._give(save):
-            raise NotNow("the disk is too slow; try again in a moment")
+        # One lock for looking and queueing: a recording given up in between would never reply.
+        with self._changed:
+            ring = self._ring
+            if ring is None or self._trouble is not None or self._ending:
+                raise NotNow(self._trouble or "the recording is ending; try again in a moment")
+            if not self._give(lambda _: self._reply(done, _saved_clip(ring, path, reserve_bytes))):
+                raise NotNow("the disk is too slow; try again in a moment")
+            self._clips.append(done)
 
     def end(self, done: Callable[[], None] | None = None) -> None:
         """Write what is queued and close the file; returns at once, safe to call twice.
@@ -336,15 +330,46 @@ class RunRecorder(threading.Thread):
         # Callers may keep this object long after the end to query the outcome, so free its buffers,
         # a quarter of a gigabyte.
         writer, self._writer, self._ring = self._writer, None, None
-        if writer is None:
-            return
+        if writer is not None:
+            self._finish(writer)
+        for done in tuple(self._clips):
+            why = self._trouble or "the recording ended before its last half minute was saved"
+            self._reply(done, RecordingError(why, full=False))
+
+    def _finish(self, writer: RecordingWriter) -> None:
         try:
             writer.finish()
         except RecordingError as error:
             self._trouble = self._trouble or str(error)
+        except Exception as error:  # noqa: BLE001
+            # Those who wait for the end of the recording must still get their replies.
+            _log.exception("completing the recording failed")
+            self._trouble = self._trouble or f"the recording is incomplete: {unexpected(error)}"
         if self._path is not None:
             with contextlib.suppress(OSError):
                 self._bytes = self._path.stat().st_size
+
+    def _reply(self, done: ClipReply, clip: KeptClip | RecordingError) -> None:
+        with self._changed:
+            self._clips.remove(done)
+        done(clip)
+
+
+def _saved_clip(ring: Ring, path: Path, reserve_bytes: int) -> KeptClip | RecordingError:
+    """Save a clip, or return why there is none.
+
+    It is a separate file: whatever happens to it, the run's own recording continues.
+    """
+    try:
+        make_room(path, reserve_bytes)
+        ring.save(path)
+        return KeptClip(path.stat().st_size, round(ring.seconds_held, 1))
+    except RecordingError as error:
+        return error
+    except Exception as error:  # noqa: BLE001
+        _log.exception("saving a clip failed")
+        why = f"the clip {path.name} could not be saved: {unexpected(error)}"
+        return RecordingError(why, full=False)
 
 
 def almost_full(path: Path, left: int, reserve: int) -> str:

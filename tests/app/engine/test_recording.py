@@ -232,6 +232,69 @@ def test_invalid_data_ends_the_recording_and_states_the_error(tmp_path: Path) ->
     ended(recorder)
 
 
+def test_a_clip_that_waits_for_a_failing_recording_is_refused(tmp_path: Path) -> None:
+    path, ring = tmp_path / "recording.mcap", Ring()
+    slow = SlowWriter(RecordingWriter(path, FACTS, ring=ring))
+    recorder = RunRecorder(slow, order(path), ring=ring)  # type: ignore[arg-type]
+    give(recorder, 0)
+    recorder.observation({"no": "line"}, time.monotonic(), None, [])
+    told: list[Any] = []
+    recorder.save_clip(tmp_path / "clip.mcap", 0, told.append)
+    recorder.save_clip(tmp_path / "another.mcap", 0, told.append)
+    slow.gate.set()
+    eventually(lambda: len(told) == 2)
+    assert [type(each) for each in told] == [RecordingError] * 2
+    assert str(told[0]) == recorder.facts().trouble
+    with pytest.raises(NotNow, match="KeyError"):
+        recorder.save_clip(tmp_path / "clip.mcap", 0, told.append)
+    ended(recorder)
+    assert len(told) == 2
+
+
+def test_a_clip_is_refused_if_its_recording_is_given_up_meanwhile(tmp_path: Path) -> None:
+    """The clip is checked and queued as one: nobody would reply to one queued after the end."""
+    path, ring = tmp_path / "recording.mcap", Ring()
+    slow = SlowWriter(RecordingWriter(path, FACTS, ring=ring))
+    recorder = RunRecorder(slow, order(path), ring=ring)  # type: ignore[arg-type]
+    give(recorder, 0)
+    recorder.observation({"no": "line"}, time.monotonic(), None, [])
+    queue_it = recorder._give
+
+    def slowly(*work: Any) -> bool:
+        # As if the loop lost its core here, long enough for the recorder to give up.
+        slow.gate.set()
+        time.sleep(0.2)
+        return queue_it(*work)
+
+    recorder._give = slowly  # type: ignore[method-assign]
+    told: list[Any] = []
+    recorder.save_clip(tmp_path / "clip.mcap", 0, told.append)
+    eventually(lambda: told)
+    assert isinstance(told[0], RecordingError)
+    ended(recorder)
+
+
+@pytest.mark.parametrize("broken", ["ring", "clip"])
+def test_a_failed_clip_leaves_the_recording_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: str
+) -> None:
+    path, clip, ring = tmp_path / "recording.mcap", tmp_path / "clip.mcap", Ring()
+    if broken == "ring":
+        monkeypatch.setattr(ring, "messages", lambda: 1 // 0)
+    else:
+        # Deleted as soon as it is complete.
+        monkeypatch.setattr(ring, "save", lambda _: None)
+    recorder = RunRecorder(RecordingWriter(path, FACTS, ring=ring), order(path), ring=ring)
+    told: list[Any] = []
+    recorder.save_clip(clip, 0, told.append)
+    eventually(lambda: told)
+    assert "the clip clip.mcap could not be saved: internal error" in str(told[0])
+    give(recorder, 0)
+    ended(recorder)
+    assert recorder.facts().trouble is None
+    assert frames_in(path) == [0]
+
+
 def test_an_ended_recording_releases_its_last_half_minute(tmp_path: Path) -> None:
     """A page may keep its final state for long; the next run has a last half minute as well."""
     path, ring = tmp_path / "recording.mcap", Ring()
