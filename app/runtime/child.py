@@ -101,7 +101,7 @@ class ChildProcess:
                     # it then shuts this process down in order.
                     start_new_session=True,
                 )
-            except OSError:
+            except BaseException:
                 here.close()
                 raise
         child = cls(process, kept, lambda event: on_event(child, event))
@@ -148,6 +148,9 @@ class ChildProcess:
                 self._on_event(message)
         except ChannelError as error:
             _log.error("lost contact with process %d: %s", self.pid, error)
+        except Exception:  # noqa: BLE001
+            # Nobody waits for this task; a process that is not listened to is replaced.
+            _log.exception("a message from process %d cannot be handled", self.pid)
         finally:
             self.ended = True
             for waiting in self._waiting.values():

@@ -19,6 +19,8 @@ from app.runtime.child import ChildEnded, ChildProcess
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.requests import Reply
 
+# Far beyond the longest pause; a number of failures without limit would overflow.
+_MOST_DOUBLINGS = 60
 _log = logging.getLogger(__name__)
 
 _Command = TypeVar("_Command")
@@ -68,6 +70,7 @@ class ProcessHealth:
     Attributes:
         generation: number of processes so far, including the present one.
         pid: None while there is none.
+        alive: there is one, and it is supervised.
         restarts: number of replacements.
         heartbeat_age_s: time since the loop's last heartbeat; None while there is none.
         observations_lost: observations dropped because this process was slow to read them, over
@@ -121,6 +124,8 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._standby: ChildProcess | None = None
         # Killed, but not gone yet.
         self._lingering: list[ChildProcess] = []
+        # Whether the last look at the processes failed.
+        self._look_failed = False
         self._active_since = 0.0
         self._generation = 0
         self._lost_before = 0
@@ -256,7 +261,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         return ProcessHealth(
             generation=self._generation,
             pid=None if child is None else child.pid,
-            alive=child is not None,
+            alive=child is not None and self._supervising,
             restarts=max(0, self._generation - 1),
             heartbeat_age_s=(
                 None if heartbeat is None else max(0.0, time.monotonic() - heartbeat.monotonic)
@@ -277,13 +282,36 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             # While this event loop was blocked, it could not receive anything: do not count that
             # time as the processes' silence.
             passed, looked = min(now - looked, 2 * self._limits.tick_s), now
-            for child in (self._active, self._standby):
-                if child is not None:
-                    child.stay_silent(passed)
-            self._lingering = [child for child in self._lingering if not child.reap()]
-            await self._look_after_active()
-            if not self._closed:
-                await self._look_after_standby()
+            try:
+                await self._look_after_all(passed)
+            except Exception as error:  # noqa: BLE001
+                # Whatever is wrong, the next look may find a dead or hung process.
+                self._note_failed_look(error)
+            else:
+                self._look_failed = False
+
+    async def _look_after_all(self, passed_s: float) -> None:
+        for child in (self._active, self._standby):
+            if child is not None:
+                child.stay_silent(passed_s)
+        self._lingering = [child for child in self._lingering if not child.reap()]
+        await self._look_after_active()
+        if not self._closed:
+            await self._look_after_standby()
+
+    def _note_failed_look(self, error: Exception) -> None:
+        self._trouble = f"supervising the {self.what} failed: {error}"
+        # Twenty times a second would flood the log.
+        if not self._look_failed:
+            _log.error("%s", self._trouble, exc_info=error)
+        self._look_failed = True
+        self._count_failure(time.monotonic())
+        self._give_up_start()
+
+    @property
+    def _supervising(self) -> bool:
+        watching = self._watching
+        return watching is not None and not watching.done() and not self._look_failed
 
     async def _look_after_active(self) -> None:
         child = self._active
@@ -340,9 +368,10 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             self._standby = await ChildProcess.start(
                 self._command, self._inherited, self._hear, (self.heartbeat, self.state)
             )
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001
+            # Whatever is wrong, try again later and less and less often.
             self._trouble = f"the {self.what} cannot be started: {error}"
-            _log.error("%s", self._trouble)
+            _log.error("%s", self._trouble, exc_info=not isinstance(error, OSError))
             self._count_failure(time.monotonic())
             self._give_up_start()
 
@@ -361,9 +390,8 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._failures = self._failures + 1 if now - since < self._limits.quick_death_s else 1
         pause = 0.0
         if self._failures > 1:
-            pause = min(
-                self._limits.backoff_s * 2.0 ** (self._failures - 2), self._limits.most_backoff_s
-            )
+            doublings = min(self._failures - 2, _MOST_DOUBLINGS)
+            pause = min(self._limits.backoff_s * 2.0**doublings, self._limits.most_backoff_s)
             self._trouble += f"; the next attempt is in {pause:g} s"
         self._not_before = now + pause
 
@@ -405,10 +433,14 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         await self._remove(child)
 
     async def _remove(self, child: ChildProcess) -> str:
-        ending = await child.remove()
-        if not child.reap():
-            self._lingering.append(child)
-        return ending
+        # Noted first, so that it is not forgotten if it cannot be ended.
+        self._lingering.append(child)
+        try:
+            return await child.remove()
+        except Exception as error:  # noqa: BLE001
+            # Its loss must be published all the same.
+            _log.exception("%s process %d cannot be ended", self.what, child.pid)
+            return f"cannot be ended: {error}"
 
 
 _ENDED = "ended"

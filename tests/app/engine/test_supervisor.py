@@ -333,6 +333,84 @@ async def test_a_failing_listener_does_not_affect_others() -> None:
         assert len(heard) == count
 
 
+async def test_an_engine_that_cannot_be_looked_after_is_not_healthy_and_replaced_later(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with Watched(limits=ALONE) as watched:
+        supervisor = watched.supervisor
+        first = supervisor.health
+        assert first.alive
+        with monkeypatch.context() as patch:
+            patch.setattr(supervisor, "_complaint", _fail)
+            await watched.until(lambda: not supervisor.health.alive, "the doubt")
+            assert supervisor.health.pid == first.pid
+            assert first.pid is not None
+            os.kill(first.pid, signal.SIGKILL)
+            await asyncio.sleep(0.3)
+            assert caplog.text.count("supervising the engine failed: on purpose") == 1
+        await watched.wait(EngineLostEvent)
+        await watched.wait(EngineStartedEvent, lambda event: event.generation == 2)
+        await watched.until(lambda: supervisor.health.alive, "the next engine")
+        assert supervisor._watching is not None
+        # By whatever means supervision ends, the engine is then no longer called healthy.
+        supervisor._watching.cancel()
+        await watched.until(lambda: not supervisor.health.alive, "the doubt")
+
+
+@pytest.mark.parametrize("broken", ["ChildProcess.start", "ProcessSupervisor._look_after_active"])
+async def test_a_start_ends_even_if_supervision_fails(
+    broken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(f"app.runtime.supervisor.{broken}", _fail)
+    watched = Watched(limits=SupervisorLimits(backoff_s=0.01))
+    with pytest.raises(ProcessUnavailable, match=r"on purpose, 3 times in a row"):
+        async with asyncio.timeout(PATIENCE_S):
+            await watched.supervisor.start()
+    assert not watched.supervisor.health.alive
+
+
+async def test_the_loss_of_an_engine_that_cannot_be_ended_is_published(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with Watched(limits=ALONE) as watched:
+        child = watched.supervisor._active
+        assert child is not None
+        with monkeypatch.context() as patch:
+            patch.setattr("app.runtime.child.ChildProcess.remove", _fail)
+            child.kill()
+            lost = await watched.wait(EngineLostEvent)
+            assert lost.reason == "the engine cannot be ended: on purpose"
+        await child.remove()
+        await watched.wait(EngineStartedEvent, lambda event: event.generation == 2)
+        # It was not forgotten.
+        assert gone(child.pid)
+        assert child not in watched.supervisor._lingering
+
+
+async def test_an_engine_whose_messages_cannot_be_handled_is_replaced_with_the_cause_logged(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with Watched(limits=ALONE) as watched:
+        monkeypatch.setattr(watched.supervisor._active, "_on_event", _fail)
+        await watched.wait(EngineLostEvent)
+        await watched.wait(EngineStartedEvent, lambda event: event.generation == 2)
+    assert "RuntimeError: on purpose" in caplog.text
+
+
+async def test_the_pause_is_limited_after_any_number_of_failures() -> None:
+    supervisor = EngineSupervisor(command=WORKS)
+    try:
+        supervisor._failures = 5000
+        supervisor._count_failure(time.monotonic())
+        assert 9.0 < supervisor._not_before - time.monotonic() <= 10.0
+    finally:
+        await supervisor.stop()
+
+
+def _fail(*_: Any, **__: Any) -> Any:
+    raise RuntimeError("on purpose")
+
+
 @pytest.mark.parametrize(
     ("number", "stopped", "behaviour"),
     [
