@@ -68,6 +68,7 @@ class DrivenRole:
         self.why_disarmed: str | None = None
         self.verdict: Verdict | None = None
         self.report: RobotReport | None = None
+        self._guard_trouble: str | None = None
         self._unsure_since: float | None = None
         # Why the operator has to let go.
         self._interruption = _INTERRUPTED
@@ -108,6 +109,7 @@ class DrivenRole:
         self.asked = self.sent = self._reached = ZERO
         self.consent.withdraw()
         self.hindrance = self.why_disarmed = self.verdict = self.report = None
+        self._guard_trouble = None
         self._unsure_since = None
         self._guard.forget(self.role)
         return before
@@ -276,10 +278,7 @@ class DrivenRole:
         connection = self.connection
         if self.role != "observer" or connection is None:
             return None
-        trouble = sight_trouble(tick.sight, tick.now, connection.world)
-        if trouble is None and self.verdict is not None and self.verdict.blind:
-            return self.verdict.reason or "the guard cannot rely on the camera view"
-        return trouble
+        return sight_trouble(tick.sight, tick.now, connection.world) or self._guard_trouble
 
     def drive(self, tick: Tick, played: Velocity | None) -> Sent | None:
         """Send the velocity permitted at this moment and return it; None while it is not armed.
@@ -291,12 +290,13 @@ class DrivenRole:
         self.hindrance = self._hindrance(tick, played is not None)
         robot, report = self.robot, self.report
         if robot is None or report is None:
-            self.verdict = None
+            self.verdict = self._guard_trouble = None
             self.sent = self._reached = ZERO
             return None
         wanted = ZERO if self.hindrance is not None else self.asked
         # Also for an unarmed robot: the zones are shown, and the guard must know the path.
         verdict = self.verdict = self._ask_guard(report, tick, wanted)
+        self._guard_trouble = self._own_trouble(verdict, tick)
         if not self.armed:
             self.sent = self._reached = ZERO
             return None
@@ -360,6 +360,19 @@ class DrivenRole:
             if self.verdict is None or self.verdict.reason != _GUARD_FAILED:
                 _log.exception("the guard failed: %s", type(error).__name__)
             return Verdict("stop", True, 0.0, 0.0, _GUARD_FAILED, 0.0, (), ())
+
+    def _own_trouble(self, verdict: Verdict, tick: Tick) -> str | None:
+        """Return why the guard cannot judge a usable sight, as when it failed, one sentence.
+
+        Trouble with the sight itself is looked up anew at each tick, so that it ends with the first
+        good frame.
+        """
+        connection = self.connection
+        if not verdict.blind or connection is None:
+            return None
+        if sight_trouble(tick.sight, tick.now, connection.world) is not None:
+            return None
+        return verdict.reason or "the guard cannot rely on the camera view"
 
     def _hindrance(self, tick: Tick, played: bool) -> str | None:
         """Return why nothing may be driven at all, one sentence; None where something may."""

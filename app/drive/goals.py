@@ -1,8 +1,9 @@
 """Goals of the observer: one at a time, each for as long as its operator stays present.
 
 While frames arrive in which little can be seen, the robot waits, and goes on by itself once the
-view is usable again. Anything else that keeps it from driving ends the goal, so that recovery from
-a fault never sets it in motion.
+view is usable again within the second after which it is disarmed. Anything else that keeps it from
+driving ends the goal, missing frames and a reopened source included (starting a run reopens it), so
+that recovery from a fault never sets it in motion.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ class Goals:
     def __init__(self) -> None:
         self.going: Going | None = None
         self._number = 0
+        # Number of the newest frame; each source begins anew.
+        self._frame: int | None = None
 
     @property
     def driving(self) -> bool:
@@ -82,6 +85,8 @@ class Goals:
         Args:
             trouble: why the robot must stand at the moment, one sentence.
         """
+        before, self._frame = self._frame, None if sight is None else sight.frame
+        reopened = sight is not None and before is not None and sight.frame < before
         going = self.going
         if going is None:
             return None
@@ -90,6 +95,8 @@ class Goals:
             return None
         if not driven.armed or not driven.consent.present:
             return self.give_up(driven, trouble or "the operator is no longer present", now)
+        if reopened:
+            return self.give_up(driven, "the camera source was reopened", now)
         waits = _sees_little(sight, now) and driven.silence(now) is None
         if trouble is not None and not waits:
             return self.give_up(driven, trouble, now)

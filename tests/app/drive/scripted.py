@@ -18,7 +18,7 @@ from app.contract.drive import (
 )
 from app.drive.roles import Roles
 from app.runtime.errors import ProcessRefused
-from observer.guard.guard import Guard, Verdict
+from observer.guard.guard import Guard, Verdict, sight_trouble
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.navigation.plan import Plan
@@ -86,7 +86,7 @@ class ScriptedRobot:
 
 
 class ScriptedGuard(Guard):
-    """Permits everything, or answers with the ``answers`` of a test."""
+    """Permits everything while the observer's sight is usable, or gives the test's ``answers``."""
 
     def __init__(self) -> None:
         super().__init__(GuardParameters())
@@ -107,6 +107,10 @@ class ScriptedGuard(Guard):
             raise answer
         if answer is not None:
             return answer
+        sight, world, now = more[1], more[2], more[-1]
+        trouble = sight_trouble(sight, now, world) if role == "observer" else None
+        if trouble is not None:
+            return Verdict("stop", True, 0.0, 0.0, trouble, 0.0, (), ())
         return Verdict("clear", False, *wanted, None, None, (), ())
 
 

@@ -190,6 +190,55 @@ def test_a_brief_loss_of_sight_only_pauses_the_goal(bench: Bench) -> None:
     assert bench.state("observer") == "disarmed"
 
 
+@pytest.mark.parametrize("status", [Status.LOST, Status.DEGRADED])
+def test_a_loss_of_one_frame_only_pauses_the_goal(bench: Bench, status: Status) -> None:
+    prepare(bench)
+    start(bench)
+    stay(bench, 1.0)
+    bench.seeing = {"status": status, "reasons": ("blurred",)}
+    bench.plan = plan(bench)
+    bench.tick()
+    assert bench.sent("observer") == (0.0, 0.0)
+    bench.seeing = {}
+    bench.plan = plan(bench)
+    bench.tick()
+    assert bench.sent("observer") == (0.0, 0.0)
+    stay(bench, 1.5)
+    assert goal(bench).state == "driving"
+    assert bench.sent("observer")[0] > 0.2
+
+
+def test_a_reopened_source_ends_the_goal(bench: Bench) -> None:
+    prepare(bench)
+    start(bench)
+    stay(bench, 1.0)
+    # Starting a run reopens the source: its frames are counted from 0 again.
+    bench.frame = -1
+    bench.plan = plan(bench)
+    bench.tick()
+    ended(bench, "the camera source was reopened")
+    assert bench.state("observer") == "armed"
+    stay(bench, 1.0)
+    assert bench.sent("observer") == (0.0, 0.0)
+    # The next goal is driven to with the reopened source.
+    start(bench)
+    stay(bench, 1.0)
+    assert bench.sent("observer")[0] > 0.2
+
+
+def test_a_failed_guard_ends_the_goal(bench: Bench) -> None:
+    prepare(bench)
+    start(bench)
+    stay(bench, 1.0)
+    bench.guard.answers["observer"] = RuntimeError("a bug")
+    bench.plan = plan(bench)
+    bench.tick(2)
+    ended(bench, "the guard failed")
+    bench.guard.answers.clear()
+    stay(bench, 1.0)
+    assert bench.sent("observer") == (0.0, 0.0)
+
+
 def test_a_silent_robot_ends_the_goal_even_if_little_is_seen(bench: Bench) -> None:
     prepare(bench)
     start(bench)
