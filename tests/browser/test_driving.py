@@ -343,7 +343,7 @@ def test_space_and_esc_stop_from_anywhere(
 
 
 _HEADER_OVERLAPS = """() => {
-  const parts = [...document.querySelectorAll(".top :is(a, button, label, .stop-state)")]
+  const parts = [...document.querySelectorAll(".header :is(a, button, label, .stop-state)")]
     .filter((part) => part.checkVisibility() && !part.closest(".menu-box"))
     .map((part) => [part.textContent.trim() || part.ariaLabel, part.getBoundingClientRect()]);
   return parts.flatMap(([name, a], at) =>
@@ -369,6 +369,37 @@ def test_header_items_do_not_overlap_while_armed_or_stopped(
             page.set_viewport_size({"width": width, "height": 900})
             found[state, width] = page.evaluate(_HEADER_OVERLAPS)
     assert not any(found.values()), found
+
+
+_HEADER_PLACES = """() => [...document.querySelectorAll(".top :is(a, button, label)")]
+  .filter((part) => part.checkVisibility() && !part.closest(".menu-box"))
+  .map((part) => {
+    const { left, top, width, height } = part.getBoundingClientRect();
+    return [part.textContent.trim() || part.ariaLabel, left, top, width, height].join();
+  })"""
+
+
+@pytest.mark.parametrize("width", [1440, 1280, 1024, 390])
+def test_stopping_twice_in_a_row_stays_stopped_and_moves_nothing_in_the_header(
+    seat: Callable[..., Page], width: int
+) -> None:
+    page = seat()
+    page.set_viewport_size({"width": width, "height": 900})
+    before = page.evaluate(_HEADER_PLACES)
+    stop = page.locator("#stop-robots").bounding_box()
+    assert stop is not None
+    at = (stop["x"] + stop["width"] / 2, stop["y"] + stop["height"] / 2)
+    page.mouse.click(*at)
+    expect(page.locator(".stop-state")).to_contain_text("Stopped by")
+    reset = page.get_by_role("button", name="Reset", exact=True)
+    expect(reset).to_be_disabled()
+    assert page.evaluate(_HEADER_PLACES) == before
+    page.mouse.click(*at)
+    expect(reset).to_be_enabled(timeout=3_000)
+    expect(page.locator(".stop-state")).to_contain_text("Stopped by")
+    reset.click()
+    expect(page.locator(".stop-latched")).to_be_hidden()
+    assert page.evaluate(_HEADER_PLACES) == before
 
 
 def test_esc_stops_while_armed_even_with_an_enlarged_view(seat: Callable[..., Page]) -> None:

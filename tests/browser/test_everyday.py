@@ -132,7 +132,7 @@ def test_a_read_only_viewer_can_only_stop(
     page.wait_for_timeout(1500)
     server.api.post(f"/api/runs/{run}/stop").raise_for_status()
     server.api.post("/api/robots/stop").raise_for_status()
-    reset = page.locator("observer-stop").get_by_role("button", name="Reset")
+    reset = page.locator("observer-stop-line").get_by_role("button", name="Reset")
     expect(reset).to_be_visible()
     expect(reset).to_be_disabled()
     expect(reset).to_have_attribute("title", WATCHING_ONLY)

@@ -118,7 +118,7 @@ class CalibrationWizard extends Part {
   #go(step, asked = true) {
     const moved = step !== this.#step;
     // Do not take the focus from a user of the side panel because of what another page does.
-    const away = !asked && document.activeElement?.closest("#panel, .top, dialog");
+    const away = !asked && document.activeElement?.closest("#panel, .header, dialog");
     this.#step = step;
     this.#render();
     if (!moved || away) return;

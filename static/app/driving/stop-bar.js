@@ -6,12 +6,16 @@ import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
 import { listenForStop } from "./stop-keys.js";
 
-const WHAT_IT_IS =
-  "Software stop, not a substitute for an emergency stop: keep the hardware switch within reach";
+const WHAT_IT_IS_NOT = "Software stop, not a substitute for an emergency stop";
+const WHAT_ELSE = "keep the hardware switch within reach";
+const WHAT_IT_IS = `${WHAT_IT_IS_NOT}: ${WHAT_ELSE}`;
 // Normally the answer takes a tenth of this; anything longer means trouble.
 const CONFIRMED_MS = 1000;
 const KEYS = "Space and Esc press it; while a robot is armed, they do so everywhere on this page.";
+// Whoever presses Stop twice in a row must not reset what the first press stopped.
+const NO_RESET_MS = 1000;
 
+/** The button itself. It never moves, nor does anything next to it when robots are stopped. */
 class StopBar extends Part {
   #stop = button([icon("stop"), h("span", "Stop", h("span.stop-word", " robots"))], null, {
     class: "stop-button",
@@ -20,14 +24,6 @@ class StopBar extends Part {
     "aria-describedby": "stop-what",
     "aria-keyshortcuts": "Space Escape",
   });
-  #what = h("p.stop-what", { id: "stop-what" }, WHAT_IT_IS);
-  #keys = h("p.stop-keys");
-  #stopped = h("span.stop-state");
-  #reset = button("Reset", () => this.#resetStop(), {
-    title: "Allows robots to be armed again; none starts by itself",
-    "data-changing": true,
-  });
-  #latched = h("div.stop-latched", { hidden: true, role: "alert" }, this.#stopped, this.#reset);
   /** True while a stop pressed here has not been answered. */
   #pressed = false;
   #patience = 0;
@@ -35,7 +31,7 @@ class StopBar extends Part {
   build() {
     const { driver } = this.hub;
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
-    this.append(this.#latched, h("div.stop-words", this.#what, this.#keys), this.#stop);
+    this.append(this.#stop);
     listenForStop(driver);
     this.listen("stopping", () => this.#begin(), driver);
     this.listen(
@@ -73,24 +69,59 @@ class StopBar extends Part {
   }
 
   #render() {
+    const { driver } = this.hub;
+    const robots = driver.anyArmed ? "armed" : driver.anyConnected ? "idle" : "none";
+    setAttribute(document.documentElement, "data-robots", robots);
+    setAttribute(this, "data-pressed", this.#pressed ? "" : null);
+  }
+}
+
+/** The line below the header, away from the button: what stops armed robots, or who stopped them. */
+class StopLine extends Part {
+  #what = h(
+    "p.stop-what",
+    { id: "stop-what" },
+    WHAT_IT_IS_NOT,
+    h("span.stop-more", `: ${WHAT_ELSE}`),
+  );
+  #armed = h("div.stop-words", this.#what, h("p.stop-keys", "Space and Esc always stop"));
+  #stopped = h("span.stop-state");
+  #reset = button("Reset", () => this.#resetStop(), {
+    title: "Allows robots to be armed again; none starts by itself",
+    "data-changing": true,
+  });
+  #latched = h("div.stop-latched", { role: "alert" }, this.#stopped, this.#reset);
+  #timer = 0;
+
+  build() {
+    this.#latched.hidden = true;
+    this.append(this.#armed, this.#latched);
+    this.listen("robots", () => this.#render());
+    this.#render();
+  }
+
+  #render() {
     const { robots, driver } = this.hub;
     const stopped = robots?.stopped ?? null;
-    const robotsState = driver.anyArmed ? "armed" : driver.anyConnected ? "idle" : "none";
-    setAttribute(document.documentElement, "data-robots", robotsState);
-    setAttribute(this, "data-stopped", stopped ? "" : null);
-    setAttribute(this, "data-pressed", this.#pressed ? "" : null);
+    setAttribute(document.documentElement, "data-stopped", stopped ? "" : null);
+    if (stopped && this.#latched.hidden) this.#delayReset();
     this.#latched.hidden = !stopped;
+    this.#armed.hidden = stopped !== null || !driver.anyArmed;
     setText(this.#stopped, stopped ? `Stopped by ${stopped.by}` : "");
     setAttribute(this.#stopped, "title", stopped ? `Stopped by ${stopped.by}` : null);
-    setText(
-      this.#keys,
-      robotsState === "armed" ? "Armed: Space and Esc always stop" : "Space or Esc",
-    );
+  }
+
+  #delayReset() {
+    clearTimeout(this.#timer);
+    setAttribute(this.#reset, "aria-disabled", "true");
+    this.#timer = setTimeout(() => setAttribute(this.#reset, "aria-disabled", null), NO_RESET_MS);
   }
 
   async #resetStop() {
+    if (this.#reset.getAttribute("aria-disabled")) return;
     await attempt(() => request("POST", "/robots/reset"));
   }
 }
 
 customElements.define("observer-stop", StopBar);
+customElements.define("observer-stop-line", StopLine);

@@ -30,6 +30,7 @@ const HARMLESS = [
   ".tour-card",
   // Anyone who sees something go wrong may stop the robots.
   "observer-stop",
+  "observer-stop-line",
   // Live parts.
   "observer-live-views",
   "observer-log",
