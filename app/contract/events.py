@@ -100,6 +100,7 @@ class StateEvent:
             another one is used.
         truth_note: why a file that lies beside the source's images is not used as truth.
         preparing: while no source is open, why it takes a while until one can be observed.
+        troubles: what cannot be drawn or checked at the moment, though observing goes on.
     """
 
     state: EngineState
@@ -120,6 +121,7 @@ class StateEvent:
     calibration_notes: tuple[str, ...] = ()
     truth_note: str | None = None
     preparing: str | None = None
+    troubles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

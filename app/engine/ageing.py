@@ -5,6 +5,7 @@ from __future__ import annotations
 from app.contract.status import AgeingStatus, ExposureSkewStatus, RowDriftStatus, VergenceStatus
 from app.contract.values import filled, known
 from app.engine.observed import Observed
+from app.engine.tolerated import Tolerated
 from observer.calibration.ageing.vergence import VergenceCheck
 from observer.calibration.ageing.watch import AgeingWatch, CalibrationAge
 from observer.camera import StereoCamera
@@ -20,10 +21,17 @@ class CalibrationAgeing:
         self._age: CalibrationAge | None = None
         self._reported: CalibrationAge | None = None
         self._facts: AgeingStatus | None = None
+        self._tolerated = Tolerated()
 
     def look(self, observed: Observed) -> None:
-        """Process one frame."""
-        self._age = self._watch.look(observed.frame, observed.observation, observed.trace)
+        """Process one frame; a failure is only reported."""
+        with self._tolerated.work("checking the calibration's age"):
+            self._age = self._watch.look(observed.frame, observed.observation, observed.trace)
+
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """Return why the age is not checked, one sentence each."""
+        return self._tolerated.troubles
 
     @property
     def pairs(self) -> tuple[tuple[Image, Image], ...]:

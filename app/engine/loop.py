@@ -9,9 +9,8 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from app.contract.events import (
     HeartbeatEvent,
@@ -31,13 +30,13 @@ from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
 from app.engine.preparing import Preparing
 from app.engine.publishing import Publisher
-from app.engine.recording import RunRecorder
 from app.engine.session import ObserverFactory, Session
 from app.runtime.requests import Request
-from observer.guard.sight import REAL_WORLD
-from observer.jsonl import observation_line
+from observer.guard.sight import REAL_WORLD, Sight
+from observer.jsonl import ObservationLine, observation_line
 from observer.occupancy import OccupancyMap
 from observer.recording.payloads import LocalMapPayload
+from observer.truth.matching import TrueBodyEntry
 from observer.types import FullTrace, Observation, StereoFrame
 
 # Twice the promised rate, so that a small delay still keeps the promise.
@@ -221,82 +220,115 @@ class Engine:
             session.look(played.frame)
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:
+        """Observe a frame and pass the result on.
+
+        The order is a safety property. A robot drives by the sight, so nothing comes before it but
+        queueing the frame for the recording and observing it; what only people look at comes last.
+        """
         began = time.monotonic()
-        frame = self._with_odometry(played.frame, session)
-        recorder = session.recorder
-        observer = session.observer
+        played = replace(played, frame=self._with_odometry(played.frame, session))
+        observed = self._look_at(session, played)
+        sight = self._tell_drive(session, observed)
+        event, line = self._tell_web(session, played, observed)
+        local_map = self._plan_the_way(session, sight)
+        self._tell_local_map(session, played, observed.observation, local_map)
+        self._record(session, played, event, line, local_map)
+        self.beat()
+        self._show(session, observed)
+        session.spent(began, time.monotonic())
+
+    def _look_at(self, session: Session, played: PlayedFrame) -> Observed:
+        """Record the frame and observe it."""
+        frame, observer = played.frame, session.observer
         if played.new_segment:
             observer.begin_segment()
         # Record before observing: it only queues, and a frame that breaks the observer is worth
         # keeping.
-        if recorder is not None:
-            recorder.frame(replace(played, frame=frame))
+        if session.recorder is not None:
+            session.recorder.frame(played)
         trace = FullTrace()
         observation = observer.observe(frame, trace)
         session.segment = session.first_segment + observation.segment
-        observed = Observed(
+        return Observed(
             frame, observation, trace, observer.camera, observer.parameters, session.segment
         )
-        drive = self._drive
-        sight = None
-        if drive is not None:
-            # Send this first: a robot drives by it.
-            guard = session.parameters.guard
-            sight = drive.sight.write(observed, session.mount, session.world, guard)
+
+    def _tell_drive(self, session: Session, observed: Observed) -> Sight | None:
+        """Write the sight that robots drive by, and return it; None if there are none."""
+        if self._drive is None:
+            return None
+        guard = session.parameters.guard
+        return self._drive.sight.write(observed, session.mount, session.world, guard)
+
+    def _tell_web(
+        self, session: Session, played: PlayedFrame, observed: Observed
+    ) -> tuple[ObservationEvent, ObservationLine]:
+        """Send the observation with its truth; return the event, and the line in full."""
         published = time.monotonic()
+        frame, observation = observed.frame, observed.observation
         line = observation_line(observation)
         line["segment"] = session.segment
-        truth = session.truth
-        # Motion capture replaces the truth of a simulation.
-        entries = self._truth.look(observation, line, frame.received, recorder)
-        if truth is not None and not self._truth.in_place:
-            entries = truth.match(observation, played.source_time)
         event = ObservationEvent(
             sequence=self._sequence,
             line=live_line(line),
-            truth=entries,
+            truth=self._true_bodies(session, played, observation, line),
             received=frame.received,
             published=published,
             frame_skips=session.player.skipped,
             run_id=session.run_id,
-            ego_motion=ego_motion_facts(trace, observer.parameters),
+            ego_motion=ego_motion_facts(observed.trace, observed.parameters),
             odometry=frame.odometry,
         )
         self._send(event)
         self._sequence += 1
-        local_map = None
-        if drive is not None and sight is not None:
-            local_map = drive.wayfinder.look(sight, session.parameters)
-        self._tell_local_map(session, played, observation, local_map)
-        if recorder is not None:
-            self._record(recorder, session, played, event, line)
-            if local_map is not None:
-                recorder.local_map(
-                    LocalMapPayload(frame=frame.index, time=frame.time, map=local_map)
-                )
-        self.beat()
+        return event, line
+
+    def _true_bodies(
+        self,
+        session: Session,
+        played: PlayedFrame,
+        observation: Observation,
+        line: ObservationLine,
+    ) -> list[TrueBodyEntry]:
+        captured = self._truth.look(observation, line, played.frame.received, session.recorder)
+        # Motion capture replaces the truth of a simulation.
+        if session.truth is None or self._truth.in_place:
+            return captured
+        return session.truth.match(observation, played.source_time)
+
+    def _plan_the_way(self, session: Session, sight: Sight | None) -> OccupancyMap | None:
+        """Plan the observer's path by its sight; return the local map if a new one is due."""
+        if self._drive is None or sight is None:
+            return None
+        return self._drive.wayfinder.look(sight, session.parameters)
+
+    def _show(self, session: Session, observed: Observed) -> None:
+        """Check the calibration's age and draw the views; failures are only reported."""
         session.ageing.look(observed)
         # Without a run, the recorder only keeps the last half minute, without clouds.
-        kept_by = None if session.run_id is None else recorder
+        kept_by = None if session.run_id is None else session.recorder
         self._publisher.publish(observed, None if kept_by is None else kept_by.cloud)
-        session.spent(began, time.monotonic())
 
     def _record(
         self,
-        recorder: RunRecorder,
         session: Session,
         played: PlayedFrame,
         event: ObservationEvent,
-        line: Mapping[str, Any],
+        line: ObservationLine,
+        local_map: OccupancyMap | None,
     ) -> None:
-        """Record the whole line of an observation, with the ground truth beside it."""
+        """Record the whole line of an observation, with the ground truth and map beside it."""
+        recorder, frame = session.recorder, played.frame
+        if recorder is None:
+            return
         recorder.observation(
             line, event.received, event.ego_motion, event.truth, self._truth.why_none
         )
         if session.truth is not None:
-            frame = played.frame
             sample = session.truth.sample(frame.index, frame.time, played.source_time)
             recorder.truth(sample, frame.received)
+        if local_map is not None:
+            recorder.local_map(LocalMapPayload(frame=frame.index, time=frame.time, map=local_map))
 
     def _tell_local_map(
         self,
@@ -326,7 +358,7 @@ class Engine:
 
     def _publish_state(self) -> None:
         now = time.monotonic()
-        state, sent = self._current.state(), self._sent_state
+        state, sent = self._state(), self._sent_state
         # If only frame-by-frame figures changed, an occasional update is enough.
         lately = now - self._state_sent_at < _POSITION_INTERVAL_S
         if sent is not None and (
@@ -335,6 +367,10 @@ class Engine:
             return
         self._sent_state, self._state_sent_at = state, now
         self._send(state)
+
+    def _state(self) -> StateEvent:
+        state, missing = self._current.state(), self._publisher.troubles
+        return replace(state, troubles=(*state.troubles, *missing)) if missing else state
 
 
 def _without_position(state: StateEvent) -> StateEvent:
@@ -347,4 +383,5 @@ def _without_position(state: StateEvent) -> StateEvent:
         ageing=None,
         recording=recording and replace(recording, bytes=0, seconds=0.0, dropped=0),
         truth=truth and replace(truth, bodies=(), clock=None, sentence="", alignment=None),
+        troubles=(),
     )

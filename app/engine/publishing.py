@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 from app.contract.events import DenseStereoEvent
@@ -22,6 +23,7 @@ from app.engine.dense_stereo import (
 from app.engine.errors import unexpected
 from app.engine.latest_worker import LatestWorker
 from app.engine.observed import Observed
+from app.engine.tolerated import Tolerated
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
 from app.runtime.latest import LatestWriter
 from observer.errors import InputError
@@ -64,6 +66,7 @@ class Publisher:
         self._slots = slots
         self._send = send
         self._watched: frozenset[str] = frozenset()
+        self._tolerated = Tolerated()
         self.newest: Observed | None = None
         self._pairs = PairKeeper()
         self._epoch = 0
@@ -87,17 +90,24 @@ class Publisher:
                 f"there are: {', '.join((*VIEW_NAMES, CLOUD_NAME))}"
             )
         new, self._watched = wanted - self._watched, wanted
+        self._tolerated.forget()
         if self.newest is not None:
             self._draw(self.newest, new)
 
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """Return why views are missing, one sentence each, apart from those of dense stereo."""
+        return self._tolerated.troubles
+
     def publish(self, observed: Observed, keep: CloudKeeper | None = None) -> None:
-        """Draw the watched views of the newest frame.
+        """Draw the watched views of the newest frame; a view that fails is only reported.
 
         Args:
             keep: takes a cloud now and then, called in the other thread.
         """
         self.newest = observed
-        self._pairs.remember(observed)
+        with self._tolerated.work("keeping a pair for dense stereo"):
+            self._pairs.remember(observed)
         self._draw(observed, self._watched, keep)
 
     def show_cameras(self, frame: StereoFrame, draw: Callable[[str], Image]) -> None:
@@ -107,13 +117,15 @@ class Publisher:
             draw: makes the image of a name.
         """
         for name in sorted(self._watched.intersection(CAMERA_NAMES)):
-            image = draw(name)
-            header = _header(frame.index, frame.time, frame.received, image)
-            self._slots[name].write(header, encode_jpeg(image))
+            with self._drawing(name):
+                image = draw(name)
+                header = _header(frame.index, frame.time, frame.received, image)
+                self._slots[name].write(header, encode_jpeg(image))
 
     def forget(self) -> None:
         """Drop the frame of a closed source, so that it is not shown again."""
         self.newest = None
+        self._tolerated.forget()
         self._pairs = PairKeeper()
         self._dense.forget()
         with self._writing:
@@ -128,14 +140,19 @@ class Publisher:
         self, observed: Observed, names: frozenset[str], keep: CloudKeeper | None = None
     ) -> None:
         if names & _DENSE or (keep is not None and observed.frame.received >= self._keep_from):
-            self._dense.give((self._pairs.pair(observed), self._epoch, keep))
+            with self._tolerated.work("choosing a pair for dense stereo"):
+                self._dense.give((self._pairs.pair(observed), self._epoch, keep))
         frame = observed.frame
         if names.intersection(CAMERA_NAMES):
             images = dict(zip(CAMERA_NAMES, (frame.left, frame.right), strict=True))
             self.show_cameras(frame, images.__getitem__)
         for name in names - _DENSE - set(CAMERA_NAMES):
-            header = _header(frame.index, frame.time, frame.received, frame.left)
-            self._slots[name].write(header, draw_view(name, observed))
+            with self._drawing(name):
+                header = _header(frame.index, frame.time, frame.received, frame.left)
+                self._slots[name].write(header, draw_view(name, observed))
+
+    def _drawing(self, name: str) -> AbstractContextManager[None]:
+        return self._tolerated.work(f"drawing the view {name}")
 
     # --- in the other thread ---------------------------------------------------------------
 

@@ -161,6 +161,7 @@ class Session(PlayedSource):
             if self._command.calibration_yaml is not None
             else _notes(self.opened),
             truth_note=self.opened.truth_note,
+            troubles=self.ageing.troubles,
         )
 
     def again(self) -> OpenSource:

@@ -105,7 +105,8 @@ def _trouble(server: Server) -> list[str]:
     )
     bound = camera_match_warnings(server.source.state, server.source.wanted.calibration)
     notes = server.source.state.calibration_notes
-    return [*bound, *notes, *(trouble for trouble in troubles if trouble is not None)]
+    failing = server.source.state.troubles
+    return [*bound, *notes, *failing, *(trouble for trouble in troubles if trouble is not None)]
 
 
 def _rounded(value: float | None) -> float | None:

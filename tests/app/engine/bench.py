@@ -99,6 +99,7 @@ class Publisher:
         self.watched: tuple[str, ...] = ()
         self.published = 0
         self.newest: Any = None
+        self.troubles: tuple[str, ...] = ()
         self.closed = False
 
     def watch(self, names: tuple[str, ...]) -> None:

@@ -6,6 +6,8 @@ import itertools
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -28,7 +30,9 @@ from app.contract.events import (
     SkippedFrameEvent,
     StateEvent,
 )
+from app.engine.observed import Observed
 from app.runtime.requests import Reply
+from observer.calibration.ageing.watch import AgeingWatch
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
@@ -309,6 +313,43 @@ def test_a_failing_stage_fails_the_session_not_the_engine(bench: Bench) -> None:
     assert bench.sources["many"].closed == 1
     bench.value(opening())
     bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
+
+
+def test_what_only_people_look_at_may_fail(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def failing(*_: object) -> None:
+        raise ZeroDivisionError("no rows")
+
+    monkeypatch.setattr(AgeingWatch, "look", failing)
+    bench.value(opening())
+    bench.publisher.troubles = ("drawing the view left failed",)
+    bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
+    assert bench.publisher.published == 5
+    assert bench.state.state is EngineState.PREVIEW
+    bench.wait(StateEvent, lambda s: len(s.troubles) == 2)
+    unchecked, undrawn = bench.state.troubles
+    assert unchecked.startswith("checking the calibration's age failed: internal error")
+    assert undrawn == "drawing the view left failed"
+    assert caplog.messages == ["checking the calibration's age failed"]
+    bench.publisher.troubles = ()
+    bench.value(CloseSource())
+    assert bench.state.troubles == ()
+
+
+def test_the_sight_is_written_before_anything_else_is_told(numbered: Numbered) -> None:
+    told: list[tuple[int, int, int]] = []
+
+    def write(seen: Observed, *_: object) -> None:
+        sent = len(bench.all(ObservationEvent))
+        told.append((seen.frame.index, sent, bench.publisher.published))
+
+    drive: Any = SimpleNamespace(sight=SimpleNamespace(write=write), wheels=None, wayfinder=None)
+    with Bench(drive) as bench:
+        bench.sources["numbers"] = numbered(3)
+        bench.value(opening())
+        bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
+    assert told == [(0, 0, 0), (1, 1, 1), (2, 2, 2)]
 
 
 def test_a_failing_read_fails_the_session_not_the_engine(bench: Bench, numbered: Numbered) -> None:

@@ -20,6 +20,7 @@ from app.engine import publishing
 from app.engine.dense_stereo import MAX_POINTS, Cloud, DensePair, DenseStereo, dense_stereo
 from app.engine.observed import Observed
 from app.engine.publishing import Publisher
+from app.engine.views import draw_view
 from app.runtime.latest import Latest, LatestReader, LatestWriter, create_slot
 from observer.camera import StereoCamera
 from observer.errors import InputError
@@ -189,6 +190,52 @@ def test_a_failure_is_reported_and_the_next_pair_is_processed(bench: Bench) -> N
     bench.publisher.publish(observed(2))
     assert bench.next_told().trouble is None
     assert bench.wait_read(CLOUD_NAME).header["frame"] == 2
+
+
+def test_a_view_that_fails_stops_no_other_and_is_reported_once(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fragile(name: str, seen: Observed) -> bytes:
+        if name == "residual" and seen.frame.index < 3:
+            raise ValueError(f"no colour in frame {seen.frame.index}")
+        return draw_view(name, seen)
+
+    monkeypatch.setattr(publishing, "draw_view", fragile)
+    bench.publisher.watch(("left", "plain", "residual", "warped"))
+    for index in (1, 2):
+        bench.publisher.publish(observed(index))
+        for name in ("left", "plain", "warped"):
+            assert bench.wait_read(name).header["frame"] == index
+    assert bench.publisher.troubles == (
+        "drawing the view residual failed: internal error (ValueError: no colour in frame 1); "
+        "see the server's log",
+    )
+    assert [r.getMessage() for r in caplog.records] == ["drawing the view residual failed"]
+    bench.publisher.publish(observed(3))
+    assert bench.wait_read("residual").header["frame"] == 3
+    assert bench.publisher.troubles == ()
+
+
+@pytest.mark.parametrize("gone", ["because nobody watches it", "with its source"])
+def test_the_trouble_of_a_view_is_forgotten(bench: Bench, gone: str) -> None:
+    def broken(name: str) -> Any:
+        raise ValueError(name)
+
+    bench.publisher.watch(("camera_left", "camera_right"))
+    bench.publisher.show_cameras(observed(1).frame, broken)
+    assert len(bench.publisher.troubles) == 2
+    if gone == "with its source":
+        bench.publisher.forget()
+    else:
+        bench.publisher.watch(())
+    assert bench.publisher.troubles == ()
+
+
+def test_a_frame_without_images_for_dense_stereo_is_reported(bench: Bench) -> None:
+    bench.publisher.watch((CLOUD_NAME,))
+    bare = replace(observed(1), trace={})
+    bench.publisher.publish(bare)
+    assert "KeyError: 'left'" in bench.publisher.troubles[0]
 
 
 def test_no_result_of_a_closed_source_is_written_later(

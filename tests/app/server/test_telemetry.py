@@ -64,6 +64,13 @@ async def test_a_dense_stereo_failure_is_a_warning_until_it_recovers(
     assert status(server).warnings == []
 
 
+async def test_what_cannot_be_drawn_is_a_warning_while_it_lasts(peer: Any, server: Server) -> None:
+    peer.publish(peer.state(troubles=("drawing the view left failed",)))
+    assert "drawing the view left failed" in status(server).warnings
+    peer.publish(peer.state())
+    assert status(server).warnings == []
+
+
 def test_percentiles_cover_the_last_samples() -> None:
     telemetry = Telemetry()
     for ms in range(1, 101):
