@@ -5,7 +5,8 @@ seconds on the source's clock; sizes are length, width, height as in ``TrueBody`
 ``name,role,commanded_speed``, ``box_u0,box_v0,box_u1,box_v1`` (pixels), ``kind`` and
 ``T_world_camera`` as ``camera_x`` ... ``camera_qw`` .... Further columns are ignored. An empty
 ``visible``, ``commanded_speed``, box or ``kind`` is unknown; an empty position means that the body
-was not seen at that instant; with an empty id the row gives only the camera.
+was not seen at that instant; with an empty id the row gives only the camera. Cells may be separated
+by semicolons, as spreadsheets of some countries write them, then with a decimal comma or point.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -26,6 +27,8 @@ from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import KINDS, TrueBody
 from observer.truth.files.body_names import MOST_BODIES
+from observer.truth.files.text_lines import separator_of
+from observer.truth.files.units import FASTEST_MPS, MOST_METRES, MOST_RADIANS, MOST_SECONDS
 from observer.types import BoxPx
 
 _POSITION, _VELOCITY, _SIZE = ("x", "y", "z"), ("vx", "vy", "vz"), ("size_x", "size_y", "size_z")
@@ -34,6 +37,16 @@ _CAMERA = tuple(f"camera_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "
 _BOX = ("box_u0", "box_v0", "box_u1", "box_v1")
 _COLUMNS = (*_REQUIRED, "name", "role", "commanded_speed", *_BOX, "kind", *_CAMERA)
 _ROLES = ("obstacle", "observer")
+# Highest plausible magnitude and its unit, by column.
+_MOST = {
+    "t": (MOST_SECONDS, "s"),
+    "yaw": (MOST_RADIANS, "rad"),
+    **dict.fromkeys((*_POSITION, *_SIZE, "camera_x", "camera_y", "camera_z"), (MOST_METRES, "m")),
+    **dict.fromkeys((*_VELOCITY, "commanded_speed"), (FASTEST_MPS, "m/s")),
+    **dict.fromkeys(_BOX, (1e9, "px")),
+}
+# Three hours of one body at 50 Hz. A row takes 1.4 kB of memory.
+MOST_ROWS = 540_000
 
 # Samples further apart than this bound a gap, in which nothing is known.
 _MAX_GAP_FRAMES = 3.0
@@ -254,7 +267,10 @@ def _read_samples(lines: Iterable[str], name: str) -> tuple[TruthSample, ...]:
 
 
 def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
-    reader = csv.DictReader(lines, strict=True)
+    lines = iter(lines)
+    header = next(lines, "")
+    separator = separator_of(header)
+    reader = csv.DictReader(chain([header], lines), strict=True, delimiter=separator)
     try:
         missing = [column for column in _REQUIRED if column not in (reader.fieldnames or ())]
         if missing:
@@ -268,14 +284,19 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
                 raise TruthError(
                     f"{name}: the header has {some[0]} but not all of {','.join(group)}"
                 )
-        for cells in reader:
+        for number, cells in enumerate(reader):
             where = f"{name} line {reader.line_num}"
+            if number == MOST_ROWS:
+                raise TruthError(
+                    f"{where}: there are more than {MOST_ROWS} rows; give a shorter section, or "
+                    "fewer bodies"
+                )
             if None in cells or None in cells.values():
                 raise TruthError(
                     f"{where}: the row must have {len(reader.fieldnames or ())} cells, one per "
                     "column"
                 )
-            yield _Row(cells, where)
+            yield _Row(cells, where, decimal_comma=separator == ";")
     except csv.Error as error:
         raise TruthError(
             f"{name} line {reader.reader.line_num}: the line is not valid CSV: {error}"
@@ -288,6 +309,7 @@ class _Row:
 
     cells: Mapping[str, str]
     where: str
+    decimal_comma: bool = False
 
     def body(self) -> TrueBody | None:
         """Return the line's body; None where it has no id or was not seen."""
@@ -348,6 +370,8 @@ class _Row:
 
     def number(self, column: str) -> float:
         text = self._text(column)
+        if self.decimal_comma:
+            text = text.replace(",", ".")
         try:
             # float() also accepts "1_000", which is surely an error in a table of measurements.
             value = float(text.replace("_", "?"))
@@ -357,6 +381,12 @@ class _Row:
             ) from None
         if not math.isfinite(value):
             raise TruthError(f"{self.where}: {column} must be finite, not {text[:40]}")
+        most, unit = _MOST.get(column, (math.inf, ""))
+        if abs(value) > most:
+            raise TruthError(
+                f"{self.where}: {column} must be at most {most:g} {unit} in magnitude, "
+                f"not {text[:40]}"
+            )
         return value
 
     def whole(self, column: str) -> int:

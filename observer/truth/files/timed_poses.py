@@ -23,7 +23,15 @@ from observer.truth.files.angles import quaternion_rotations
 from observer.truth.files.body_names import BodyNames
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
 from observer.truth.files.text_lines import TextLines, separator_of
-from observer.truth.files.units import LENGTHS_M, MOST_METRES, MOST_SECONDS, TIMES_S, length_word
+from observer.truth.files.units import (
+    LENGTHS_M,
+    MOST_METRES,
+    MOST_SECONDS,
+    ROOM_M,
+    TIMES_S,
+    length_word,
+    too_far_for_a_room,
+)
 from observer.truth.motion_capture import Capture, Trajectory
 
 _TUM = ("t", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
@@ -42,7 +50,8 @@ _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
 
 def is_own_truth(first_line: str) -> bool:
     """Return whether a file with this first line is the project's own ``truth.csv``."""
-    return set(first_line.strip().split(",")) >= _OWN
+    cells = first_line.split(separator_of(first_line))
+    return {_bare(cell) for cell in cells} >= _OWN
 
 
 def is_plain_csv(first_line: str) -> bool:
@@ -78,7 +87,7 @@ def read_plain_csv(lines: TextLines) -> Capture:
     labels = [" ".join(cell.split())[:40] or f"column {k}" for k, cell in enumerate(cells, 1)]
     names_in, used = columns.get("body"), sorted(columns.values())
     rows = read_numbers(lines, labels, separator=separator, names_in=names_in, only=used)
-    unit = titles[columns["x"]][1] or "m"
+    unit = titles[columns["x"]][1]
     turn = [columns[title] for title in _TURN if title in columns]
     bodies = rows.column(columns["body"]) if "body" in columns else np.zeros(rows.count)
     table = _Table(
@@ -93,8 +102,14 @@ def read_plain_csv(lines: TextLines) -> Capture:
     for number, label in enumerate(rows.names or [_ONLY_BODY]):
         name = names.of(label)
         found[name] = table.trajectory(name, bodies == number)
-    notes = (f"positions are in {length_word(unit)}", *table.notes)
-    return Capture("EuRoC ground truth" if euroc else "plain CSV", None, found, notes)
+    notes = [f"positions are in {length_word(unit or 'm')}", *table.notes]
+    farthest = float(np.nanmax(np.abs(table.positions), initial=0.0))
+    if unit is None and farthest > ROOM_M:
+        notes.append(
+            f"{too_far_for_a_room(f'{farthest:.4g} m')}: the file seems to use a smaller unit; "
+            "name it in the header, as in x_mm,y_mm,z_mm"
+        )
+    return Capture("EuRoC ground truth" if euroc else "plain CSV", None, found, tuple(notes))
 
 
 def read_tum(lines: TextLines) -> Capture:

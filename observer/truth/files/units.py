@@ -15,8 +15,21 @@ MOST_RADIANS = 1e3
 MOST_SECONDS = 1e11
 # A higher rate is a mistake.
 FASTEST_HZ = 100_000.0
+# Three times the speed of sound; faster than anything that cameras see move.
+FASTEST_MPS = 1e3
+# No room is larger, and millimetres taken for metres soon exceed it.
+ROOM_M = 100.0
 
 
 def length_word(unit: str) -> str:
     """Return the unit as a word for people."""
     return {"m": "metres", "cm": "centimetres", "mm": "millimetres"}.get(unit, unit)
+
+
+def too_far_for_a_room(shown: str) -> str:
+    """Return the start of a note about a position beyond ``ROOM_M``.
+
+    Args:
+        shown: the distance with its unit.
+    """
+    return f"a body is {shown} from the origin, too far for a room"

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer.geometry import Float64Array
+from observer.truth.files.units import MOST_METRES, ROOM_M, too_far_for_a_room
 from observer.truth.live.clock import ClockFitter
 from observer.truth.live.contract import MOST_KEPT, LiveCaptureReport, LiveState
 from observer.truth.live.stamps import StampReader
@@ -19,8 +20,6 @@ from observer.truth.motion_capture import BodySample
 _QUIET_S = 1.0
 _RATE_OVER_S = 3.0
 _MOST_BODIES = 200
-# No room is larger, and millimetres taken for metres soon exceed it.
-_ROOM_M = 100.0
 # Metres: a server that sends metres instead of millimetres stays within this.
 _NEAR_M = 0.02
 _SCALE_AFTER = 100
@@ -113,7 +112,8 @@ class Intake:
 
         Args:
             numbers: the pose as in the message. A pose that equals the previous one, has a zero
-                position or is not finite is a gap: no measurement repeats to the last digit.
+                position, is not finite or lies beyond ``MOST_METRES`` is a gap: no measurement
+                repeats to the last digit.
             position: (3,) metres. rotation: (3, 3) ``R_room_body``, None if it has none.
         """
         with self._lock:
@@ -125,13 +125,14 @@ class Intake:
                     return
                 body = self._bodies[name] = _Body()
             seen = bool(np.isfinite(numbers).all()) and any(position) and numbers != body.pose
+            if seen:
+                self._look_at_scale(position)
+                seen = float(np.abs(position).max()) <= MOST_METRES
             body.pose = numbers
             body.lately.append((received, seen))
             self._last_pose = received
             item = (name, position, rotation) if seen else (name, None, None)
             self._queue(stamp, received, item)
-            if seen:
-                self._look_at_scale(position)
 
     def _queue(self, stamp: float, received: float, item: _Pose) -> None:
         for timed in self._stamps.feed(stamp, received, item):
@@ -152,12 +153,12 @@ class Intake:
         self._farthest_m = max(self._farthest_m, float(np.abs(position).max()))
         if "scale" in self._notes:
             return
-        if self._farthest_m > _ROOM_M:
+        if self._farthest_m > ROOM_M:
             unit, times = ("mm", 1000) if self._millimetres else ("m", 1)
             self._note(
                 "scale",
-                f"a body is {self._farthest_m * times:.4g} {unit} from the origin, too far for a "
-                f"room: the server seems to send a smaller unit; set it to {unit}",
+                f"{too_far_for_a_room(f'{self._farthest_m * times:.4g} {unit}')}: the server seems "
+                f"to send a smaller unit; set it to {unit}",
             )
         elif self._millimetres and self._poses == _SCALE_AFTER and self._farthest_m < _NEAR_M:
             self._note(

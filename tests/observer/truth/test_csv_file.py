@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import tracemalloc
 from pathlib import Path
@@ -13,8 +14,10 @@ from hypothesis import strategies as st
 
 from observer.errors import TruthError
 from observer.geometry import Pose
+from observer.truth import csv_file
 from observer.truth.contract import KINDS, Kind, TrueBody
 from observer.truth.csv_file import CsvTruth, TruthSample, write_truth_csv
+from observer.truth.files.recognition import file_kind
 from observer.types import BoxPx
 
 HEADER = "frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw"
@@ -80,7 +83,7 @@ def test_round_trip_keeps_every_digit(tmp_path: Path) -> None:
     assert [sample.frame for sample in truth.samples] == [0, 1]
 
 
-finite = st.floats(-1e6, 1e6)
+finite = st.floats(-1e3, 1e3)
 
 
 @given(
@@ -202,6 +205,18 @@ def test_reads_rows_in_any_order_and_ignores_extra_columns(tmp_path: Path) -> No
         (BOXED.replace(",box_v1", "") + f"\n{ROW},1,2,3\n", "has box_u0 but not all of box_u0,"),
         (f"{BOXED}\n{ROW},1,2,3,\n", "line 2: box_v1 must be a number, not ''"),
         (f"{BOXED}\n{ROW},1,2,3,wide\n", "line 2: box_v1 must be a number, not 'wide'"),
+        (
+            f"{HEADER}\n{ROW.replace('1,1,2', '1,1e9,2')}\n",
+            "line 2: x must be at most 1e+08 m in magnitude, not 1e9",
+        ),
+        (
+            f"{HEADER}\n{ROW.replace('0.1,', '-1001,')}\n",
+            "line 2: vx must be at most 1000 m/s in magnitude, not -1001",
+        ),
+        (f"{HEADER}\n{ROW.replace('0,0.0', '0,2e11')}\n", "line 2: t must be at most 1e+11 s"),
+        (f"{HEADER}\n{ROW.replace('0.6', '1e300')}\n", "line 2: size_z must be at most"),
+        (f"{HEADER}\n{ROW.replace('0.7', '1e300')}\n", "line 2: yaw must be at most"),
+        (f"{HEADER};kind\n{ROW}\n".replace(",", ";"), "must have 15 cells"),
         (f"{BOXED}\n{ROW},1,2,inf,4\n", "line 2: box_u1 must be finite"),
         (f"{BOXED}\n{ROW},5,2,3,4\n", "must not exceed box_u1 and box_v1, but the box is 5 2 3 4"),
         (f"{HEADER},kind\n{ROW},ghost\n", "kind must be robot or person, not 'ghost'"),
@@ -222,6 +237,44 @@ def test_refuses(text: str, expected: str, tmp_path: Path) -> None:
     assert expected in str(caught.value)
     assert str(caught.value).startswith("truth.csv")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("point", [".", ","])
+def test_semicolons_separate_cells_as_well(point: str, tmp_path: Path) -> None:
+    samples = [TruthSample(k, k / 10, (body(1, x=k / 7), body(2, kind="person"))) for k in range(3)]
+    write_truth_csv(tmp_path / "truth.csv", samples)
+    saved = tmp_path / "saved.csv"
+    with (tmp_path / "truth.csv").open(newline="") as file, saved.open("w", newline="") as again:
+        writer = csv.writer(again, delimiter=";")
+        for number, row in enumerate(csv.reader(file)):
+            names = csv_file._COLUMNS.index("name"), csv_file._COLUMNS.index("role")
+            writer.writerow(
+                cell if number == 0 or index in names else cell.replace(".", point)
+                for index, cell in enumerate(row)
+            )
+    assert file_kind(saved) == "truth.csv"
+    for sample, read in zip(samples, CsvTruth(saved).samples, strict=True):
+        for a, b in zip(sample.bodies, read.bodies, strict=True):
+            assert_same(a, b)
+
+
+@pytest.mark.parametrize("quote", ['"', "'", " "])
+def test_the_format_is_recognised_with_quoted_titles(quote: str, tmp_path: Path) -> None:
+    path = tmp_path / "truth.csv"
+    titles = [f"{quote}{title}{quote}" for title in HEADER.split(",")]
+    path.write_text(f"{','.join(titles)}\n{ROW}\n")
+    assert file_kind(path) == "truth.csv"
+
+
+def test_too_many_rows_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_file, "MOST_ROWS", 3)
+    path = tmp_path / "truth.csv"
+    rows = [f"{k},{k / 10},1{ROW[7:]}" for k in range(4)]
+    path.write_text("\n".join([HEADER, *rows[:-1]]))
+    assert len(CsvTruth(path).samples) == 3
+    path.write_text("\n".join([HEADER, *rows]))
+    with pytest.raises(TruthError, match=r"^truth\.csv line 5: there are more than 3 rows"):
+        CsvTruth(path)
 
 
 def test_more_ids_than_bodies_can_be_are_refused_in_little_memory(tmp_path: Path) -> None:

@@ -50,6 +50,17 @@ def test_reads_units_stated_in_the_header(read: Read, header: str) -> None:
     assert "positions are in millimetres" in capture.notes
 
 
+def test_millimetres_without_a_unit_are_noted(read: Read) -> None:
+    noted = read("t,x,y,z\n" + table(T, 1000 * P)).notes
+    assert (
+        "a body is 2500 m from the origin, too far for a room: the file seems to use a smaller "
+        "unit; name it in the header, as in x_mm,y_mm,z_mm"
+    ) in noted
+    for header, scale in (("t,x,y,z", 1), ("t,x_mm,y_mm,z_mm", 1000), ("t,x_m,y_m,z_m", 1000)):
+        notes = read(f"{header}\n" + table(T, scale * P)).notes
+        assert not any("too far for a room" in note for note in notes)
+
+
 def test_name_column_separates_bodies(read: Read) -> None:
     capture = read("t,body,x,y,z\n0,a,1,2,3\n0,b b,4,5,6\n1,a,,,\n1,b b,4,5,7\n")
     assert list(capture.bodies) == ["a", "b b"]
