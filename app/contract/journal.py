@@ -8,6 +8,9 @@ from typing import Annotated, Literal
 
 from app.contract.values import means
 
+# Number of entries kept.
+LOG_LENGTH = 500
+
 Severity = Literal["info", "warning", "error"]
 
 

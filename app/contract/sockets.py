@@ -14,6 +14,9 @@ from app.contract.values import means
 from observer.rig.rig import Role
 from observer.truth.matching import TrueBodyEntry
 
+# Seconds: each socket carries a message at least this often, so that silence means a loss.
+HEARTBEAT_S = 0.2
+
 # --- /api/live -------------------------------------------------------------------------------
 
 

@@ -11,6 +11,9 @@ from app.contract.live_truth import LiveTruthStatus
 from app.contract.values import means
 from observer.recording.payloads import Images
 
+# Seconds after which what is shown is said to be stale.
+STALE_AFTER_S = 1.0
+
 EngineWord = Literal["idle", "preview", "running", "calibrating", "failed"]
 
 

@@ -12,13 +12,12 @@ from collections import deque
 from collections.abc import Callable
 
 from app.contract.events import EngineState, ObservationEvent
-from app.contract.journal import LogEntry, Severity
+from app.contract.journal import LOG_LENGTH, LogEntry, Severity
 from app.contract.robots import RobotIncident
 from app.server.server import Server
 from app.server.status import warnings
 from observer.opening import shown_spec
 
-_MOST = 500
 _LONGEST = 500
 # Numbers in a warning: if only they change, it is still the same warning.
 _FIGURES = re.compile(r"[-+]?\d+(?:\.\d+)?")
@@ -36,7 +35,7 @@ class Journal:
     """
 
     def __init__(
-        self, server: Server, wall_clock: Callable[[], float] = time.time, most: int = _MOST
+        self, server: Server, wall_clock: Callable[[], float] = time.time, most: int = LOG_LENGTH
     ) -> None:
         self._server = server
         self._wall_clock = wall_clock

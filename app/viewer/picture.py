@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from app.contract.events import EngineState, ObservationEvent, StateEvent
 from app.contract.robots import RobotsNow
+from app.contract.status import STALE_AFTER_S
 from app.runtime.latest import Latest
 from app.viewer.robot_marks import USUAL_GUARD, RobotMarks, robot_marks
 from app.viewer.shapes import box_edges, rig_edges, upright_rotation, uprighted
@@ -21,7 +22,6 @@ from observer.intervals import half_95
 from observer.mount import level_pose
 from observer.types import MotionState
 
-STALE_AFTER_S = 1.0
 # An arrow shows the obstacle's place after this time.
 _ARROW_S = 1.0
 _SLOWEST_ARROW_MPS = 0.03

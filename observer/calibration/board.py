@@ -20,8 +20,11 @@ MARKER_SHARE = 0.75
 # With fewer corners, a board's pose cannot be told from the lens.
 FEWEST_CORNERS = 8
 
-_CORNERS = (3, 30)
-_SQUARE_M = (0.002, 0.5)
+# Numbers of inner corners in each direction, and the side of a square.
+MIN_SIDE_CORNERS, MAX_SIDE_CORNERS = 3, 30
+MIN_SQUARE_MM, MAX_SQUARE_MM = 2.0, 500.0
+# A chessboard that fits on A4 with the white margin that detection needs.
+A4_COLUMNS, A4_ROWS, A4_SQUARE_MM = 9, 6, 21.0
 
 
 @dataclass(frozen=True)
@@ -51,14 +54,15 @@ class Board:
             raise CalibrationError(f"a board is 'chessboard' or 'charuco', not {self.kind!r}")
         for name in ("columns", "rows"):
             value = getattr(self, name)
-            if not _CORNERS[0] <= value <= _CORNERS[1]:
+            if not MIN_SIDE_CORNERS <= value <= MAX_SIDE_CORNERS:
                 raise CalibrationError(
-                    f"a board has {_CORNERS[0]} to {_CORNERS[1]} inner corners in each direction, "
-                    f"not {value} {name}; count the corners between squares, not the squares"
+                    f"a board has {MIN_SIDE_CORNERS} to {MAX_SIDE_CORNERS} inner corners in each "
+                    f"direction, not {value} {name}; count the corners between squares, not the "
+                    "squares"
                 )
-        if not _SQUARE_M[0] <= self.square_m <= _SQUARE_M[1]:
+        if not MIN_SQUARE_MM / 1e3 <= self.square_m <= MAX_SQUARE_MM / 1e3:
             raise CalibrationError(
-                f"the squares of a board are {1e3 * _SQUARE_M[0]:g} to {1e3 * _SQUARE_M[1]:g} mm "
+                f"the squares of a board are {MIN_SQUARE_MM:g} to {MAX_SQUARE_MM:g} mm "
                 f"wide, not {1e3 * self.square_m:g} mm"
             )
         if self.kind == "charuco" and (self.columns + 1) * (self.rows + 1) > 500:

@@ -28,7 +28,8 @@ class RobotSpec:
     """A robot's constants.
 
     Attributes:
-        model: its name, as in ``rig.yaml``. title: for people.
+        model: its name, as in ``rig.yaml``. title: for people; variant: tells models with the same
+            title apart.
         distance_mm: millimetres per unit of X and Y. speed_mmps: mm/s per unit of wheel speed.
         angle_rad: radians per unit of TH. wheel_turn: rad/s per half the difference of the wheel
             speeds in mm/s, to compute the turn rate where none is reported.
@@ -44,6 +45,7 @@ class RobotSpec:
 
     model: RobotModel
     title: str
+    variant: str
     distance_mm: float
     speed_mmps: float
     angle_rad: float
@@ -88,26 +90,27 @@ _AMIGO_SONARS = _ring(
 )  # fmt: skip
 # SH manuals give TH in degrees; ARIA and p2os use this unit, and the firmware sends it.
 _ANGLE_RAD = 0.001534
+_SH, _OLDER = "SH controller", "older"
 
 
-def _p3dx(model: RobotModel, distance_mm: float) -> RobotSpec:
+def _p3dx(model: RobotModel, variant: str, distance_mm: float) -> RobotSpec:
     return RobotSpec(
-        model, "Pioneer P3-DX", distance_mm, 1.0, _ANGLE_RAD, 0.0056, 2.2, math.radians(500),
-        0.250, 0.425, 0.511, _P3DX_SONARS,
+        model, "Pioneer P3-DX", variant, distance_mm, 1.0, _ANGLE_RAD, 0.0056, 2.2,
+        math.radians(500), 0.250, 0.425, 0.511, _P3DX_SONARS,
     )  # fmt: skip
 
 
-def _amigo(model: RobotModel, distance_mm: float, speed_mmps: float) -> RobotSpec:
+def _amigo(model: RobotModel, variant: str, distance_mm: float, speed_mmps: float) -> RobotSpec:
     return RobotSpec(
-        model, "AmigoBot", distance_mm, speed_mmps, _ANGLE_RAD, 0.011, 1.0, math.radians(300),
-        0.180, 0.279, 0.330, _AMIGO_SONARS, flag_bits=0b11,
+        model, "AmigoBot", variant, distance_mm, speed_mmps, _ANGLE_RAD, 0.011, 1.0,
+        math.radians(300), 0.180, 0.279, 0.330, _AMIGO_SONARS, flag_bits=0b11,
     )  # fmt: skip
 
 
 SPECS: Mapping[str, RobotSpec] = {
-    "p3dx-sh": _p3dx("p3dx-sh", 1.0),
-    "p3dx": _p3dx("p3dx", 0.485),
+    "p3dx-sh": _p3dx("p3dx-sh", _SH, 1.0),
+    "p3dx": _p3dx("p3dx", _OLDER, 0.485),
     # p2os uses 1.3746 for the speed; the vendor's own file says 1.
-    "amigo-sh": _amigo("amigo-sh", 1.0, 1.0),
-    "amigo": _amigo("amigo", 0.5083, 0.6154),
+    "amigo-sh": _amigo("amigo-sh", _SH, 1.0, 1.0),
+    "amigo": _amigo("amigo", _OLDER, 0.5083, 0.6154),
 }

@@ -1034,7 +1034,7 @@ export interface components {
       columns: number;
       /** @default 6 */
       rows: number;
-      /** @default 25 */
+      /** @default 21 */
       square_mm: number;
     };
     CalibratingStatus: {

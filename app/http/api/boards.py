@@ -8,9 +8,10 @@ from fastapi import APIRouter, Path, Query, Response
 
 from app.http.api.common import attachment
 from app.http.api.refusals import refusals
+from app.http.api.values import Corners, SquareMm
 from app.server import FieldError
 from app.server.calibrating.session import board_of
-from observer.calibration.board import BoardKind
+from observer.calibration.board import A4_COLUMNS, A4_ROWS, A4_SQUARE_MM, BoardKind
 from observer.calibration.printing import board_pdf, board_svg
 from observer.errors import CalibrationError
 
@@ -31,9 +32,9 @@ _KINDS = {"svg": "image/svg+xml", "pdf": "application/pdf"}
 def get_board(
     kind: BoardKind,
     format: Annotated[Literal["svg", "pdf"], Path()],
-    columns: Annotated[int, Query(ge=3, le=30, description="Inner corners across.")] = 9,
-    rows: Annotated[int, Query(ge=3, le=30)] = 6,
-    square_mm: Annotated[float, Query(ge=2, le=500, allow_inf_nan=False)] = 25.0,
+    columns: Annotated[Corners, Query(description="Inner corners across.")] = A4_COLUMNS,
+    rows: Annotated[Corners, Query()] = A4_ROWS,
+    square_mm: Annotated[SquareMm, Query()] = A4_SQUARE_MM,
     paper: Literal["A4", "A3", "Letter"] = "A4",
 ) -> Response:
     """Print it at 100 %.

@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, File, Form, Path, Response, UploadFile
-from pydantic import Field, StrictBool, StrictInt
+from pydantic import Field, StrictBool
 
 from app.contract.calibrating import CalibratingStatus, Calibration, CalibrationResult
 from app.contract.commands import ChangeCalibration
@@ -17,12 +17,12 @@ from app.contract.status import Status
 from app.http.api.common import TheServer
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
-from app.http.api.values import Finite, In, Name, Spec
+from app.http.api.values import Corners, In, Name, Spec, SquareMm
 from app.server import FieldError, Server
 from app.server.calibrating.session import board_of
 from app.server.status import status
 from app.storage import StorageFull
-from observer.calibration.board import BoardKind
+from observer.calibration.board import A4_COLUMNS, A4_ROWS, A4_SQUARE_MM, BoardKind
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 
@@ -31,18 +31,14 @@ router = APIRouter(prefix="/calibrating", tags=["calibrating"])
 ViewName = Annotated[str, Path(max_length=200)]
 
 
-Corners = Annotated[StrictInt, Field(ge=3, le=30)]
-SquareMm = Annotated[Finite, Field(ge=2, le=500)]
-
-
 class CalibratingStart(In):
     """The board is named by its inner corners, as OpenCV names it."""
 
     source: Spec | None = Field(None, description="None: the open source.")
     kind: BoardKind = "chessboard"
-    columns: Corners = 9
-    rows: Corners = 6
-    square_mm: SquareMm = 25.0
+    columns: Annotated[Corners, Field(strict=True)] = A4_COLUMNS
+    rows: Annotated[Corners, Field(strict=True)] = A4_ROWS
+    square_mm: Annotated[SquareMm, Field(strict=True)] = A4_SQUARE_MM
 
 
 class CalibratingChange(In):
@@ -130,9 +126,9 @@ async def get_picture(
 async def post_images(
     file: Annotated[UploadFile, File(description="left/ and right/ with the same file names.")],
     kind: Annotated[BoardKind, Form()],
-    columns: Annotated[int, Form(ge=3, le=30)],
-    rows: Annotated[int, Form(ge=3, le=30)],
-    square_mm: Annotated[float, Form(ge=2, le=500, allow_inf_nan=False)],
+    columns: Annotated[Corners, Form()],
+    rows: Annotated[Corners, Form()],
+    square_mm: Annotated[SquareMm, Form()],
     server: TheServer,
 ) -> CalibratingStatus:
     """Detects the board in every pair; only then are earlier captures discarded."""

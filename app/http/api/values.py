@@ -7,6 +7,12 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
 
+from observer.calibration.board import (
+    MAX_SIDE_CORNERS,
+    MAX_SQUARE_MM,
+    MIN_SIDE_CORNERS,
+    MIN_SQUARE_MM,
+)
 from observer.parameters import without_effect
 
 # Python's JSON parser accepts NaN; strict, finite types reject it, and true as a number.
@@ -25,6 +31,9 @@ Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=NO_NUL)]
 # Id of a lease or a calibration, or name of a programme.
 Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
 Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
+# Inner corners of a board across or down, and the side of its squares.
+Corners = Annotated[int, Field(ge=MIN_SIDE_CORNERS, le=MAX_SIDE_CORNERS)]
+SquareMm = Annotated[float, Field(ge=MIN_SQUARE_MM, le=MAX_SQUARE_MM, allow_inf_nan=False)]
 # More than there are parameters.
 MOST_CHANGES = 300
 Changes = Annotated[

@@ -13,6 +13,7 @@ from fastapi import WebSocket
 
 from app.contract.drive import COMMAND_FRESH_S, DriveCommand, Presence
 from app.contract.sockets import (
+    HEARTBEAT_S,
     DriveMessage,
     LeaseMessage,
     LinkMessage,
@@ -39,7 +40,6 @@ from app.server import Conflict, FieldError, NotAvailable, Server
 from app.server.background import Background
 from observer.rig.rig import Role
 
-_PING_S = 0.2
 # A client silent for this long is gone, whatever the kernel says about the connection.
 _SILENT_S = 10.0
 # Messages waiting for a client to read them: three seconds' worth.
@@ -114,7 +114,7 @@ class DriveSocket:
             self._say(self._link_message(now))
             self._command_age.pinged(number, now)
             self._say(PingMessage(number))
-            await asyncio.sleep(_PING_S)
+            await asyncio.sleep(HEARTBEAT_S)
 
     def _link_message(self, now: float) -> LinkMessage:
         state = self._command_age.state(now)

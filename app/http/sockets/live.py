@@ -17,6 +17,7 @@ from fastapi import WebSocket
 from app.contract.events import ObservationEvent
 from app.contract.robots import WheelSpeed
 from app.contract.sockets import (
+    HEARTBEAT_S,
     HeartbeatMessage,
     LogMessage,
     ObservationTold,
@@ -31,8 +32,6 @@ from app.server.journal import Journal
 from app.server.status import observation_age_s, status
 
 _STATUS_INTERVAL_S = 0.5
-# Pages expect one every 250 ms.
-_HEARTBEAT_S = 0.2
 _MOST_UNACKNOWLEDGED = 2
 # Time after which a missing acknowledgement is given up (a background tab paints nothing).
 _ACKNOWLEDGE_WITHIN_S = 5.0
@@ -227,10 +226,10 @@ class _Page:
 
     async def send(self) -> None:
         """Send what is due; while the network is slow, keep only the newest."""
-        beat = -_HEARTBEAT_S
+        beat = -HEARTBEAT_S
         while True:
             now = self._server.clock()
-            if now - beat >= _HEARTBEAT_S:
+            if now - beat >= HEARTBEAT_S:
                 beat = now
                 await self._socket.send_text(self._heartbeat(now))
                 continue
@@ -240,7 +239,7 @@ class _Page:
                 continue
             self._wake.clear()
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(self._pause_s(_HEARTBEAT_S - (now - beat))):
+                async with asyncio.timeout(self._pause_s(HEARTBEAT_S - (now - beat))):
                     await self._wake.wait()
 
     def _pause_s(self, until_beat_s: float) -> float:

@@ -39,9 +39,9 @@ class BoardSpec(Spec):
     """
 
     pattern: BoardKind = "chessboard"
-    columns: int = Field(9, ge=3, le=30)
-    rows: int = Field(6, ge=3, le=30)
-    square_mm: float = Field(25.0, ge=2, le=500)
+    columns: int = 9
+    rows: int = 6
+    square_mm: float = 25.0
     hold_s: float = Field(0.8, gt=0, le=60)
     move_s: float = Field(0.7, gt=0, le=60)
     tremor_mm: float = Field(0.0, ge=0, le=10)

@@ -12,7 +12,16 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
-import { BAR_MM } from "../elements/facts.js";
+import {
+  A4_COLUMNS,
+  A4_ROWS,
+  A4_SQUARE_MM,
+  BAR_MM,
+  MAX_SIDE_CORNERS,
+  MAX_SQUARE_MM,
+  MIN_SIDE_CORNERS,
+  MIN_SQUARE_MM,
+} from "../elements/facts.js";
 import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
@@ -27,12 +36,12 @@ const KEY = "dynamic-observer.board";
 
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
 
-/** A board that fits on A4 with the white margin that detection needs. @type {BoardChoice} */
+/** @type {BoardChoice} */
 const DEFAULT_BOARD = {
   kind: "chessboard",
-  columns: 9,
-  rows: 6,
-  square_mm: 21,
+  columns: A4_COLUMNS,
+  rows: A4_ROWS,
+  square_mm: A4_SQUARE_MM,
   paper: "A4",
   bar_mm: BAR_MM,
 };
@@ -49,9 +58,9 @@ export class BoardStep extends Part {
     ["chessboard", "Chessboard"],
     ["charuco", "ChArUco (may be partly visible)"],
   ]);
-  #columns = number("board-columns", 3, 30, 1);
-  #rows = number("board-rows", 3, 30, 1);
-  #square = number("board-square", 2, 500, "any");
+  #columns = number("board-columns", MIN_SIDE_CORNERS, MAX_SIDE_CORNERS, 1);
+  #rows = number("board-rows", MIN_SIDE_CORNERS, MAX_SIDE_CORNERS, 1);
+  #square = number("board-square", MIN_SQUARE_MM, MAX_SQUARE_MM, "any");
   #paper = select({ id: "board-paper" }, [
     ["A4", "A4"],
     ["A3", "A3"],

@@ -1,5 +1,6 @@
 /** Driving from this page: sends the held deflection as velocities ten times a second. */
 
+import { COMMAND_FRESH_S, STALE_AFTER_S } from "../elements/facts.js";
 import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
 import { Emitter } from "../shell/emitter.js";
@@ -11,10 +12,10 @@ import { isArmed, ROLES } from "./roles.js";
 /** @import { Role } from "./roles.js" */
 
 const SEND_EVERY_MS = 100;
-// The server stops a robot after 250 ms of operator silence; the page then asks for a new press.
-const FROZEN_AFTER_MS = 250;
-// Nobody consents to what they cannot see. The server sends something to show every 250 ms.
-const UNSEEN_AFTER_MS = 1000;
+// The server has then stopped the robot, so the page asks for a new press.
+const FROZEN_AFTER_MS = 1000 * COMMAND_FRESH_S;
+// Nobody consents to what they cannot see.
+const UNSEEN_AFTER_MS = 1000 * STALE_AFTER_S;
 // Upper limit for manual driving, whatever the robot is capable of.
 const MAX_TURN_RATE_RADPS = Math.PI / 2;
 const KEY = "dynamic-observer.driving";

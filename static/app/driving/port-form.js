@@ -1,6 +1,7 @@
 /** Port and model of a role's robot. */
 
 import { button, field, fillList, h, input, onSubmit, select, setText } from "../elements/dom.js";
+import { ROBOT_MODELS } from "../elements/facts.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attemptIn, notify, exclusiveRunner, showError } from "../shell/notice.js";
@@ -8,13 +9,7 @@ import { attemptIn, notify, exclusiveRunner, showError } from "../shell/notice.j
 /** @import { Devices, RobotsMessage, SerialPortNow } from "../contract" */
 /** @import { Role } from "./roles.js" */
 
-const MODELS = [
-  ["", "As reported by the robot"],
-  ["p3dx-sh", "Pioneer P3-DX, SH controller"],
-  ["p3dx", "Pioneer P3-DX, older"],
-  ["amigo-sh", "AmigoBot, SH controller"],
-  ["amigo", "AmigoBot, older"],
-];
+const MODELS = [["", "As reported by the robot"], ...Object.entries(ROBOT_MODELS)];
 const EXAMPLE_ADDRESSES = [
   ["socket://localhost:8101", "a robot on the network, or the manufacturer's simulator"],
   ["external:127.0.0.1:7700", "a custom robot on this server"],

@@ -12,6 +12,26 @@ export const VISIBLE_SHARE = 0.5;
 /** Half the angle of a sonar's cone, until the guard's parameters are known. */
 export const SONAR_HALF_ANGLE_DEG = 15;
 
+/** The server stops a robot after this long without a sign of its operator, s. */
+export const COMMAND_FRESH_S = 0.25;
+
+/** The server sends something on a socket at least this often, s. */
+export const HEARTBEAT_S = 0.2;
+
+/** What is shown is stale after this time, s. */
+export const STALE_AFTER_S = 1;
+
+/** Number of entries of the log that the server keeps. */
+export const LOG_LENGTH = 500;
+
+/** Robot models whose constants are known, and their names for people. */
+export const ROBOT_MODELS = {
+  "p3dx-sh": "Pioneer P3-DX, SH controller",
+  "p3dx": "Pioneer P3-DX, older",
+  "amigo-sh": "AmigoBot, SH controller",
+  "amigo": "AmigoBot, older",
+};
+
 /** The server rejects a goal farther away, metres. */
 export const FARTHEST_GOAL_M = 20;
 
@@ -23,6 +43,27 @@ export const MAP_FREE = 1;
 
 /** State of a blocked cell of a local map. */
 export const MAP_BLOCKED = 2;
+
+/** Minimum inner corners of a board in each direction. */
+export const MIN_SIDE_CORNERS = 3;
+
+/** Maximum inner corners of a board in each direction. */
+export const MAX_SIDE_CORNERS = 30;
+
+/** Minimum side of a board's squares, mm. */
+export const MIN_SQUARE_MM = 2;
+
+/** Maximum side of a board's squares, mm. */
+export const MAX_SQUARE_MM = 500;
+
+/** Inner corners across of a board that fits on A4. */
+export const A4_COLUMNS = 9;
+
+/** Inner corners down of a board that fits on A4. */
+export const A4_ROWS = 6;
+
+/** Side of its squares, mm. */
+export const A4_SQUARE_MM = 21;
 
 /** Length of the bar printed beside a calibration board, mm. */
 export const BAR_MM = 100;

@@ -1,13 +1,13 @@
 /** One live view: a canvas that shows the newest image and says when it is stale. */
 
 import { h, paint, setAttribute, setText } from "../elements/dom.js";
+import { STALE_AFTER_S } from "../elements/facts.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { EnlargeButton } from "./enlarge-button.js";
 import { PixelQuestion } from "./pixel-question.js";
 import { ViewSocket } from "./view-socket.js";
 
-const STALE_AFTER_MS = 1000;
 /** @type {Record<string, string>} */
 const MEANINGS = { disparity: GLOSSARY["disparity"], residual: GLOSSARY["residual"] };
 
@@ -114,7 +114,7 @@ export class LiveView extends Part {
   #updateFreshness() {
     const age = performance.now() - this.#exposed;
     const { freshness } = this.hub;
-    const old = age > STALE_AFTER_MS;
+    const old = age > 1000 * STALE_AFTER_S;
     const state = !old ? "fresh" : freshness.state === "held" ? "held" : "stale";
     setAttribute(this, "data-freshness", state);
     const seen = Number.isFinite(age);

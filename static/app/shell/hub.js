@@ -1,5 +1,6 @@
 /** The page's state of the server, and the events that notify its parts of changes. */
 
+import { STALE_AFTER_S } from "../elements/facts.js";
 import { sentence } from "../elements/words.js";
 import { FloorPick } from "./floor-pick.js";
 import { LiveSocket } from "./live-socket.js";
@@ -16,7 +17,6 @@ import { Emitter } from "./emitter.js";
  * @property {number} age_s
  */
 
-const STALE_AFTER_S = 1;
 // A restarted server is back sooner, unless its port or address has changed.
 const RESTART_HINT_AFTER_S = 15;
 const FRESHNESS_CHECK_MS = 200;

@@ -1,13 +1,13 @@
 /** A WebSocket that parses messages and reconnects when it is lost. */
 
-import { SESSION_OVER } from "../elements/facts.js";
+import { HEARTBEAT_S, SESSION_OVER } from "../elements/facts.js";
 import { leaveIfSignedOut, goToSignIn } from "./session.js";
 
 /** @typedef {"connecting" | "open" | "closed"} Connection */
 
 const RETRY_MS = [250, 500, 1000, 2000];
-// A socket silent for this long is given up; the server sends something every 250 ms.
-const SILENT_MS = 3000;
+// A socket silent for this long is given up.
+const SILENT_MS = 15 * 1000 * HEARTBEAT_S;
 const CHECK_EVERY_MS = 500;
 
 export class LiveSocket {

@@ -1,10 +1,10 @@
 /** The server's log as known to this page, and the notices this page has shown. */
 
+import { LOG_LENGTH } from "../elements/facts.js";
+
 /** @import { LogEntry } from "../contract" */
 /** @typedef {Pick<LogEntry, "time" | "severity" | "text">} Line */
 
-// As many as the server keeps.
-const MAX_ENTRIES = 500;
 const MAX_NOTICES = 100;
 // The page shows a refusal at about the time the server logs it.
 const SAME_S = 10;
@@ -30,7 +30,7 @@ export class LogBook {
     const last = this.#entries.at(-1)?.number ?? 0;
     const fresh = entries.filter(({ number }) => number > last);
     if (fresh[0] && fresh[0].number !== last + 1) return false;
-    this.#entries = [...this.#entries, ...fresh].slice(-MAX_ENTRIES);
+    this.#entries = [...this.#entries, ...fresh].slice(-LOG_LENGTH);
     return true;
   }
 

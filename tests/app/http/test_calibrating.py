@@ -369,6 +369,9 @@ async def test_each_path_has_its_own_size_limit(serve: Any) -> None:
 
 @pytest.mark.parametrize("kind", ["chessboard", "charuco"])
 async def test_boards_are_served_for_printing(http: Any, kind: str) -> None:
+    assert (await http.get("/api/boards/chessboard.pdf")).status_code == 200, (
+        "the default fits on A4"
+    )
     query = {"columns": 7, "rows": 5, "square_mm": 22.5, "paper": "Letter"}
     svg = await http.get(f"/api/boards/{kind}.svg", params=query)
     assert svg.headers["content-type"].startswith("image/svg+xml")
