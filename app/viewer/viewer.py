@@ -6,23 +6,24 @@ gives the reason.
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import structlog
 
-from app.contract.events import LocalMapEvent
+from app.contract.events import LocalMapEvent, ObservationEvent, StateEvent
 from app.contract.robots import RobotsNow
 from app.contract.views import CLOUD_NAME
 from app.server import Server
 from app.viewer.map_tiles import map_tiles
 from app.viewer.picture import make_picture, read_cloud
+from observer.guard.parameters import GuardParameters
 
 if TYPE_CHECKING:
     from app.viewer.scene import Scene
@@ -55,6 +56,36 @@ class NullViewer:
         """Do nothing: there is nothing to end."""
 
 
+@dataclass(frozen=True)
+class _Moment:
+    """All of the event loop's facts that the scene shows, at one instant.
+
+    Attributes:
+        observation, state, generation, local_map: of the source. driving: state of the robots.
+        limits: the guard's parameters.
+    """
+
+    observation: ObservationEvent | None
+    state: StateEvent
+    generation: int
+    local_map: LocalMapEvent | None
+    driving: RobotsNow
+    limits: GuardParameters
+
+    @classmethod
+    def of(cls, server: Server) -> _Moment:
+        """Return the present facts (in the event loop, which changes them)."""
+        source = server.source
+        return cls(
+            observation=source.latest,
+            state=source.state,
+            generation=source.generation,
+            local_map=source.local_map,
+            driving=server.driving.facts(),
+            limits=server.parameters.current.values.guard,
+        )
+
+
 class ViserViewer:
     """Viewer that shows our scene with viser, updated at a fixed rate while somebody looks.
 
@@ -85,12 +116,13 @@ class ViserViewer:
         self.port: int | None = self._viser.port
         self.headers: Mapping[str, str] = self._viser.headers
         self._lookers = 0
-        self._leave: Callable[[], None] = lambda: None
+        self._looking = ExitStack()
+        # Set in the event loop, read in the thread; None while nobody looks.
+        self._moment: _Moment | None = None
         self._stopping = threading.Event()
         self._cloud_sequence = 0
         self._image_sequence = 0
         self._image_due = 0.0
-        self._driving: RobotsNow | None = None
         self._local_map: LocalMapEvent | None = None
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
         self._thread.start()
@@ -106,14 +138,17 @@ class ViserViewer:
     def connected(self) -> Iterator[None]:
         """Count a client that looks at the scene while the block runs (in the event loop)."""
         self._lookers += 1
-        if self._lookers == 1:
-            self._leave = self._server.watching.enter("plain", CLOUD_NAME)
         try:
+            if self._lookers == 1:
+                self._looking.callback(self._server.watching.enter("plain", CLOUD_NAME))
+                self._looking.callback(self._server.followers.follow(self))
+                self._look()
             yield
         finally:
             self._lookers -= 1
             if self._lookers == 0:
-                self._leave()
+                self._looking.close()
+                self._moment = None
 
     def stop(self) -> None:
         """End threads and sockets; safe to call twice."""
@@ -123,36 +158,50 @@ class ViserViewer:
         self._thread.join(_STOP_TIMEOUT_S)
         self._viser.stop()
 
+    # --- follower of the server -------------------------------------------------------------
+
+    def observed(self, event: ObservationEvent) -> None:
+        del event
+        self._look()
+
+    def status_changed(self) -> None:
+        self._look()
+
+    def robots_changed(self) -> None:
+        self._look()
+
+    def _look(self) -> None:
+        self._moment = _Moment.of(self._server)
+
+    # --- thread -----------------------------------------------------------------------------
+
     def _run(self) -> None:
         due = time.monotonic()
         while not self._stopping.wait(max(0.0, due - time.monotonic())):
-            looked_at = self._lookers > 0
+            moment = self._moment
             due = (
                 max(due + self._interval, time.monotonic())
-                if looked_at
+                if moment is not None
                 else (time.monotonic() + _IDLE_S)
             )
-            if looked_at:
+            if moment is not None:
                 try:
-                    self._update()
+                    self._update(moment)
                 except Exception:
                     # A faulty picture must not end the viewer, nor a faulty viewer the server.
                     log.exception("viewer_update_failed")
                     self._stopping.wait(1.0)
 
-    def _update(self) -> None:
-        server, source = self._server, self._server.source
+    def _update(self, moment: _Moment) -> None:
+        server = self._server
         now = server.clock()
         with self._scene.together():
-            # The event loop may change it during the read; then the previous facts are used again.
-            with contextlib.suppress(RuntimeError):
-                self._driving = server.driving.facts()
             picture = make_picture(
-                *(source.latest, source.state, source.generation, now, self._driving),
-                limits=server.parameters.current.values.guard,
+                *(moment.observation, moment.state, moment.generation, now, moment.driving),
+                limits=moment.limits,
             )
             self._scene.show(picture, now)
-            local_map = None if picture.stale else source.local_map
+            local_map = None if picture.stale else moment.local_map
             if local_map is not self._local_map:
                 self._local_map = local_map
                 self._scene.show_map(map_tiles(local_map))
