@@ -37,7 +37,7 @@ def test_scene_views_and_first_line_show_the_moving_obstacle(
         canvas = page.locator(f'observer-live-view[data-view="{name}"] canvas')
         assert pixels(canvas).std() > 8, name
     row = page.locator("observer-obstacles tbody tr").first
-    expect(row).to_contain_text(re.compile(r"\d\.\d\d m "))
+    expect(row).to_contain_text(re.compile(r"\d\.\d\d$"))
     assert page.locator("observer-speed-chart .uplot canvas").count() == 1
     keep_picture(page, "desktop-light")
 

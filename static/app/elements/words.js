@@ -3,6 +3,7 @@
 import { MOVING_MPS, SIGMAS_95, VISIBLE_SHARE } from "./facts.js";
 
 /** @import { LiveLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
+/** @import { LastSeen, Sighting } from "./last-seen.js" */
 
 const STRAIGHT_RAD = (8 * Math.PI) / 180;
 // An obstacle slower than this has no heading worth naming.
@@ -59,19 +60,21 @@ export function headingInWords(obstacle, pose) {
 }
 
 /**
- * The first line of the page.
+ * The first line of the page. Only what is in view now is said to move.
  *
  * @param {LiveLine} line
  * @param {TrueBodyEntry[]} truth
+ * @param {Pick<LastSeen, "of">} lastSeen
  * @returns {{text: string, id: number | null, tone: "moving" | "calm" | "lost"}}
  */
-export function firstLine(line, truth) {
+export function firstLine(line, truth, lastSeen) {
   if (line.status === "lost") {
     const why = line.reasons[0] ? `: ${line.reasons[0]}` : "";
     return { text: `Camera motion lost${why}.`, id: null, tone: "lost" };
   }
-  const moving = line.obstacles.filter((o) => o.motion === "moving");
-  const nearest = [...moving].sort((a, b) => a.range - b.range)[0];
+  const inView = line.obstacles.filter((o) => o.state !== "coasting");
+  const moving = inView.filter((o) => o.motion === "moving");
+  const nearest = nearestOf(moving);
   if (nearest) {
     return {
       text: movingLine(nearest, moving.length - 1, line, truth),
@@ -79,15 +82,21 @@ export function firstLine(line, truth) {
       tone: "moving",
     };
   }
-  const waving = line.obstacles.find((o) => o.motion === "in_place");
-  const standing = line.obstacles[0];
+  const waving = inView.find((o) => o.motion === "in_place");
+  const standing = inView[0];
+  const left = nearestOf(
+    line.obstacles.filter((o) => !inView.includes(o) && o.motion !== "stopped"),
+  );
   const missed = truth.find(
     (body) =>
       body.role !== "observer" &&
       body.speed > MOVING_MPS &&
       (body.visible === null || body.visible >= VISIBLE_SHARE),
   );
-  let text = standing ? `Nothing moves; obstacle ${standing.id} has stopped.` : "Nothing moves.";
+  let text = standing
+    ? `No motion in view; obstacle ${standing.id} has stopped.`
+    : "No motion in view.";
+  if (left) text = leftLine(left.id, lastSeen.of(left.id));
   if (waving) {
     text = `Obstacle ${waving.id} moves in place, ${fixed(waving.range, 1)} m ${bearingInWords(waving.bearing)}.`;
   }
@@ -95,6 +104,32 @@ export function firstLine(line, truth) {
     text = `No motion detected — ground truth: ${missed.name} moves at ${fixed(missed.speed, 2)} m/s.`;
   }
   return { text, id: null, tone: "calm" };
+}
+
+/** @param {ObstacleEntry[]} obstacles */
+function nearestOf(obstacles) {
+  return [...obstacles].sort((a, b) => a.range - b.range)[0];
+}
+
+/**
+ * @param {number} id
+ * @param {Sighting | null} sighting
+ */
+function leftLine(id, sighting) {
+  if (!sighting) return `Obstacle ${id} is out of view.`;
+  const ago = `${fixed(sighting.ago_s, 1)} s ago`;
+  return `Obstacle ${id} left the view ${ago}, last measured at ${speedWithBand(sighting)} m/s.`;
+}
+
+/**
+ * Say what is known of an obstacle that is not visible now, without what is only predicted.
+ *
+ * @param {Sighting | null} sighting
+ */
+export function outOfViewInWords(sighting) {
+  if (!sighting) return "Not visible now. Position and speed are predicted.";
+  const ago = `${fixed(sighting.ago_s, 1)} s ago`;
+  return `Not visible now. Last measured at ${speedWithBand(sighting)} m/s, ${ago}.`;
 }
 
 /**

@@ -3,23 +3,26 @@
 import { button, h, setAttribute, setText, tint } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { GLOSSARY } from "../elements/glossary.js";
+import { LastSeen } from "../elements/last-seen.js";
 import { Part } from "../elements/part.js";
 import {
   bearingInWords,
   fixed,
+  outOfViewInWords,
   sentence as asSentence,
   speedWithBand,
   trackColour,
 } from "../elements/words.js";
 
 /** @import { ObstacleEntry } from "../contract" */
+/** @import { Sighting } from "../elements/last-seen.js" */
 
 /** @type {[name: string, help: string | null][]} */
 const COLUMNS = [
   ["ID", GLOSSARY["track"]],
   ["Speed, m/s", `95 % interval: ${GLOSSARY["95 % interval"]}`],
   ["Ground truth", GLOSSARY["ground truth"]],
-  ["Position", null],
+  ["Distance, m", null],
 ];
 
 /** @type {Record<string, string>} */
@@ -31,6 +34,7 @@ class ObstacleTable extends Part {
   #scroll = h("div.scroll-x", { tabindex: 0, role: "region", "aria-label": "Obstacles" });
   /** @type {Map<number, ReturnType<typeof makeRow>>} */
   #rows = new Map();
+  #lastSeen = new LastSeen();
 
   build() {
     const head = h("tr", ...COLUMNS.map(([name, title]) => h("th", { scope: "col", title }, name)));
@@ -43,6 +47,7 @@ class ObstacleTable extends Part {
   #render() {
     const message = this.hub.observation;
     const obstacles = message?.line.obstacles ?? [];
+    if (message) this.#lastSeen.take(message.line);
     const present = new Set(obstacles.map((o) => o.id));
     for (const [id, row] of this.#rows) {
       if (!present.has(id)) {
@@ -58,7 +63,7 @@ class ObstacleTable extends Part {
         this.#body.append(...row);
       }
       const body = message?.truth.find((b) => b.track_id === obstacle.id);
-      fillRow(row, obstacle, body?.speed ?? null);
+      fillRow(row, obstacle, body?.speed ?? null, this.#lastSeen.of(obstacle.id));
     }
     this.#empty.hidden = obstacles.length > 0;
     this.#scroll.hidden = obstacles.length === 0;
@@ -105,27 +110,32 @@ function makeRow(id, opened) {
  * @param {[HTMLTableRowElement, HTMLTableRowElement]} rows
  * @param {ObstacleEntry} obstacle
  * @param {number | null} truth m/s
+ * @param {Sighting | null} sighting
  */
-function fillRow([figures, why], obstacle, truth) {
-  const texts = [
-    speedWithBand(obstacle),
-    fixed(truth, 2),
-    `${fixed(obstacle.range, 2)} m ${bearingInWords(obstacle.bearing)}`,
-  ];
+function fillRow([figures, why], obstacle, truth, sighting) {
+  const texts = [speedWithBand(obstacle), fixed(truth, 2), fixed(obstacle.range, 2)];
   texts.forEach((text, index) => {
     const cell = figures.cells[index + 1];
     if (cell) setText(cell, text);
   });
   setAttribute(figures, "data-state", obstacle.state);
   const [sentence, behind] = why.cells[0]?.children ?? [];
-  const state = obstacle.state === "coasting" ? "Not visible now" : STATES[obstacle.motion];
-  const words = `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`;
   if (sentence) {
-    setText(sentence, words);
+    setText(sentence, whyInWords(obstacle, sighting));
     setAttribute(sentence, "title", meaningOf(obstacle));
   }
   if (behind instanceof HTMLDListElement && !behind.hidden)
     fillFigures(behind, figuresBehind(obstacle));
+}
+
+/**
+ * @param {ObstacleEntry} obstacle
+ * @param {Sighting | null} sighting
+ */
+function whyInWords({ state, motion, bearing, why }, sighting) {
+  if (state === "coasting") return outOfViewInWords(sighting);
+  const where = `${STATES[motion] ?? motion}, ${bearingInWords(bearing)}.`;
+  return why ? `${where} ${asSentence(why)}` : where;
 }
 
 /** The meaning of the state at the start of a row, if it is a term. @param {ObstacleEntry} obstacle */

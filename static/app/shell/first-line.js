@@ -5,6 +5,7 @@
 
 import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { GLOSSARY } from "../elements/glossary.js";
+import { LastSeen } from "../elements/last-seen.js";
 import { Part } from "../elements/part.js";
 import { firstLine, trackColour } from "../elements/words.js";
 import { paceWarning } from "./pace-words.js";
@@ -17,6 +18,7 @@ class FirstLine extends Part {
   #shownAt = 0;
   #spokenAt = 0;
   #tone = "";
+  #lastSeen = new LastSeen();
   #text = h("p.first-line-text", { title: `95 % interval: ${GLOSSARY["95 % interval"]}` });
   // The words change several times a second; this copy for screen readers changes less often.
   #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
@@ -24,7 +26,10 @@ class FirstLine extends Part {
 
   build() {
     this.append(this.#text, this.#context, this.#spoken);
-    this.listen("observation", () => this.#render(false));
+    this.listen("observation", () => {
+      if (this.hub.observation) this.#lastSeen.take(this.hub.observation.line);
+      this.#render(false);
+    });
     this.listen("freshness", () => this.#render(true));
     this.listen("status", () => this.#renderContext());
     this.#render(true);
@@ -61,7 +66,7 @@ class FirstLine extends Part {
     }
     if (freshness.state === "none") return { text: freshness.reason, id: null, tone: "calm" };
     if (!observation) return { text: freshness.reason, id: null, tone: "calm" };
-    return firstLine(observation.line, observation.truth);
+    return firstLine(observation.line, observation.truth, this.#lastSeen);
   }
 
   #renderContext() {

@@ -5,6 +5,7 @@ import { MOVING_MPS, VISIBLE_SHARE } from "../../../static/app/elements/facts.js
 import * as words from "../../../static/app/elements/words.js";
 import { body, line, obstacle } from "../made.mjs";
 
+const unseen = { of: () => null };
 const QUARTER_TO_THE_RIGHT = [Math.SQRT1_2, 0, Math.SQRT1_2, 0];
 
 test("a number that is not known is a dash, never a zero", () => {
@@ -61,9 +62,11 @@ test("a heading is left out where it is not known or nothing moves", () => {
 test("the first line tells of the nearest that moves, against its truth", () => {
   const far = obstacle({ id: 2, range: 5 });
   const parked = obstacle({ id: 3, range: 1, motion: "stopped" });
-  const told = words.firstLine(line({ obstacles: [far, obstacle(), parked] }), [
-    body({ track_id: 1, speed: 0.48 }),
-  ]);
+  const told = words.firstLine(
+    line({ obstacles: [far, obstacle(), parked] }),
+    [body({ track_id: 1, speed: 0.48 })],
+    unseen,
+  );
   assert.deepEqual(told, {
     text:
       "Obstacle 1 moves at 0.50 ± 0.04 m/s to the right, 3.0 m ahead" +
@@ -76,18 +79,18 @@ test("the first line tells of the nearest that moves, against its truth", () => 
 test("the first line says what is missed, unless it is hidden or stands", () => {
   const text = (
     /** @type {Partial<import("../../../static/app/contract").TrueBodyEntry>} */ changes,
-  ) => words.firstLine(line(), [body(changes)]).text;
+  ) => words.firstLine(line(), [body(changes)], unseen).text;
   assert.equal(text({}), "No motion detected — ground truth: cart moves at 0.50 m/s.");
   assert.match(text({ visible: null }), /ground truth: cart/);
   assert.match(text({ visible: VISIBLE_SHARE }), /ground truth: cart/);
-  assert.equal(text({ visible: VISIBLE_SHARE - 0.01 }), "Nothing moves.");
-  assert.equal(text({ speed: MOVING_MPS }), "Nothing moves.");
-  assert.equal(text({ role: "observer" }), "Nothing moves.");
+  assert.equal(text({ visible: VISIBLE_SHARE - 0.01 }), "No motion in view.");
+  assert.equal(text({ speed: MOVING_MPS }), "No motion in view.");
+  assert.equal(text({ role: "observer" }), "No motion in view.");
 });
 
 test("the first line says that the camera's motion is lost, and why", () => {
   const lost = line({ status: "lost", reasons: ["too dark"], obstacles: [obstacle()] });
-  assert.deepEqual(words.firstLine(lost, []), {
+  assert.deepEqual(words.firstLine(lost, [], unseen), {
     text: "Camera motion lost: too dark.",
     id: null,
     tone: "lost",
@@ -121,7 +124,26 @@ test("what the server says becomes one sentence", () => {
 
 test("who waves moves in place and is given no speed", () => {
   const waving = obstacle({ id: 3, motion: "in_place", range: 3.2, bearing: 0, speed: 0.04 });
-  const { text, tone } = words.firstLine(line({ obstacles: [waving] }), []);
+  const { text, tone } = words.firstLine(line({ obstacles: [waving] }), [], unseen);
   assert.equal(text, "Obstacle 3 moves in place, 3.2 m ahead.");
   assert.equal(tone, "calm");
+});
+
+test("only what is in view is said to move; a prediction is not", () => {
+  const gone = obstacle({ id: 4, range: 1, state: "coasting", points: 0, speed: 1.12 });
+  const seen = { of: () => ({ speed: 0.4, speed_std: 0.05, ago_s: 1.4 }) };
+  const far = obstacle({ id: 2, range: 5 });
+  const both = words.firstLine(line({ obstacles: [gone, far] }), [], seen);
+  assert.equal(both.text, "Obstacle 2 moves at 0.50 ± 0.04 m/s to the right, 5.0 m ahead");
+  assert.deepEqual(words.firstLine(line({ obstacles: [gone] }), [], seen), {
+    text: "Obstacle 4 left the view 1.4 s ago, last measured at 0.40 ± 0.10 m/s.",
+    id: null,
+    tone: "calm",
+  });
+  const early = words.firstLine(line({ obstacles: [gone] }), [], unseen);
+  assert.equal(early.text, "Obstacle 4 is out of view.");
+  assert.equal(
+    words.outOfViewInWords(seen.of()),
+    "Not visible now. Last measured at 0.40 ± 0.10 m/s, 1.4 s ago.",
+  );
 });
