@@ -67,8 +67,7 @@ class SightWriter:
         left, right = observed.trace.get("left"), observed.trace.get("right")
         if left is None or right is None:
             return None
-        search = observed.parameters.stereo.max_disparity_px
-        made_of = (observed.camera, mount, search, guard)
+        made_of = (observed.camera, mount, guard)
         try:
             if self._free_path is None or self._free_path.made_of != made_of:
                 self._free_path = FreePath(*made_of)

@@ -11,7 +11,8 @@ floor from r to r / (1 - step_m / H), H being the camera's height, so floor that
 distance D also shows that nothing stands between D (1 - step_m / H) and D. Whatever was matched
 higher than that and lower than the robot's height is in the way. Everything else is unknown:
 what is nearer than f B / d_max or below the lower edge of the view, has no texture, or is
-occluded. A hanging object is noticed only where it has texture.
+occluded. A hanging object is noticed only where it has texture, and only from farther away than
+f B / d_max; ``seen_surfaces`` remembers it from there on.
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ _FLOOR_LEAST, _FLOOR_DISPARITIES = -8, 32
 _BEARING_RAD = math.radians(1.5)
 _CELL = 1.08
 _NEAREST_M, _FARTHEST_M = 0.25, 5.0
+# Depth down to which surfaces are searched, metres.
+_NEAREST_SURFACE_M = 0.4
 # Share, and number, of a floor cell's pixels that must be matched as floor.
 _FLOOR_SHARE = 0.5
 _FLOOR_PIXELS = 3
@@ -60,20 +63,15 @@ _STEP_M = 0.04
 class FreePath:
     """Finds the free floor in pairs of one camera on one mount; precomputes their geometry."""
 
-    def __init__(
-        self, camera: StereoCamera, mount: CameraMount, max_disparity_px: int, p: GuardParameters
-    ) -> None:
-        """
-        Args:
-            max_disparity_px: the largest that is searched, at the images' full resolution.
-        """
-        self.made_of = (camera, mount, max_disparity_px, p)
+    def __init__(self, camera: StereoCamera, mount: CameraMount, p: GuardParameters) -> None:
+        self.made_of = (camera, mount, p)
         self._parameters = p
         self._factor = max(1, math.ceil(camera.width / _COLUMNS))
         width, height = camera.width // self._factor, camera.height // self._factor
         self._size = (width, height)
-        disparities = max_disparity_px / self._factor
-        self._disparities = max(16, -(-int(disparities) // 16) * 16)
+        # Not as of the stereo stage: nobody who tunes that may make the guard blind.
+        disparities = camera.fx * camera.baseline / (_NEAREST_SURFACE_M * self._factor)
+        self._disparities = 16 * min(max(1, math.ceil(disparities / 16)), max(1, width // 32))
         self._standing = _matcher(0, self._disparities)
         self._floor = _matcher(_FLOOR_LEAST, _FLOOR_DISPARITIES)
         self._origin = mount.T_base_camera.translation
@@ -132,6 +130,7 @@ class FreePath:
         self._cleared_before = int(-math.log(hidden) / math.log(_CELL))
         self._reach = np.arange(_STEP_M, _FARTHEST_M, _STEP_M)
         directions = np.stack([np.cos(self._bearings), np.sin(self._bearings)], axis=1)
+        self._blind = self._blind_about_the_base(column, directions)
         ground = directions[:, None] * self._reach[:, None]
         # The scan's bearings are from the base's origin, those of the pixels from the camera.
         self._ground = (ground - self._origin[:2]).reshape(-1, 2)
@@ -232,7 +231,25 @@ class FreePath:
             tuple(None if b is None else round(b, 3) for b in surfaces),
             tuple(round(b, 3) for b in from_m.tolist()),
             tuple(round(b, 3) for b in to_m.tolist()),
+            self._blind,
         )
+
+    def _blind_about_the_base(
+        self, column: NDArray[np.intp], directions: Float64Array
+    ) -> tuple[float, ...]:
+        """(N,) distance in each direction from the base below which no surface can be matched.
+
+        Args:
+            column: (H, W) direction of every pixel. directions: (N, 2) unit vectors.
+        """
+        ahead = np.zeros(len(directions))
+        np.maximum.at(ahead, column.ravel(), self._ahead.ravel())
+        nearest = self._fb / (self._disparities - 1)
+        places = self._origin[:2] + nearest * ahead[:, None] * directions
+        bearing = np.arctan2(places[:, 1], places[:, 0])
+        order = np.argsort(bearing)
+        blind = np.interp(self._bearings, bearing[order], np.hypot(*places.T)[order])
+        return tuple(round(b, 3) for b in blind.tolist())
 
     def _stretch(
         self, free: NDArray[np.bool_], nearest: Float64Array

@@ -6,7 +6,8 @@ All ground that the robot passes over until it could have stopped must be known 
 - or clear by fresh sonar that covers it;
 - or seen free a moment ago, as far as nothing unseen can have entered since.
 
-A surface that is seen is in the way whatever sonar says, and an echo within ``sonar_stop_m`` ahead
+A surface that is seen, or was seen until it came too near to be measured (``seen_surfaces``), is in
+the way whatever sonar says, and an echo within ``sonar_stop_m`` ahead
 whatever is seen. Tracked obstacles are predicted along their own motion (``separation``), and so
 are objects that sonar hears approaching by themselves (``intruders``). A turn on the spot requires
 the same of the robot's turning circle. The obstacle robot has no eyes: only echoes limit it. A
@@ -102,6 +103,8 @@ def _limit_by_ground(
     free = blocked = np.zeros(len(points), np.bool_)
     if side.scan is not None:
         free, blocked = side.scan.look(moved(points, then))
+    blocked = blocked | side.surfaces.at(points)
+    free = free & ~blocked
     echo = None
     if view is not None:
         free = free | clear_by_sonar(points, view, p)

@@ -16,6 +16,8 @@ from observer.guard.sight import FreeScan
 
 # A surface is assumed this much nearer than reported, in addition to its uncertainty.
 _SURFACE_ERROR_M = 0.03
+# A surface is gone if everything in its direction is at least this much farther away, metres.
+_GONE_M = 0.15
 # Seconds between remembered scans, and how many of them are consulted.
 _APART_S = 0.15
 _ASKED = 3
@@ -29,19 +31,21 @@ class ScanView:
     """A scan with the worse of every two neighbouring bearings, prepared for queries.
 
     Attributes:
-        bearings: (N,) ascending. near, far, blocked: (N + 1,) of the gap below each bearing; the
-            first and the last are outside the view, where nothing is known.
+        bearings: (N,) ascending. near, far, blocked, blind: (N + 1,) of the gap below each bearing;
+            the first and the last are outside the view, where nothing is known.
     """
 
     bearings: Float64Array
     near: Float64Array
     far: Float64Array
     blocked: Float64Array
+    blind: Float64Array
 
     @staticmethod
     def of(scan: FreeScan) -> ScanView:
         near, far = np.array(scan.known_from_m), np.array(scan.known_to_m)
         blocked = np.array([np.inf if b is None else b for b in scan.blocked_m])
+        blind = np.array(scan.blind_m or (0.0,) * len(scan.bearings))
         # Nothing is seen beyond a surface.
         far = np.minimum(far, blocked)
         return ScanView(
@@ -49,7 +53,13 @@ class ScanView:
             np.r_[np.inf, np.maximum(near[:-1], near[1:]), np.inf],
             np.r_[-np.inf, np.minimum(far[:-1], far[1:]), -np.inf],
             np.r_[np.inf, np.minimum(blocked[:-1], blocked[1:]), np.inf],
+            np.r_[np.inf, np.maximum(blind[:-1], blind[1:]), np.inf],
         )
+
+    @property
+    def farthest_blind_m(self) -> float:
+        """Distance from which on surfaces are measured in all directions of the view."""
+        return float(self.blind[1:-1].max(initial=0.0))
 
     def look(self, points: Float64Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which points (N, 2) of the scan's base frame are seen free and which blocked."""
@@ -62,6 +72,24 @@ class ScanView:
         free = (distance >= self.near[gap]) & (distance <= self.far[gap])
         blocked = distance >= self.blocked[gap] - _SURFACE_ERROR_M
         return free & ~blocked, blocked
+
+    def surfaces(self, reach_m: float) -> Float64Array:
+        """(M, 2) places of the surfaces that are barely far enough away to be measured.
+
+        Args:
+            reach_m: farther than the nearest distance at which one is measured.
+        """
+        blocked = self.blocked[1:-1]
+        near = blocked <= self.blind[1:-1] + reach_m
+        angle, distance = (self.bearings[:-1] + self.bearings[1:])[near] / 2, blocked[near]
+        return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+
+    def shows_gone(self, places: Float64Array) -> NDArray[np.bool_]:
+        """Return at which places (N, 2) a surface would be seen, and the scene is farther."""
+        gap = np.searchsorted(self.bearings, np.arctan2(places[:, 1], places[:, 0]))
+        distance = np.hypot(places[:, 0], places[:, 1])
+        measured = distance > self.blind[gap] + _SURFACE_ERROR_M
+        return np.asarray(measured & (self.blocked[gap] > distance + _GONE_M), np.bool_)
 
 
 class RememberedGround:

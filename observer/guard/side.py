@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.intruders import SonarWatch
 from observer.guard.outline import is_spot_turn
 from observer.guard.parameters import GuardParameters
 from observer.guard.seen_ground import RememberedGround, ScanView
+from observer.guard.seen_surfaces import RememberedSurfaces
 from observer.guard.sight import Sight
 
 # A share above this counts as the whole.
@@ -36,31 +39,38 @@ class Side:
     """State of the guard for one robot.
 
     Attributes:
-        past: where it was. ground: what was seen free a moment ago. watch: what its sonar hears.
+        past: where it was. ground: what was seen free a moment ago. surfaces: what was seen in the
+            way and is now too near to be seen. watch: what its sonar hears.
         scan: of the newest frame. permitted: m/s and rad/s at the last tick.
     """
 
     def __init__(self) -> None:
         self.past = DeadReckoning()
         self.ground = RememberedGround()
+        self.surfaces = RememberedSurfaces()
         self.watch = SonarWatch()
         self.scan: ScanView | None = None
         self.permitted = (0.0, 0.0)
+        self._now: float | None = None
         self._frame: tuple[int, float] | None = None
         self._calls: deque[tuple[float, float, Limit]] = deque()
         self._heading: tuple[int, int] | None = None
         self._stopped = False
 
     def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
-        """Take in the measured velocity; forget everything if the motion since is unknown."""
+        """Take in the measured velocity; forget what was free if the motion since is unknown."""
         speed, turn = (
             permitted if known is None else known
             for known, permitted in zip(measured, self.permitted, strict=True)
         )
         if not self.past.advance(now, speed, turn):
+            # Surfaces are kept: the robot has hardly moved, and forgetting them would permit more.
             self.ground.forget()
             self.watch.forget()
             self.release()
+        elif self._now is not None:
+            self.surfaces.carry(self.past.then_from_now(np.array([self._now]))[0])
+        self._now = now
 
     def see(self, sight: Sight) -> None:
         """Take in a frame if it is new since the last tick."""
@@ -70,6 +80,8 @@ class Side:
         self.scan = None if sight.scan is None else ScanView.of(sight.scan)
         if self.scan is not None:
             self.ground.remember(sight.received, self.scan)
+            then = self.past.then_from_now(np.array([sight.received]))[0]
+            self.surfaces.see(self.scan, then)
 
     def release(self) -> None:
         """Forget the earlier limits."""

@@ -50,12 +50,15 @@ class FreeScan:
         blocked_m: distance of the nearest surface in the way, None where none is seen.
         known_from_m, known_to_m: distances between which the direction is seen to be free; equal
             where nothing is known.
+        blind_m: distance below which a surface is too near to be measured; empty if every surface
+            is measured.
     """
 
     bearings: tuple[float, ...]
     blocked_m: tuple[float | None, ...]
     known_from_m: tuple[float, ...]
     known_to_m: tuple[float, ...]
+    blind_m: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ class ImagedEye:
         self._observer = Observer(calibration, parameters, mount=mount)
         self._mount = mount
         camera = self._observer.camera
-        self._free_path = FreePath(camera, mount, parameters.stereo.max_disparity_px, p)
+        self._free_path = FreePath(camera, mount, p)
         self._last = PlanarState(0.0, 0.0, 0.0)
 
     def look(self, people: People, pose: Float64Array, room: Room, time: float) -> Sight:

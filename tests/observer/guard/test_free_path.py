@@ -27,7 +27,6 @@ based_on: drive
 robots: []
 objects: [{kind: cardboard, x: 2.6, y: 0, size: [0.4, 1.2, 0.08]}]
 """
-MAX_DISPARITY_PX = 96
 # GUARD_SEEDS asks for a wide sweep.
 SEEDS = int(os.environ.get("GUARD_SEEDS", "0"))
 
@@ -43,7 +42,7 @@ class Scene:
         c = self.world.scenario.camera
         tilt = math.radians(c.tilt_deg)
         self.mount = CameraMount(c.height_m, tilt, c.forward_m, c.baseline_m / 2)
-        self.finder = FreePath(self.camera, self.mount, MAX_DISPARITY_PX, P)
+        self.finder = FreePath(self.camera, self.mount, P)
 
     @lru_cache(maxsize=4)  # noqa: B019
     def pair(self, time: float) -> list[np.ndarray]:
@@ -176,7 +175,7 @@ def test_an_object_on_the_floor_ends_the_free_ground() -> None:
     """A textured plane and a textured box, drawn from their disparities alone."""
     camera = StereoCamera(512, 256, 443.4, 443.4, 255.5, 127.5, 0.12)
     mount = CameraMount(0.4, math.radians(5), 0.0, 0.0)
-    finder = FreePath(camera, mount, MAX_DISPARITY_PX, P)
+    finder = FreePath(camera, mount, P)
     free = _arrays(finder.scan(*_drawn(camera, mount, None)))
     boxed = _arrays(finder.scan(*_drawn(camera, mount, 2.0)))
     ahead = np.abs(free[0]) < math.radians(5)
@@ -186,6 +185,17 @@ def test_an_object_on_the_floor_ends_the_free_ground() -> None:
     assert np.abs(boxed[3][ahead] - 2.0).max() < 0.2
 
 
+def test_a_surface_is_measured_down_to_the_distance_that_the_scan_states() -> None:
+    camera = StereoCamera(512, 256, 443.4, 443.4, 255.5, 127.5, 0.12)
+    mount = CameraMount(0.4, math.radians(5), 0.0, 0.0)
+    finder = FreePath(camera, mount, P)
+    stated = finder.scan(*_drawn(camera, mount, None)).blind_m
+    assert 0.3 < min(stated) <= max(stated) < 0.5
+    bearings, _, _, blocked = _arrays(finder.scan(*_drawn(camera, mount, max(stated) + 0.03)))
+    ahead = np.abs(bearings) < math.radians(5)
+    assert np.abs(blocked[ahead] - max(stated)).max() < 0.08
+
+
 def test_more_caution_does_not_hide_a_low_box(tmp_path: Path) -> None:
     path = tmp_path / "low_box.yaml"
     path.write_text(LOW_BOX)
@@ -193,7 +203,7 @@ def test_more_caution_does_not_hide_a_low_box(tmp_path: Path) -> None:
     free_shares, blocked_shares = [], []
     for sigmas in (0.0, 1.0, 2.0, 3.5, 5.0):
         p = P.model_copy(update={"sigmas": sigmas})
-        finder = FreePath(scene.camera, scene.mount, MAX_DISPARITY_PX, p)
+        finder = FreePath(scene.camera, scene.mount, p)
         bearings, begins, ends, blocked = _arrays(finder.scan(*scene.pair(0.0)))
         at_box = np.abs(bearings) < math.radians(10)
         true = scene.surfaces(0.0, bearings)

@@ -60,9 +60,7 @@ class SimulatedLab(Lab):
         self._mount = self._source.info.mount
         p = Parameters()
         self._observer = Observer(self._source.calibration, p, mount=self._mount)
-        self._free_path = FreePath(
-            self._observer.camera, self._mount, p.stereo.max_disparity_px, GuardParameters()
-        )
+        self._free_path = FreePath(self._observer.camera, self._mount, GuardParameters())
 
     def around(self, time: float) -> Surroundings:
         moving = _outline(self._crosser, time - BEGIN_S)
