@@ -14,7 +14,7 @@ from typing import Self
 
 import structlog
 from sqlalchemy import Connection, bindparam, func, select, text
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from app.storage.engines import APPLICATION, database_url, make_engine
 from app.storage.errors import StorageError, storage_error
@@ -66,6 +66,7 @@ class ServedDatabase:
         self._engine = make_engine(url.update_query_dict({"application_name": name}), _TIMEOUT_S)
         self._look_s = look_s
         self._connection: Connection | None = None
+        self._warned = False
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="database lock", daemon=True)
 
@@ -84,7 +85,7 @@ class ServedDatabase:
         except DBAPIError as error:
             self._let_go()
             raise storage_error(error.orig, self._where) from error
-        except StorageError:
+        except BaseException:
             self._let_go()
             raise
         self._thread.start()
@@ -106,10 +107,13 @@ class ServedDatabase:
 
     def _let_go(self) -> None:
         connection, self._connection = self._connection, None
-        if connection is not None:
-            # Not returned to the pool: the lock belongs to the connection.
-            connection.invalidate()
-            connection.close()
+        try:
+            if connection is not None:
+                # Not returned to the pool: the lock belongs to the connection.
+                connection.invalidate()
+                connection.close()
+        except SQLAlchemyError as error:
+            log.warning("database_lock_not_closed", reason=str(error))
         self._engine.dispose()
 
     def _refusal(self) -> str:
@@ -122,11 +126,19 @@ class ServedDatabase:
         )
 
     def _look_after(self) -> None:
-        warned = False
         while not self._ended.wait(self._look_s):
             try:
-                if not self._take() and not warned:
-                    warned = True
-                    log.warning("database_served_by_another", refusal=self._refusal())
+                self._look()
             except DBAPIError:
+                # The database server is away; the next look connects to it again.
                 self._let_go()
+            except Exception:
+                # Whatever is wrong, the lock must not stay lost unnoticed.
+                log.exception("database_lock_not_looked_after")
+                self._let_go()
+
+    def _look(self) -> None:
+        """Take the lock again if it was lost; warn once if another server has it."""
+        if not self._take() and not self._warned:
+            self._warned = True
+            log.warning("database_served_by_another", refusal=self._refusal())

@@ -5,12 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import os
 import socket
+import threading
 import time
 from collections.abc import Callable
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
 import pytest
+from sqlalchemy.exc import InvalidRequestError
 from structlog.testing import capture_logs
 
 from app.storage import StorageError
@@ -126,6 +128,28 @@ def test_losing_the_lock_to_another_server_is_logged_once(
         with ServedDatabase(url):
             time.sleep(1.2)
     assert [each["event"] for each in said].count("database_served_by_another") == 1
+
+
+def test_the_lock_is_looked_after_whatever_fails(
+    new_database: NewDatabase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    take, failed, again = ServedDatabase._take, threading.Event(), threading.Event()
+
+    def take_later(self: ServedDatabase) -> bool:
+        if not failed.is_set():
+            failed.set()
+            raise InvalidRequestError("on purpose")
+        taken = take(self)
+        again.set()
+        return taken
+
+    url = new_database()
+    with capture_logs() as said, ServedDatabase(url, look_s=0.05):
+        monkeypatch.setattr(ServedDatabase, "_take", take_later)
+        assert again.wait(10)
+        with pytest.raises(StorageError, match=HERE), ServedDatabase(url):
+            pytest.fail("held twice")
+    assert [each["event"] for each in said].count("database_lock_not_looked_after") == 1
 
 
 def test_a_missing_database_server_is_reported_and_a_lost_one_awaited(
