@@ -11,7 +11,8 @@ const WHAT_ELSE = "keep the hardware switch within reach";
 const WHAT_IT_IS = `${WHAT_IT_IS_NOT}: ${WHAT_ELSE}`;
 // Normally the answer takes a tenth of this; anything longer means trouble.
 const CONFIRMED_MS = 1000;
-const KEYS = "Space and Esc press it; while a robot is armed, they do so everywhere on this page.";
+const KEYS =
+  "Space and Esc press it: everywhere while a robot is armed, otherwise outside fields and players.";
 // Whoever presses Stop twice in a row must not reset what the first press stopped.
 const NO_RESET_MS = 1000;
 

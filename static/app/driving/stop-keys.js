@@ -1,11 +1,13 @@
 /** Space and Esc stop the robots. */
 
-import { declareKeys, writesText } from "../elements/keys.js";
+import { declareKeys, usesSpace, writesText } from "../elements/keys.js";
 
-declareKeys("Everywhere", ["Space Esc", "Stop all robots"]);
+declareKeys("Everywhere", ["Space Esc", "Stop all robots while one is armed, even while you type"]);
+declareKeys("Outside fields, menus and dialogs", [
+  "Space Esc",
+  "Stop all connected robots while none is armed; Space plays instead where there is a player",
+]);
 
-// Elements that use Space or Esc themselves while no robot is armed.
-const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contenteditable]';
 // A menu that Esc closes even though the focus is on the button that opened it.
 const MENU = ':popover-open:not([popover="manual"])';
 
@@ -13,8 +15,8 @@ const MENU = ':popover-open:not([popover="manual"])';
  * Make Space and Esc stop the robots.
  *
  * While a robot is armed they always stop and do nothing else, even while typing or with a button
- * focused. Otherwise they keep their usual meaning in fields, buttons and dialogs, and stop
- * everywhere else if a robot is connected.
+ * focused. Otherwise they keep their usual meaning in fields, buttons and dialogs, Space plays on
+ * pages with a player (`playOnSpace`), and they stop everywhere else if a robot is connected.
  *
  * @param {import("./driver.js").Driver} driver
  */
@@ -52,7 +54,7 @@ export function listenForStop(driver) {
     const target = /** @type {HTMLElement | null} */ (event.target);
     if (target?.closest?.("dialog, [popover]") || (target && target.tagName && writesText(target)))
       return;
-    if (event.code === "Space" && target?.closest?.(OWN_SPACE)) return;
+    if (event.code === "Space" && usesSpace(target)) return;
     if (event.key === "Escape" && document.querySelector(MENU)) return;
     event.preventDefault();
     void driver.stop().catch(() => {});

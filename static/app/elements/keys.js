@@ -8,6 +8,9 @@ const WRITTEN_IN = ["text", "search", "number", "password", "url", "email", "tel
  * @property {string} does as in "Stop all robots"
  */
 
+// Elements that use Space themselves.
+const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contenteditable]';
+
 /** @type {Map<string, KeyHelp[]>} */
 const declared = new Map();
 
@@ -41,4 +44,35 @@ export function writesText(element) {
   if (element instanceof HTMLInputElement) return WRITTEN_IN.includes(element.type);
   // Elements in the viewer's frame are instances of another window's classes.
   return element.isContentEditable || ["TEXTAREA", "INPUT"].includes(element.tagName);
+}
+
+/**
+ * Return whether the element, or what it is part of, uses Space itself: a field, a button, a menu.
+ *
+ * @param {HTMLElement | null} element
+ */
+export function usesSpace(element) {
+  return Boolean(element?.closest?.(`${OWN_SPACE}, dialog, [popover]`));
+}
+
+/**
+ * Make Space play, wherever the focus is on the page of a player that is ready for it. While a
+ * robot is armed, Space does not get here: it stops the robots. See driving/stop-keys.js.
+ *
+ * @param {import("./part.js").Part} player
+ * @param {() => boolean} isShown
+ * @param {() => void} toggle play or pause
+ */
+export function playOnSpace(player, isShown, toggle) {
+  const pressed = (/** @type {Event} */ event) => {
+    if (event.defaultPrevented) return;
+    const { code, repeat, ctrlKey, metaKey, altKey } = /** @type {KeyboardEvent} */ (event);
+    if (code !== "Space" || ctrlKey || metaKey || altKey || !isShown()) return;
+    const target = /** @type {HTMLElement | null} */ (event.target);
+    // A slider does nothing with Space.
+    if (usesSpace(target) && !target?.matches?.('[type="range"]')) return;
+    event.preventDefault();
+    if (!repeat) toggle();
+  };
+  player.listen("keydown", pressed, document);
 }

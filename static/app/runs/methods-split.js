@@ -2,6 +2,7 @@
 
 import { h, iconButton, input, offerPlayback, setAttribute, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
+import { declareKeys, playOnSpace } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { FrameImages } from "./frame-images.js";
@@ -9,6 +10,14 @@ import { OverlaidPicture } from "./methods-overlay.js";
 import { conclusion, figuresAt, methodsHref, findingsInWords } from "./methods-words.js";
 
 /** @import { Method } from "./methods-words.js" */
+
+declareKeys(
+  "Comparison of methods",
+  ["Space", "Play or pause, anywhere on its page, unless a robot is armed"],
+  ["← →", "Previous or next frame"],
+  ["Page↑ Page↓", "10 frames back or forward"],
+  ["Home End", "First or last frame"],
+);
 
 // The address follows the frame shown, but browsers limit how often it may change.
 const ADDRESS_AFTER_MS = 400;
@@ -85,6 +94,11 @@ export class MethodsSplit extends Part {
     this.#slider.addEventListener("input", () => this.#seek(this.#slider.valueAsNumber));
     this.#truth.addEventListener("change", () => void this.#show());
     this.#stage.addEventListener("keydown", (event) => this.#key(event));
+    playOnSpace(
+      this,
+      () => !this.hidden && this.checkVisibility(),
+      () => this.#toggle(),
+    );
     // Redraw, so that text and lines keep their size on the screen.
     const sizes = new ResizeObserver(() => void this.#show());
     sizes.observe(this.#stage);
@@ -150,7 +164,6 @@ export class MethodsSplit extends Part {
       PageDown: () => this.#seek(this.#position + 10),
       Home: () => this.#seek(0),
       End: () => this.#seek(last),
-      " ": () => this.#toggle(),
     };
     const act = does[event.key];
     if (!act) return;

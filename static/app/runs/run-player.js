@@ -1,6 +1,7 @@
 /** A run frame by frame: its left image with what was found in it, and the scene from above. */
 
 import { button, h, input, offerPlayback, select, setAttribute, setText } from "../elements/dom.js";
+import { declareKeys, playOnSpace } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { ApiError } from "../shell/api.js";
@@ -11,6 +12,13 @@ import { hasImages, methodHref } from "./run-words.js";
 import { TopView } from "./top-view.js";
 
 /** @import { FrameEntry, Run } from "../contract" */
+
+declareKeys(
+  "Player of a run",
+  ["Space", "Play or pause, anywhere on its page, unless a robot is armed"],
+  ["← →", "Previous or next frame"],
+  ["Home End", "First or last frame"],
+);
 
 /** @type {[string, string][]} */
 const RATES = [
@@ -77,6 +85,11 @@ export class RunPlayer extends Part {
     this.#slider.addEventListener("input", () => this.#stop(this.#slider.valueAsNumber));
     this.#rate.addEventListener("change", () => this.#begin());
     this.addEventListener("keydown", (event) => this.#pressed(event));
+    playOnSpace(
+      this,
+      () => !this.#controls.hidden && this.checkVisibility(),
+      () => this.#setPlaying(!this.#playing),
+    );
     offerPlayback(this.#play, this.#playing);
     this.#empty("");
     this.listen("reconnected", () => this.#run && this.#failed && this.#load(this.#run));
