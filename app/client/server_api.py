@@ -157,8 +157,11 @@ class ServerApi:
             return otherwise
         if isinstance(detail, str):
             return detail
+        if not isinstance(detail, list):
+            return otherwise
         problems = [each.get("msg") for each in detail if isinstance(each, dict)]
-        return f"{otherwise}: {'; '.join(filter(None, problems))}" if problems else otherwise
+        sentences = [problem for problem in problems if isinstance(problem, str) and problem]
+        return f"{otherwise}: {'; '.join(sentences)}" if sentences else otherwise
 
 
 def read_token(token: str | None, file: Path | None) -> str:
