@@ -29,7 +29,7 @@ class _Entry(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
-class PoseEntry(_Entry):
+class CheckedPose(_Entry):
     """Pose of the camera in the segment's world."""
 
     position: Vector
@@ -43,7 +43,7 @@ class PoseEntry(_Entry):
         return quaternion
 
 
-class ObstacleEntry(_Entry):
+class CheckedObstacle(_Entry):
     """Fields of a reported obstacle that evaluation needs; see ``observer.jsonl``."""
 
     id: int
@@ -87,8 +87,8 @@ class Line(_Entry):
     time: Finite
     segment: int
     status: str
-    pose: PoseEntry | None
-    obstacles: tuple[ObstacleEntry, ...]
+    pose: CheckedPose | None
+    obstacles: tuple[CheckedObstacle, ...]
     unseen: Unseen | None = None
 
 

@@ -35,7 +35,7 @@ from observer.evaluation.choices import GATE_M
 from observer.evaluation.flagged import is_flagged, squared_length
 from observer.evaluation.image_boxes import area, box_iou, clipped
 from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
-from observer.evaluation.lines import Line, PoseEntry
+from observer.evaluation.lines import CheckedPose, Line
 from observer.evaluation.surface import visible_surface
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import Kind, TrueBody, Truth
@@ -387,7 +387,7 @@ def _false(
     )
 
 
-def _pose(entry: PoseEntry) -> Pose:
+def _pose(entry: CheckedPose) -> Pose:
     return Pose.from_quaternion(entry.orientation_wxyz, entry.position)
 
 
