@@ -16,7 +16,7 @@ from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import InputError
 from observer.exporting.overlay import draw_overlay
-from observer.exporting.video import OverlayVideo
+from observer.exporting.video import FALLBACK_RATE, OverlayVideo
 from observer.parameters import Parameters
 from observer.recording.observed import ObservedWriter
 from observer.recording.payloads import Images, ParameterRevision, RunFacts
@@ -25,8 +25,6 @@ from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.truth.contract import Truth
 from observer.types import Observation, StereoFrame
 from observer.vision.rectification import Rectification
-
-_FALLBACK_RATE = 15.0
 
 
 class Keeper:
@@ -112,7 +110,7 @@ def keeping(
             writer.parameters(revision, time.monotonic())
         if video is not None:
             part = stack.enter_context(_whole(video))
-            recorded = stack.enter_context(_finished(part, info.frame_rate or _FALLBACK_RATE))
+            recorded = stack.enter_context(_finished(part, info.frame_rate or FALLBACK_RATE))
         yield Keeper(writer, recorded, truth, Rectification(calibration))
 
 

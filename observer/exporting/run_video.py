@@ -10,11 +10,10 @@ import numpy as np
 from observer.errors import SourceError
 from observer.exporting.errors import ExportError
 from observer.exporting.overlay import draw_overlay
-from observer.exporting.video import OverlayVideo
+from observer.exporting.video import FALLBACK_RATE, OverlayVideo
 from observer.recording.reader import Recording
 from observer.vision.rectification import Rectification
 
-_FALLBACK_RATE = 15.0
 # Players and encoders refuse rates outside these.
 _SLOWEST, _FASTEST = 1.0, 240.0
 
@@ -68,5 +67,5 @@ def frame_rate(recording: Recording) -> float:
     times = np.array([frame.time for frame in recording.frames])
     steps = np.diff(times)
     steps = steps[steps > 0]
-    rate = 1 / float(np.median(steps)) if len(steps) else _FALLBACK_RATE
+    rate = 1 / float(np.median(steps)) if len(steps) else FALLBACK_RATE
     return min(max(rate, _SLOWEST), _FASTEST)

@@ -25,6 +25,8 @@ MPEG4 = "MPEG-4 (mp4v), which browsers cannot play; install ffmpeg to get H.264"
 # CRF of H.264, lower is better: text stays sharp at this value.
 _QUALITY = 20
 _PATIENCE_S = 60.0
+# Frames per second of a video of a source whose frame rate is unknown.
+FALLBACK_RATE = 15.0
 # Longest pause of the source that is shown in real time.
 _LONGEST_STILL_S = 5.0
 
