@@ -29,9 +29,8 @@ from observer.exporting.clouds import Cloud, recorded_clouds
 from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
+from observer.sources.contract import SIMULATED_KINDS
 
-# Sources of a simulated world, as in the paper's figures 9 and 13; others are those of 10 and 14.
-_SIMULATED = ("simulated", "coppeliasim")
 _TITLES = {
     "9": "Image transformation in simulation",
     "10": "Image transformation in real-time application",
@@ -58,7 +57,8 @@ def pictures(
 ) -> tuple[ReportFigure, ...]:
     """Return figures 9 to 16 in their order; each that is missing has the reason."""
     made = _made(path, gathered, progress)
-    simulated = str(facts.info.get("kind")) in _SIMULATED
+    # The paper's figures 9 and 13 are of a simulated world, 10 and 14 of a real one.
+    simulated = str(facts.info.get("kind")) in SIMULATED_KINDS
     kind = "a simulator" if simulated else "not a simulator"
     for pair in _TWINS:
         shown, other = pair if simulated else pair[::-1]

@@ -17,6 +17,7 @@ from observer.errors import InputError
 from observer.evaluation.breakdown import GROUPINGS, Group
 from observer.evaluation.results import Benchmark, PresetResult, SourceResult
 from observer.figures import DARK_GREY, GREY, SERIES, figure_bytes, plain_axes
+from observer.opening import simulated_world, source_kind
 from observer.whole_files import whole_file
 
 _MARKERS = ("o", "s", "^", "D", "v")
@@ -207,7 +208,9 @@ def _false_by_source(sources: Sequence[SourceResult]) -> list[tuple[str, dict[st
     for s in sources:
         if s.evaluation is None or s.evaluation.frames == 0:
             continue
-        label = s.source.spec.removeprefix("simulated:").partition("?")[0].replace("_", " ")
+        spec = s.source.spec
+        simulated = source_kind(spec) == "simulated"
+        label = (simulated_world(spec)[0] if simulated else spec).replace("_", " ")
         if s.source.declares == "faulty":
             label += " (faulty)"
         sums = false.setdefault(label, {}).setdefault(s.preset, [0, 0])

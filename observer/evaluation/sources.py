@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from observer.evaluation.tally import ScoredFor
-from observer.opening import open_source
+from observer.opening import open_source, simulated_world, source_kind
 from observer.simulation.scenarios import load_scenario
-
-_SIMULATED = "simulated:"
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ class BenchmarkSource:
 
 def simulated_sources(scenarios: Sequence[str], seeds: Sequence[int]) -> tuple[str, ...]:
     """Return the specs of every scenario with every seed."""
-    return tuple(f"{_SIMULATED}{name}?seed={seed}" for name in scenarios for seed in seeds)
+    return tuple(f"simulated:{name}?seed={seed}" for name in scenarios for seed in seeds)
 
 
 def described(spec: str) -> BenchmarkSource:
@@ -46,8 +44,8 @@ def described(spec: str) -> BenchmarkSource:
     Raises:
         InputError: there is no such source or scenario.
     """
-    if spec.startswith(_SIMULATED):
-        scenario = load_scenario(spec.removeprefix(_SIMULATED).partition("?")[0] or "lab")
+    if source_kind(spec) == "simulated":
+        scenario = load_scenario(simulated_world(spec)[0])
         return BenchmarkSource(spec, scenario.declares, scenario.scored_for, scenario.frame_count)
     with closing(open_source(spec).source) as source:
         return BenchmarkSource(spec, None, "everything", source.info.frame_count)

@@ -6,9 +6,8 @@ import math
 
 from observer.mount import CameraMount
 from observer.rig.rig import Rig, RigValue, camera_mount
-from observer.sources.contract import SourceInfo
+from observer.sources.contract import SIMULATED_KINDS, SourceInfo
 
-_SIMULATED = ("simulated", "coppeliasim")
 _RECORDED = ("recording",)
 
 
@@ -36,7 +35,7 @@ def mount_for(
 
 
 def _belongs(info: SourceInfo, rig: Rig, calibration: str | None) -> bool:
-    if info.kind in _SIMULATED:
+    if info.kind in SIMULATED_KINDS:
         return rig.for_simulated
     if info.live or info.kind in _RECORDED:
         return True

@@ -12,6 +12,8 @@ from observer.types import StereoFrame
 
 # The engine's loop reads the source between its heartbeats, so no read may take longer.
 LIVE_PATIENCE_S = 0.03
+# Kinds of source, as ``SourceInfo.kind``, that show a simulated world.
+SIMULATED_KINDS = ("simulated", "coppeliasim")
 
 
 @dataclass(frozen=True)

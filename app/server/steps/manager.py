@@ -22,12 +22,11 @@ from app.storage import Storage
 from app.workers.steps.messages import DrawStep, Look, Steps, StepsAnswer
 from app.workers.steps.process import steps_worker
 from observer.errors import ParameterError
-from observer.opening import exclusive_world, live_devices, shown_spec
+from observer.opening import exclusive_world, live_devices, shown_spec, source_kind
 from observer.parameters import Parameters, without_effect
 from observer.parameters.fields import PLANAR
 
 _USUAL = "simulated:lab"
-_SIMULATED = "simulated:"
 _PAPER = "paper"
 # Size of the answer cache; a picture takes some hundred kilobytes.
 _MOST_BYTES = 32 << 20
@@ -180,7 +179,8 @@ class MethodStepsManager:
             )
         if source in (wanted.source, self._named(wanted)):
             return wanted
-        known = source.startswith((_SIMULATED, RUN)) or source in self._source.recent.specs
+        scenario = source_kind(source) == "simulated"
+        known = scenario or source.startswith(RUN) or source in self._source.recent.specs
         if not known:
             raise FieldError(
                 ("query", "source"),
@@ -306,7 +306,7 @@ def _of(values: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
 
 def _state(spec: str) -> str:
     """Return a text that changes when the files of a source change."""
-    if spec.startswith(_SIMULATED):
+    if source_kind(spec) == "simulated":
         return ""
     try:
         found = Path(spec).stat()
