@@ -14,6 +14,9 @@ from pydantic_core import PydanticSerializationError
 
 Fact = TypeVar("Fact")
 
+# Maximum number of characters in what a person calls something.
+LONGEST_NAME = 100
+
 
 def means(description: str) -> Any:
     """Return an annotation that describes a field in OpenAPI and the page's types, unchecked."""

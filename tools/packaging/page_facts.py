@@ -16,7 +16,7 @@ from app.contract.journal import LOG_LENGTH
 from app.contract.parameters import LONGEST_PRESET_HELP, PRESET_FORMAT
 from app.contract.sockets import HEARTBEAT_S
 from app.contract.status import FASTEST_RATE, SLOWEST_RATE, STALE_AFTER_S
-from app.http.api.values import LONGEST_NAME
+from app.contract.values import LONGEST_NAME
 from app.http.gate.access import WATCHING_ONLY
 from app.http.gate.security import SESSION_OVER
 from observer.calibration.ageing.row_drift import WARN_PX

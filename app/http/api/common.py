@@ -7,11 +7,10 @@ from typing import Annotated
 from fastapi import Depends, Path, Request, Response
 from fastapi.requests import HTTPConnection
 
+from app.contract.values import LONGEST_NAME
 from app.http.file_name import content_disposition
 from app.http.sockets.view_feed import ViewFeed
 from app.server import Server
-
-_LONGEST_NAME = 100
 
 
 def _server(connection: HTTPConnection) -> Server:
@@ -31,7 +30,7 @@ def _feeds(connection: HTTPConnection) -> dict[str, ViewFeed]:
 Feeds = Annotated[dict[str, ViewFeed], Depends(_feeds)]
 
 # Name or id of a run, a calibration or anything else.
-NameInPath = Annotated[str, Path(max_length=100)]
+NameInPath = Annotated[str, Path(max_length=LONGEST_NAME)]
 
 
 def who(request: Request, name: str | None = None) -> str:
@@ -59,5 +58,5 @@ def plain_name(name: str | None, otherwise: str) -> str:
         otherwise: the name if nothing is left.
     """
     last = (name or "").replace("\\", "/").rpartition("/")[2]
-    plain = "".join(c for c in last if c.isprintable())[:_LONGEST_NAME]
+    plain = "".join(c for c in last if c.isprintable())[:LONGEST_NAME]
     return plain or otherwise

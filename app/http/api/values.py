@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
 
+from app.contract.values import LONGEST_NAME
 from observer.calibration.board import (
     MAX_SIDE_CORNERS,
     MAX_SQUARE_MM,
@@ -22,8 +23,6 @@ Value = StrictBool | StrictInt | StrictFloat | StrictStr
 ONE_LINE = r"^[^\x00-\x1f\x7f]*$"
 # Pattern of any other text: PostgreSQL allows no NUL.
 NO_NUL = r"^[^\x00]*$"
-# Maximum number of characters in what a person calls something.
-LONGEST_NAME = 100
 Name = Annotated[str, Field(strict=True, min_length=1, max_length=LONGEST_NAME, pattern=ONE_LINE)]
 Tag = Annotated[str, Field(strict=True, min_length=1, max_length=60, pattern=ONE_LINE)]
 # Text of any number of lines.

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from app.contract.calibrating import TapeCheck
 from app.contract.commands import MeasureDepth, TakeScenePairs
-from app.contract.values import filled, of_plain, plain
+from app.contract.values import LONGEST_NAME, filled, of_plain, plain
 from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -35,7 +35,6 @@ from observer.errors import CalibrationError, InputError
 from observer.intervals import half_95
 
 _FILE_FIELD, _UNIT_FIELD = ("body", "file"), ("body", "unit")
-_LONGEST_NAME = 100
 _MOST_CHECKS = 50
 
 
@@ -83,7 +82,7 @@ def keep_upload(
         "origin": f"uploaded: {understood.format}",
         "notes": list(understood.notes),
     }
-    name = " and ".join(file.name for file in files)[:_LONGEST_NAME]
+    name = " and ".join(file.name for file in files)[:LONGEST_NAME]
     return storage.save_calibration(
         text or calibration_text(understood.calibration), name=name, info=info
     )
@@ -242,7 +241,7 @@ async def refine_rows(
     info = {**calibration_facts(calibration), "origin": origin, "refinement": facts}
     if active is not None and "bound" in active.info:
         info["bound"] = active.info["bound"]
-    name = f"{name}, refined {utc_now()[:10]}"[:_LONGEST_NAME]
+    name = f"{name}, refined {utc_now()[:10]}"[:LONGEST_NAME]
     save = storage.save_calibration
     return await asyncio.to_thread(save, refined.calibration_yaml, name=name, info=info)
 
