@@ -251,7 +251,9 @@ def test_a_clip_that_waits_for_a_failing_recording_is_refused(tmp_path: Path) ->
     assert len(told) == 2
 
 
-def test_a_clip_is_refused_if_its_recording_is_given_up_meanwhile(tmp_path: Path) -> None:
+def test_a_clip_is_refused_if_its_recording_is_given_up_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The clip is checked and queued as one: nobody would reply to one queued after the end."""
     path, ring = tmp_path / "recording.mcap", Ring()
     slow = SlowWriter(RecordingWriter(path, FACTS, ring=ring))
@@ -266,7 +268,7 @@ def test_a_clip_is_refused_if_its_recording_is_given_up_meanwhile(tmp_path: Path
         time.sleep(0.2)
         return queue_it(*work)
 
-    recorder._give = slowly  # type: ignore[method-assign]
+    monkeypatch.setattr(recorder, "_give", slowly)
     told: list[Any] = []
     recorder.save_clip(tmp_path / "clip.mcap", 0, told.append)
     eventually(lambda: told)
