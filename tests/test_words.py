@@ -10,10 +10,36 @@ import re
 
 import pytest
 
-from app.contract.glossary import DEVELOPER_TEXT, GLOSSARY, UNIDIOMATIC
+from app.contract.glossary import GLOSSARY
 
 from .visible_words import REPOSITORY, Text, page_texts, python_texts, script_texts, visible
 
+# Wordings to avoid in everything that a person reads, whatever the term: regular expressions, as
+# ``Term.avoided``.
+UNIDIOMATIC: tuple[str, ...] = (
+    r"\bmore sure\b",
+    r"\bfor good\b",
+    r"\bas was (told|asked)\b",
+    r"\bbrings? no\b",
+    r"\bis going\b(?! to)",
+    r"\bsays? nothing\b",
+    r"\bplaces are read\b",
+    r"\bhave it back\b",
+    r"\bmore or less\b",
+    r"\banew\b",
+    r"\bin force\b",
+    r"\bif left out\b",
+    r"\bundisturbed\b",
+    r"\bwhat is (typed|shown|seen) is\b",
+)
+
+# Wordings in which pydantic and REST address developers.
+DEVELOPER_TEXT: tuple[str, ...] = (
+    r"\bshould have at least\b",
+    r"\bInput should be\b",
+    r"\bField required\b",
+    r"\b(GET|POST|PUT|PATCH|DELETE) /api\b",
+)
 # For developers, who use routes by name.
 OF_ROUTES = ("app/contract/", "app/http/", "tools/docs/")
 # Docstrings begin with none of them, but with a verb or a noun.

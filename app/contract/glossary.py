@@ -240,31 +240,3 @@ GLOSSARY: tuple[Term, ...] = (
         "that a parked one has velocity 0.",
     ),
 )
-
-# Wordings to avoid in everything that a person reads, whatever the term.
-UNIDIOMATIC: tuple[str, ...] = (
-    r"\bmore sure\b",
-    r"\bfor good\b",
-    r"\bas was (told|asked)\b",
-    r"\bbrings? no\b",
-    r"\bis going\b(?! to)",
-    r"\bsays? nothing\b",
-    r"\bplaces are read\b",
-    r"\bhave it back\b",
-    r"\bmore or less\b",
-    r"\banew\b",
-    r"\bin force\b",
-    r"\bif left out\b",
-    r"\bundisturbed\b",
-    r"\bwhat is (typed|shown|seen) is\b",
-)
-"""Regular expressions, as ``Term.avoided``."""
-
-# Wordings in which pydantic and REST address developers.
-DEVELOPER_TEXT: tuple[str, ...] = (
-    r"\bshould have at least\b",
-    r"\bInput should be\b",
-    r"\bField required\b",
-    r"\b(GET|POST|PUT|PATCH|DELETE) /api\b",
-)
-"""Regular expressions, as ``Term.avoided``."""
