@@ -55,9 +55,8 @@ def test_a_confirmed_obstacle_has_a_box_and_a_row(
     row = page.locator("observer-obstacles tbody tr").first
     expect(row).to_contain_text(re.compile(rf"{number}\s*\d\.\d\d ± \d\.\d\d"))
     why = page.locator("observer-obstacles tr.why").first
-    expect(why).to_contain_text(
-        re.compile(r"Moving, [a-z ]+\. \d+ feature points on one rigid body")
-    )
+    reason = r"Moving, [a-z ]+\. \d+ feature points on one rigid body"
+    expect(why).to_contain_text(re.compile(reason))
     # The rectangle in the picture is pure yellow, the arrows of moving points are red.
     for view, colour in (("left", (0, 235, 255)), ("residual", (60, 60, 255))):
         canvas = page.locator(f'observer-live-view[data-view="{view}"] canvas')

@@ -3,7 +3,7 @@
 import { declareKeys, usesSpace, writesText } from "../elements/keys.js";
 
 declareKeys("Everywhere", ["Space Esc", "Stop all robots while one is armed, even while you type"]);
-declareKeys("Outside fields, menus and dialogs", [
+declareKeys("Everywhere except in fields, menus and dialogs", [
   "Space Esc",
   "Stop all connected robots while none is armed; Space plays instead where there is a player",
 ]);

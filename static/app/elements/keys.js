@@ -26,8 +26,10 @@ export function declareKeys(place, ...entries) {
 
 /** Return all declared keys by place; those that work everywhere come first. */
 export function declaredKeys() {
-  const order = (/** @type {string} */ place) => (place === "Everywhere" ? "" : place);
-  return [...declared].sort(([one], [other]) => order(one).localeCompare(order(other)));
+  const late = (/** @type {string} */ place) => Number(!place.startsWith("Everywhere"));
+  return [...declared].sort(
+    ([one], [other]) => late(one) - late(other) || one.localeCompare(other),
+  );
 }
 
 /** Return whether a dialog, menu or the like covers the page: Esc closes that first. */
