@@ -9,6 +9,7 @@ from app.contract.runs import RingEntry, RingFile
 from app.contract.values import filled
 from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
+from app.http.stored_file import StoredFileResponse
 
 router = APIRouter(prefix="/recording", tags=["runs"])
 
@@ -31,6 +32,7 @@ async def list_rings(server: TheServer) -> list[RingEntry]:
     ]
 
 
+@router.head("/rings/{name}", include_in_schema=False)
 @router.get(
     "/rings/{name}",
     summary="A saved clip, MCAP",
@@ -40,7 +42,7 @@ async def list_rings(server: TheServer) -> list[RingEntry]:
 async def get_ring(name: NameInPath, server: TheServer) -> FileResponse:
     """Opens in Foxglove and Lichtblick, and as a source."""
     clip = await server.runs.clips.find(name)
-    return FileResponse(clip.path, filename=clip.path.name)
+    return StoredFileResponse(clip.path, filename=clip.path.name)
 
 
 @router.delete(

@@ -66,6 +66,7 @@ async def get_chart(id: NameInPath, server: TheServer, request: Request) -> Resp
     return Response(begin + values[1:], media_type="application/json")
 
 
+@router.head("/{id}/chart.{format}", include_in_schema=False)
 @router.get(
     "/{id}/chart.{format}",
     summary="The chart, or its values, for the visible range",
@@ -87,6 +88,7 @@ async def get_chart_file(
     return MadeFileResponse(made, _CHART_KINDS[format])
 
 
+@router.head("/{id}/report", include_in_schema=False)
 @router.get(
     "/{id}/report",
     summary="Report of the run with the paper's figures",
@@ -101,6 +103,7 @@ async def get_report(id: NameInPath, server: TheServer, request: Request) -> Res
     return MadeFileResponse(made, "text/html; charset=utf-8", inline=True, headers=headers)
 
 
+@router.head("/{id}/export", include_in_schema=False)
 @router.get(
     "/{id}/export",
     summary="Export of the run for other tools",

@@ -21,6 +21,7 @@ from app.http.api.programmes import ProgrammeStart, programme_command
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, Identifier, In, Name, Spec, Tag, Text, notes_on
 from app.http.file_name import content_disposition
+from app.http.stored_file import StoredFileResponse
 from app.server.runs.archive import MOST_RUNS
 from app.server.runs.files import file_stem
 from app.storage import SpeedRow
@@ -124,6 +125,7 @@ async def stop_run(id: NameInPath, server: TheServer) -> Run:
     return filled(Run, await server.runs.stop(id))
 
 
+@router.head("/{id}/recording", include_in_schema=False)
 @router.get(
     "/{id}/recording",
     summary="A run's recording, MCAP",
@@ -131,6 +133,7 @@ async def stop_run(id: NameInPath, server: TheServer) -> Run:
     responses={
         200: {"content": {"application/octet-stream": {}}},
         206: {"description": "The part requested by the Range header."},
+        304: {"description": "The client has it already: If-None-Match names its ETag."},
         416: {"description": "The requested part does not exist."},
         **refusals(404, 409, 503),
     },
@@ -140,7 +143,7 @@ async def get_recording(id: NameInPath, server: TheServer) -> FileResponse:
     run = await server.runs.archive.find(id)
     path = await server.runs.archive.recording(id)
     headers = {"content-disposition": content_disposition(f"{file_stem(run)}.mcap")}
-    return FileResponse(path, media_type="application/octet-stream", headers=headers)
+    return StoredFileResponse(path, media_type="application/octet-stream", headers=headers)
 
 
 @router.get(

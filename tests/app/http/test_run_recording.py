@@ -49,6 +49,19 @@ async def test_a_run_is_recorded_and_its_recording_is_downloadable(
     assert (part.status_code, part.content) == (206, b"MCAP")
     beyond = await http.get(path, headers={"Range": "bytes=999-"})
     assert beyond.status_code == 416
+    for invalid in ("bytes=5-2", "bytes=a-b", "bytes=", "lines=1-4", "bytes=1-4,9-3", "bytes"):
+        whole = await http.get(path, headers={"Range": invalid})
+        assert (whole.status_code, whole.content) == (200, CONTENT), invalid
+    asked = await http.head(path)
+    assert (asked.status_code, asked.content) == (200, b"")
+    assert asked.headers["content-length"] == str(len(CONTENT))
+    tag = answer.headers["etag"]
+    for known in (tag, f'"another", W/{tag}'):
+        for ask in (http.get, http.head):
+            kept = await ask(path, headers={"If-None-Match": known})
+            assert (kept.status_code, kept.content) == (304, b""), known
+            assert kept.headers["etag"] == tag
+    assert (await http.get(path, headers={"If-None-Match": '"another"'})).content == CONTENT
     assert (await http.delete(f"/api/runs/{id}")).status_code == 204
     assert (await http.get(path)).status_code == 404
     # The run can be recovered until it is purged.

@@ -188,6 +188,9 @@ async def test_exports_are_generated_and_missing_parts_are_named(
     assert "obstacles.csv" in table.headers["content-disposition"]
     assert len(table.text.splitlines()) > 300
     # It was recorded without images.
+    asked = await http.head(f"/api/runs/{id}/export", params={"format": "csv"})
+    assert (asked.status_code, asked.content) == (200, b"")
+    assert asked.headers["content-length"] == str(len(table.content))
     video = await http.get(f"/api/runs/{id}/export", params={"format": "mp4"})
     assert video.status_code == 409
     assert "images" in video.json()["detail"]
