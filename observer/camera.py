@@ -15,6 +15,9 @@ from observer.geometry import Float64Array, is_rotation
 # Metres: a baseline outside these limits is almost certainly in other units.
 MIN_BASELINE_M = 0.001
 MAX_BASELINE_M = 2.0
+# Focal lengths as shares of the image's width: fields of view of 157 to 3 degrees without
+# distortion.
+FOCAL_SHARES = (0.1, 20.0)
 
 # OpenCV's own model (k1 k2 p1 p2 [k3 ...], "radtan" to Kalibr, "plumb_bob" to ROS), and that of
 # fisheye lenses (k1 k2 k3 k4; Kannala and Brandt 2006, OpenCV's module fisheye).
@@ -77,6 +80,7 @@ class StereoCalibration:
                     f"{name} must be a camera matrix with positive focal lengths and "
                     f"1 in its lower right corner"
                 )
+            self._check_focal(name, K)
         if not is_rotation(self.R):
             raise CalibrationError("R must be a rotation matrix (R^T R = I, det R = +1)")
         baseline = self.baseline
@@ -93,6 +97,21 @@ class StereoCalibration:
             f"<calibration {self.width}x{self.height}, f {self.K1[0, 0]:.1f} px, "
             f"baseline {1000 * float(np.linalg.norm(self.T)):.1f} mm>"
         )
+
+    def _check_focal(self, name: str, K: Float64Array) -> None:
+        """Refuse focal lengths that no lens has.
+
+        Raises:
+            CalibrationError: names the focal lengths and their limits.
+        """
+        low, high = FOCAL_SHARES
+        fx, fy = float(K[0, 0]), float(K[1, 1])
+        if not (low * self.width <= fx <= high * self.width and 0.5 < fy / fx < 2):
+            raise CalibrationError(
+                f"{name} has the focal lengths {fx:.4g} and {fy:.4g} pixels, which no camera has "
+                f"for images {self.width} pixels wide: they must be nearly the same, and between "
+                f"{low * self.width:.4g} and {high * self.width:.4g}"
+            )
 
     def _set(self, name: str, shape: tuple[int, ...]) -> None:
         try:

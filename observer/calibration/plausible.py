@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Adjusted, StereoModel
+from observer.camera import FOCAL_SHARES
 from observer.errors import CalibrationError
 
 # Standard deviation of the focal length, as a share of it, above which it counts as undetermined:
@@ -19,8 +20,6 @@ _SAME_DEG, _SAME_SHARE = 4.0, 0.05
 _FEWEST_POSES = 3
 # Degrees of tilt below which the board faces the camera.
 _FACING_DEG = 10.0
-# Focal lengths as shares of the image's width: fields of view of 157 to 3 degrees.
-_FOCAL_SHARES = (0.1, 20.0)
 _LARGE_RMS_PX = 3.0
 
 
@@ -75,7 +74,7 @@ def _check_lens(model: StereoModel, camera: int, seen: NDArray[np.intp], name: s
     """
     width, height = model.size
     fx, fy, cx, cy = model.lenses[camera].values[:4].tolist()
-    low, high = _FOCAL_SHARES
+    low, high = FOCAL_SHARES
     if not (low * width < fx < high * width and 0.5 < fy / fx < 2):
         raise CalibrationError(
             f"the views of {name} give an impossible focal length ({fx:.4g} x {fy:.4g} pixels "

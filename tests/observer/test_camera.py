@@ -78,6 +78,12 @@ def test_differing_cameras_are_not_rectified() -> None:
     [
         ({"width": 0}, "image_width"),
         ({"K1": np.zeros((3, 3))}, "K1 must be a camera matrix"),
+        (
+            {"K1": np.diag([1e-9, 250.0, 1.0])},
+            "K1 has the focal lengths 1e-09 and 250 pixels, which no camera has for images",
+        ),
+        ({"K2": np.diag([1e9, 1e9, 1.0])}, "K2 has the focal lengths 1e\\+09 and 1e\\+09 pixels"),
+        ({"K2": np.diag([200.0, 450.0, 1.0])}, "they must be nearly the same"),
         ({"K2": np.eye(2)}, "K2 must have shape 3 x 3, not 2 x 2"),
         ({"D1": [0.1, 0.2, 0.3]}, "D1 must contain 4, 5, 8, 12 or 14"),
         ({"R": np.diag([1.0, 1.0, -1.0])}, "R must be a rotation"),
