@@ -18,6 +18,7 @@ const NUMBERS = [
   ["left_m", "Left", "m", 3, "from the middle of the axle"],
 ];
 
+const SIMULATED = "simulated:";
 const DRIVE_ASKED_MS = 2000;
 
 export class RigPanel extends Part {
@@ -50,6 +51,8 @@ export class RigPanel extends Part {
   #changed = false;
   /** Keys filled in while driving, and not otherwise since. @type {Set<string>} */
   #driven = new Set();
+  /** Whether the server has a mount, so that empty fields remove it. */
+  #saved = false;
 
   build() {
     const form = h(
@@ -88,6 +91,7 @@ export class RigPanel extends Part {
         this.#estimated.delete(key);
         this.#driven.delete(key);
         this.#note(key, null);
+        this.#accept(key);
       });
     }
     form.addEventListener("input", () => {
@@ -152,6 +156,7 @@ export class RigPanel extends Part {
     this.#driven.clear();
     for (const [key, , , digits] of NUMBERS) this.#fill(key, rig.mount[key] ?? null, digits);
     this.#simulated.checked = rig.for_simulated;
+    this.#saved = Object.keys(rig.mount).length > 0;
     this.#changed = false;
   }
 
@@ -163,6 +168,14 @@ export class RigPanel extends Part {
     input.value = number === null ? "" : String(Number(number.value.toFixed(digits)));
     if (number?.sigma) this.#estimated.set(key, number);
     this.#note(key, number);
+    this.#accept(key);
+  }
+
+  /** Forget what was wrong with a number that has changed. @param {string} key */
+  #accept(key) {
+    const inputs = [...this.#inputs.values()];
+    setAttribute(/** @type {Element} */ (this.#inputs.get(key)), "aria-invalid", null);
+    if (!inputs.some((each) => each.getAttribute("aria-invalid"))) setText(this.#error, "");
   }
 
   /** @param {string} key @param {RigNumber | null} number */
@@ -200,11 +213,13 @@ export class RigPanel extends Part {
         return this.#refuse(key, `${words} must be a number. Leave it empty if it is unknown.`);
       mount[key] = text === "" ? null : (this.#estimated.get(key) ?? { value, sigma: null });
     }
+    if (!this.#saved && Object.values(mount).every((number) => number === null))
+      return this.#refuse("height_m", "Enter the height and the tilt, or estimate them.");
     try {
       /** @type {RigNow} */
       const rig = await request("PUT", "/rig", { mount, for_simulated: this.#simulated.checked });
       this.#show(rig);
-      notify("The mount is now in use.");
+      notify(this.#savedInWords(rig));
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       const key = Object.keys(error.fields).find((each) => this.#inputs.has(each));
@@ -215,6 +230,16 @@ export class RigPanel extends Part {
         words && key ? error.message.replace(new RegExp(`^${key}`, "i"), words) : error.message,
       );
     }
+  }
+
+  /** @param {RigNow} rig as saved @returns {string} whether it has an effect now */
+  #savedInWords({ mount, in_use, for_simulated }) {
+    if (Object.keys(mount).length === 0) return "The mount was removed.";
+    if (this.hub.status?.source?.spec.startsWith(SIMULATED) && !for_simulated)
+      return "Saved for real cameras. This simulated source keeps its own mount.";
+    return in_use
+      ? "The mount is now in use."
+      : "Saved. It is used once both the height and the tilt are known.";
   }
 
   /** @param {string | undefined} key the number that is wrong @param {string} why one sentence */
