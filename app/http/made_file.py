@@ -46,5 +46,6 @@ class MadeFileResponse(StreamingResponse):
 
 
 async def _nothing() -> AsyncIterator[bytes]:
-    return
-    yield b""
+    nothing: tuple[bytes, ...] = ()
+    for chunk in nothing:
+        yield chunk
