@@ -191,13 +191,9 @@ class RunManager:
             try:
                 text = await self._observe(opening, run, parameters=revision.after)
                 if opening.calibration is None:
-                    run.record = await asyncio.to_thread(
-                        keep_own_calibration, self._storage, text, created
-                    )
+                    await self._keep_own_calibration(opening, text, run)
             except BaseException:
                 self.running = None
-                # If the source did open, the engine records the run that is about to be deleted.
-                await end_recording(self._engine, opening)
                 await self._forget(created.id)
                 raise
             self._source.wanted = opening
@@ -247,6 +243,16 @@ class RunManager:
             record=record_order(self._storage.folder, run.record),
             parameters=parameters,
         )
+
+    async def _keep_own_calibration(self, opening: Opening, text: str, run: CurrentRun) -> None:
+        try:
+            run.record = await asyncio.to_thread(
+                keep_own_calibration, self._storage, text, run.record
+            )
+        except BaseException:
+            # The source did open: the engine records the run that is about to be deleted.
+            await end_recording(self._engine, opening)
+            raise
 
     async def _start_programme(
         self, run: CurrentRun, programme: StartProgramme, armed: dict[Role, ArmedRobot]
