@@ -68,7 +68,9 @@ class Journal:
             text: a sentence in the style of an error message; capital and full stop are added.
         """
         self.newest += 1
-        sentence = text[:1].upper() + text[1:_LONGEST]
+        if len(text) > _LONGEST:
+            text = f"{text[:_LONGEST].rsplit(maxsplit=1)[0].rstrip(' .,:;')}…"
+        sentence = text[:1].upper() + text[1:]
         if not sentence.endswith((".", "!", "?", "…")):
             sentence += "."
         self._entries.append(LogEntry(self.newest, self._wall_clock(), severity, sentence))
@@ -102,8 +104,10 @@ class Journal:
         incidents = tuple(facts.incidents)
         known = {(each.at, each.role, each.kind) for each in self._incidents}
         for each in incidents:
-            if (each.at, each.role, each.kind) not in known:
-                self.note("warning", f"{each.role or 'all robots'}: {each.sentence}")
+            # The stop of all robots is noted above.
+            if each.kind != "stop" and (each.at, each.role, each.kind) not in known:
+                whose = "" if each.role is None else f"{each.role}: "
+                self.note("warning", f"{whose}{each.sentence}")
         self._incidents = incidents
 
     # --- parts of the status ------------------------------------------------------------------

@@ -9,6 +9,7 @@ from fastapi.requests import HTTPConnection
 
 from app.contract.values import LONGEST_NAME
 from app.http.file_name import content_disposition
+from app.http.gate.admission import session_of
 from app.http.sockets.view_feed import ViewFeed
 from app.server import Server
 
@@ -34,7 +35,9 @@ NameInPath = Annotated[str, Path(max_length=LONGEST_NAME)]
 
 
 def who(request: Request, name: str | None = None) -> str:
-    """Say who asks: all share one token, so they are identified by their address.
+    """Say who asks, by the name under which they may drive, or by their address.
+
+    All share one token; a browser with several pages open, or none, has no name of its own.
 
     Args:
         name: the name they gave.
@@ -42,6 +45,10 @@ def who(request: Request, name: str | None = None) -> str:
     where = "this computer" if request.client is None else request.client.host
     if name is not None:
         return f"{name} ({where})"
+    session = session_of(request.scope)
+    known = None if session is None else _server(request).driving.operators.name_at(session)
+    if known is not None:
+        return known
     return where if request.client is None else f"somebody at {where}"
 
 

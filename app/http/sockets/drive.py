@@ -24,7 +24,7 @@ from app.contract.sockets import (
 )
 from app.contract.values import filled, json_text
 from app.http.gate.access import WATCHING_ONLY, Access
-from app.http.gate.admission import access_of
+from app.http.gate.admission import access_of, session_of
 from app.http.sockets.command_age import TOO_SLOW, CommandAge
 from app.http.sockets.connections import GOING_AWAY, TRY_LATER, close, receive_text, until_one_ends
 from app.http.sockets.drive_messages import (
@@ -66,7 +66,7 @@ class DriveSocket:
         self._leasing = asyncio.Lock()
         self._sequences: dict[str, int] = {}
         self._heard = self._clock()
-        self._operator = self._driving.operators.join(name, self._lost)
+        self._operator = self._driving.operators.join(name, self._lost, session_of(socket.scope))
 
     async def serve(self) -> None:
         """Serve the socket until the client leaves."""

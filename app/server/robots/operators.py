@@ -28,11 +28,13 @@ class Operator:
     Attributes:
         name: name shown to others, unique among operators.
         lost: called with the role and a sentence when a lease ends without being released.
+        browser: identity of their browser; None for a script.
         leases: leases by role.
     """
 
     name: str
     lost: Callable[[Role, str], None]
+    browser: object | None = None
     leases: dict[Role, str] = field(default_factory=dict)
     gone: bool = False
     unnamed: dict[Role, int] = field(default_factory=dict)
@@ -56,15 +58,21 @@ class Operators:
         self._present: set[Operator] = set()
         self._numbered = 0
 
-    def join(self, name: str | None, lost: Callable[[Role, str], None]) -> Operator:
-        """Register an operator, under the given name if it is readable and free."""
+    def join(
+        self, name: str | None, lost: Callable[[Role, str], None], browser: object | None = None
+    ) -> Operator:
+        """Register an operator, under the given name if it is readable and free.
+
+        Args:
+            browser: identity of their browser; None for a script.
+        """
         self._numbered += 1
         wanted = "".join(c for c in (name or "") if c.isprintable()).strip()[:_LONGEST_NAME]
         name = wanted = wanted or f"operator {self._numbered}"
         number = self._numbered
         while any(operator.name == name for operator in self._present):
             name, number = f"{wanted} ({number})", number + 1
-        operator = Operator(name, lost)
+        operator = Operator(name, lost, browser)
         self._present.add(operator)
         return operator
 
@@ -108,6 +116,11 @@ class Operators:
     def holder(self, role: Role) -> str | None:
         """Return the name of the role's holder."""
         return next((each.name for each in self._present if role in each.leases), None)
+
+    def name_at(self, browser: object) -> str | None:
+        """Return the name of the one operator at a browser; None if there is none, or several."""
+        names = [each.name for each in self._present if each.browser is browser]
+        return names[0] if len(names) == 1 else None
 
     def drive_said(self, robots: Robots) -> None:
         """End leases that the drive process no longer knows.

@@ -148,24 +148,26 @@ export function incidentInWords({ at, role, kind, sentence: words, speed_mps, st
   const date = new Date(at);
   const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
   const speed = speed_mps === null ? "" : ` (at ${fixed(speed_mps, 2)} m/s)`;
-  const ends = Object.values(stops ?? {}).map((stop) => `; ${stopInWords(stop)}`);
+  const what = [sentence(words).replace(/\.$/, ""), ...Object.values(stops ?? {}).map(stopInWords)];
   // Only the observer drives to goals.
   const who = role ?? (kind === "goal" ? "observer" : null);
-  return `${time} ${who ? ROLE_WORDS[who] : "Both robots"}${speed}: ${sentence(words)}${ends.join("")}`;
+  // The sentence about a stop names all robots.
+  const whose = who ? ROLE_WORDS[who] : kind === "stop" ? "" : "Both robots";
+  return `${[time, whose].filter(Boolean).join(" ")}${speed}: ${sentence(what.join("; "))}`;
 }
 
-/** @param {StopMeasured} figures @returns {string} as in "stop command sent after 220 ms, at a standstill after 610 ms and 0.12 m" */
+/** @param {StopMeasured} figures @returns {string} as in "stop command sent after 220 ms; standstill after 610 ms and 0.12 m" */
 export function stopInWords({ zero_ms, stood_ms, distance_m, separation_m }) {
   const way = distance_m === null ? "" : ` and ${fixed(distance_m, 2)} m`;
   return [
     zero_ms === null ? "no stop command sent" : `stop command sent after ${fixed(zero_ms, 0)} ms`,
     stood_ms === null
       ? "standstill not observed"
-      : `at a standstill after ${fixed(stood_ms, 0)} ms${way}`,
+      : `standstill after ${fixed(stood_ms, 0)} ms${way}`,
     separation_m === null ? null : `${fixed(separation_m, 2)} m clearance`,
   ]
     .filter(Boolean)
-    .join(", ");
+    .join("; ");
 }
 
 /** @param {number} radians */

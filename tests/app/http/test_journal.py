@@ -6,6 +6,9 @@ import asyncio
 import json
 from typing import Any
 
+from app.contract.drive import IncidentEvent
+from app.http.gate.admission import COOKIE_NAME
+
 
 async def test_runs_and_refusals_are_logged_and_sent_to_pages(served: Any) -> None:
     async with served.socket("/api/live") as socket:
@@ -47,3 +50,35 @@ async def test_a_refused_read_is_not_logged(served: Any) -> None:
     before = (await served.http.get("/api/log")).json()
     assert (await served.http.get("/api/runs/none")).status_code == 404
     assert (await served.http.get("/api/log")).json() == before
+
+
+async def test_a_stop_is_logged_once_under_the_name_of_the_operator_at_that_browser(
+    served: Any, drive: Any, token: str, eventually: Any
+) -> None:
+    async def stops() -> list[str]:
+        entries = (await served.http.get("/api/log")).json()["entries"]
+        return [each["text"] for each in entries if "stopped" in each["text"]]
+
+    async with served.anonymous() as browser:
+        await browser.get("/", params={"token": token})
+        cookie = {"Cookie": f"{COOKIE_NAME}={browser.cookies[COOKIE_NAME]}"}
+        async with served.socket("/api/drive", token=None, headers=cookie) as page:
+            name = json.loads(await page.recv())["name"]
+            drive.publish(IncidentEvent(None, "stop", f"all robots were stopped by {name}", 7, 0.3))
+            await browser.post("/api/robots/stop")
+            await eventually(lambda: drive.stopped)
+            await eventually(lambda: served.server.driving.facts().stopped)
+            assert await stops() == [f"All robots were stopped by {name}."]
+            drive.publish(IncidentEvent(None, "programme", "lap was stopped: a bumper", 8, None))
+            drive.publish(IncidentEvent("observer", "fault", "its motors stopped", 9, None))
+            await eventually(lambda: len(served.server.driving.facts().incidents) == 3)
+            assert (await stops())[1:] == [
+                "Lap was stopped: a bumper.",
+                "Observer: its motors stopped.",
+            ]
+            # With a second page it is not known which of them asks.
+            async with served.socket("/api/drive", token=None, headers=cookie) as other:
+                await other.recv()
+                await browser.post("/api/robots/reset")
+                await browser.post("/api/robots/stop")
+                assert (await stops())[-1] == "All robots were stopped by somebody at 127.0.0.1."

@@ -68,3 +68,7 @@ async def test_only_the_newest_entries_are_kept_and_numbering_continues(journal:
     assert journal.since(journal.newest) == []
     journal.note("info", "x" * 10_000)
     assert len(journal.since(journal.newest - 1)[0].text) <= 501
+    journal.note("info", "many words, " * 100)
+    assert texts(journal, journal.newest - 1)[0].endswith((" many…", " words…"))
+    journal.note("info", "y" * 500)
+    assert texts(journal, journal.newest - 1)[0] == "Y" + "y" * 499 + "."

@@ -49,7 +49,18 @@ test("who is concerned by an incident is named", () => {
   const incident = { at: "?", role: null, sentence: "it ended", speed_mps: null, stops: {} };
   const told = (/** @type {string} */ kind) => words.incidentInWords({ ...incident, kind });
   assert.equal(told("goal"), "? Observer: It ended.");
-  assert.equal(told("stop"), "? Both robots: It ended.");
+  assert.equal(told("programme"), "? Both robots: It ended.");
+  const stop = { zero_ms: 0, stood_ms: 717, distance_m: 0.06, speed_mps: 0.3, separation_m: null };
+  assert.equal(
+    words.incidentInWords({
+      ...incident,
+      kind: "stop",
+      sentence: "all robots were stopped by 127.0.0.1",
+      stops: { observer: stop },
+    }),
+    "?: All robots were stopped by 127.0.0.1; stop command sent after 0 ms; " +
+      "standstill after 717 ms and 0.06 m.",
+  );
 });
 
 test("where there is no robot the reason is told", () => {
@@ -112,11 +123,11 @@ test("a stop is told with what was measured of it", () => {
   const stop = { zero_ms: 220, stood_ms: 610, distance_m: 0.123, speed_mps: 0.3 };
   assert.equal(
     words.stopInWords({ ...stop, separation_m: 0.4 }),
-    "stop command sent after 220 ms, at a standstill after 610 ms and 0.12 m, 0.40 m clearance",
+    "stop command sent after 220 ms; standstill after 610 ms and 0.12 m; 0.40 m clearance",
   );
   assert.equal(
     words.stopInWords({ ...stop, zero_ms: null, stood_ms: null, separation_m: null }),
-    "no stop command sent, standstill not observed",
+    "no stop command sent; standstill not observed",
   );
 });
 
