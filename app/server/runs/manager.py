@@ -337,7 +337,7 @@ class RunManager:
         async with self._shared.lock:
             if self.running is None or self.running.id != run_id:
                 record = await self.archive.find(run_id)
-                raise Conflict(f"the run {record.name} has already ended ({record.state.value})")
+                raise Conflict(f"the run “{record.name}” was already stopped and saved")
             return await self.close(RunState.FINISHED, None)
 
     async def delete(self, run_id: str) -> None:
