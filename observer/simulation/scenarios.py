@@ -8,6 +8,7 @@ it is written; any other seed redraws textures, layout and motion within ``varia
 
 from __future__ import annotations
 
+import difflib
 import functools
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -100,7 +101,7 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def load_scenario(name: str) -> Scenario:
-    """Load a built-in scenario by its name, or a scenario file by its path.
+    """Load a built-in scenario by its name in any case, or a scenario file by its path.
 
     A file may extend a built-in one: ``based_on: NAME`` takes over every key that the file does
     not give itself; mappings are merged, lists replaced.
@@ -108,14 +109,17 @@ def load_scenario(name: str) -> Scenario:
     Raises:
         ScenarioError: there is no such scenario, or one sentence on what is wrong in the file.
     """
-    if name in scenario_names():
+    known = scenario_names()
+    if name.lower() in known:
+        name = name.lower()
         text = _folder().joinpath(f"{name}.yaml").read_text(encoding="utf-8")
         return scenario_from_text(text, name)
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
+        near = difflib.get_close_matches(name[:80].lower(), known, n=2, cutoff=0.0)
         raise ScenarioError(
-            f"there is no scenario {name[:80]!r}; available are {', '.join(scenario_names())}, or "
-            "give the path of a .yaml file"
+            f"there is no scenario {name[:80]!r}; did you mean {' or '.join(near)}? Otherwise give "
+            "the path of a .yaml file"
         )
     try:
         if not path.exists():

@@ -27,6 +27,8 @@ def open_folder(path: Path) -> FilePairSource:
         CalibrationError: a calibration is there and unusable.
     """
     if not path.exists():
+        if path.name == str(path):
+            raise SourceError(f"“{path}” is neither a known source nor an existing folder")
         raise SourceError(f"there is no folder {path}")
     if not path.is_dir():
         raise SourceError(

@@ -57,6 +57,7 @@ _UNDECODABLE = "sends images that cannot be decoded"
 _FROZEN = "sends the same image again and again"
 _STAMPS_STAND = "sends images whose timestamps do not advance"
 _UNPLUGGED = "is not connected; plug it in again"
+_ABSENT = "is not connected; doctor lists the connected cameras"
 
 
 class LiveCamera:
@@ -221,10 +222,14 @@ class LiveCamera:
             return _STAMPS_STAND if self._standing_stamps >= _FROZEN_REPEATS else _FROZEN
         return self._fault
 
+    @property
+    def _gone(self) -> str:
+        return _UNPLUGGED if self.openings else _ABSENT
+
     def _start(self, now: float) -> None:
         if not self.target.network and not Path(self.target.address).exists():
             # Checking the name is cheap; a process is not.
-            self._fault = _UNPLUGGED
+            self._fault = self._gone
             self.is_missing = True
             self._since, self._pause = now, _SHORTEST_PAUSE_S
             return
@@ -242,7 +247,7 @@ class LiveCamera:
 
     def _fail(self, fault: str, now: float, *, alive: bool = False) -> None:
         if not self.target.network and not Path(self.target.address).exists():
-            fault = _UNPLUGGED
+            fault = self._gone
         lasted = self._state == "delivering" and now - self._since > _LASTED_S
         self._pause = min(
             _SHORTEST_PAUSE_S if lasted or not self._pause else 2 * self._pause, _LONGEST_PAUSE_S

@@ -168,9 +168,18 @@ def test_a_mistake_is_refused_in_one_sentence_that_names_the_key(text: str, says
     assert "\n" not in message
 
 
-def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ScenarioError, match=r"no scenario 'labb'; available are lab, .*lateral"):
-        load_scenario("labb")
+def test_case_does_not_matter_in_a_name() -> None:
+    assert load_scenario("LAB").name == load_scenario("lab").name == "lab"
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_two() -> None:
+    for name in ("labb", "LABB"):
+        with pytest.raises(
+            ScenarioError, match=rf"no scenario '{name}'; did you mean lab or \w+\?"
+        ):
+            load_scenario(name)
+    with pytest.raises(ScenarioError, match=r"did you mean \w+ or \w+\?"):
+        load_scenario("§")
     with pytest.raises(ScenarioError, match="no scenario file"):
         load_scenario("/nowhere/mine.yaml")
 

@@ -219,6 +219,10 @@ def test_an_unusable_calibration_is_refused(stereo_folder: Path) -> None:
 def test_a_path_that_is_not_a_stereo_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="there is no folder"):
         open_folder(tmp_path / "absent")
+    with pytest.raises(
+        SourceError, match="“hello world” is neither a known source nor an existing"
+    ):
+        open_folder(Path("hello world"))
     (tmp_path / "a.mp4").write_bytes(b"")
     with pytest.raises(SourceError, match=r"is a file; .*video:"):
         open_folder(tmp_path / "a.mp4")
