@@ -33,6 +33,8 @@ Location: TypeAlias = "tuple[int | str, ...]"
 
 MAX_BYTES = 1_000_000
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+# Characters that no text file contains.
+CONTROL_CHARACTER = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 # Such files nest two or three levels; deeper nesting means another kind of file or an attack.
 MAX_DEPTH = 12
 
@@ -124,7 +126,7 @@ def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> st
         raise InputError(f"{name}: {what} may have at most {most} characters, not {len(text)}")
     if re.search(r"[\ud800-\udfff]", text):
         raise InputError(f"{name}: the file must be UTF-8 text")
-    if re.search(r"[\x00-\x08\x0e-\x1f\x7f]", text):
+    if CONTROL_CHARACTER.search(text):
         raise InputError(f"{name}: the file must be text, but it contains control characters")
     text = text.removeprefix("\ufeff")
     if not text.strip():

@@ -37,19 +37,20 @@ def calibration_errors() -> Iterator[None]:
         raise CalibrationError(str(error)) from None
 
 
-def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:
+def parse_plain_data(text: str, *, name: str, form: str = _FORM) -> dict[str, PlainData]:
     """Return the top-level mapping of a YAML, XML (OpenCV FileStorage) or JSON text.
 
     Args:
         text: the whole file. The notation is recognised by its first character.
         name: what the text is called in messages, usually a file's name.
+        form: what the text must be, for messages about one without any data.
 
     Raises:
         InputError: as ``parse_text``; XML that is malformed or declares entities.
     """
     if not text.removeprefix("\ufeff").lstrip().startswith("<"):
-        return parse_text(text, name=name, what=CALIBRATION, form=_FORM)
-    text = checked_text(text, name=name, what=CALIBRATION, form=_FORM, most=MAX_BYTES)
+        return parse_text(text, name=name, what=CALIBRATION, form=form)
+    text = checked_text(text, name=name, what=CALIBRATION, form=form, most=MAX_BYTES)
     # Entities can expand to gigabytes or read other files, and no calibration needs them.
     if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
         raise InputError(
@@ -64,7 +65,7 @@ def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:
         raise InputError(f"{name}: the file is truncated or not valid XML: {error}") from None
     data = _xml_value(root, name, 0)
     if not isinstance(data, dict):
-        raise InputError(f"{name}: the file contains no keys with values; it must be {_FORM}")
+        raise InputError(f"{name}: the file contains no keys with values; it must be {form}")
     return data
 
 

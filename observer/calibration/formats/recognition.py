@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Literal
 
 from observer.calibration.formats.euroc_file import euroc_draft
@@ -35,8 +35,8 @@ from observer.calibration.formats.understanding import (
 )
 from observer.calibration.formats.units import LengthUnit
 from observer.calibration.formats.zed_file import zed_draft
-from observer.errors import CalibrationError
-from observer.text_files import PlainData, check_length, decoded, read_bytes
+from observer.errors import CalibrationError, InputError
+from observer.text_files import CONTROL_CHARACTER, PlainData, check_length, decoded, read_bytes
 
 _Kind = FileKind | Literal["one camera"]
 # intrinsics.yml and extrinsics.yml, or one file for each camera.
@@ -182,12 +182,32 @@ def _recognised(file: NamedFile) -> _Recognised:
         raise CalibrationError(
             f"{name}: this is a ZIP archive; unpack it and choose the files inside"
         )
-    text = decoded(content, name=name)
+    text = _text(name, content)
     for kind, line in _LINES.items():
         if re.search(line, text, re.MULTILINE):
             return _Recognised(file, kind, text=text)
-    data = parse_plain_data(text, name=name)
+    form = f"in a supported format: {formats_in_words()}"
+    data = parse_plain_data(text, name=name, form=form)
     return _Recognised(file, _kind_of_mapping(name, data), data=data)
+
+
+def _text(name: str, content: bytes) -> str:
+    """Return the content as text.
+
+    Raises:
+        CalibrationError: it is none.
+    """
+    try:
+        text = decoded(content, name=name)
+    except InputError:
+        text = "\0"
+    if not CONTROL_CHARACTER.search(text):
+        return text
+    suffix = PurePath(name).suffix.lower()
+    what = "a MATLAB file" if suffix == ".mat" else "a text file"
+    raise CalibrationError(
+        f"{name} is not {what}, and no other supported format: {formats_in_words()}"
+    )
 
 
 def _kind_of_mapping(name: str, data: dict[str, PlainData]) -> _Kind:
