@@ -17,7 +17,7 @@ from observer.navigation.parameters import AllParameters
 
 _HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % interval", "seen")
 _GROUPS = {
-    "all": "", "direction": "moving: ", "way": "driving: ", "body": "body ", "track": "track ",
+    "all": "", "direction": "moving: ", "way": "body moving ", "body": "body ", "track": "track ",
 }  # fmt: skip
 
 

@@ -176,18 +176,21 @@ def sample_errors(seen: SeenMotion, true: TrueMotion) -> Float64Array:
 
 
 def identity_switches(seen: Iterable[SeenMotion]) -> Iterator[IdentitySwitch]:
-    """Yield the identity switches of each body, in order."""
+    """Yield the identity switches of each body, in order.
+
+    A new segment, as after a rewind, begins new tracks for everything; that is no switch.
+    """
     order: dict[str, list[tuple[float, str]]] = {}
     for each in seen:
         order.setdefault(each.body, []).extend((float(t), each.track) for t in each.frame_times)
     for body, rows in order.items():
         for (_, before), (time, after) in pairwise(sorted(rows)):
-            if before != after:
+            if before != after and before.split(":")[0] == after.split(":")[0]:
                 yield IdentitySwitch(time, body, before, after)
 
 
 def identity_changes(seen: Sequence[SeenMotion]) -> dict[str, int]:
-    """Count, by body, how often another track took over."""
+    """Count, by body, how often another track of the same segment took over."""
     counts = Counter(switch.body for switch in identity_switches(seen))
     return {each.body: counts[each.body] for each in seen}
 

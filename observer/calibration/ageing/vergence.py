@@ -226,8 +226,8 @@ class VergenceWatch:
         )
         sentence = (
             f"the wheels confirm the calibrated vergence over {driven}: "
-            f"{math.degrees(vergence):+.2f}° {spread} from it, or {share:+.1f} ± {share_half:.1f} "
-            f"% of depth at {_AT_M:g} m (95 % intervals, with a "
+            f"{math.degrees(vergence):+z.2f}° {spread} from it, or {share:+z.1f} ± "
+            f"{share_half:.1f} % of depth at {_AT_M:g} m (95 % intervals, with a "
             f"{100 * half_95(WHEEL_SCALE_SIGMA):.1f} % scale error allowed for the wheels)"
         )
         return VergenceCheck("consistent", vergence, std, sentence, self._distance_m)

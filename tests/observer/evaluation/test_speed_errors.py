@@ -13,6 +13,7 @@ from observer.evaluation.speed_errors import (
     SpeedErrors,
     TrueMotion,
     identity_changes,
+    identity_switches,
     sample_errors,
     speed_errors,
 )
@@ -107,6 +108,16 @@ def test_identities_are_counted_and_listed_separately() -> None:
     assert identity_changes(tracks) == {"cart": 2}
     found = speed_errors(tracks, [true_motion(0.3)])
     assert [e.bias_mps for e in found if e.group == "track"] == pytest.approx([0.0, 0.1, 0.0])
+
+
+def test_a_new_segment_is_no_identity_switch() -> None:
+    tracks = [
+        seen_motion(np.arange(10), 0.0, track="0:1"),
+        seen_motion(np.arange(20, 30), 0.0, track="1:4"),
+        seen_motion(np.arange(40, 50), 0.0, track="1:5"),
+    ]
+    assert [each[2:] for each in identity_switches(tracks)] == [("1:4", "1:5")]
+    assert identity_changes(tracks) == {"cart": 1}
 
 
 def test_no_samples_give_no_errors() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -107,6 +108,7 @@ def test_two_metre_drive_determines_vergence(vergence_deg: float, seed: int) -> 
         assert "recalibrate" in found.sentence
     else:
         assert "the wheels confirm the calibrated vergence" in found.sentence
+        assert not re.search(r"-0\.0+[° ]", found.sentence)
 
 
 def test_wheel_scale_limits_certainty_when_all_points_are_equally_far() -> None:
