@@ -6,6 +6,7 @@ from app.drive.connection import Connection, Tick
 from app.drive.consent import Velocity
 from observer.guard.guard import sight_trouble
 from observer.guard.parameters import GuardParameters
+from observer.guard.sight import SIGHT_FRESH_S
 from observer.rig.rig import Role
 from observer.robots.contract import REPORT_FRESH_S, RobotPhase, RobotReport
 
@@ -38,8 +39,22 @@ def missing_to_arm(
             "this computer failed; set it to 2000 ms with the manufacturer's configuration tool"
         )
     if role == "observer":
-        return sight_trouble(tick.sight, tick.now, connection.world)
+        return _unseeing(connection, tick)
     return None
+
+
+def _unseeing(connection: Connection, tick: Tick) -> str | None:
+    """Return why the observer cannot drive by its sight, and how to help a slow computer."""
+    sight = tick.sight
+    trouble = sight_trouble(sight, tick.now, connection.world)
+    if trouble is None or sight is None or tick.now - sight.received <= SIGHT_FRESH_S:
+        return trouble
+    if sight.world != connection.world or sight.published - sight.received <= SIGHT_FRESH_S:
+        return trouble
+    return (
+        f"{trouble}: this computer is too slow to process one every {1e3 * SIGHT_FRESH_S:.0f} ms; "
+        "close other programs or lower the image rate"
+    )
 
 
 def why_not_armed(

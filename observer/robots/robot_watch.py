@@ -129,7 +129,7 @@ class RobotWatch:
         """Check the timeouts, every 0.1 s or more often; return whether that caused a fault."""
         before = self.fault
         if self._connected and now - self._heard >= SILENCE_FAULT_S:
-            self.blame(f"it sent no status for {SILENCE_FAULT_S:g} s")
+            self.blame(_silence(SILENCE_FAULT_S))
         if (
             self._on_since is not None
             and not self._seen_on
@@ -179,7 +179,7 @@ class RobotWatch:
             return
         self.fault = None
         if now - self._heard >= SILENCE_FAULT_S:
-            self.blame(f"it sent no status for {now - self._heard:.1f} s")
+            self.blame(_silence(round(now - self._heard, 1)))
         if self.status is not None:
             self.blame(_cause(self.status))
 
@@ -226,3 +226,7 @@ def _cause(status: RobotStatus) -> str | None:
     if status.e_stalled:
         return "its emergency stall input is active"
     return None
+
+
+def _silence(seconds: float) -> str:
+    return f"the robot sent no status for {seconds:g} s; check its cable or network"

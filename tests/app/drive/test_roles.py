@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -75,7 +76,11 @@ def test_an_arming_refusal_names_the_missing_condition(bench: Any) -> None:
     bench.tick()
     bench.seeing = None
     bench.run(0.3)
-    refused(bench, ArmRobot("observer", None), "no camera frame for")
+    refused(bench, ArmRobot("observer", None), "no camera frame for 200 ms$")
+    assert bench.sight is not None
+    bench.sight = replace(bench.sight, published=bench.sight.received + 0.25)
+    bench.tick()
+    refused(bench, ArmRobot("observer", None), "200 ms: this computer is too slow to process one")
     bench.seeing = {}
     bench.tick()
     bench.lease("observer")

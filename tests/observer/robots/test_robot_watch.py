@@ -133,7 +133,7 @@ def test_silence_becomes_a_warning_and_then_a_fault() -> None:
     assert "310 ms old" in watch.warnings(11.31)[0]
     assert not watch.tick(11.99)
     assert watch.tick(12.0)
-    assert "no status for 1 s" in (watch.fault or "")
+    assert "the robot sent no status for 1 s; check its cable" in (watch.fault or "")
     watch.clear(12.5)
     assert "no status for 1.5 s" in (watch.fault or "")
     watch.saw(OFF, 12.6)
