@@ -2,7 +2,8 @@
 
 Every error reply is JSON that any client can read: ``{"detail": sentence}``, or for invalid values
 ``{"detail": [{"loc": [...], "msg": sentence, "type": kind}]}``. The input is never echoed: it may
-be invalid JSON (NaN, an infinity) or invalid text.
+be invalid JSON (NaN, an infinity) or invalid text. A browser that opens an address without a page
+gets a page that says so.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
-from starlette.responses import Response
+from starlette.responses import HTMLResponse, Response
 from starlette.routing import Match
 
 from app.contract.refusals import Problem, Problems, Refused
 from app.contract.values import json_text
 from app.http.gate.access import SAFE_METHODS
+from app.http.gate.security import wants_page
 from app.runtime.errors import ProcessUnavailable
 from app.server import Conflict, FieldError, NotAvailable, NotThere
 from app.server.journal import Journal
@@ -38,6 +40,21 @@ _LONGEST_TEXT = 200
 # nginx's status for a client that left; nobody receives it.
 _CLOSED_BY_CLIENT = 499
 _MOST_PROBLEMS = 50
+_NO_PAGE = """<!doctype html>
+<html lang="en">
+  <head>
+    <meta charset="utf-8">
+    <meta name="viewport" content="width=device-width, initial-scale=1">
+    <meta name="color-scheme" content="light dark">
+    <title>Page not found · Dynamic Observer</title>
+  </head>
+  <body>
+    <h1>Page not found</h1>
+    <p>There is no page at this address.</p>
+    <p><a href="/">Back to Dynamic Observer</a> · <a href="/help/">Documentation</a></p>
+  </body>
+</html>
+"""
 # Several handlers match if one class derives from another, so the narrower ones come first.
 _STATUS: tuple[tuple[type[DynamicObserverError], int], ...] = (
     (NotThere, 404),
@@ -109,6 +126,9 @@ def _named(loc: Sequence[str | int]) -> str:
 async def _http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     headers = dict(error.headers or {})
+    is_page = wants_page(request.scope) and not request.url.path.startswith("/api/")
+    if error.status_code == 404 and is_page:
+        return HTMLResponse(_NO_PAGE, 404, headers)
     if "Allow" in headers:
         headers["Allow"] = ", ".join(_methods_at(request))
     return _answer(error.status_code, error.detail, headers)

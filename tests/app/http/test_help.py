@@ -76,3 +76,17 @@ async def test_a_page_may_run_only_its_own_inline_scripts(built: Path, serve: An
             answer = await served.http.get(path)
             assert answer.headers["Content-Security-Policy"] == PANEL_POLICY, path
         assert (await served.http.get("/help/")).headers["Cache-Control"] == "no-cache"
+
+
+async def test_a_browser_is_shown_a_page_where_there_is_none(built: Path, serve: Any) -> None:
+    build(built)
+    browser = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+    async with serve() as served:
+        for path in ("/help/nonsense", "/nonsense", "/static/nonsense.html"):
+            answer = await served.http.get(path, headers=browser)
+            assert answer.status_code == 404
+            assert answer.headers["Content-Type"] == "text/html; charset=utf-8", path
+            assert '<a href="/">' in answer.text
+            assert (await served.http.get(path)).json() == {"detail": "Not Found"}
+        answer = await served.http.get("/api/nonsense", headers=browser)
+        assert answer.json() == {"detail": "Not Found"}
