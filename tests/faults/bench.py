@@ -17,6 +17,8 @@ from typing import Any
 import httpx
 import psutil
 
+from ..waiting import until
+
 # How often each fault is tried; ``make faults`` uses 100.
 TRIALS = int(os.environ.get("FAULT_TRIALS", "1"))
 # It takes six seconds on an idle machine.
@@ -139,10 +141,4 @@ def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 10.0) -> A
     Raises:
         AssertionError: it never was true; ``what`` names what was awaited.
     """
-    deadline = time.monotonic() + timeout_s
-    while True:
-        answer = true()
-        if answer:
-            return answer
-        assert time.monotonic() < deadline, f"not within {timeout_s:g} s: {what}"
-        time.sleep(0.02)
+    return until(true, what, timeout_s, pause_s=0.02)

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -39,19 +38,13 @@ from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving
 from observer.types import Status
 
+from ...waiting import until
+
 PROMISED_S = 0.300
 PATIENCE_S = 15.0
 SPEED_MPS = 0.3
 MODELS = {"observer": "amigo-sh", "obstacle": "p3dx-sh"}
 Robots = dict[str, Serving[EmulatedRobot]]
-
-
-def until(found: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
-    deadline = time.monotonic() + patience_s
-    while not (result := found()):
-        assert time.monotonic() < deadline, f"{what} did not come"
-        time.sleep(0.005)
-    return result
 
 
 class Eyes:

@@ -14,7 +14,8 @@ from app.contract.drive import (
 )
 from observer.simulation.robots.emulated import EmulatedRobot
 
-from .driving import PROMISED_S, SPEED_MPS, Drive, Eyes, Robots, until
+from ...waiting import until
+from .driving import PROMISED_S, SPEED_MPS, Drive, Eyes, Robots
 
 
 class Followed:

@@ -21,7 +21,8 @@ import pytest
 from app.contract.drive import SHARED_NAMES
 from app.runtime.environment import program_environment
 
-from .driving import PROMISED_S, Drive, Eyes, Robots, report, stays_at_rest, until, zero_after
+from ...waiting import until
+from .driving import PROMISED_S, Drive, Eyes, Robots, report, stays_at_rest, zero_after
 
 HERE = Path(__file__).parent
 TRIALS = int(os.environ.get("DRIVE_TRIALS", "2"))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
 from app.drive.robot_opener import RobotOpener
 from observer.errors import InputError
+
+from ...waiting import until
 
 
 class SlowRobot:
@@ -22,14 +23,6 @@ class SlowRobot:
     def close(self) -> None:
         assert self.may_close.wait(10)
         self.closed = True
-
-
-def until(found: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + 10
-    while not (result := found()):
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
-    return result
 
 
 def test_a_slow_close_delays_only_the_next_robot() -> None:

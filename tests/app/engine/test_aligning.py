@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any
 
 from app.engine.aligning import AlignmentThread
 from app.workers.alignment.messages import Choices, Solve, Solved
@@ -13,13 +11,7 @@ from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.live.clock import ClockFit
 
-
-def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 20.0) -> Any:
-    until = time.monotonic() + timeout_s
-    while not (value := true()):
-        assert time.monotonic() < until, what
-        time.sleep(0.02)
-    return value
+from ...waiting import until
 
 
 class ScriptedWorker:
@@ -68,22 +60,22 @@ def test_a_known_delay_is_not_replaced_by_a_few_seconds_of_data() -> None:
             offset = None if aligned is None else aligned.alignment.time.offset_s
             if offset is not None and (not held or held[-1] != offset):
                 held.append(offset)
-        wait_until("the last one holds", lambda: aligner.aligned.alignment.time.offset_s == 0.40)
+        until(lambda: aligner.aligned.alignment.time.offset_s == 0.40, "the last one holds")
         assert held in ([0.10, 0.12], [0.10, 0.12, 0.40])
         # The same source reopened: the same delay, but the world frame is new.
         aligner.begin(2, Choices(), carry=True)
         for _ in range(15):
             aligner.observed({"time": now, "segment": 0, "pose": None, "obstacles": []}, now + 0.01)
             now += 0.1
-        carried = wait_until(
-            "carried", lambda: aligner.aligned and aligner.aligned.session == 2 and aligner.aligned
+        carried = until(
+            lambda: aligner.aligned and aligner.aligned.session == 2 and aligner.aligned, "carried"
         )
         assert carried.carried
         assert carried.alignment.time.offset_s == 0.40
         assert worker.jobs[-1].anew
         # Another source: nothing of the old alignment applies.
         aligner.begin(3, Choices(), carry=False)
-        wait_until("forgotten", lambda: aligner.aligned is None)
+        until(lambda: aligner.aligned is None, "forgotten")
         assert aligner.sentence.startswith("not aligned yet: ")
     finally:
         aligner.end()

@@ -28,6 +28,7 @@ from observer.types import Observation, Status
 from ...observer.truth.alignment.conftest import MOUNT, Room, make_room
 from ...observer.truth.live.mishaps import Mishaps, Stream
 from ...observer.truth.live.vrpn_server import VrpnServer
+from ...waiting import until
 from .bench import Bench, opening
 
 # Seconds: the host's clock when the source's showed 0, and the motion capture server's.
@@ -154,14 +155,6 @@ def truth(listeners: list[Listener]) -> Iterator[LiveTruth]:
         made.join(10.0)
 
 
-def wait_until(what: str, true: Callable[[], Any], timeout_s: float = 30.0) -> Any:
-    until = time.monotonic() + timeout_s
-    while not (value := true()):
-        assert time.monotonic() < until, what
-        time.sleep(0.02)
-    return value
-
-
 def facts(truth: LiveTruth) -> Any:
     told = truth.facts()
     assert told is not None
@@ -186,7 +179,7 @@ def test_motion_capture_speeds_accompany_observations(
         entries = lab.frame(index)
         assert entries == [] or facts(truth).aligned
     # The first alignment may rest on a few seconds only.
-    wait_until("aligned well", lambda: facts(truth).aligned and sigma(truth) < 0.01)
+    until(lambda: facts(truth).aligned and sigma(truth) < 0.01, "aligned well")
     told = facts(truth)
     # Frames are exposed 15 ms before reception; motion capture is 120 ms and 4 ms late.
     expected = lab.BEHIND - DELAY + EXPOSED

@@ -29,6 +29,8 @@ from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import StereoFrame
 
+from ...waiting import until
+
 WIDTH, HEIGHT = 64, 48
 INFO = SourceInfo("numbers", "numbers", WIDTH, HEIGHT, 10.0, 5)
 CALIBRATION = calibration_text(
@@ -69,13 +71,6 @@ def ended(recorder: RunRecorder) -> None:
     recorder.end()
     recorder.join(20)
     assert not recorder.is_alive()
-
-
-def eventually(holds: Callable[[], Any]) -> None:
-    until = time.monotonic() + 20
-    while not holds():
-        assert time.monotonic() < until
-        time.sleep(0.01)
 
 
 def is_finished(path: Path) -> bool:
@@ -144,7 +139,7 @@ def test_a_stalled_disk_costs_frames_not_time(tmp_path: Path) -> None:
     # The queue has room for three, including the one being written.
     assert recorder.facts().dropped == 97
     slow.gate.set()
-    eventually(lambda: not recorder._waiting and recorder._waiting_bytes == 0)
+    until(lambda: not recorder._waiting and recorder._waiting_bytes == 0)
     give(recorder, 100)
     ended(recorder)
     with Recording(path) as recording:
@@ -162,12 +157,12 @@ def test_a_full_disk_ends_only_the_recording(
     path = tmp_path / "recording.mcap"
     recorder = begin(command(path))
     give(recorder, 0)
-    eventually(lambda: frames_in(path))
+    until(lambda: frames_in(path))
     file_limit(path.stat().st_size + 50)
     index = 1
     noise = np.random.default_rng(1)
-    until = time.monotonic() + 20
-    while recorder.facts().trouble is None and time.monotonic() < until:
+    deadline = time.monotonic() + 20
+    while recorder.facts().trouble is None and time.monotonic() < deadline:
         image = noise.integers(0, 255, (HEIGHT, WIDTH), dtype=np.uint8)
         noisy = StereoFrame(index, index / 10, image, image, received=time.monotonic())
         recorder.frame(PlayedFrame(noisy, index / 10, index, False))
@@ -189,9 +184,9 @@ def test_a_recording_ends_before_the_disk_is_full(tmp_path: Path) -> None:
     )
     give(recorder, 0)
     left[0] = 199 << 20
-    eventually(lambda: recorder.facts().trouble)
+    until(lambda: recorder.facts().trouble)
     assert "only 199 MB are free" in recorder.facts().trouble
-    eventually(lambda: is_finished(path))
+    until(lambda: is_finished(path))
     assert frames_in(path) == [0]
     ended(recorder)
 
@@ -227,7 +222,7 @@ def test_a_resumed_run_is_recorded_in_the_same_file(tmp_path: Path) -> None:
 def test_invalid_data_ends_the_recording_and_states_the_error(tmp_path: Path) -> None:
     recorder = begin(command(tmp_path / "recording.mcap"))
     recorder.observation({"no": "line"}, time.monotonic(), None, [])
-    eventually(lambda: recorder.facts().trouble)
+    until(lambda: recorder.facts().trouble)
     assert "KeyError" in recorder.facts().trouble
     ended(recorder)
 
@@ -242,7 +237,7 @@ def test_a_clip_that_waits_for_a_failing_recording_is_refused(tmp_path: Path) ->
     recorder.save_clip(tmp_path / "clip.mcap", 0, told.append)
     recorder.save_clip(tmp_path / "another.mcap", 0, told.append)
     slow.gate.set()
-    eventually(lambda: len(told) == 2)
+    until(lambda: len(told) == 2)
     assert [type(each) for each in told] == [RecordingError] * 2
     assert str(told[0]) == recorder.facts().trouble
     with pytest.raises(NotNow, match="KeyError"):
@@ -271,7 +266,7 @@ def test_a_clip_is_refused_if_its_recording_is_given_up_meanwhile(
     monkeypatch.setattr(recorder, "_give", slowly)
     told: list[Any] = []
     recorder.save_clip(tmp_path / "clip.mcap", 0, told.append)
-    eventually(lambda: told)
+    until(lambda: told)
     assert isinstance(told[0], RecordingError)
     ended(recorder)
 
@@ -289,7 +284,7 @@ def test_a_failed_clip_leaves_the_recording_alone(
     recorder = RunRecorder(RecordingWriter(path, FACTS, ring=ring), order(path), ring=ring)
     told: list[Any] = []
     recorder.save_clip(clip, 0, told.append)
-    eventually(lambda: told)
+    until(lambda: told)
     assert "the clip clip.mcap could not be saved: internal error" in str(told[0])
     give(recorder, 0)
     ended(recorder)

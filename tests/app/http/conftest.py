@@ -27,6 +27,8 @@ from app.settings import Settings
 from app.storage import Storage
 from app.viewer import NullViewer
 
+from ...waiting import until_async
+
 # Where FastAPI creates the objects that read and write a route's values.
 _ADAPTERS = "fastapi._compat.v2.TypeAdapter"
 
@@ -178,10 +180,4 @@ def serve_app() -> Callable[[Any, Settings], AbstractAsyncContextManager[Served]
 @pytest.fixture
 def eventually() -> Callable[..., Any]:
     """Wait until something holds, with a deadline that only a fault can reach."""
-
-    async def wait(condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
-        async with asyncio.timeout(timeout_s):
-            while not condition():
-                await asyncio.sleep(0.01)
-
-    return wait
+    return until_async

@@ -20,6 +20,7 @@ from observer.robots.contract import RobotPort
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_tcp
 
+from ...waiting import until_async
 from .sockets.test_drive import Elsewhere
 
 PROMISED_S = 0.300
@@ -29,15 +30,6 @@ PROMISED_S = 0.300
 def robot() -> Iterator[Serving[EmulatedRobot]]:
     with serve_tcp(EmulatedRobot("p3dx-sh", now=time.monotonic())) as serving:
         yield serving
-
-
-async def until(condition: Any, what: str) -> None:
-    try:
-        async with asyncio.timeout(20):
-            while not condition():
-                await asyncio.sleep(0.01)
-    except TimeoutError:
-        pytest.fail(f"{what} did not come")
 
 
 def zero_after(robot: Serving[EmulatedRobot], moment: float) -> float:
@@ -79,21 +71,21 @@ async def test_a_stalled_event_loop_and_a_closed_page_stop_the_robot_in_time(
         driving = served.server.driving
         page = Elsewhere(served.port, token, "obstacle")
         page.speed_mps = None
-        await until(lambda: driving.health.alive, "the drive process")
+        await until_async(lambda: driving.health.alive, "the drive process")
         # The frame gives speeds their time.
         peer.observe()
         # It is the only frame; a live source's clock goes on without more.
         served.server.source.time.live = True
         page.start()
         try:
-            await until(lambda: page.lease, "a lease")
+            await until_async(lambda: page.lease, "a lease")
             while (
                 armed := await http.post("/api/robots/obstacle/arm", json={"lease": page.lease})
             ).status_code != 200:
                 assert armed.status_code in (404, 409), armed.text
                 await asyncio.sleep(0.1)
             page.speed_mps = 0.3
-            await until(moves, "motion")
+            await until_async(moves, "motion")
 
             stood_from = time.monotonic()
             time.sleep(2.0)
@@ -106,14 +98,16 @@ async def test_a_stalled_event_loop_and_a_closed_page_stop_the_robot_in_time(
             page.speed_mps = 0.0
             await asyncio.sleep(0.3)
             page.speed_mps = 0.3
-            await until(moves, "motion behind a release")
+            await until_async(moves, "motion behind a release")
 
             page.done.set()
             await asyncio.to_thread(page.join)
             left = time.monotonic()
-            await until(lambda: log.first_standing(left), "zero")
+            await until_async(lambda: log.first_standing(left), "zero")
             gone_s = zero_after(robot, left)
-            await until(lambda: driving.facts().robots["obstacle"].state == "disarmed", "disarming")
+            await until_async(
+                lambda: driving.facts().robots["obstacle"].state == "disarmed", "disarming"
+            )
             kinds = [incident.kind for incident in driving.incidents.newest]
             assert "expired" in kinds
             assert "lease" in kinds

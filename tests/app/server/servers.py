@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -11,6 +10,8 @@ from app.contract.commands import OpenSource
 from app.contract.events import EngineState
 from app.server import Server
 from app.storage import Storage
+
+from ...waiting import until_async
 
 
 @asynccontextmanager
@@ -21,7 +22,7 @@ async def started(
     server = Server(peer, storage, source=source, drive=drive)
     try:
         await server.start()
-        await until(lambda: server.source.state.state is not EngineState.IDLE)
+        await until_async(lambda: server.source.state.state is not EngineState.IDLE)
         yield server
     finally:
         await server.stop()
@@ -31,13 +32,6 @@ async def begin(server: Server, **more: Any) -> Any:
     """Begin a run with the current settings, changed by ``more``, and return its record."""
     given = {"name": None, "source": None, "calibration_id": None, "preset": None}
     return await server.runs.start(**{**given, "parameters": {}, **more})
-
-
-async def until(condition: Callable[[], Any]) -> None:
-    """Wait until something holds, with a deadline that only a fault can reach."""
-    async with asyncio.timeout(20):
-        while not condition():
-            await asyncio.sleep(0.005)
 
 
 def opens(peer: Any) -> list[OpenSource]:

@@ -13,7 +13,8 @@ from app.server import NotAvailable, Server
 from app.server.status import status
 from app.storage import RunState, StorageFull
 
-from .servers import begin, opens, until
+from ...waiting import until_async
+from .servers import begin, opens
 
 
 async def test_the_next_engine_reopens_the_source(peer: Any, server: Server) -> None:
@@ -24,7 +25,7 @@ async def test_the_next_engine_reopens_the_source(peer: Any, server: Server) -> 
     peer.start_process()
     # Not idle: the loss is reported until the source is back.
     assert server.source.state.state is EngineState.FAILED
-    await until(lambda: server.source.state.state is EngineState.PREVIEW)
+    await until_async(lambda: server.source.state.state is EngineState.PREVIEW)
     assert [o.source for o in opens(peer)] == ["simulated:lab", "a/folder", "a/folder"]
 
 
@@ -34,14 +35,14 @@ async def test_a_run_continues_as_a_new_segment(peer: Any, server: Server) -> No
         peer.observe()
     peer.lose()
     peer.start_process()
-    await until(lambda: peer.opened is not None)
+    await until_async(lambda: peer.opened is not None)
     assert peer.opened.run_id == record.id
     assert peer.opened.segment == 1
     for _ in range(5):
         peer.observe()
     peer.lose()
     peer.start_process()
-    await until(lambda: peer.opened is not None and peer.opened.segment == 2)
+    await until_async(lambda: peer.opened is not None and peer.opened.segment == 2)
     ended = await server.runs.stop(record.id)
     assert (ended.state, ended.frames, ended.segments) == (RunState.FINISHED, 10, 3)
     rows = await server.runs.archive.speeds(record.id)
@@ -53,10 +54,10 @@ async def test_a_run_that_kills_every_engine_is_given_up(peer: Any, server: Serv
     for _ in range(2):
         peer.lose()
         peer.start_process()
-        await until(lambda: peer.opened is not None)
+        await until_async(lambda: peer.opened is not None)
     peer.lose()
     peer.start_process()
-    await until(lambda: server.runs.current is None)
+    await until_async(lambda: server.runs.current is None)
     found = await server.runs.archive.find(record.id)
     assert found.state is RunState.FAILED
     assert "3 times in a row on simulated:lab" in str(found.reason)
@@ -70,7 +71,7 @@ async def test_current_parameters_are_sent_with_the_source(peer: Any, server: Se
     await server.parameters.change({"flow.window_px": 21})
     peer.lose()
     peer.start_process()
-    await until(lambda: peer.opened is not None)
+    await until_async(lambda: peer.opened is not None)
     assert peer.opened.parameters["flow.window_px"] == 21
     assert peer.opened.parameters_revision == 1
 
@@ -122,7 +123,7 @@ async def test_an_opening_that_nobody_waits_for_is_given_up(
 ) -> None:
     slow = SlowOpening(peer, monkeypatch)
     asking = asyncio.create_task(server.source.open("a/folder", None))
-    await until(lambda: slow.asked)
+    await until_async(lambda: slow.asked)
     asking.cancel()
     with pytest.raises(asyncio.CancelledError):
         await asking

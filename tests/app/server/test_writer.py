@@ -15,7 +15,8 @@ from app.server.status import status
 from app.server.writer import Writer
 from app.storage import RunState, Storage, StorageBusy, StorageError
 
-from .servers import begin, until
+from ...waiting import until_async
+from .servers import begin
 
 
 async def test_a_locked_database_blocks_nothing(
@@ -33,7 +34,7 @@ async def test_a_locked_database_blocks_nothing(
             longest = max(longest, time.monotonic() - before)
         # The loop never waited for the lock (its timeout is half a second).
         assert longest < 0.4
-        await until(lambda: status(server).warnings)
+        await until_async(lambda: status(server).warnings)
         with pytest.raises(StorageBusy):
             await server.parameters.save_preset("x", "")
         # Stopping works, whatever the database does.
@@ -42,8 +43,8 @@ async def test_a_locked_database_blocks_nothing(
     finally:
         with_lock.execute("ROLLBACK")
         with_lock.close()
-    await until(lambda: not status(server).warnings)
-    await until(lambda: storage.get_run(record.id).state is RunState.FINISHED)
+    await until_async(lambda: not status(server).warnings)
+    await until_async(lambda: storage.get_run(record.id).state is RunState.FINISHED)
     assert storage.get_run(record.id).frames == 60
     assert len(storage.speeds(record.id)) == 180
     assert server.shared.writer.dropped == 0

@@ -13,8 +13,8 @@ from app.viewer import ViserViewer
 from app.viewer import viewer as viewer_module
 from app.viewer.picture import Picture, make_picture
 
+from ...waiting import until_async
 from ..http.scene import real_viewer
-from ..server.servers import until
 
 
 @pytest.fixture
@@ -44,10 +44,10 @@ async def test_the_thread_reads_nothing_that_the_event_loop_changes(
     with viewer.connected():
         peer.observe()
         newest = server.source.latest
-        await until(lambda: drawn and drawn[-1][0] is newest)
+        await until_async(lambda: drawn and drawn[-1][0] is newest)
         await server.parameters.change({"guard.speed_max_mps": 0.4})
         peer.observe()
-        await until(lambda: drawn[-1][0] is server.source.latest)
+        await until_async(lambda: drawn[-1][0] is server.source.latest)
         _, state, generation, _, driving, limits = drawn[-1]
         assert (state, generation) == (server.source.state, server.source.generation)
         assert driving == read()

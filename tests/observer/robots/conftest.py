@@ -18,8 +18,8 @@ from observer.robots.pioneer import Pioneer
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_pty, serve_tcp
 
+from ... import waiting
 from .network.sides import Wire
-from .network.sides import until as until_it_holds
 
 DRIVE_S = 0.02
 
@@ -75,12 +75,7 @@ class Driven:
 def wait_for_report(
     robot: Pioneer, reached: Callable[[RobotReport], object], timeout_s: float = 8.0
 ) -> RobotReport:
-    until = time.monotonic() + timeout_s
-    while time.monotonic() < until:
-        if reached(report := robot.report()):
-            return report
-        time.sleep(0.005)
-    pytest.fail(f"it never came to that: {robot.report()}")
+    return waiting.until(robot.report, within_s=timeout_s, accept=reached)
 
 
 @pytest.fixture
@@ -185,7 +180,7 @@ def until() -> Callable[..., RobotReport]:
 def robot(free_port: int) -> Iterator[ExternalRobot]:
     """A custom robot as our side sees it: no client has connected yet."""
     robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
-    until_it_holds(lambda: robot.report().phase is RobotPhase.WAITING)
+    waiting.until(lambda: robot.report().phase is RobotPhase.WAITING)
     yield robot
     robot.close()
 

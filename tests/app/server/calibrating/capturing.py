@@ -12,7 +12,7 @@ from app.server import Server
 from app.workers.calibration.messages import BoardsFound, Fitted, FitViews
 from observer.calibration.board import Board, BoardView
 
-from ..servers import until
+from ....waiting import until_async
 
 BOARD = Board("chessboard", 9, 6, 0.025)
 CAMERAS = "simulated:calibration"
@@ -68,4 +68,4 @@ async def computed(peer: Any, server: Server, computing: Computing) -> None:
     await captured(peer, server)
     computing.release.set()
     server.calibrating.session.compute("radtan")
-    await until(lambda: server.calibrating.session.computation.result)
+    await until_async(lambda: server.calibrating.session.computation.result)

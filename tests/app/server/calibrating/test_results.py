@@ -22,7 +22,8 @@ from app.storage import Storage, StorageBusy, StorageFull
 from observer.calibration.formats.opencv_file import calibration_id
 from observer.errors import CalibrationError
 
-from ..servers import opens, started, until
+from ....waiting import until_async
+from ..servers import opens, started
 from .capturing import (
     BOARD,
     CAMERAS,
@@ -65,12 +66,12 @@ async def test_a_computation_is_in_progress_as_soon_as_it_is_requested(
         session.compute("radtan")
     with pytest.raises(Conflict, match="being computed"):
         await server.calibrating.take_images(Path("/nowhere"), BOARD)
-    await until(lambda: session.facts().computing.share == 0.5)
+    await until_async(lambda: session.facts().computing.share == 0.5)
     (job,) = computing.jobs
     assert (job.width, job.height, job.frame_rate) == (512, 256, 15.0)
     assert job.distortion_model == "equidistant"
     computing.release.set()
-    await until(lambda: session.computation.result)
+    await until_async(lambda: session.computation.result)
     facts = session.facts()
     assert facts is not None
     assert (facts.computing, facts.result) == (None, ["1", "2", "3"])
@@ -114,7 +115,7 @@ async def test_a_failed_computation_shows_its_reason_until_the_next(
     computing.fails = error
     computing.release.set()
     session.compute("radtan")
-    await until(lambda: session.facts().trouble)
+    await until_async(lambda: session.facts().trouble)
     facts = session.facts()
     assert facts is not None
     assert (facts.trouble, facts.computing) == (words, None)
@@ -122,7 +123,7 @@ async def test_a_failed_computation_shows_its_reason_until_the_next(
     computing.fails = None
     session.compute("radtan")
     assert session.facts().trouble is None
-    await until(lambda: session.computation.result)
+    await until_async(lambda: session.computation.result)
 
 
 async def test_leaving_and_stopping_end_the_worker(peer: Any, storage: Storage) -> None:
@@ -131,12 +132,12 @@ async def test_leaving_and_stopping_end_the_worker(peer: Any, storage: Storage) 
     async with started(peer, storage) as server:
         await captured(peer, server)
         server.calibrating.session.compute("radtan")
-        await until(workers)
+        await until_async(workers)
         await server.calibrating.end()
         assert workers() == []
         await captured(peer, server)
         server.calibrating.session.compute("radtan")
-        await until(workers)
+        await until_async(workers)
     assert workers() == []
 
 
@@ -177,7 +178,7 @@ async def test_images_replace_the_cameras(peer: Any, computing: Computing, serve
     assert server.source.state.state is EngineState.PREVIEW
     peer.lose()
     peer.start_process()
-    await until(lambda: server.source.state.state is EngineState.PREVIEW)
+    await until_async(lambda: server.source.state.state is EngineState.PREVIEW)
     assert names(server) == ["a"]
     with pytest.raises(Conflict, match="uses uploaded images"):
         await server.calibrating.change(CAPTURE)
@@ -192,11 +193,11 @@ async def test_searching_images_blocks_nothing_and_can_be_cancelled(
 ) -> None:
     images = Path("/nowhere")
     looking = asyncio.create_task(server.calibrating.take_images(images, BOARD))
-    await until(lambda: computing.jobs)
+    await until_async(lambda: computing.jobs)
     # Restoring a lost engine and opening another source do not wait minutes for the job.
     peer.lose()
     peer.start_process()
-    await until(lambda: server.source.state.state is EngineState.PREVIEW)
+    await until_async(lambda: server.source.state.state is EngineState.PREVIEW)
     await server.source.open("a/folder", None)
     await server.calibrating.session.computation.cancel()
     with pytest.raises(Conflict, match="was cancelled"):
@@ -223,7 +224,7 @@ async def test_a_saved_calibration_is_used_and_the_session_cleared(
         assert record.info["report"] == {"stereo_rms_px": 0.2}
         assert record.info["bound"]["source"] == CAMERAS
         assert record.info["bound"]["devices"] == list(peer.devices)
-        await until(lambda: storage.active_calibration() == record)
+        await until_async(lambda: storage.active_calibration() == record)
 
 
 async def test_saving_without_activating_keeps_the_session(
@@ -253,7 +254,7 @@ async def test_a_full_disk_or_a_busy_database_loses_nothing(
         raise StorageFull("no space is left")
 
     await computed(peer, server, computing)
-    await until(lambda: server.shared.writer.trouble is None)
+    await until_async(lambda: server.shared.writer.trouble is None)
     before = server.calibrating.session.facts()
     with locked(tmp_path / "observer.sqlite"), pytest.raises(StorageBusy):
         await server.calibrating.save("Bench", activate=True)

@@ -17,8 +17,9 @@ from app.server.status import status
 from app.storage import Storage
 from observer.calibration.board import Board, BoardSighting, BoardView
 
+from ....waiting import until_async
 from ...peer_engine import sighting_of
-from ..servers import begin, opens, started, until
+from ..servers import begin, opens, started
 from .capturing import (
     BOARD,
     CAMERAS,
@@ -40,7 +41,7 @@ async def test_views_survive_the_engine_and_numbering_continues(peer: Any, serve
     assert server.source.state.state is EngineState.FAILED
     assert names(server) == ["1", "2"]
     peer.start_process()
-    await until(lambda: server.source.state.state is EngineState.CALIBRATING)
+    await until_async(lambda: server.source.state.state is EngineState.CALIBRATING)
     again = begin_requests(peer)[-1]
     assert (again.source, again.board, again.automatic) == (CAMERAS, BOARD, False)
     assert [view.name for view in again.views] == ["1", "2"]
@@ -161,13 +162,13 @@ async def test_engine_losses_far_apart_do_not_count_as_consecutive(
         peer.look()
         peer.lose()
         peer.start_process()
-        await until(lambda: server.source.state.state is EngineState.CALIBRATING)
+        await until_async(lambda: server.source.state.state is EngineState.CALIBRATING)
     assert names(server) == ["1", "2", "3"]
     peer.look()
     for _ in range(3):
         peer.lose()
         peer.start_process()
-        await until(lambda: peer.calibrating or "in a row" in str(server.source.state.reason))
+        await until_async(lambda: peer.calibrating or "in a row" in str(server.source.state.reason))
     assert server.source.state.state is EngineState.FAILED
     assert f"3 times in a row on {CAMERAS}" in str(server.source.state.reason)
     # The views are still there, and the user can still leave.
@@ -192,8 +193,8 @@ async def test_an_engine_lost_while_answering_is_not_mistaken_for_the_next(
     peer.subscribe(replace_engine)
     peer.lose()
     peer.start_process()
-    await until(lambda: peer.generation == 3 and peer.calibrating)
-    await until(lambda: server.source.state.state is EngineState.CALIBRATING)
+    await until_async(lambda: peer.generation == 3 and peer.calibrating)
+    await until_async(lambda: server.source.state.state is EngineState.CALIBRATING)
     assert names(server) == ["1", "2", "3"]
 
 
@@ -202,7 +203,7 @@ async def test_cameras_lost_with_the_engine_leave_the_views(peer: Any, server: S
     server.calibrating.session.source = "missing"
     peer.lose()
     peer.start_process()
-    await until(lambda: "name one that exists" in str(server.source.state.reason))
+    await until_async(lambda: "name one that exists" in str(server.source.state.reason))
     assert server.source.state.state is EngineState.FAILED
     assert names(server) == ["1", "2", "3"]
 
@@ -263,7 +264,7 @@ async def test_swapping_cameras_swaps_the_views_and_drops_the_result(
     peer.capture(BoardView("2", both, None))
     computing.release.set()
     server.calibrating.session.compute("radtan")
-    await until(lambda: server.calibrating.session.computation.result)
+    await until_async(lambda: server.calibrating.session.computation.result)
     await server.calibrating.swap()
     again = begin_requests(peer)[-1]
     assert (again.source, again.board) == ("camera:2,0", BOARD)
@@ -276,7 +277,7 @@ async def test_swapping_cameras_swaps_the_views_and_drops_the_result(
     # After the loss of the engine, they come back swapped.
     peer.lose()
     peer.start_process()
-    await until(lambda: peer.calibrating)
+    await until_async(lambda: peer.calibrating)
     assert begin_requests(peer)[-1].source == "camera:2,0"
     assert begin_requests(peer)[-1].views == again.views
 

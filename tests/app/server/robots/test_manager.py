@@ -39,7 +39,8 @@ from observer.navigation.parameters import AllParameters
 from observer.rig.rig import Rig
 from observer.robots.contract import RobotPhase, RobotPort, RobotReport
 
-from ..servers import begin, started, until
+from ....waiting import until_async
+from ..servers import begin, started
 
 RIG = Rig(ports={"observer": "/dev/ttyUSB0"}, models={"observer": "amigo-sh", "obstacle": "p3dx"})
 OWN = tuple(
@@ -80,15 +81,15 @@ def test_robots_belong_to_the_observed_world() -> None:
 async def test_each_source_brings_its_own_robots(peer: Any, drive: Any, storage: Storage) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
     async with started(peer, storage, drive=drive) as server:
-        await until(lambda: len(drive.robots) == 2)
+        await until_async(lambda: len(drive.robots) == 2)
         server.rig.rig = RIG
         peer.world, peer.robots = "real", ()
         await server.source.open("camera:0,1", None)
-        await until(lambda: set(drive.robots) == {"observer"})
+        await until_async(lambda: set(drive.robots) == {"observer"})
         assert drive.robots["observer"].port == "/dev/ttyUSB0"
         peer.world = None
         await server.source.open("recorded", None)
-        await until(lambda: not drive.robots)
+        await until_async(lambda: not drive.robots)
         assert {c.role for c in drive.of(DisconnectRobot)} == {"observer", "obstacle"}
         # Nothing is repeated.
         told = len(drive.commands)
@@ -102,13 +103,13 @@ async def test_a_lost_engine_keeps_the_robots_until_the_next_engine(
 ) -> None:
     peer.world, peer.robots = "simulated:lab/1", OWN
     async with started(peer, storage, drive=drive):
-        await until(lambda: len(drive.robots) == 2)
+        await until_async(lambda: len(drive.robots) == 2)
         peer.lose()
         await asyncio.sleep(0.02)
         assert not drive.of(DisconnectRobot)
         peer.world = "simulated:lab/2"
         peer.start_process()
-        await until(lambda: drive.robots["obstacle"].world == "simulated:lab/2")
+        await until_async(lambda: drive.robots["obstacle"].world == "simulated:lab/2")
         assert len(drive.of(ConnectRobot)) == 4
 
 
@@ -120,22 +121,22 @@ async def test_guard_parameters_are_sent_first_and_on_every_change(
 
     peer.world, peer.robots = "simulated:lab/1", OWN
     async with started(peer, storage, drive=drive) as server:
-        await until(lambda: len(drive.robots) == 2)
+        await until_async(lambda: len(drive.robots) == 2)
         assert isinstance(drive.commands[0], SetGuard)
         assert sorted(drive.commands[0].parameters) == sorted(names)
         await server.parameters.change({"guard.speed_max_mps": 0.4})
-        await until(lambda: len(drive.of(SetGuard)) == 2)
+        await until_async(lambda: len(drive.of(SetGuard)) == 2)
         assert drive.of(SetGuard)[1].parameters["guard.speed_max_mps"] == 0.4
         # Other parameters do not concern the drive process.
         await server.parameters.change({"ego_motion.ransac_threshold_px": 2.0})
         drive.lose()
         drive.start_process()
-        await until(lambda: len(drive.robots) == 2)
+        await until_async(lambda: len(drive.robots) == 2)
         assert len(drive.of(SetGuard)) == 3
         assert drive.of(SetGuard)[2] == drive.of(SetGuard)[1]
         drive.refuse[SetGuard] = ("input", "guard.speed_max_mps is too high")
         await server.parameters.change({"guard.speed_max_mps": 0.5})
-        await until(lambda: server.driving.warnings)
+        await until_async(lambda: server.driving.warnings)
         assert server.driving.warnings == ["guard.speed_max_mps is too high"]
 
 
@@ -145,7 +146,7 @@ async def test_a_refused_connection_is_reported_and_not_retried(
     peer.world, peer.robots = "simulated:lab/1", OWN
     drive.refuse[ConnectRobot] = ("input", "nothing answers there")
     async with started(peer, storage, drive=drive) as server:
-        await until(lambda: len(server.driving.warnings) == 2)
+        await until_async(lambda: len(server.driving.warnings) == 2)
         warnings = status(server).warnings
         assert "the obstacle is not connected: nothing answers there" in warnings
         trouble = server.driving.facts().trouble
@@ -157,7 +158,7 @@ async def test_a_refused_connection_is_reported_and_not_retried(
         # The robots of another source are a new request.
         peer.world = "simulated:lab/2"
         await server.source.open("simulated:other", None)
-        await until(lambda: len(drive.robots) == 2)
+        await until_async(lambda: len(drive.robots) == 2)
         assert server.driving.warnings == []
 
 
@@ -169,10 +170,10 @@ async def test_an_unresponsive_robot_is_retried(
     peer.world, peer.robots = "simulated:lab/1", OWN
     drive.refuse[ConnectRobot] = ("failure", "the port is busy")
     async with started(peer, storage, drive=drive) as server:
-        await until(lambda: len(drive.of(ConnectRobot)) > 5)
+        await until_async(lambda: len(drive.of(ConnectRobot)) > 5)
         assert "the port is busy" in server.driving.warnings[0]
         drive.refuse.clear()
-        await until(lambda: len(drive.robots) == 2)
+        await until_async(lambda: len(drive.robots) == 2)
         assert server.driving.warnings == []
 
 
@@ -182,17 +183,17 @@ async def test_an_unresponsive_robot_is_disconnected_when_no_longer_wanted(
     peer.world, peer.robots = "simulated:lab/1", OWN
     drive.refuse[ConnectRobot] = ("failure", "it took too long")
     async with started(peer, storage, drive=drive) as server:
-        await until(lambda: len(server.driving.warnings) == 2)
+        await until_async(lambda: len(server.driving.warnings) == 2)
         assert not drive.of(DisconnectRobot)
         peer.world, peer.robots = None, ()
         await server.source.open("simulated:other", None)
         # It may be connected by now, so it is disconnected in any case.
-        await until(lambda: len(drive.of(DisconnectRobot)) == 2)
-        await until(lambda: server.driving.warnings == [])
+        await until_async(lambda: len(drive.of(DisconnectRobot)) == 2)
+        await until_async(lambda: server.driving.warnings == [])
 
 
 async def test_a_stop_during_a_reset_holds(drive: Any, server: Server) -> None:
-    await until(lambda: drive.health.alive)
+    await until_async(lambda: drive.health.alive)
     await server.driving.stop_robots("Anna")
     request = drive.request
 
@@ -207,18 +208,18 @@ async def test_a_stop_during_a_reset_holds(drive: Any, server: Server) -> None:
     drive.request = slow
     await server.driving.reset("Anna")
     drive.start_process()
-    await until(lambda: drive.stopped)
+    await until_async(lambda: drive.stopped)
     assert drive.stopped.by == "Bert"
 
 
 async def test_an_undelivered_stop_is_sent_to_the_next_process(drive: Any, server: Server) -> None:
-    await until(lambda: drive.health.alive)
+    await until_async(lambda: drive.health.alive)
     drive.lose()
     with pytest.raises(NotAvailable, match="starts in the stopped state"):
         await server.driving.stop_robots("Anna")
     assert not drive.of(StopRobots)
     drive.start_process()
-    await until(lambda: drive.stopped)
+    await until_async(lambda: drive.stopped)
     assert drive.stopped.by == "Anna"
     # Once undone, it is not brought back.
     await server.driving.reset("Anna")
@@ -241,7 +242,7 @@ async def test_a_lost_drive_process_is_reported_with_what_stops_the_robots(
     drive.watchdog_s = watchdog_s
     peer.world, peer.robots = "simulated:lab/1", OWN
     async with started(peer, storage, drive=drive) as server:
-        await until(lambda: all(server.driving.facts().robots.values()))
+        await until_async(lambda: all(server.driving.facts().robots.values()))
         drive.lose()
         assert words in (server.driving.facts().process.trouble or "")
 

@@ -17,8 +17,9 @@ from app.server import Server
 from app.server.runs import comparing as comparing_module
 from app.storage import Storage, StorageFull
 
+from ....waiting import until_async
 from ...peer_engine import PeerEngine
-from ..servers import started, until
+from ..servers import started
 
 BOTH = ("paper", "default")
 
@@ -78,7 +79,7 @@ async def test_a_comparison_can_be_cancelled_while_its_clip_is_being_saved(
     server: Server, cameras: Cameras
 ) -> None:
     starting = asyncio.create_task(server.runs.methods.start(None, 1.0, BOTH))
-    await until(lambda: cameras.clip is not None)
+    await until_async(lambda: cameras.clip is not None)
     going = server.runs.methods.facts().going
     assert going is not None
     assert (going.source_name, going.words) == ("camera:0,1", "starting")
@@ -95,9 +96,9 @@ async def test_a_comparison_whose_request_ends_is_cancelled(
     server: Server, cameras: Cameras
 ) -> None:
     starting = asyncio.create_task(server.runs.methods.start(None, 1.0, BOTH))
-    await until(lambda: cameras.clip is not None)
+    await until_async(lambda: cameras.clip is not None)
     starting.cancel()
-    await until(lambda: server.runs.methods.facts().going is None)
+    await until_async(lambda: server.runs.methods.facts().going is None)
     cameras.allowed.set()
     await _saved_and_deleted(cameras)
 
@@ -115,7 +116,7 @@ async def test_a_clip_is_deleted_after_its_comparison_failed(
 ) -> None:
     cameras.allowed.set()
     assert (await server.runs.methods.start(None, 1.0, BOTH)).going is not None
-    await until(lambda: server.runs.methods.facts().going is None)
+    await until_async(lambda: server.runs.methods.facts().going is None)
     # The clip is no recording.
     assert server.runs.methods.facts().trouble is not None
     assert cameras.clip is not None
@@ -126,5 +127,5 @@ async def _saved_and_deleted(cameras: Cameras) -> None:
     """Wait until the clip has been written, which creates its folder, and deleted again."""
     clip = cameras.clip
     assert clip is not None
-    await until(clip.parent.exists)
-    await until(lambda: not clip.exists())
+    await until_async(clip.parent.exists)
+    await until_async(lambda: not clip.exists())

@@ -12,7 +12,8 @@ from app.server.runs import manager
 from app.storage import RunState, Storage
 from observer.errors import ParameterError
 
-from ..servers import begin, opens, until
+from ....waiting import until_async
+from ..servers import begin, opens
 
 
 async def test_a_recordings_run_ends_with_the_recording(peer: Any, server: Server) -> None:
@@ -21,7 +22,7 @@ async def test_a_recordings_run_ends_with_the_recording(peer: Any, server: Serve
     peer.observe()
     peer.playback["ended"] = True
     peer.publish(peer.state())
-    await until(lambda: server.runs.current is None)
+    await until_async(lambda: server.runs.current is None)
     found = await server.runs.archive.find(record.id)
     assert (found.state, found.frames) == (RunState.FINISHED, 1)
     assert peer.playback["loop"] is True
@@ -65,4 +66,4 @@ async def test_an_ended_run_returns_its_memory(
     run = await begin(server)
     assert returned == []
     await server.runs.stop(run.id)
-    await until(lambda: returned == [True])
+    await until_async(lambda: returned == [True])

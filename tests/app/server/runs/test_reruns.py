@@ -17,7 +17,8 @@ from app.storage import RunRecord, RunState, Storage
 from app.workers.frame_results import FrameResult, result_line
 from app.workers.rerun.messages import Rerun, Rerunned
 
-from ..servers import begin, opens, started, until
+from ....waiting import until_async
+from ..servers import begin, opens, started
 
 RESULT = FrameResult(
     {
@@ -83,7 +84,7 @@ async def test_a_rerun_changes_nothing_live(server: Server, workers: Workers, pe
     again = await rerun(server, original.id, preset="paper")
     assert (again.name, again.rerun_of) == ("Walk (re-run)", original.id)
     assert (again.state, again.preset, again.record) == (RunState.RUNNING, "paper", "none")
-    await until(lambda: workers.jobs)
+    await until_async(lambda: workers.jobs)
     (job,) = workers.jobs
     assert job.images.endswith(f"{original.id}/recording.mcap")
     assert job.parameters["matching.method"] == "descriptor"
@@ -94,7 +95,7 @@ async def test_a_rerun_changes_nothing_live(server: Server, workers: Workers, pe
     with pytest.raises(Conflict, match="delete it"):
         await server.runs.stop(again.id)
     workers.done.set()
-    await until(lambda: not server.runs.reruns.facts())
+    await until_async(lambda: not server.runs.reruns.facts())
     assert server.runs.current is not None
     await server.runs.stop(live.id)
     ended = await server.runs.archive.find(again.id)
@@ -129,7 +130,7 @@ async def test_reruns_run_one_at_a_time_and_yield_to_an_armed_robot(
     original = await recorded(server)
     first = await rerun(server, original.id)
     second = await rerun(server, original.id, name="second")
-    await until(lambda: workers.jobs)
+    await until_async(lambda: workers.jobs)
     # Time enough for the second one to begin, if it could.
     await asyncio.sleep(0.05)
     assert len(workers.jobs) == 1
@@ -149,14 +150,14 @@ async def test_reruns_run_one_at_a_time_and_yield_to_an_armed_robot(
 async def test_a_cancelled_rerun_leaves_nothing(server: Server, workers: Workers) -> None:
     original = await recorded(server)
     first, second = await rerun(server, original.id), await rerun(server, original.id)
-    await until(lambda: workers.jobs)
+    await until_async(lambda: workers.jobs)
     await server.runs.delete(first.id)
     assert server.storage.get_run(first.id) is None
     assert not server.storage.folder.run(first.id).exists()
-    await until(lambda: len(workers.jobs) == 2)
+    await until_async(lambda: len(workers.jobs) == 2)
     assert [each.id for each in server.runs.reruns.facts()] == [second.id]
     workers.done.set()
-    await until(lambda: not server.runs.reruns.facts())
+    await until_async(lambda: not server.runs.reruns.facts())
     assert (await server.runs.archive.find(second.id)).state is RunState.FINISHED
 
 
@@ -165,7 +166,7 @@ async def test_a_failed_rerun_states_the_reason(server: Server, workers: Workers
     workers.refusal = "recording.mcap is damaged"
     workers.done.set()
     again = await rerun(server, original.id)
-    await until(lambda: not server.runs.reruns.facts())
+    await until_async(lambda: not server.runs.reruns.facts())
     ended = await server.runs.archive.find(again.id)
     assert (ended.state, ended.reason) == (RunState.FAILED, workers.refusal)
 
@@ -175,7 +176,7 @@ async def test_a_rerun_is_interrupted_when_the_server_stops(
 ) -> None:
     async with started(peer, storage) as server:
         again = await rerun(server, (await recorded(server)).id)
-        await until(lambda: workers.jobs)
+        await until_async(lambda: workers.jobs)
     with Storage(tmp_path / "observer.sqlite") as kept:
         record = kept.get_run(again.id)
         assert record is not None

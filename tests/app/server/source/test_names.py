@@ -7,7 +7,8 @@ import pytest
 from app.server import Conflict, Server
 from app.server.status import status
 
-from ..servers import begin, until
+from ....waiting import until_async
+from ..servers import begin
 
 
 async def recorded(server: Server) -> str:
@@ -32,19 +33,19 @@ async def test_a_recording_has_its_runs_name_and_can_be_left_again(
     with pytest.raises(Conflict, match="no previous source"):
         await server.source.go_back()
     await server.source.open(f"run:{id}", None)
-    await until(lambda: told(server) == ("Recording of Morning", "simulated:lab"))
+    await until_async(lambda: told(server) == ("Recording of Morning", "simulated:lab"))
     await server.runs.history.annotate(id, name="Evening")
     assert told(server) == ("Recording of Evening", "simulated:lab")
     # Going from one recording to another keeps the way back.
     await server.source.open(str(server.storage.folder.run(id).absolute() / "ring-1.mcap"), None)
-    await until(lambda: told(server) == ("Saved clip of Evening", "simulated:lab"))
+    await until_async(lambda: told(server) == ("Saved clip of Evening", "simulated:lab"))
     run = await begin(server)
     assert (run.source_name, run.name) == ("Saved clip of Evening", "Saved clip of Evening")
     with pytest.raises(Conflict, match="stop it"):
         await server.source.go_back()
     await server.runs.stop(run.id)
     await server.source.go_back()
-    await until(lambda: told(server) == ("simulated:lab", None))
+    await until_async(lambda: told(server) == ("simulated:lab", None))
 
 
 async def test_the_name_of_a_deleted_run_is_not_shown(server: Server) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 from app.server import Server
 from app.storage import Storage
 
-from ..servers import started, until
+from ....waiting import until_async
+from ..servers import started
 
 
 async def test_the_latest_source_is_first_and_all_survive_a_restart(
@@ -17,7 +18,7 @@ async def test_the_latest_source_is_first_and_all_survive_a_restart(
         for spec in ("a/folder", "simulated:people", "a/folder"):
             await server.source.open(spec, None)
         assert server.source.recent.specs == ("a/folder", "simulated:people", "simulated:lab")
-        await until(lambda: (storage.get_setting("recent_sources") or [""])[0] == "a/folder")
+        await until_async(lambda: (storage.get_setting("recent_sources") or [""])[0] == "a/folder")
         entries = await server.source.recent.entries()
         assert [entry.spec for entry in entries if entry.recent == 0] == ["a/folder"]
 
@@ -50,5 +51,5 @@ async def test_damaged_entries_are_skipped(peer: Any, storage: Storage) -> None:
     storage.open()
     storage.set_setting("recent_sources", ["simulated:people", 7, None])
     async with started(peer, storage) as server:
-        await until(lambda: len(server.source.recent.specs) > 1)
+        await until_async(lambda: len(server.source.recent.specs) > 1)
         assert server.source.recent.specs == ("simulated:lab", "simulated:people")

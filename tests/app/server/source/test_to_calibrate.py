@@ -13,7 +13,8 @@ from app.server.source.hints import is_for_calibrating, source_entries
 from app.server.status import status
 from app.storage import Storage
 
-from ..servers import opens, until
+from ....waiting import until_async
+from ..servers import opens
 
 
 @pytest.mark.parametrize("spec", ["simulated:calibration", "simulated:calibration?seed=3"])
@@ -23,21 +24,21 @@ async def test_a_source_to_calibrate_is_not_opened_at_start_but_shown(
     server = Server(peer, storage, source=spec)
     try:
         await server.start()
-        await until(lambda: server.source.generation > 0 and not server.source.restoring)
+        await until_async(lambda: server.source.generation > 0 and not server.source.restoring)
         await asyncio.sleep(0.05)
         told = status(server)
         assert told.to_calibrate == spec
         assert (told.source, told.engine.state, told.engine.reason) == (None, "idle", None)
         assert opens(peer) == []
         await server.source.open("simulated:lab", None)
-        await until(lambda: server.source.state.state is EngineState.PREVIEW)
+        await until_async(lambda: server.source.state.state is EngineState.PREVIEW)
         assert status(server).to_calibrate is None
     finally:
         await server.stop()
 
 
 async def test_other_sources_are_opened_at_start(server: Any) -> None:
-    await until(lambda: server.source.state.state is EngineState.PREVIEW)
+    await until_async(lambda: server.source.state.state is EngineState.PREVIEW)
     assert status(server).to_calibrate is None
 
 

@@ -16,7 +16,7 @@ from app.server.steps.manager import MethodStepsManager, PairChoice
 from app.storage import Storage
 from app.workers.steps.messages import DrawStep, StepsAnswer
 
-from ..servers import until
+from ....waiting import until_async
 
 
 class Drawer(LastingWorker):
@@ -72,7 +72,7 @@ async def test_the_process_is_idle_only_after_the_last_of_overlapping_requests(
     steps: MethodStepsManager, drawers: list[Drawer]
 ) -> None:
     requests = [asyncio.create_task(picture(steps, frame)) for frame in (20, 30)]
-    await until(lambda: drawers and drawers[0].asked == 1)
+    await until_async(lambda: drawers and drawers[0].asked == 1)
     drawers[0].answers.release()
     await requests[0]
     # The second request takes longer than the process may be idle.
@@ -82,7 +82,7 @@ async def test_the_process_is_idle_only_after_the_last_of_overlapping_requests(
     await asyncio.gather(requests[1], third)
     assert len(drawers) == 1
     assert drawers[0].closed == 0
-    await until(lambda: drawers[0].closed)
+    await until_async(lambda: drawers[0].closed)
     await asyncio.sleep(0.6)
     assert drawers[0].closed == 1
 
@@ -93,7 +93,7 @@ async def test_nothing_is_left_to_end_the_process_of_a_closed_manager(
     failures: list[dict[str, Any]] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: failures.append(context))
     requests = [asyncio.create_task(picture(steps, frame)) for frame in (20, 30)]
-    await until(lambda: drawers and drawers[0].asked == 1)
+    await until_async(lambda: drawers and drawers[0].asked == 1)
     drawers[0].answers.release(2)
     await asyncio.gather(*requests)
     await steps.close()

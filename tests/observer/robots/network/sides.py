@@ -17,13 +17,13 @@ from observer.robots.network import client as external_client
 from observer.robots.network.client import ExternalClient, ExternalClientError
 from observer.robots.network.robot import ExternalRobot
 
+from ....waiting import until
 
-def until(condition: Callable[[], Any], within_s: float = 5.0) -> float:
-    """Return the seconds until the condition holds; fail if it does not."""
+
+def seconds_until(condition: Callable[[], Any]) -> float:
+    """Return the seconds until the condition holds."""
     began = time.monotonic()
-    while not condition():
-        assert time.monotonic() - began < within_s
-        time.sleep(0.001)
+    until(condition, pause_s=0.001)
     return time.monotonic() - began
 
 

@@ -12,7 +12,8 @@ from observer.robots.network import link as external_link
 from observer.robots.network.client import ExternalClient, ExternalClientError
 from observer.robots.network.robot import ExternalRobot
 
-from .sides import RawRobot, Wire, driving, reporting, tell, until
+from ....waiting import until
+from .sides import RawRobot, Wire, driving, reporting, seconds_until, tell
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -71,7 +72,7 @@ def test_a_stop_does_not_wait_for_the_next_permit(robot: ExternalRobot, free_por
         for _ in range(20):
             with driving(robot, client):
                 robot.stop()
-                took.append(until(lambda: client.permitted().reason == "stopped"))
+                took.append(seconds_until(lambda: client.permitted().reason == "stopped"))
     tell(f"20 stops: median {1e3 * statistics.median(took):.1f}, worst {1e3 * max(took):.1f} ms")
     # Seconds: permits are 50 ms apart, so waiting for the next would take half of that.
     assert statistics.median(took) < 0.015
@@ -91,7 +92,7 @@ def test_a_stalled_link_stops_the_robot_and_recovery_does_not_move_it(
     with reporting(wire.port) as client, driving(robot, client):
         wire.held.set()
         began = time.monotonic()
-        stopped = until(lambda: client.permitted().stop)
+        stopped = seconds_until(lambda: client.permitted().stop)
         tell(f"stopped {1000 * stopped:.0f} ms after the link stalled")
         # The last permit before the stall may already be 50 ms old.
         assert 0.15 < stopped < 1.0
@@ -119,7 +120,7 @@ def test_a_silent_robot_has_a_fault(robot: ExternalRobot, free_port: int) -> Non
     }  # fmt: skip
     raw.odometry(1)
     until(lambda: robot.report().motors_enabled is False)
-    took = until(lambda: robot.report().fault is not None)
+    took = seconds_until(lambda: robot.report().fault is not None)
     tell(f"a silent robot has a fault after {1000 * took:.0f} ms")
     assert 0.4 < took < 1.5
     raw.close()
@@ -128,8 +129,8 @@ def test_a_silent_robot_has_a_fault(robot: ExternalRobot, free_port: int) -> Non
 def test_a_broken_link_stops_both_sides(robot: ExternalRobot, wire: Wire) -> None:
     with reporting(wire.port) as client, driving(robot, client):
         wire.reset()
-        assert until(lambda: client.permitted().stop) < 1.0
-        assert until(lambda: robot.report().fault is not None) < 1.0
+        assert seconds_until(lambda: client.permitted().stop) < 1.0
+        assert seconds_until(lambda: robot.report().fault is not None) < 1.0
         assert not client.connected
         assert robot.report().phase is RobotPhase.WAITING
         with pytest.raises(ExternalClientError, match="the connection"):
@@ -141,7 +142,7 @@ def test_closing_our_side_stops_the_robot_and_frees_the_port(
 ) -> None:
     with reporting(free_port) as client, driving(robot, client):
         robot.close()
-        assert until(lambda: client.permitted().stop) < 1.0
+        assert seconds_until(lambda: client.permitted().stop) < 1.0
     robot.close()
     assert robot.report().phase is RobotPhase.CLOSED
     with pytest.raises(ExternalClientError, match="nothing listens"):

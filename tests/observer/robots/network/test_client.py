@@ -14,7 +14,8 @@ from observer.robots.network import client as external_client
 from observer.robots.network.client import ExternalClient, demo
 from observer.robots.network.robot import ExternalRobot
 
-from .sides import driving, until
+from ....waiting import until
+from .sides import driving
 
 
 def test_the_demo_drives_and_reconnects_at_standstill(

@@ -16,7 +16,8 @@ from observer.robots.contract import RobotPhase
 from observer.robots.network.client import ExternalClient, ExternalClientError
 from observer.robots.network.robot import ExternalRobot, parse_external
 
-from .sides import RawRobot, driving, reporting, until
+from ....waiting import until
+from .sides import RawRobot, driving, reporting
 
 KEY = "a-key-of-the-tests-only"
 

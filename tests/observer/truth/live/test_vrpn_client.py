@@ -21,6 +21,7 @@ from observer.truth.live.opening import open_live_truth
 from observer.truth.live.vrpn import POSE_TYPE
 from observer.truth.motion_capture import BodySample
 
+from .... import waiting
 from .mishaps import Mishaps, Poses, Stream
 from .vrpn_server import VrpnServer, deaf_host, pose_body
 
@@ -69,13 +70,7 @@ def capturing(port: int, rest: str = "") -> Iterator[LiveCapture]:
 def until(
     capture: LiveCapture, reached: Callable[[LiveCaptureReport], object], within_s: float = 8.0
 ) -> LiveCaptureReport:
-    end = time.monotonic() + within_s
-    while True:
-        report = capture.report()
-        if reached(report):
-            return report
-        assert time.monotonic() < end, report
-        time.sleep(0.005)
+    return waiting.until(capture.report, within_s=within_s, accept=reached)
 
 
 def samples(capture: LiveCapture, count: int, within_s: float = 8.0) -> list[BodySample]:
