@@ -236,7 +236,7 @@ def test_requests_accepted_in_a_tick_that_fails_are_answered(turning: Turning) -
     taken = turning.put(TakeLease("observer", "Bob"))
     reset = turning.put(ResetStop("Bob"))
     # Not a port at all: an error of the code, not of the input.
-    failing = turning.put(ConnectRobot("observer", None, None, "real"))  # type: ignore[arg-type]
+    failing = turning.put(ConnectRobot("observer", None, None, "real"))
     turning.turn()
     assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
     assert turning.reply(failing).refusal == "failure"
