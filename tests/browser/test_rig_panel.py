@@ -61,7 +61,7 @@ def test_typed_values_are_validated_and_level_the_scene(
 
     height.fill("0,83")
     use.click()
-    expect(panel.locator(".notice")).to_contain_text("The mount is now in use", timeout=15_000)
+    expect(panel.locator(".notice")).to_contain_text("Saved for real cameras", timeout=15_000)
     expect(panel.locator("#rig-error")).to_be_empty()
     expect(height).not_to_have_attribute("aria-invalid", "true")
     # The lab knows its camera pose, which takes precedence over typed values.
@@ -110,7 +110,7 @@ def test_the_floor_estimate_fills_in_values_and_uncertainties(
     rig.get_by_label("Roll, °").fill("0")
     expect(notes).to_have_count(2)
     panel.get_by_role("button", name="Use this mount").click()
-    expect(panel.locator(".notice")).to_contain_text("The mount is now in use", timeout=15_000)
+    expect(panel.locator(".notice")).to_contain_text("Saved for real cameras", timeout=15_000)
     kept = server.get("/rig")["mount"]
     assert kept["height_m"]["sigma"] > 0
     assert kept["roll_deg"] == {"value": 0.0, "sigma": None}

@@ -2,7 +2,19 @@
 
 /** @import { Values } from "../parameters/parameter-store.js" */
 
-export const STEPS = 9;
+/** Keys of the steps, as in the server's answers: their names are shown before the first answer. */
+export const STEP_KEYS = [
+  "pair",
+  "features",
+  "matches",
+  "ego_motion",
+  "transformation",
+  "residual_flow",
+  "stereo",
+  "displacement",
+  "obstacles",
+];
+export const STEPS = STEP_KEYS.length;
 const PAPER = "paper";
 // Prefix of a parameter's name, here and in the server's address.
 const PREFIX = "p.";
@@ -106,4 +118,17 @@ export function stepByKey(key, step, presents) {
     return step < STEPS ? step + 1 : null;
   if (key === "ArrowLeft" || (presents && key === "PageUp")) return step > 1 ? step - 1 : null;
   return /^[1-9]$/.test(key) ? Number(key) : null;
+}
+
+/**
+ * Find the frame to go to instead of one that a source does not have.
+ *
+ * @param {string} refusal the server's sentence, which names the frames there are
+ * @param {number | null} frame
+ * @returns {number | null} null where it names none
+ */
+export function nearestFrame(refusal, frame) {
+  const found = /frames are (\d+) to (\d+)/.exec(refusal);
+  if (!found || frame === null) return null;
+  return Math.min(Math.max(frame, Number(found[1])), Number(found[2]));
 }

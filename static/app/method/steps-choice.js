@@ -1,6 +1,6 @@
 /** Chooses what the steps are computed from: source, frame and preset. */
 
-import { field, h, input, offer, setAttribute } from "../elements/dom.js";
+import { button, field, h, input, offer, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { showError } from "../shell/notice.js";
@@ -20,6 +20,12 @@ export class StepsChoice extends Part {
   #slider = h("input", { type: "range", "aria-label": "Frame, slider", min: 1, step: 1 });
   #frame = input("number", "steps-frame", { min: 1, step: 1 });
   #error = h("p.field-error", { id: "steps-error", role: "alert" });
+  /** Goes to a frame that exists instead of the one asked for. */
+  #nearest = button("", () => this.chosen({ frame: this.#nearestFrame }, false), { hidden: true });
+  /** @type {number | null} */
+  #nearestFrame = null;
+  /** The source asked for, shown before the answer and where there is none. @type {string | null} */
+  #wanted = null;
   /** Spec and title of each source. @type {[string, string][]} */
   #sources = [];
   /** @type {MethodSteps | null} */
@@ -42,7 +48,7 @@ export class StepsChoice extends Part {
           h("div.frame-choice", this.#slider, this.#frame),
         ),
       ),
-      this.#error,
+      h("div.row", this.#error, this.#nearest),
     );
     this.#source.addEventListener("change", () =>
       // Another source has other frames.
@@ -72,9 +78,19 @@ export class StepsChoice extends Part {
     this.#offerSources();
   }
 
+  /** Show what is asked for, before the answer. @param {StepsPlace} place */
+  want({ source, frame, preset }) {
+    this.#wanted = source ?? this.hub.status?.source?.spec ?? null;
+    this.#offerSources();
+    if (this.#answer) return;
+    offer(this.#preset, [[preset, preset]], preset);
+    if (frame !== null) for (const each of [this.#slider, this.#frame]) each.value = String(frame);
+  }
+
   /** @param {MethodSteps} answer */
   show(answer) {
     this.#answer = answer;
+    this.#wanted = answer.source;
     this.#offerSources();
     this.#offerPresets();
     const last = answer.frame_count === null ? null : answer.frame_count - 1;
@@ -83,12 +99,15 @@ export class StepsChoice extends Part {
       setAttribute(each, "max", last === null ? null : String(last));
       if (each !== document.activeElement) each.value = String(answer.frame);
     }
-    showError(this.#error, "");
+    this.fail("");
   }
 
-  /** @param {string} sentence */
-  fail(sentence) {
+  /** @param {string} sentence @param {number | null} [frame] to offer instead */
+  fail(sentence, frame = null) {
     showError(this.#error, sentence);
+    this.#nearestFrame = frame;
+    this.#nearest.hidden = frame === null;
+    setText(this.#nearest, `Go to frame ${frame}`);
   }
 
   /** @param {number} frame @param {boolean} moving */
@@ -100,8 +119,8 @@ export class StepsChoice extends Part {
   }
 
   #offerSources() {
-    const source = this.#answer?.source;
-    const there = source === undefined || this.#sources.some(([spec]) => spec === source);
+    const source = this.#wanted;
+    const there = source === null || this.#sources.some(([spec]) => spec === source);
     offer(
       this.#source,
       there ? this.#sources : [[source, source], ...this.#sources],

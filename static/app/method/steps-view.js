@@ -21,8 +21,10 @@ import {
   placeOfAddress,
   queryOf,
   stepByKey,
+  STEP_KEYS,
   STEPS,
   valuesAt,
+  nearestFrame,
 } from "./steps-address.js";
 import { StepsChoice } from "./steps-choice.js";
 
@@ -85,10 +87,9 @@ export class StepsView extends Part {
   defaults = {};
 
   build() {
-    for (let step = 1; step <= STEPS; step += 1) {
-      const go = button([h("b", String(step)), h("span")], () => this.#go(step), {
-        class: "steps-button",
-      });
+    for (const [at, key] of STEP_KEYS.entries()) {
+      const words = [h("b", String(at + 1)), h("span", groupTitle(key))];
+      const go = button(words, () => this.#go(at + 1), { class: "steps-button" });
       this.#strip.append(h("li", go));
     }
     const present = button("Present", () => this.#present(), {
@@ -196,7 +197,9 @@ export class StepsView extends Part {
     const place = this.#place;
     if (!place) return;
     clearTimeout(this.#timer);
+    this.#choice.want(place);
     this.#render();
+    if (!this.#answer) setText(this.#title, "Loading…");
     setAttribute(this, "aria-busy", "true");
     /** @type {Promise<MethodSteps | undefined>} */
     const asked = this.#latest.run(() => request("GET", `/steps?${queryOf(place)}`));
@@ -232,7 +235,7 @@ export class StepsView extends Part {
 
   /** Report a refusal; what was shown stays. @param {ApiError} error */
   #refused({ fields, message }) {
-    const { changes } = /** @type {StepsPlace} */ (this.#place);
+    const { changes, frame } = /** @type {StepsPlace} */ (this.#place);
     const refused = Object.keys(fields).filter((name) => name in changes);
     const seen = refused.filter((name) => this.#made.get(name)?.isConnected);
     if (seen.length > 0) {
@@ -242,7 +245,9 @@ export class StepsView extends Part {
       this.#render();
       for (const name of seen) this.#made.get(name)?.fail(fields[name] ?? "");
     }
-    if (seen.length === 0 || seen.length < refused.length) this.#choice.fail(message);
+    if (seen.length === 0 || seen.length < refused.length)
+      this.#choice.fail(message, nearestFrame(fields["frame"] ?? "", frame));
+    if (!this.#answer) setText(this.#title, "These frames cannot be shown");
   }
 
   /** Show the picture of the present step. */
@@ -300,9 +305,6 @@ export class StepsView extends Part {
     for (const [at, item] of [...this.#strip.children].entries()) {
       const go = /** @type {HTMLElement} */ (item.firstElementChild);
       setAttribute(go, "aria-current", at + 1 === number ? "step" : null);
-      const step = this.#answer?.steps[at];
-      const words = go.querySelector("span");
-      if (step && words) setText(words, groupTitle(step.key));
     }
     const step = this.#step;
     if (!step || !this.#answer) return;

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { mock, test } from "node:test";
 
-import { settled } from "../fake-page.mjs";
+import { buttonOf, settled } from "../fake-page.mjs";
 import { parameter } from "../made.mjs";
 
 /** @import { Hub } from "../../../static/app/shell/hub.js" */
@@ -50,8 +50,8 @@ function answer(frame, changes = {}) {
   };
 }
 
-/** A page at frame 40, and its requests for steps, each answered by the test. */
-async function shown() {
+/** A page, and its requests for steps, each answered by the test. */
+function asking() {
   /** @type {{url: string, answer: (told: unknown, status?: number) => void}[]} */
   const asked = [];
   const fetched = async (/** @type {string} */ url) => {
@@ -69,10 +69,16 @@ async function shown() {
   globalThis.fetch = /** @type {typeof fetch} */ (/** @type {unknown} */ (fetched));
   const view = new StepsView();
   view.attach(/** @type {Hub} */ (/** @type {unknown} */ (new EventTarget())));
-  const open = (/** @type {number} */ frame) => {
-    location.hash = `#steps/1?source=simulated:lab&frame=${frame}&preset=paper`;
+  const open = (/** @type {number} */ frame, source = "simulated:lab") => {
+    location.hash = `#steps/1?source=${source}&frame=${frame}&preset=paper`;
     view.show(location.hash);
   };
+  return { view, asked, open };
+}
+
+/** A page at frame 40. */
+async function shown() {
+  const { view, asked, open } = asking();
   open(40);
   await settled();
   asked[0]?.answer(answer(40));
@@ -112,4 +118,22 @@ test("a field keeps the value just entered until the answer, and falls back if i
   assert.ok(!location.hash.includes(NAME));
   const [error] = [...view.querySelectorAll("p")].filter(({ id }) => id.endsWith("px-error"));
   assert.equal(error?.textContent, "Not applied: must be odd. The value stays at 15.");
+});
+
+test("a link to a frame that does not exist says so and offers the nearest one", async () => {
+  const { view, asked, open } = asking();
+  open(99999, "simulated:people");
+  await settled();
+  const [source] = view.querySelectorAll("select");
+  const heading = () => view.querySelector("h3")?.textContent;
+  assert.deepEqual([source?.value, heading()], ["simulated:people", "Loading…"]);
+  const msg = "simulated:people has no frame 99999; its frames are 0 to 179";
+  asked[0]?.answer({ detail: [{ loc: ["query", "frame"], msg, type: "value" }] }, 422);
+  await settled();
+  assert.equal(heading(), "These frames cannot be shown");
+  assert.match(view.textContent, /2Features3Matches/);
+  buttonOf(view, "Go to frame 179").fire("click");
+  mock.timers.tick(0);
+  await settled();
+  assert.match(String(asked[1]?.url), /frame=179/);
 });
