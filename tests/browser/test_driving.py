@@ -488,7 +488,7 @@ def test_a_programme_runs_while_its_operator_is_present(
     page = seat(refusals=True)
     both = page.locator("[data-programme=figure17_a]")
     expect(both.get_by_role("button", name="Start")).to_be_disabled()
-    expect(both).to_contain_text("First arm the observer")
+    expect(both).to_contain_text("Arm the observer first")
     with Witness(room) as witness:
         page.get_by_role("button", name="Start Square of 2 m, obstacle").click()
         expect(page.locator(".programme-running progress")).to_be_visible()

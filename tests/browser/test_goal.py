@@ -86,7 +86,7 @@ def test_the_observer_drives_to_a_typed_goal_until_cancelled(
     section = goal_section(page)
     send = section.get_by_role("button", name="Drive there")
     expect(send).to_be_disabled()
-    expect(section.locator(".missing")).to_have_text("First arm the observer.")
+    expect(section.locator(".missing")).to_have_text("Arm the observer first.")
     keep_picture(page, "goal-unarmed")
     # By keyboard: Enter in a field sends the goal.
     ahead, error = section.get_by_label("Ahead (m)"), section.locator("#goal-error")
@@ -122,7 +122,7 @@ def test_the_observer_drives_to_a_typed_goal_until_cancelled(
     expect(driving).to_be_hidden()
     # The focus is not lost with the button.
     expect(ahead).to_be_focused()
-    assert re.search(r"\d m left · \d:\d\d", told)
+    assert re.search(r"\d m to go · \d:\d\d", told)
     assert "Driving to a goal autonomously." in told
     goal = room.get("/robots")["goal"]
     assert goal["state"] == "ended"

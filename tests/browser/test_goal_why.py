@@ -101,7 +101,7 @@ def test_every_goal_state_is_shown_and_accessible(
 
     check("driving")
     expect(driving).to_contain_text("Passing behind obstacle 3.")
-    expect(driving).to_contain_text("2.33 m left · 1:08")
+    expect(driving).to_contain_text("2.3 m to go · 1:08")
     expect(section.locator("[role=status].visually-hidden")).to_have_text(
         "Passing behind obstacle 3."
     )

@@ -124,7 +124,7 @@ class GoalPanel extends Part {
       h("h3", { title: GLOSSARY["goal"] }, "Drive to a goal"),
       h(
         "p.hint",
-        "The observer drives there by itself, around obstacles, only while this page is open and visible. Driving by hand ends it. Tried in simulation only.",
+        "The observer drives there by itself, around obstacles, only while this page is open and visible. Driving by hand ends it. Tested in simulation only.",
       ),
       this.#driving,
       this.#spoken,
@@ -251,7 +251,7 @@ class GoalPanel extends Part {
     if (stripNumbers(this.#spoken.textContent ?? "") !== stripNumbers(goal.sentence))
       setText(this.#spoken, goal.sentence);
     const left =
-      goal.distance_m === null ? "Distance unknown" : `${fixed(goal.distance_m, 2)} m left`;
+      goal.distance_m === null ? "Distance unknown" : `${fixed(goal.distance_m, 1)} m to go`;
     setText(this.#progress, `${left} · ${clock(goal.elapsed_s)}`);
     if (!this.#whyDetails.open) return;
     const now = performance.now();

@@ -42,9 +42,9 @@ export function missingForGoal(facts, robot, ours, connected, programme) {
   if (!connected) return "No connection to the server.";
   if (!facts) return "Waiting for robot status.";
   if (facts.stopped) return "All robots are stopped: reset the stop first.";
-  if (!robot) return "First connect the observer.";
-  if (robot.operator && !ours) return "First take control of the observer.";
-  if (!ours || !isArmed(robot)) return "First arm the observer.";
+  if (!robot) return "Connect the observer first.";
+  if (robot.operator && !ours) return "Take control of the observer first.";
+  if (!ours || !isArmed(robot)) return "Arm the observer first.";
   if (programme) return `The programme ${programme} is running: stop it first.`;
   return "";
 }

@@ -32,11 +32,11 @@ test("what must be done first is told, the most urgent alone", () => {
   assert.match(missing({ facts: null }), /^Waiting for robot status/);
   const stopped = robots({ stopped: { by: "Ann", since: 0 } });
   assert.match(missing({ facts: stopped, observer: null }), /reset the stop first/);
-  assert.match(missing({ observer: null }), /^First connect/);
-  assert.match(missing({ ours: false }), /^First take control/);
+  assert.match(missing({ observer: null }), /^Connect the observer first/);
+  assert.match(missing({ ours: false }), /^Take control of the observer first/);
   const free = robot({ state: "armed" });
-  assert.match(missing({ observer: free, ours: false }), /^First arm/);
-  assert.match(missing({ observer: robot() }), /^First arm/);
+  assert.match(missing({ observer: free, ours: false }), /^Arm the observer first/);
+  assert.match(missing({ observer: robot() }), /^Arm the observer first/);
   assert.match(missing({ programme: "Figure 17" }), /^The programme Figure 17 is running/);
 });
 
@@ -62,7 +62,7 @@ test("a place is told by its sides", () => {
 
 test("a refusal begins with what did not happen", () => {
   assert.equal(
-    words.refusalSentence("Not sent", "First arm the observer."),
+    words.refusalSentence("Not sent", "Arm the observer first."),
     "Not sent: first arm the observer.",
   );
 });
