@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.output import whole_file
+from app.cli.output import whole_text
 from app.cli.progress import progress_bar
 from observer.errors import InputError
 from observer.intervals import half_95
@@ -83,7 +83,7 @@ def calibrate(
     for refused in (*unpaired, *found.refused):
         typer.echo(f"rejected {refused.name}: {refused.reason}", err=True)
     _tell_views(found, fit)
-    with whole_file(output) as file:
+    with whole_text(output) as file:
         file.write(calibration_text(fit.calibration))
     typer.echo(f"wrote {output}", err=True)
     if as_json:

@@ -25,6 +25,7 @@ from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.truth.contract import Truth
 from observer.types import Observation, StereoFrame
 from observer.vision.rectification import Rectification
+from observer.whole_files import whole_file
 
 
 class Keeper:
@@ -116,22 +117,24 @@ def keeping(
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """Do as ``app.cli.output.whole_file`` does, for files that other code writes.
+    """Provide a path to write to as ``whole_file`` does; leave an unfinished file if writing fails.
 
     An interrupt is the normal end of observing a live source, so the file so far is the result.
     """
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK) or path.is_dir():
         raise InputError(f"cannot write {path}; name a file in an existing, writable folder")
-    part = path.with_name(f"{path.name}.part")
-    try:
-        yield part
-    except KeyboardInterrupt:
-        if part.exists():
-            with refusing(path):
-                os.replace(part, path)
-        raise
-    with refusing(path):
-        os.replace(part, path)
+    interrupt: KeyboardInterrupt | None = None
+    with refusing(path), whole_file(path, keep_unfinished=True) as part:
+        # Left by an earlier failure; it must not become the result of this block.
+        part.unlink(missing_ok=True)
+        try:
+            yield part
+        except KeyboardInterrupt as error:
+            if not part.exists():
+                raise
+            interrupt = error
+    if interrupt is not None:
+        raise interrupt
 
 
 @contextmanager

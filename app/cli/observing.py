@@ -13,7 +13,7 @@ import typer
 
 from app.cli.assignments import chosen_parameters
 from app.cli.keeping import Keeper, keeping
-from app.cli.output import whole_file
+from app.cli.output import whole_text
 from app.cli.progress import ProgressBar
 from observer.calibration.formats.recognition import named_file, read_any
 from observer.calibration.formats.understanding import Size
@@ -62,7 +62,7 @@ class Observing:
                 record=self.record, images=self.record_images, video=self.video,
             )  # fmt: skip
             with (
-                nullcontext(sys.stdout) if self.output is None else whole_file(self.output) as file,
+                nullcontext(sys.stdout) if self.output is None else whole_text(self.output) as file,
                 keeper as kept,
             ):
                 progress.begin(f"observing {self.source}")

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import errno
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
 from observer.errors import InputError
+from observer.whole_files import whole_file
 
 # What writing to an open file fails with when there is no room.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[IO[str]]:
-    """Write text beside ``path`` and move it into place if the block succeeds.
+def whole_text(path: Path) -> Iterator[IO[str]]:
+    """Open a text file that replaces ``path`` if the block succeeds.
 
     If the block fails, an earlier file stays unchanged and the text written so far is kept beside
     it, with ``.part`` added to the name.
@@ -25,32 +25,31 @@ def whole_file(path: Path) -> Iterator[IO[str]]:
     Raises:
         InputError: the folder does not exist, cannot be written or has no space left.
     """
-    part = path.with_name(path.name + ".part")
-    with refusing(path):
+    with refusing(path), whole_file(path, keep_unfinished=True) as part:
         file = part.open("w", encoding="utf-8")
-    try:
-        with file:
-            yield file
-    except OSError as error:
-        # Other errors are not the file's: the block may also read from a source.
-        if error.errno not in _NO_ROOM:
+        try:
+            with file:
+                yield file
+        except OSError as error:
+            if error.errno in _NO_ROOM:
+                # Writing to an open file names no file.
+                error.filename = str(part)
             raise
-        raise _cannot_write(path, error) from None
-    with refusing(path):
-        os.replace(part, path)
 
 
 @contextmanager
 def refusing(path: Path) -> Iterator[None]:
-    """Turn an ``OSError`` of the block, which writes ``path``, into an ``InputError``."""
+    """Turn an ``OSError`` that names ``path`` or its ``.part`` into an ``InputError``.
+
+    Others are not the file's: the block may also read from a source.
+    """
     try:
         yield
     except OSError as error:
-        raise _cannot_write(path, error) from None
-
-
-def _cannot_write(path: Path, error: OSError) -> InputError:
-    return InputError(
-        f"cannot write {path}: {error.strerror or error}; name a file in an existing, writable "
-        "folder with enough space"
-    )
+        names = (str(error.filename), str(error.filename2))
+        if not {str(path), f"{path}.part"}.intersection(names):
+            raise
+        raise InputError(
+            f"cannot write {path}: {error.strerror or error}; name a file in an existing, writable "
+            "folder with enough space"
+        ) from None

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from app.cli.output import whole_file
+from app.cli.output import whole_text
 from observer.errors import InputError
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as JSON on stdout.")]
@@ -59,7 +59,7 @@ def tell(text: str, values: dict[str, Any], output: Path | None, *, as_json: boo
     data = json.dumps(values, indent=2, allow_nan=False)
     if output is not None:
         for name, content in (("benchmark.json", data), ("benchmark.md", text)):
-            with whole_file(output / name) as file:
+            with whole_text(output / name) as file:
                 file.write(content + "\n")
     typer.echo(data if as_json else text)
 

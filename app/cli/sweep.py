@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.output import whole_file
+from app.cli.output import whole_text
 from app.cli.progress import progress_bar
 from observer.errors import DynamicObserverError, InputError
 from observer.evaluation.choices import CROWD, DEFAULT_RUNS, LAB, ROAD, RankedBy
@@ -175,7 +175,7 @@ def _write(result: Sweep, folder: Path, rank_by: RankedBy) -> str:
     text = ranking_markdown(result, ranked, rank_by)
     write_parquet(result, folder / "results.parquet")
     for name, content in (("ranking.md", text), ("ranking.csv", ranking_csv(result, ranked))):
-        with whole_file(folder / name) as file:
+        with whole_text(folder / name) as file:
             file.write(content)
     save_figure(sweep_figure(result, ranked, rank_by), folder / "sweep.png")
     return text

@@ -7,7 +7,6 @@ when the server has started and deleted when it ends.
 from __future__ import annotations
 
 import contextlib
-import os
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from app.addresses import ServerAddress
 from app.settings import is_every_address
 from observer.errors import InputError
+from observer.whole_files import whole_file
 
 log = structlog.get_logger(__name__)
 
@@ -67,14 +67,11 @@ def announced(folder: Path, server: AnnouncedServer) -> Iterator[Callable[[Annou
     Yields a function that rewrites the file when the server has changed.
     """
     file = folder / ANNOUNCED_FILE
-    part = file.with_name(f".{ANNOUNCED_FILE}.{os.getpid()}")
 
     def tell(server: AnnouncedServer) -> None:
         try:
-            descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-            with os.fdopen(descriptor, "w", encoding="utf-8") as opened:
-                opened.write(server.model_dump_json())
-            os.replace(part, file)
+            with whole_file(file, private=True) as part:
+                part.write_text(server.model_dump_json(), encoding="utf-8")
         except OSError as error:
             log.warning("server_not_announced", file=str(file), reason=str(error))
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import os
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from app.server.errors import FieldError
 from app.storage import StorageFull
+from observer.whole_files import whole_file
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -21,17 +20,8 @@ def write_whole(path: Path, text: str) -> None:
     """
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, path)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(part)
-            raise
+        with whole_file(path, private=True, durable=True) as part:
+            part.write_text(text, encoding="utf-8")
 
 
 @contextlib.contextmanager

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import os
 import re
-import secrets
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,9 @@ from app.storage.database import Database
 from app.storage.errors import StorageError, StorageFull, StorageMissing
 from app.storage.models import Run, Truth
 from app.storage.records import TruthRecord, utc_now
+from observer.whole_files import whole_file
 
 _ENDING = re.compile(r"\.[0-9A-Za-z]{1,8}")
-_CHUNK = 1024 * 1024
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -102,22 +101,15 @@ class TruthTables(Database):
 
     def _keep(self, file: Path, ending: str) -> tuple[str, Path]:
         folder = self.folder.truth("")
-        part = folder / f".{secrets.token_hex(6)}.part"
-        content = hashlib.sha256()
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with file.open("rb") as source, part.open("wb") as target:
-                while chunk := source.read(_CHUNK):
-                    content.update(chunk)
-                    target.write(chunk)
-                target.flush()
-                os.fsync(target.fileno())
-            key = content.hexdigest()
+            with file.open("rb") as source:
+                key = hashlib.file_digest(source, "sha256").hexdigest()
             known = self.get_truth(key)
             kept = folder / (f"{key}{ending}" if known is None else known.file)
-            os.replace(part, kept)
+            folder.mkdir(parents=True, exist_ok=True)
+            with whole_file(kept, durable=True) as part:
+                shutil.copyfile(file, part)
         except OSError as error:
-            part.unlink(missing_ok=True)
             kind = StorageFull if error.errno in _NO_SPACE else StorageError
             raise kind(
                 f"the ground truth cannot be stored in {folder} ({error.strerror}); free some disk "

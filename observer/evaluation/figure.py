@@ -13,12 +13,11 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from observer.errors import InputError
 from observer.evaluation.breakdown import GROUPINGS, Group
+from observer.evaluation.result_files import whole_result
 from observer.evaluation.results import Benchmark, PresetResult, SourceResult
 from observer.figures import DARK_GREY, GREY, SERIES, figure_bytes, plain_axes
 from observer.opening import simulated_world, source_kind
-from observer.whole_files import whole_file
 
 _MARKERS = ("o", "s", "^", "D", "v")
 _RECALL = 0.97
@@ -37,11 +36,8 @@ def save_figure(figure: Figure, path: Path) -> None:
         InputError: the file cannot be written.
     """
     content = figure_bytes(figure, path.stem, path.suffix.lower().removeprefix("."))
-    try:
-        with whole_file(path) as part:
-            part.write_bytes(content)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    with whole_result(path) as part:
+        part.write_bytes(content)
 
 
 def benchmark_figure(result: Benchmark) -> Figure:

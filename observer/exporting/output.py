@@ -9,14 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from observer.exporting.errors import ExportError
+from observer.whole_files import whole_file
 
 
 @contextmanager
 def whole_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Provide a path of the same name in a temporary folder, for a file or folder.
-
-    When the block ends, the output is moved to ``path``. If it ends with an error, the output is
-    deleted and anything already there stays.
+    """Provide a path as ``whole_file`` does, for a file or a bag, which is a folder.
 
     Args:
         overwrite: replace existing output.
@@ -30,22 +28,17 @@ def whole_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
         raise ExportError(f"{path} is a folder but not a bag, so it is not replaced")
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
         raise ExportError(f"cannot write {path}; name an output in an existing, writable folder")
-    beside = path.with_name(f".{path.name}.part")
-    _remove(beside)
     try:
-        beside.mkdir()
-        yield beside / path.name
-        if path.is_dir():
-            _remove(path)
-        os.replace(beside / path.name, path)
+        with whole_file(path) as part:
+            yield part
+            _remove_bag(path)
     except OSError as error:
         raise ExportError(f"cannot write {path}: {error.strerror or error}") from None
-    finally:
-        _remove(beside)
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)
+def _remove_bag(path: Path) -> None:
+    """Remove an earlier bag, which, unlike a file, cannot be replaced by renaming."""
+    if path.is_symlink():
+        path.unlink()
+    elif path.is_dir():
+        shutil.rmtree(path)

@@ -46,13 +46,14 @@ class CheckRecords:
             raise Conflict("this server keeps no records of checks")
         name = self._reserved(f"{_started(record):%Y-%m-%dT%H%M}-{record.role}")
         text = json.dumps({"name": name, **plain(record)}, indent=2, allow_nan=False) + "\n"
-        file = self._file(name, "json")
+        for_people, for_programs = self._file(name, "md"), self._file(name, "json")
         try:
-            write_whole(self._file(name, "md"), markdown(record))
-            write_whole(file, text)
+            write_whole(for_people, markdown(record))
+            write_whole(for_programs, text)
         except BaseException:
-            with contextlib.suppress(OSError):
-                file.unlink()
+            for file in (for_people, for_programs):
+                with contextlib.suppress(OSError):
+                    file.unlink()
             raise
         return name
 

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from observer.errors import InputError
+from observer.evaluation.result_files import whole_result
 from observer.evaluation.sweep.task import Outcome, Task
-from observer.whole_files import whole_file
 
 
 class TaskStore:
@@ -54,14 +54,8 @@ class TaskStore:
             "parameters": task.parameters.flat(),
             "outcome": asdict(outcome),
         }
-        path = self._path(task)
-        try:
-            with whole_file(path) as part:
-                part.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
-        except OSError as error:
-            raise InputError(
-                f"cannot write {path}: {error.strerror}; finished results are kept"
-            ) from None
+        with whole_result(self._path(task), "; finished results are kept") as part:
+            part.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
 
     def _path(self, task: Task) -> Path:
         return self._folder / f"{task.key}.json"

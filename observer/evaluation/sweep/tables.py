@@ -9,15 +9,14 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from observer.errors import InputError
 from observer.evaluation.choices import RankedBy
 from observer.evaluation.evaluate import Evaluation, markdown_table, shown
+from observer.evaluation.result_files import whole_result
 from observer.evaluation.sweep.crowds import SweepCrowd
 from observer.evaluation.sweep.results import DRIVING, Ranked, Row, Sweep, cost_title
 from observer.evaluation.sweep.sources import SweepSource
 from observer.navigation.parameters import AllParameters
 from observer.parameters import ParameterValue
-from observer.whole_files import whole_file
 
 # Most rows in Markdown; the CSV file has all.
 _MARKDOWN_ROWS = 100
@@ -154,11 +153,8 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
             for name, kind in kinds.items()
         }
     )
-    try:
-        with whole_file(path) as part:
-            pyarrow.parquet.write_table(table, part)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from None
+    with whole_result(path) as part:
+        pyarrow.parquet.write_table(table, part)
 
 
 def _flat(row: Row, version: str) -> Mapping[str, Any]:

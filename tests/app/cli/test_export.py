@@ -152,6 +152,8 @@ def test_an_interrupt_finishes_recording_and_video_cleanly(data: Path, tmp_path:
     assert isinstance(frame, StereoFrame)
     parameters = Parameters()
     record, video = tmp_path / "r.mcap", tmp_path / "v.mp4"
+    for path in (record, video):
+        path.with_name(f"{path.name}.part").write_bytes(b"left by an earlier failure")
 
     def observe_until_interrupted() -> None:
         with keeping(

@@ -41,9 +41,12 @@ def test_the_announcement_file_is_private_and_removed_at_exit(tmp_path: Path) ->
         assert stat.S_IMODE(file.stat().st_mode) == 0o600
         assert "t" in file.read_text()
     assert not list(tmp_path.iterdir())
-    # Where nothing can be written, the server runs all the same.
+    # Where nothing can be written, the server runs all the same, and leaves no token behind.
     with announced(tmp_path / "missing", server):
         pass
+    file.mkdir()
+    with announced(tmp_path, server):
+        assert list(tmp_path.iterdir()) == [file]
 
 
 def test_links_and_a_qr_code_are_printed(

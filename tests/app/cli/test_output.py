@@ -2,13 +2,13 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.output import whole_file
+from app.cli.output import whole_text
 from observer.errors import InputError
 
 
 def test_a_result_appears_under_its_name_only_when_complete(tmp_path: Path) -> None:
     path = tmp_path / "tracks.jsonl"
-    with whole_file(path) as file:
+    with whole_text(path) as file:
         file.write("one\n")
         assert not path.exists()
     assert path.read_text() == "one\n"
@@ -22,7 +22,7 @@ def test_a_failed_write_keeps_the_earlier_result_and_the_partial_one(
     path.write_text("earlier\n")
 
     def write_half() -> None:
-        with whole_file(path) as file:
+        with whole_text(path) as file:
             file.write("half\n")
             raise RuntimeError
 
@@ -35,7 +35,7 @@ def test_a_failed_write_keeps_the_earlier_result_and_the_partial_one(
 def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="nowhere"),
-        whole_file(tmp_path / "nowhere" / "tracks.jsonl"),
+        whole_text(tmp_path / "nowhere" / "tracks.jsonl"),
     ):
         pass
 
@@ -45,7 +45,7 @@ def test_a_full_disk_is_reported_in_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "tracks.jsonl.part").symlink_to("/dev/full")
     with (
         pytest.raises(InputError, match=r"cannot write .*tracks\.jsonl: No space left"),
-        whole_file(tmp_path / "tracks.jsonl") as file,
+        whole_text(tmp_path / "tracks.jsonl") as file,
     ):
         file.write("one\n")
 
@@ -54,7 +54,7 @@ def test_a_folder_in_place_of_the_file_is_reported_and_the_result_kept(tmp_path:
     (tmp_path / "tracks.jsonl").mkdir()
     with (
         pytest.raises(InputError, match=r"cannot write .*tracks\.jsonl: Is a directory"),
-        whole_file(tmp_path / "tracks.jsonl") as file,
+        whole_text(tmp_path / "tracks.jsonl") as file,
     ):
         file.write("one\n")
     assert (tmp_path / "tracks.jsonl.part").read_text() == "one\n"
@@ -63,6 +63,6 @@ def test_a_folder_in_place_of_the_file_is_reported_and_the_result_kept(tmp_path:
 def test_another_error_of_the_block_is_not_reported_as_the_file_s(tmp_path: Path) -> None:
     with (
         pytest.raises(PermissionError, match="camera"),
-        whole_file(tmp_path / "tracks.jsonl"),
+        whole_text(tmp_path / "tracks.jsonl"),
     ):
         raise PermissionError(13, "the camera is busy")

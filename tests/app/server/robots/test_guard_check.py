@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -17,6 +19,7 @@ from app.server.robots.check_manager import CheckManager
 from app.server.robots.check_records import CheckRecords, advice
 from app.server.robots.circumstances import Circumstances
 from app.server.robots.guard_check import GuardCheck
+from app.storage import StorageFull
 from observer.rig.rig import Rig, RigMount, RigValue
 from observer.robots.contract import RobotPhase, RobotReport
 
@@ -189,6 +192,22 @@ def test_a_record_is_dated_complete_and_never_overwritten(tmp_path: Path) -> Non
     assert newest.started_by == "10"
     assert records.newest("obstacle") is None
     assert not [each for each in (tmp_path / "guard-checks").iterdir() if each.name[0] == "."]
+
+
+def test_nothing_is_left_of_a_record_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_file = os.replace
+
+    def full(source: Path, target: Path) -> None:
+        if target.suffix == ".json":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        replace_file(source, target)
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(StorageFull):
+        CheckRecords(tmp_path).save(ended())
+    assert not list(tmp_path.iterdir())
 
 
 def test_only_records_are_found_by_any_name(tmp_path: Path) -> None:
