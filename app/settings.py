@@ -25,6 +25,8 @@ PROGRAMME_FOLDER = "programmes"
 CHECK_FOLDER = "guard-checks"
 ENVIRONMENT_PREFIX = "DYNAMIC_OBSERVER_"
 
+# Former names, refused with the present one.
+_RENAMED = {"ring_at_guard_stops": "clips_at_guard_stops"}
 _MEGABYTE = 1024 * 1024
 
 
@@ -62,7 +64,7 @@ class Settings(BaseSettings):
         viewer_points, viewer_rate_hz: the 3D scene's cloud: points drawn, updates per second.
         strict: whether to end at the start if something configured cannot be used, instead of
             serving with a warning.
-        ring_at_guard_stops: whether the last half minute is saved when the guard stops a robot.
+        clips_at_guard_stops: whether the last half minute is saved when the guard stops a robot.
         calibration_max_bytes: largest calibration file. images_max_bytes: largest archive of
             images to calibrate with. truth_max_bytes: largest truth file.
         body_max_bytes: largest other request.
@@ -91,7 +93,7 @@ class Settings(BaseSettings):
     truth_max_bytes: int = Field(512 * _MEGABYTE, ge=1024, le=4096 * _MEGABYTE)
     body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)
     strict: bool = False
-    ring_at_guard_stops: bool = True
+    clips_at_guard_stops: bool = True
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
 
     @field_validator("data")
@@ -138,6 +140,12 @@ class Settings(BaseSettings):
             if name.upper().startswith(ENVIRONMENT_PREFIX) and name.upper() not in known
         )
         if unknown:
+            present = _RENAMED.get(unknown[0][len(ENVIRONMENT_PREFIX) :].lower())
+            if present is not None:
+                raise ValueError(
+                    f"the environment variable {unknown[0]} has been renamed to "
+                    f"{ENVIRONMENT_PREFIX}{present.upper()}"
+                )
             raise ValueError(
                 f"the environment variable {unknown[0]} is not a setting; available are: "
                 f"{', '.join(sorted(known))}"

@@ -212,14 +212,14 @@ class RunChart(ChartValues):
 
 
 @dataclass(frozen=True)
-class RingFile:
+class ClipFile:
     file: Annotated[str, means("Within the data folder; it opens as any recording does.")]
     bytes: int
     seconds: Annotated[float, means("Its duration.")]
 
 
 @dataclass(frozen=True)
-class RingEntry:
+class ClipEntry:
     """A saved half minute."""
 
     name: str

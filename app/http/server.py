@@ -143,7 +143,7 @@ def create_app(
         programme_folder=settings.data / PROGRAMME_FOLDER,
         check_folder=settings.data / CHECK_FOLDER,
         drive=drive,
-        clips_at_guard_stops=settings.ring_at_guard_stops,
+        clips_at_guard_stops=settings.clips_at_guard_stops,
         live_truth=settings.truth,
     )
     folder = static_folder()

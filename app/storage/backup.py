@@ -15,15 +15,15 @@ from app.storage.bundle import BackupError, Manifest, bundle_writer
 from app.storage.copying import copy_tables
 from app.storage.engines import database_url, open_engine
 from app.storage.errors import StorageError, translated
-from app.storage.folder import RINGS, TRUTHS
+from app.storage.folder import CLIPS, FORMER_CLIPS, TRUTHS
 from app.storage.integrity import copy_database, damage
 from app.storage.records import utc_now
 from observer.recording.run_folder import RUNS
 
 # Parts of the data folder to save besides the database; the token and the server's log are private.
 FILES = (RIG_FILE,)
-FOLDERS = (PROGRAMME_FOLDER, CHECK_FOLDER, TRUTHS, RUNS, RINGS)
-_WITH_RECORDINGS = (RUNS, RINGS)
+FOLDERS = (PROGRAMME_FOLDER, CHECK_FOLDER, TRUTHS, RUNS, CLIPS, FORMER_CLIPS)
+_WITH_RECORDINGS = (RUNS, CLIPS, FORMER_CLIPS)
 _RECORDINGS = ".mcap"
 _BUSY_S = 5.0
 
@@ -44,7 +44,7 @@ def write_backup(
 
     Args:
         target: ends in .zip or .tar. data: the data folder. location: as for ``Storage``.
-        recordings: include the runs' recordings and saved rings, which may be large.
+        recordings: include the runs' recordings and saved clips, which may be large.
         application: the version to write into it.
 
     Raises:

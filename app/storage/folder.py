@@ -14,8 +14,9 @@ from app.storage.errors import StorageError, StorageMissing
 from observer.recording.run_folder import RECORDING, RUNS
 
 TRUTHS = "truths"
-# Folder of saved clips that belong to no run.
-RINGS = "rings"
+# Folder of saved clips that belong to no run, and its former name, which is only read.
+CLIPS = "clips"
+FORMER_CLIPS = "rings"
 # A run's folder during deletion; remains of a crash are deleted next time.
 _LEAVING = ".deleted-"
 _ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z_-]{0,99}")

@@ -21,7 +21,7 @@ from app.storage.copying import copy_tables, replace_tables
 from app.storage.database import Database
 from app.storage.engines import APPLICATION, database_url, open_engine
 from app.storage.errors import StorageError, translated
-from app.storage.folder import RINGS, DataFolder
+from app.storage.folder import CLIPS, FORMER_CLIPS, DataFolder
 from app.storage.integrity import damage, is_open_elsewhere, move_with_log, name_beside
 from app.storage.migration import upgrade
 from app.storage.server_locks import lock_whole
@@ -119,7 +119,7 @@ class _Place:
             for name in (*FILES, *FOLDERS):
                 if (staged / name).exists():
                     _move(staged / name, self.data / name, undo)
-            for name in (RUNS, RINGS):
+            for name in (RUNS, CLIPS, FORMER_CLIPS):
                 _keep_recordings(old / name, self.data / name)
             if self._file is not None:
                 kept += _put_file(staged / DATABASE_FILE, self._file, undo)

@@ -23,8 +23,8 @@ from observer.recording.payloads import Images
 # Time during which a deletion can be undone.
 UNDO = timedelta(days=7)
 _DAMAGED = "the {} of this run {} damaged in the database and cannot be read"
-# The recording of a run, or a clip that was saved during it.
-_RECORDED = re.compile(r"(?:.*/)?runs/([^/]+)/(recording|ring-[\d-]+)\.mcap")
+# The recording of a run, or a clip that was saved during it, by its present or former name.
+_RECORDED = re.compile(r"(?:.*/)?runs/([^/]+)/(recording|(?:clip|ring)-[\d-]+)\.mcap")
 _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
 
 

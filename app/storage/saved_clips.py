@@ -8,11 +8,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from app.storage.errors import StorageError
-from app.storage.folder import RINGS, DataFolder
+from app.storage.folder import CLIPS, FORMER_CLIPS, DataFolder
 from observer.recording.run_folder import RUNS
 
 _STAMP = "%Y%m%d-%H%M%S-%f"
-_NAME = re.compile(r"ring-(\d{8}-\d{6}-\d{6})")
+# Clips used to be called rings.
+_NAME = re.compile(r"(?:clip|ring)-(\d{8}-\d{6}-\d{6})")
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class SavedClip:
     """Recording of half a minute.
 
     Attributes:
-        name: such as ``ring-20261122-131500-123456``, from the UTC time of saving.
+        name: such as ``clip-20261122-131500-123456``, from the UTC time of saving.
         run_id: id of the run in progress, None if there was none.
         saved_at: ISO 8601 with its offset. path: absolute.
     """
@@ -34,16 +35,17 @@ class SavedClip:
 
 def new_clip(folder: DataFolder, run_id: str | None) -> Path:
     """Return the absolute path for the next clip; create nothing."""
-    where = folder.path / RINGS if run_id is None else folder.run(run_id)
-    return where.absolute() / f"ring-{datetime.now(UTC):{_STAMP}}.mcap"
+    where = folder.path / CLIPS if run_id is None else folder.run(run_id)
+    return where.absolute() / f"clip-{datetime.now(UTC):{_STAMP}}.mcap"
 
 
 def list_clips(folder: DataFolder) -> list[SavedClip]:
     """Return all clips, newest first; skip files with other names."""
-    found = [_clip(path, None) for path in (folder.path / RINGS).glob("ring-*.mcap")]
-    for path in (folder.path / RUNS).glob("[!.]*/ring-*.mcap"):
+    alone = (path for name in (CLIPS, FORMER_CLIPS) for path in (folder.path / name).glob("*.mcap"))
+    found = [_clip(path, None) for path in alone]
+    for path in (folder.path / RUNS).glob("[!.]*/*.mcap"):
         found.append(_clip(path, path.parent.name))
-    return sorted(filter(None, found), key=lambda clip: clip.name, reverse=True)
+    return sorted(filter(None, found), key=lambda clip: clip.saved_at, reverse=True)
 
 
 def remove_clip(clip: SavedClip) -> None:

@@ -279,7 +279,7 @@ class Recording:
 
     @cached_property
     def _first_image(self) -> int:
-        # Not 0 in a saved ring, which begins in the middle of a run.
+        # Not 0 in a saved clip, which begins in the middle of a run.
         places = self._image_places[_SIDES[0]]
         return self._message_at(*places[0]).sequence if places else 0
 

@@ -1143,6 +1143,23 @@ export interface components {
       /** @description Why to check (again), one sentence. */
       advice: string | null;
     };
+    /** @description A saved half minute. */
+    ClipEntry: {
+      name: string;
+      /** @description The run that was in progress. */
+      run_id: string | null;
+      saved_at: string;
+      bytes: number;
+      /** @description Text that opens it as a source. */
+      source: string;
+    };
+    ClipFile: {
+      /** @description Within the data folder; it opens as any recording does. */
+      file: string;
+      bytes: number;
+      /** @description Its duration. */
+      seconds: number;
+    };
     ComparisonProgress: {
       /** @description Display name. */
       source_name: string;
@@ -1662,23 +1679,6 @@ export interface components {
       value: number;
       /** @description Standard deviation of an estimate; null: the value was entered. */
       sigma?: number | null;
-    };
-    /** @description A saved half minute. */
-    RingEntry: {
-      name: string;
-      /** @description The run that was in progress. */
-      run_id: string | null;
-      saved_at: string;
-      bytes: number;
-      /** @description Text that opens it as a source. */
-      source: string;
-    };
-    RingFile: {
-      /** @description Within the data folder; it opens as any recording does. */
-      file: string;
-      bytes: number;
-      /** @description Its duration. */
-      seconds: number;
     };
     /** @description Everything about driving. */
     RobotsNow: {
@@ -2200,6 +2200,8 @@ export type ChartCurve = components["schemas"]["ChartCurve"];
 export type CheckEntry = components["schemas"]["CheckEntry"];
 export type CheckStart = components["schemas"]["CheckStart"];
 export type ChecksNow = components["schemas"]["ChecksNow"];
+export type ClipEntry = components["schemas"]["ClipEntry"];
+export type ClipFile = components["schemas"]["ClipFile"];
 export type ComparisonProgress = components["schemas"]["ComparisonProgress"];
 export type ComparisonStart = components["schemas"]["ComparisonStart"];
 export type ComparisonStatus = components["schemas"]["ComparisonStatus"];
@@ -2248,8 +2250,6 @@ export type RigFile = components["schemas"]["RigFile"];
 export type RigMount = components["schemas"]["RigMount"];
 export type RigNow = components["schemas"]["RigNow"];
 export type RigNumber = components["schemas"]["RigNumber"];
-export type RingEntry = components["schemas"]["RingEntry"];
-export type RingFile = components["schemas"]["RingFile"];
 export type RobotsNow = components["schemas"]["RobotsNow"];
 export type Run = components["schemas"]["Run"];
 export type RunChange = components["schemas"]["RunChange"];

@@ -55,6 +55,15 @@ def test_invalid_settings_are_refused(wrong: dict[str, Any]) -> None:
         Settings(**wrong)
 
 
+def test_a_renamed_variable_is_refused_with_its_present_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("DYNAMIC_OBSERVER_RING_AT_GUARD_STOPS", "0")
+    renamed = "RING_AT_GUARD_STOPS has been renamed to DYNAMIC_OBSERVER_CLIPS_AT_GUARD_STOPS"
+    with pytest.raises(ValidationError, match=renamed):
+        Settings()
+
+
 def test_a_mistyped_variable_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DYNAMIC_OBSERVER_PROT", "9000")
     with pytest.raises(ValidationError, match="DYNAMIC_OBSERVER_PROT is not a setting"):

@@ -31,19 +31,19 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     assert server.get(f"/runs/{run['id']}")["state"] == "finished"
 
     page.get_by_role("link", name="All runs").click()
-    rings = page.locator("observer-saved-clips")
-    expect(rings.get_by_role("link", name="from this run")).to_be_visible()
-    keep_picture(page, "rings")
-    rings.get_by_role("button", name="Play the clip").click()
+    clips = page.locator("observer-saved-clips")
+    expect(clips.get_by_role("link", name="from this run")).to_be_visible()
+    keep_picture(page, "clips")
+    clips.get_by_role("button", name="Play the clip").click()
     expect(page.locator("observer-playback")).to_be_visible()
-    (ring,) = server.get("/recording/rings")
-    assert server.get("/status")["source"]["spec"] == ring["source"]
+    (clip,) = server.get("/recording/clips")
+    assert server.get("/status")["source"]["spec"] == clip["source"]
     assert server.api.put("/api/source", json={"source": "simulated:lab"}).is_success
     page.get_by_role("link", name="All runs").click()
-    rings.get_by_role("button", name="Delete the clip").click()
+    clips.get_by_role("button", name="Delete the clip").click()
     page.get_by_role("button", name="Delete clip", exact=True).click()
-    expect(rings.locator("li")).to_have_count(0)
-    assert server.get("/recording/rings") == []
+    expect(clips.locator("li")).to_have_count(0)
+    assert server.get("/recording/clips") == []
     page.get_by_role("button", name="Back to live").click()
 
     entry = page.locator("observer-runs li", has_text="crossing")

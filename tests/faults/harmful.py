@@ -150,7 +150,7 @@ def paths(canary: str) -> list[str]:
     ]
     beginnings = [
         *("/static/", "/static/app/", "/viewer/", "/docs/", "/api/runs/", "/api/views/"),
-        *("/api/calibrations/", "/api/programmes/", "/api/recording/rings/", "/api/robots/checks/"),
+        *("/api/calibrations/", "/api/programmes/", "/api/recording/clips/", "/api/robots/checks/"),
         *("/api/boards/", "/api/calibrating/views/", "/"),
     ]
     endings = ["", "/file", ".jpg"]

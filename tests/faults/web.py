@@ -304,7 +304,7 @@ def state_of(web: Web) -> dict[str, Any]:
         role: robot and {key: robot[key] for key in ("state", "operator", "commanded", "sent")}
         for role, robot in robots["robots"].items()
     }
-    lists = ("runs", "presets", "calibrations", "truth", "programmes", "recording/rings", "rig")
+    lists = ("runs", "presets", "calibrations", "truth", "programmes", "recording/clips", "rig")
     return {
         "stopped": robots["stopped"],
         "robots": moving,

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import structlog
 
 from app.contract.comparing import COMPARISON_TAG, ComparisonProgress, ComparisonStatus
-from app.contract.runs import RingFile
+from app.contract.runs import ClipFile
 from app.runtime.jobs import Progress
 from app.runtime.worker import JobFailed
 from app.server.calibrations.library import keep_own_calibration
@@ -258,10 +258,10 @@ class MethodComparison:
             original=None,
         )
 
-    def _path(self, clip: RingFile) -> Path:
+    def _path(self, clip: ClipFile) -> Path:
         return self._storage.folder.path.absolute() / clip.file
 
-    async def _delete_saved(self, saving: asyncio.Future[RingFile]) -> None:
+    async def _delete_saved(self, saving: asyncio.Future[ClipFile]) -> None:
         """Delete a clip as soon as it has been saved."""
         with contextlib.suppress(DynamicObserverError):
             _delete(self._path(await saving))

@@ -8,7 +8,7 @@ import structlog
 
 from app.contract.commands import SaveClip
 from app.contract.drive import IncidentEvent
-from app.contract.runs import RingFile
+from app.contract.runs import ClipFile
 from app.server.asking import ask
 from app.server.errors import Conflict, NotThere
 from app.server.shared import Shared
@@ -20,7 +20,7 @@ log = structlog.get_logger(__name__)
 # Delay after a guard stop by which the robot has certainly stopped, and the minimum interval
 # between two clips.
 _BEHIND_STOP_S = 3.0
-_BETWEEN_RINGS_S = 30.0
+_BETWEEN_CLIPS_S = 30.0
 # Enough to write a quarter of a gigabyte to a slow disk.
 _SAVE_TIMEOUT_S = 30.0
 
@@ -38,8 +38,8 @@ class SavedClips:
         self._automatic = automatic
         self._saved_at: float | None = None
 
-    async def save(self) -> RingFile:
-        """Save the clip with the current run, or in the folder ``rings`` without one.
+    async def save(self) -> ClipFile:
+        """Save the clip with the current run, or in the folder ``clips`` without one.
 
         Raises:
             Conflict: no ring buffer is kept for the open source. StorageFull: there is no room for
@@ -49,7 +49,7 @@ class SavedClips:
         run = self._shared.run()
         file = new_clip(self._folder, None if run is None else run.id)
         saved = await ask(self._shared.engine, SaveClip(str(file)), timeout_s=_SAVE_TIMEOUT_S)
-        return RingFile(
+        return ClipFile(
             str(file.relative_to(self._folder.path.absolute())), saved.bytes, saved.seconds
         )
 
@@ -81,7 +81,7 @@ class SavedClips:
         if not (self._automatic and isinstance(event, IncidentEvent) and event.kind == "guard"):
             return
         now = self._shared.clock()
-        if self._saved_at is not None and now - self._saved_at < _BETWEEN_RINGS_S:
+        if self._saved_at is not None and now - self._saved_at < _BETWEEN_CLIPS_S:
             return
         self._saved_at = now
         self._shared.background.start(self._save_later())
@@ -90,9 +90,9 @@ class SavedClips:
         await asyncio.sleep(_BEHIND_STOP_S)
         try:
             saved = await self.save()
-            log.info("ring_saved", file=saved.file)
+            log.info("clip_saved", file=saved.file)
         except Conflict:
             # No ring buffer is kept for a source that can be replayed.
             pass
         except DynamicObserverError as error:
-            log.warning("ring_not_saved", reason=str(error))
+            log.warning("clip_not_saved", reason=str(error))

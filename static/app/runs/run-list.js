@@ -9,7 +9,7 @@ import { attempt, notify } from "../shell/notice.js";
 import { removeRun } from "./run-search.js";
 import { facts, activeRunIds, runHref, size } from "./run-words.js";
 
-/** @import { History, RingFile, Run } from "../contract" */
+/** @import { ClipFile, History, Run } from "../contract" */
 
 // Older ones are in the history.
 const NEWEST = 8;
@@ -64,8 +64,8 @@ class RunList extends Part {
 
   async #saveClip() {
     await attempt(async () => {
-      /** @type {RingFile} */
-      const { bytes, seconds } = await request("POST", "/recording/ring");
+      /** @type {ClipFile} */
+      const { bytes, seconds } = await request("POST", "/recording/clips");
       notify(
         `Saved the last ${fixed(seconds, 0)} s (${size(bytes)}). The clip is listed under All runs.`,
       );

@@ -8,7 +8,7 @@ import { request } from "../shell/api.js";
 import { attempt, askConfirmation, notify } from "../shell/notice.js";
 import { runHref, size } from "./run-words.js";
 
-/** @import { RingEntry } from "../contract" */
+/** @import { ClipEntry } from "../contract" */
 
 export class SavedClipList extends Part {
   /** Called once a clip has been opened as a source. @type {() => void} */
@@ -18,7 +18,7 @@ export class SavedClipList extends Part {
   #list = h("ul.item-list");
   #items = new KeyedList(
     this.#list,
-    (/** @type {RingEntry} */ clip) => this.#item(clip),
+    (/** @type {ClipEntry} */ clip) => this.#item(clip),
     () => this.#heading,
   );
   #shown = false;
@@ -38,14 +38,14 @@ export class SavedClipList extends Part {
 
   async #load() {
     if (!this.#shown) return;
-    /** @type {RingEntry[] | null} */
-    const clips = await request("GET", "/recording/rings").catch(() => null);
+    /** @type {ClipEntry[] | null} */
+    const clips = await request("GET", "/recording/clips").catch(() => null);
     if (!clips) return;
     this.hidden = !this.#shown || (clips.length === 0 && !this.contains(document.activeElement));
     this.#items.show(clips, ({ name }) => name);
   }
 
-  /** @param {RingEntry} clip */
+  /** @param {ClipEntry} clip */
   #item(clip) {
     const { name, run_id: run, bytes } = clip;
     const at = when(clip.saved_at);
@@ -70,7 +70,7 @@ export class SavedClipList extends Part {
       ],
       play,
       downloadLink("MCAP", {
-        href: `/api/recording/rings/${encodeURIComponent(name)}`,
+        href: `/api/recording/clips/${encodeURIComponent(name)}`,
         download: `${name}.mcap`,
         "aria-label": `Download the clip that ends at ${at}`,
       }),
@@ -78,7 +78,7 @@ export class SavedClipList extends Part {
     );
   }
 
-  /** @param {RingEntry} clip */
+  /** @param {ClipEntry} clip */
   async #open(clip) {
     await attempt(async () => {
       this.hub.applyStatus(await request("PUT", "/source", { source: clip.source }));
@@ -87,7 +87,7 @@ export class SavedClipList extends Part {
     });
   }
 
-  /** @param {RingEntry} clip */
+  /** @param {ClipEntry} clip */
   async #delete(clip) {
     const sure = await askConfirmation(
       `Delete the clip that ends at ${when(clip.saved_at)}?`,
@@ -95,7 +95,7 @@ export class SavedClipList extends Part {
       "Delete clip",
     );
     if (!sure) return;
-    await attempt(() => request("DELETE", `/recording/rings/${encodeURIComponent(clip.name)}`));
+    await attempt(() => request("DELETE", `/recording/clips/${encodeURIComponent(clip.name)}`));
     await this.#load();
   }
 }

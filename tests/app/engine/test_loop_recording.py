@@ -143,7 +143,7 @@ def test_the_last_half_minute_of_a_live_source_can_be_saved(
     bench.value(opening("camera"))
     bench.wait(ObservationEvent, lambda e: e.line["frame"] == 7)
     assert bench.state.recording is None
-    path = tmp_path / "rings" / "ring.mcap"
+    path = tmp_path / "clips" / "clip.mcap"
     saved = bench.value(SaveClip(str(path)))
     assert saved.bytes == path.stat().st_size
     with Recording(path) as recording:

@@ -12,7 +12,7 @@ from app.contract.commands import RecordRobots, SaveClip
 from app.contract.drive import IncidentEvent
 from app.contract.events import EngineState
 from app.contract.robots import RobotNow, Velocity
-from app.server.runs import saved_clips as rings
+from app.server.runs import saved_clips
 from observer.robots.contract import RobotPhase, RobotReport
 from observer.types import Odometry
 
@@ -139,13 +139,13 @@ async def test_robot_data_are_sent_for_the_recording(
 async def test_the_last_half_minute_is_saved_with_the_run(
     http: Any, peer: Any, tmp_path: Path
 ) -> None:
-    refused = await http.post("/api/recording/ring")
+    refused = await http.post("/api/recording/clips")
     assert (refused.status_code, refused.json()["detail"]) == (
         409, "the open source can simply be replayed",
     )  # fmt: skip
-    assert Path(peer.commands[-1].path).parent == tmp_path / "rings"
+    assert Path(peer.commands[-1].path).parent == tmp_path / "clips"
     id = (await http.post("/api/runs", json={})).json()["id"]
-    saved = await http.post("/api/recording/ring")
+    saved = await http.post("/api/recording/clips")
     assert saved.status_code == 201
     path = Path(peer.commands[-1].path)
     assert path.parent == tmp_path / "runs" / id
@@ -157,34 +157,37 @@ async def test_the_last_half_minute_is_saved_with_the_run(
 async def test_saved_half_minutes_are_listed_downloaded_and_deleted(
     served: Any, tmp_path: Path
 ) -> None:
-    alone = "ring-20261121-235959-000001"
-    of_a_run = "ring-20261122-081500-123456"
+    alone = "clip-20261121-235959-000001"
+    former = "ring-20261120-120000-000000"
+    of_a_run = "clip-20261122-081500-123456"
     for place, name in (
-        ("rings", alone), ("runs/2026-a", of_a_run), ("runs/2026-a", "recording"),
-        ("rings", "ring-mine"), ("rings", "ring-20261399-000000-000000"), ("runs/.gone", alone),
+        ("clips", alone), ("rings", former), ("runs/2026-a", of_a_run),
+        ("runs/2026-a", "recording"), ("clips", "clip-mine"),
+        ("clips", "clip-20261399-000000-000000"), ("runs/.gone", alone),
     ):  # fmt: skip
         file = tmp_path / place / f"{name}.mcap"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(CONTENT)
 
-    http, path = served.http, "/api/recording/rings"
-    newest, oldest = (await http.get(path)).json()
+    http, path = served.http, "/api/recording/clips"
+    newest, middle, oldest = (await http.get(path)).json()
     file = tmp_path / "runs" / "2026-a" / f"{of_a_run}.mcap"
     assert newest == {
         "name": of_a_run, "run_id": "2026-a", "saved_at": "2026-11-22T08:15:00.123456+00:00",
         "bytes": len(CONTENT), "source": str(file),
     }  # fmt: skip
-    assert (oldest["name"], oldest["run_id"]) == (alone, None)
+    assert (middle["name"], middle["run_id"]) == (alone, None)
+    assert (oldest["name"], oldest["run_id"]) == (former, None)
     answer = await http.get(f"{path}/{of_a_run}")
     assert answer.content == CONTENT
     assert f'filename="{of_a_run}.mcap"' in answer.headers["content-disposition"]
-    for none in ("recording", "ring-mine", "..%2Frecording", "%2e%2e"):
+    for none in ("recording", "clip-mine", "..%2Frecording", "%2e%2e"):
         assert (await http.get(f"{path}/{none}")).status_code == 404
         assert (await http.delete(f"{path}/{none}")).status_code in (404, 405)
     assert (await http.delete(f"{path}/{of_a_run}")).status_code == 204
     gone = await http.delete(f"{path}/{of_a_run}")
     assert (gone.status_code, "no saved clip" in gone.json()["detail"]) == (404, True)
-    assert [each["name"] for each in (await http.get(path)).json()] == [alone]
+    assert [each["name"] for each in (await http.get(path)).json()] == [alone, former]
     assert sorted(each.name for each in file.parent.iterdir()) == ["recording.mcap"]
 
 
@@ -192,8 +195,8 @@ async def test_saved_half_minutes_are_listed_downloaded_and_deleted(
 async def test_a_guard_stop_saves_the_last_half_minute_once(
     serve: Any, peer: Any, drive: Any, eventually: Any, monkeypatch: Any, automatic: bool
 ) -> None:
-    monkeypatch.setattr(rings, "_BEHIND_STOP_S", 0.05)
-    async with serve(ring_at_guard_stops=automatic) as served:
+    monkeypatch.setattr(saved_clips, "_BEHIND_STOP_S", 0.05)
+    async with serve(clips_at_guard_stops=automatic) as served:
         await served.http.post("/api/runs", json={})
         for kind in ("stop", "guard", "guard"):
             drive.publish(IncidentEvent("observer", kind, "it stopped", 7.0, 0.3))

@@ -65,8 +65,9 @@ def fill(storage: Storage) -> str:
     (folder / "recording.mcap").write_bytes(random.Random(1).randbytes(300_000))
     (folder / "truth").mkdir()
     (folder / "truth" / "as uploaded ä.csv").write_text("t\n")
-    (data / "rings").mkdir()
-    (data / "rings" / "ring-1.mcap").write_bytes(b"the last half minute")
+    for folder, clip in (("clips", "clip-1.mcap"), ("rings", "ring-1.mcap")):
+        (data / folder).mkdir()
+        (data / folder / clip).write_bytes(b"the last half minute")
     (data / "token").write_text("secret")
     return run.id
 
@@ -74,7 +75,7 @@ def fill(storage: Storage) -> str:
 def contents(storage: Storage, run_id: str) -> dict[str, Any]:
     """Return everything that can be read back of it."""
     data = storage.folder.path
-    tops = ("rig.yaml", "programmes", "truths", "runs", "rings")
+    tops = ("rig.yaml", "programmes", "truths", "runs", "clips", "rings")
     files = [each for top in tops for each in [data / top, *(data / top).rglob("*")]]
     return {
         "run": storage.get_run(run_id),
@@ -206,7 +207,7 @@ def test_recordings_can_be_excluded_and_stay_in_place(
     assert small.stat().st_size < 250_000
     done = restore_backup(small, data, data / "observer.sqlite", replace=True)
     assert recording.read_bytes() == content
-    assert (data / "rings" / "ring-1.mcap").read_bytes() == b"the last half minute"
+    assert (data / "clips" / "clip-1.mcap").read_bytes() == b"the last half minute"
     with Storage(data / "observer.sqlite") as storage:
         storage.discard_run(run_id)
         storage.purge(timedelta(0))

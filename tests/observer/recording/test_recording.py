@@ -263,7 +263,7 @@ def test_a_ring_saves_the_last_seconds_as_a_recording(
         writer.observation(line(frame), frame.received)
     writer.finish()
     assert 0.4 < ring.seconds_held <= 0.5
-    path = tmp_path / "ring.mcap"
+    path = tmp_path / "clip.mcap"
     ring.save(path)
     source = RecordingSource(path)
     recording = source.recording
@@ -290,7 +290,7 @@ def test_a_ring_that_cannot_be_saved_leaves_no_file(
     resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
     try:
         with pytest.raises(RecordingError, match="the disk is full"):
-            ring.save(tmp_path / "ring.mcap")
+            ring.save(tmp_path / "clip.mcap")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not list(tmp_path.iterdir())

@@ -101,7 +101,7 @@ test("what takes long is waited for longer, and an upload as long as it takes", 
   for (const [method = "", path = ""] of [
     ["PUT", "/source"],
     ["POST", "/runs"],
-    ["POST", "/recording/ring"],
+    ["POST", "/recording/clips"],
     ["POST", "/calibrating/compute"],
     ["GET", "/steps/3.png?frame=1"],
     ["GET", "/runs/r1/export?format=mp4"],

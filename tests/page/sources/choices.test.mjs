@@ -89,7 +89,7 @@ test("only runs that can be played are offered, by their names", () => {
 
 test("the path of a run's recording is told as the run", () => {
   assert.equal(choices.shortSpec("/data/runs/20261126-a1/recording.mcap"), "run:20261126-a1");
-  for (const other of ["/data/runs/x/ring-1.mcap", "simulated:lab", "recording.mcap"])
+  for (const other of ["/data/runs/x/clip-1.mcap", "simulated:lab", "recording.mcap"])
     assert.equal(choices.shortSpec(other), other);
 });
 
