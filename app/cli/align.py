@@ -59,8 +59,8 @@ def align(
         typer.Option(
             metavar="SECONDS",
             callback=finite,
-            help="Approximate time offset to add to the times of the ground truth, within "
-            f"{_ROUGHLY_S:g} s; for periodic motion.",
+            help="For periodic motion: the offset to add to the ground truth's times, correct to "
+            f"within {_ROUGHLY_S:g} s.",
         ),
     ] = None,
     camera_on_body: CameraOnBodyOption = None,
@@ -71,7 +71,10 @@ def align(
     ] = None,
     data: DataOption = None,
 ) -> None:
-    """Align motion capture with a run: time offset, room frame and matching of tracks to bodies."""
+    """Align motion capture with a run.
+
+    Finds the time offset, the room frame, and which tracks match which bodies.
+    """
     from app.contract.values import plain
     from app.reports.comparison import (
         ComparedRecording,

@@ -22,7 +22,10 @@ def backup(
         ),
     ] = False,
 ) -> None:
-    """Back up runs, speeds, parameters, presets, calibrations, rig, programmes and ground truth."""
+    """Back up runs, settings and ground truth.
+
+    Runs with their speeds, parameters, presets, calibrations, rig, programmes and ground truth.
+    """
     from app.storage.backup import write_backup
     from observer.version import library_version
 

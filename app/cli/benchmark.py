@@ -16,12 +16,13 @@ from observer.evaluation.choices import DEFAULT_MAX_FRAMES, LAB, ROAD
 
 if TYPE_CHECKING:
     from observer.evaluation.calibration_accuracy import CalibrationAccuracy
+    from observer.evaluation.results import Benchmark
 
 
 def benchmark(
     source: Annotated[
         str | None,
-        typer.Argument(help="A source of your own; default: all benchmark scenarios."),
+        typer.Argument(help="A source of your own. [default: all benchmark scenarios]"),
     ] = None,
     as_json: JsonOption = False,
     seeds: Annotated[
@@ -65,9 +66,10 @@ def benchmark(
         ),
     ] = False,
 ) -> None:
-    """Compare the presets over scenarios and seeds, and measure the processing time.
+    """Compare the presets over scenarios and seeds.
 
-    Calibration is measured only with --calibration, and then nothing else is.
+    Also measures the processing time. Calibration is measured only with --calibration, and
+    then nothing else is.
     """
     drawn = seed or random.SystemRandom().sample(range(1, 10_000), seeds)
     if calibration:
@@ -75,50 +77,48 @@ def benchmark(
             raise InputError(
                 "--calibration uses its own cameras and draws no figure; omit SOURCE and --figure"
             )
-        from observer.evaluation.calibration_report import calibration_markdown
-
-        tell_measured(
-            "calibration",
-            lambda: _calibrations(drawn),
-            calibration_markdown,
-            _calibrations_as_dict,
-            output,
-            as_json=as_json,
-        )
+        _benchmark_calibration(drawn, output, as_json=as_json)
         return
     figures_to = _figure_paths(figure, output)
-    # Importing them loads OpenCV and the methods, which takes seconds.
+    # Importing it loads OpenCV and the methods, which takes seconds.
     from observer.evaluation.benchmark import run_benchmark
-    from observer.evaluation.machine import machine_facts, machine_line
-    from observer.evaluation.report import benchmark_markdown
-    from observer.evaluation.sources import simulated_sources
     from observer.parameters import preset, preset_names
-    from observer.simulation.scenarios import load_scenario, scenario_names
 
-    scenarios = [name for name in scenario_names() if load_scenario(name).benchmark]
-    sources = [source] if source else list(simulated_sources(scenarios, drawn))
     with progress_bar("observing") as progress:
-        method = run_benchmark(
-            sources,
+        result = run_benchmark(
+            [source] if source else _scenario_sources(drawn),
             {name: preset(name) for name in preset_names()},
             max_frames=frames,
             scale=ROAD if road else LAB,
             jobs=jobs,
             progress=progress,
         )
-    shown_seeds = None if source else drawn
-    lines = [machine_line()]
-    if shown_seeds:
-        lines.append(f"Seeds: {', '.join(map(str, shown_seeds))}.")
-    lines += ["", benchmark_markdown(method)]
-    values = {"machine": machine_facts(), "seeds": shown_seeds} | method.as_dict()
-    tell("\n".join(lines).rstrip(), values, output, as_json=as_json)
-    if figures_to:
-        # Imported here because matplotlib would slow down the start of every command.
-        from observer.evaluation.figure import benchmark_figure, save_figure
+    _tell_benchmark(result, None if source else drawn, output, as_json=as_json)
+    _save_figures(result, figures_to)
 
-        for path in figures_to:
-            save_figure(benchmark_figure(method), path)
+
+def _scenario_sources(seeds: list[int]) -> list[str]:
+    """Return every benchmark scenario with every seed."""
+    from observer.evaluation.sources import simulated_sources
+    from observer.simulation.scenarios import load_scenario, scenario_names
+
+    scenarios = [name for name in scenario_names() if load_scenario(name).benchmark]
+    return list(simulated_sources(scenarios, seeds))
+
+
+def _tell_benchmark(
+    result: Benchmark, seeds: list[int] | None, output: Path | None, *, as_json: bool
+) -> None:
+    """Print and save a result with the machine; ``seeds`` is None for a source without any."""
+    from observer.evaluation.machine import machine_facts, machine_line
+    from observer.evaluation.report import benchmark_markdown
+
+    lines = [machine_line()]
+    if seeds:
+        lines.append(f"Seeds: {', '.join(map(str, seeds))}.")
+    lines += ["", benchmark_markdown(result)]
+    values = {"machine": machine_facts(), "seeds": seeds} | result.as_dict()
+    tell("\n".join(lines).rstrip(), values, output, as_json=as_json)
 
 
 def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
@@ -130,6 +130,29 @@ def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
     for path in paths:
         check_figure_path(path)
     return paths
+
+
+def _save_figures(result: Benchmark, paths: list[Path]) -> None:
+    if paths:
+        # Imported here because matplotlib would slow down the start of every command.
+        from observer.evaluation.figure import benchmark_figure, save_figure
+
+        for path in paths:
+            save_figure(benchmark_figure(result), path)
+
+
+def _benchmark_calibration(seeds: list[int], output: Path | None, *, as_json: bool) -> None:
+    """Calibrate simulated cameras, once per seed; print and save the result."""
+    from observer.evaluation.calibration_report import calibration_markdown
+
+    tell_measured(
+        "calibration",
+        lambda: _calibrations(seeds),
+        calibration_markdown,
+        _calibrations_as_dict,
+        output,
+        as_json=as_json,
+    )
 
 
 def _calibrations(seeds: list[int]) -> tuple[CalibrationAccuracy, ...]:

@@ -50,7 +50,10 @@ def calibrate(
         bool, typer.Option("--json", help="Print the result as JSON instead of text.")
     ] = False,
 ) -> None:
-    """Calibrate a stereo camera from images of a board, and state what it can detect."""
+    """Calibrate a stereo camera from images of a board.
+
+    Also states what the camera can detect.
+    """
     # Importing them loads OpenCV and SciPy, which takes seconds.
     from observer.calibration.board import Board, parse_board_size
     from observer.calibration.board_images import find_boards, read_board_pairs

@@ -27,23 +27,26 @@ def chart(
     begin: Annotated[
         float | None,
         typer.Option(
-            callback=finite, help="Seconds on the source's clock; default: the start of the run."
+            callback=finite, help="Seconds on the source's clock. [default: the start of the run]"
         ),
     ] = None,
     end: Annotated[
         float | None,
         typer.Option(
-            callback=finite, help="Seconds on the source's clock; default: the end of the run."
+            callback=finite, help="Seconds on the source's clock. [default: the end of the run]"
         ),
     ] = None,
     title: Annotated[
-        str | None, typer.Option(help="Title of the figure; default: the name of the run.")
+        str | None, typer.Option(help="Title of the figure. [default: the name of the run]")
     ] = None,
     compared: ComparedOption = None,
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Plot estimated, true, commanded and wheel-encoder speeds over time."""
+    """Plot a run's speeds over time.
+
+    Estimated, true, commanded and wheel-encoder speeds.
+    """
     from app.contract.values import plain
     from app.reports.comparison import gather_compared
     from app.reports.run_chart import chart_csv, chart_values

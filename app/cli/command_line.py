@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
@@ -26,42 +27,35 @@ EXIT_INTERRUPTED = 130
 # Shown by ``--help``: the first sentence of each command's own help.
 COMMANDS: Mapping[str, str] = {
     "serve": "Serve the web page and print the link to open.",
-    "link": "Print the links that sign a browser in to the running server, and a QR code.",
-    "observe": "Process a source from its first to its last frame and write one JSON line per "
-    "frame.",
-    "evaluate": "Compare tracks with ground truth: recall, false obstacles, position and velocity "
-    "errors.",
-    "export": "Export the tracks, ground truth, video, point cloud or ROS 2 bag of a run.",
-    "chart": "Plot estimated, true, commanded and wheel-encoder speeds over time.",
-    "frames": "Write each frame's boxes, speeds and counts against ground truth as JSON.",
-    "align": "Align motion capture with a run: time offset, room frame and matching of tracks to "
-    "bodies.",
-    "truth": "Describe a motion-capture file: its bodies, frame rate, units, angles and gaps.",
-    "purge": "Permanently remove deleted runs and ground truth, with their recordings.",
-    "report": "Write a self-contained report of a run: figures 9-17, errors, parameters, "
-    "calibration.",
-    "reproduce": "Run both experiments of figure 17 in the simulated lab and reproduce the paper's "
-    "figures.",
-    "simulate": "Render a scenario into left/, right/, times.txt, calibration.yaml and truth.csv.",
-    "calibrate": "Calibrate a stereo camera from images of a board, and state what it can detect.",
-    "coppelia-scene": "Build two P3-DX, stereo cameras on one, walls and textured boxes in "
-    "CoppeliaSim.",
-    "parameters": "List the parameters that --set, the web page and REST accept.",
-    "drive": "Run a programme on the robots of a running server; they stop when this command ends.",
-    "go": "Send the observer to a goal; it stops when this command ends.",
+    "link": "Print links that sign in to a running server.",
+    "observe": "Process a source, one JSON line per frame.",
+    "evaluate": "Compare tracks with ground truth.",
+    "export": "Export a run for other tools.",
+    "chart": "Plot a run's speeds over time.",
+    "frames": "Write the results of each frame as JSON.",
+    "align": "Align motion capture with a run.",
+    "truth": "Describe a motion-capture file.",
+    "purge": "Permanently remove deleted runs and ground truth.",
+    "report": "Write a self-contained report of a run.",
+    "reproduce": "Reproduce the paper's figures.",
+    "simulate": "Render a scenario into a stereo folder.",
+    "calibrate": "Calibrate a stereo camera from images of a board.",
+    "coppelia-scene": "Build the paper's scene in CoppeliaSim.",
+    "parameters": "List the parameters.",
+    "drive": "Run a programme on the robots of a server.",
+    "go": "Send the observer to a goal.",
     "programmes": "List the built-in programmes; a server may have more.",
-    "benchmark": "Compare the presets over scenarios and seeds, and measure the processing time.",
-    "navigate-benchmark": "Measure driving to a goal among people: the planner compared with the "
-    "guard alone.",
-    "sweep": "Evaluate every combination of parameters on every source, and rank them.",
-    "emulate": "Emulate a robot on an empty floor until Ctrl-C, and print the port to connect to.",
-    "backup": "Back up runs, speeds, parameters, presets, calibrations, rig, programmes and ground "
-    "truth.",
-    "restore": "Restore a backup; it is checked completely before anything is changed.",
-    "systemd-unit": "Print a systemd unit that starts this installation's server at boot.",
-    "doctor": "Check cameras, ports and the data folder; exit code 1 if a problem prevents the "
-    "start.",
+    "benchmark": "Compare the presets over scenarios and seeds.",
+    "navigate-benchmark": "Measure driving to a goal among people.",
+    "sweep": "Evaluate and rank combinations of parameters.",
+    "emulate": "Print a port, and emulate a robot on it until Ctrl-C.",
+    "backup": "Back up runs, settings and ground truth.",
+    "restore": "Restore a backup.",
+    "systemd-unit": "Print a systemd unit for this installation.",
+    "doctor": "Check cameras, ports and the data folder.",
 }
+# The parser takes a negative number for an option.
+_NEGATIVE = re.compile(r"^No such option: -[0-9.]")
 # Each command lives in the module of its name, with this one exception.
 _MODULES = {"programmes": "drive"}
 
@@ -130,6 +124,8 @@ def run(cli: typer.Typer, arguments: Sequence[str] | None = None) -> NoReturn:
         _leave(str(error), EXIT_FAILED)
     except TyperException as error:
         said = error.format_message().rstrip(".").replace("Input should", "must")
+        if _NEGATIVE.search(said):
+            said += "; put -- before a negative number"
         _leave(f"{said} (see --help)", EXIT_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         _leave("interrupted", EXIT_INTERRUPTED)

@@ -12,7 +12,10 @@ def coppelia_scene(
         str, typer.Argument(metavar="[HOST:PORT]", help="Address of the simulator.")
     ] = "127.0.0.1:23000",
 ) -> None:
-    """Build two P3-DX, stereo cameras on one, walls and textured boxes in CoppeliaSim."""
+    """Build the paper's scene in CoppeliaSim.
+
+    Two P3-DX, stereo cameras on one, walls and textured boxes.
+    """
     from observer.coppeliasim.address import parse_address
     from observer.coppeliasim.scene import build_scene
 

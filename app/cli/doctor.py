@@ -27,7 +27,10 @@ def doctor(
         bool, typer.Option("--json", help="Print one JSON object instead of text.")
     ] = False,
 ) -> None:
-    """Check cameras, ports and the data folder; exit code 1 if a problem prevents the start."""
+    """Check cameras, ports and the data folder.
+
+    The exit code is 1 if a problem prevents the start.
+    """
     from app.doctor.examination import examine
     from app.doctor.telling import tell
     from observer.machine import Machine

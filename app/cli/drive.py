@@ -50,12 +50,12 @@ def drive(
         typer.Option("--json", help="Print a summary of the drive as one JSON object on stdout."),
     ] = False,
 ) -> None:
-    """Run a programme on the robots of a running server; they stop when this command ends.
+    """Run a programme on the robots of a server.
 
-    It takes control of the robots that the programme moves, arms them, and confirms ten times a
-    second that you are present: Ctrl-C, a closed terminal or a lost connection stop the robots
-    within 300 ms. This is a software stop, not a substitute for an emergency stop: keep the
-    robots' own switch within reach.
+    The robots stop when this command ends. It takes control of the robots that the programme
+    moves, arms them, and confirms ten times a second that you are present: Ctrl-C, a closed
+    terminal or a lost connection stop the robots within 300 ms. This is a software stop, not a
+    substitute for an emergency stop: keep the robots' own switch within reach.
     """
     from app.client.server_api import ServerApi, read_token
 

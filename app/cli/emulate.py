@@ -30,7 +30,10 @@ def emulate(
         ),
     ] = WATCHDOG_S,
 ) -> None:
-    """Emulate a robot on an empty floor until Ctrl-C, and print the port to connect to."""
+    """Print a port, and emulate a robot on it until Ctrl-C.
+
+    The robot drives on an empty floor.
+    """
     if pty and tcp is not None:
         raise InputError("a robot has only one port: give --tcp or --pty, not both")
     robot = EmulatedRobot(model, now=time.monotonic(), watchdog_s=watchdog, seed=0)

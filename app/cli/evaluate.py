@@ -57,7 +57,10 @@ def evaluate(
     rate: RateOption = None,
     angles: AnglesOption = None,
 ) -> None:
-    """Compare tracks with ground truth: recall, false obstacles, position and velocity errors."""
+    """Compare tracks with ground truth.
+
+    Prints recall, false obstacles, and errors of position and velocity.
+    """
     # Importing them loads SciPy, which takes a second.
     from observer.evaluation.breakdown import break_down, breakdown_tables
     from observer.evaluation.evaluate import summarise

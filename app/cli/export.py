@@ -56,7 +56,10 @@ def export(
     ] = False,
     data: DataOption = None,
 ) -> None:
-    """Export the tracks, ground truth, video, point cloud or ROS 2 bag of a run."""
+    """Export a run for other tools.
+
+    Tracks, ground truth, video, point cloud, or a ROS 2 bag.
+    """
     from observer.exporting.output import whole_output
     from observer.recording.reader import Recording
     from observer.recording.run_folder import find_recording

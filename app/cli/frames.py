@@ -19,7 +19,10 @@ def frames(
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Write each frame's boxes, speeds and counts against ground truth as JSON."""
+    """Write the results of each frame as JSON.
+
+    Boxes, speeds, and counts compared with ground truth.
+    """
     from app.contract.values import plain
     from app.reports.comparison import ComparedRecording
     from app.reports.whole_files import write_file

@@ -34,8 +34,8 @@ def go(
     risk: Annotated[
         float | None,
         typer.Option(
-            help="Accepted probability of a contact with tracked obstacles per metre; default: "
-            "the server's parameter navigation.risk_per_metre."
+            help="Accepted probability of a contact with tracked obstacles per metre. [default: "
+            "the server's parameter navigation.risk_per_metre]"
         ),
     ] = None,
     takeover: Takeover = False,
@@ -44,13 +44,14 @@ def go(
         typer.Option("--json", help="Print a summary of the drive as one JSON object on stdout."),
     ] = False,
 ) -> None:
-    """Send the observer to a goal; it stops when this command ends.
+    """Send the observer to a goal.
 
-    The robot drives around obstacles, and the guard limits it as when it is driven by hand. The
-    command takes control of the observer, arms it, and confirms ten times a second that you are
-    present: Ctrl-C, a closed terminal or a lost connection stop the robot within 300 ms. This
-    assists attentive operators and was tested in simulation only; keep the robot's own switch
-    within reach. Put two dashes before a negative number, as in: go -- 2.0 -0.5
+    It stops when this command ends. The robot drives around obstacles, and the guard limits it
+    as when it is driven by hand. The command takes control of the observer, arms it, and
+    confirms ten times a second that you are present: Ctrl-C, a closed terminal or a lost
+    connection stop the robot within 300 ms. This assists attentive operators and was tested in
+    simulation only; keep the robot's own switch within reach. Put two dashes before a negative
+    number, as in: go -- 2.0 -0.5
     """
     from app.client.goal_drive import GoalDrive, GoalRequest
     from app.client.server_api import ServerApi, read_token

@@ -27,7 +27,10 @@ def link(
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the links as JSON.")] = False,
 ) -> None:
-    """Print the links that sign a browser in to the running server, and a QR code."""
+    """Print links that sign in to a running server.
+
+    Each comes with a QR code.
+    """
     from app.client.announced import find_server
     from app.http.sharing import ONLY_HERE, token_link
 

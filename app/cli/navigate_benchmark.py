@@ -29,21 +29,21 @@ def navigate_benchmark(
         typer.Option(
             min=0.0,
             max=1.0,
-            help="People per m²; give it several times to compare; default: 0.1 and 0.2.",
+            help="People per m²; give it several times to compare. [default: 0.1 and 0.2]",
         ),
     ] = None,
     kind: Annotated[
         bool | None,
         typer.Option(
             "--kind/--hard",
-            help="Only people who avoid the robot, or only people who ignore it; default: both.",
+            help="Only people who avoid the robot, or only people who ignore it. [default: both]",
         ),
     ] = None,
     risk: Annotated[
         list[float] | None,
         typer.Option(
             help="Accepted probability of a contact per metre; give it several times to "
-            f"compare; default: {_RISK}.",
+            f"compare. [default: {_RISK}]",
         ),
     ] = None,
     assignments: Annotated[
@@ -62,7 +62,7 @@ def navigate_benchmark(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = _FIRST_SEED,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, max=1024, help="Number of processes; default: one per core."),
+        typer.Option(min=1, max=1024, help="Number of processes. [default: one per core]"),
     ] = None,
     as_json: JsonOption = False,
     figure: Annotated[
@@ -70,11 +70,12 @@ def navigate_benchmark(
         typer.Option(help="Plot contacts over declared risk to this .png, .svg or .pdf file."),
     ] = None,
 ) -> None:
-    """Measure driving to a goal among people: the planner compared with the guard alone.
+    """Measure driving to a goal among people.
 
-    The robot drives 10 m through a room of 14 by 10 m. A third-party crowd model, JuPedSim, moves
-    the people. The robot perceives them with the measured errors of the observer, and in
-    --image-runs by the observer itself, from rendered images.
+    The planner is compared with the guard alone. The robot drives 10 m through a room of 14 by
+    10 m. A third-party crowd model, JuPedSim, moves the people. The robot perceives them with
+    the measured errors of the observer, and in --image-runs by the observer itself, from
+    rendered images.
     """
     if figure is not None:
         check_figure_path(figure)

@@ -21,7 +21,7 @@ def observe(
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option(help="File for the JSON lines, one per frame; default: stdout.")
+        Path | None, typer.Option(help="File for the JSON lines, one per frame. [default: stdout]")
     ] = None,
     calibration: Annotated[
         list[str] | None,
@@ -66,7 +66,10 @@ def observe(
         typer.Option(metavar="F.mp4", help="Also write a video of what is found."),
     ] = None,
 ) -> None:
-    """Process a source from its first to its last frame and write one JSON line per frame."""
+    """Process a source, one JSON line per frame.
+
+    It is processed from its first to its last frame.
+    """
     if unit is not None and not calibration:
         raise InputError(
             "--unit says what --calibration FILE is in; name the file, or leave it out"

@@ -21,7 +21,10 @@ def parameters(
         typer.Option("--basic", help="List only the eight most important ones of each method."),
     ] = False,
 ) -> None:
-    """List the parameters that --set, the web page and REST accept."""
+    """List the parameters.
+
+    Those that --set, the web page and REST accept.
+    """
     entries = basic_parameters() if basic else AllParameters.declared()
     if as_markdown:
         typer.echo(parameter_table(entries))

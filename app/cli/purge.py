@@ -16,13 +16,16 @@ def purge(
         typer.Option(
             min=0,
             max=36500,
-            help="Only what was deleted at least this many days ago (default: 7); 0: everything.",
+            help="Only what was deleted at least this many days ago; 0: everything. [default: 7]",
         ),
     ] = None,
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Permanently remove deleted runs and ground truth, with their recordings."""
+    """Permanently remove deleted runs and ground truth.
+
+    Their recordings are removed as well.
+    """
     from app.storage import UNDO, Storage
 
     settings = chosen_settings(data=data, database=database)

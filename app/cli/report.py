@@ -30,10 +30,11 @@ def report(
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Write a self-contained report of a run: figures 9-17, errors, parameters, calibration.
+    """Write a self-contained report of a run.
 
-    Figures 9 to 16 show single frames of the run. If the recording does not allow a figure, the
-    report states the reason. Figures 9 and 13 need a simulated source, 10 and 14 any other.
+    It contains figures 9 to 17, errors, parameters and calibration. Figures 9 to 16 show
+    single frames of the run. If the recording does not allow a figure, the report states the
+    reason. Figures 9 and 13 need a simulated source, 10 and 14 any other.
     """
     path, comparison = chosen_run(run, compared, data, database)
     # Imported late, so that a missing run is reported before the plotting code is loaded.

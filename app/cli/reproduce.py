@@ -19,11 +19,12 @@ PROGRAMMES = ("figure17_a", "figure17_b")
 def reproduce(
     output: Annotated[Path, typer.Option(help="Output folder.")],
 ) -> None:
-    """Run both experiments of figure 17 in the simulated lab and reproduce the paper's figures.
+    """Reproduce the paper's figures.
 
-    A separate server drives and records them, which takes about a minute; then the same frames are
-    re-run with the published method. The robots are stopped when frames come too late, as on a busy
-    computer: both experiments are then repeated, a limited number of times.
+    Both experiments of figure 17 are run in the simulated lab. A separate server drives and
+    records them, which takes about a minute; then the same frames are re-run with the
+    published method. The robots are stopped when frames come too late, as on a busy computer:
+    both experiments are then repeated, a limited number of times.
     """
     from app.reports.experiments import observed_as_published
     from app.reports.page import report_html

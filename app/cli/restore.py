@@ -20,7 +20,10 @@ def restore(
         typer.Option("--replace", help="Replace existing data; the old data is kept beside it."),
     ] = False,
 ) -> None:
-    """Restore a backup; it is checked completely before anything is changed."""
+    """Restore a backup.
+
+    It is checked completely before anything is changed.
+    """
     from app.storage.restore import restore_backup
 
     settings = chosen_settings(data=data, database=database)

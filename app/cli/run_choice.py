@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.cli.storage_options import chosen_settings
-from observer.recording.run_folder import find_recording
+from observer.recording.run_folder import SeveralRuns, find_recording
 
 if TYPE_CHECKING:
     from app.reports.comparison import Comparison
+    from app.settings import Settings
 
 RunArgument = Annotated[
     str,
@@ -20,7 +21,7 @@ RunArgument = Annotated[
 ComparedOption = Annotated[
     Path | None,
     typer.Option(
-        help="Ground truth for the run, as written by align; default: the one stored with it."
+        help="Ground truth for the run, as written by align. [default: the one stored with it]"
     ),
 ]
 
@@ -39,7 +40,10 @@ def chosen_run(
         StorageError: the database cannot be read.
     """
     settings = chosen_settings(data=data, database=database)
-    path = find_recording(run, settings.data)
+    try:
+        path = find_recording(run, settings.data)
+    except SeveralRuns as error:
+        raise _with_deleted(error, settings) from None
     # Imported late, so that a missing run is reported at once.
     from app.reports.comparison import Comparison
 
@@ -56,3 +60,13 @@ def chosen_run(
         if record is None or record.alignment is None:
             return path, None
         return path, Comparison.of_dict(kept_comparison(record, storage))
+
+
+def _with_deleted(error: SeveralRuns, settings: Settings) -> SeveralRuns:
+    """Return the error with the deleted runs marked as such."""
+    from app.storage import Storage
+
+    with Storage(settings.database_location, folder=settings.data) as storage:
+        records = [storage.get_run(name) for name in error.names]
+    deleted = [each.id for each in records if each is not None and each.deleted_at is not None]
+    return SeveralRuns(error.beginning, error.names, deleted)

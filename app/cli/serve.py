@@ -12,12 +12,12 @@ from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 def serve(
     source: Annotated[
-        str | None, typer.Argument(help="What to open first; default: simulated:lab.")
+        str | None, typer.Argument(help="What to open first. [default: simulated:lab]")
     ] = None,
     host: Annotated[
-        str | None, typer.Option(help="Address to listen on; default: 127.0.0.1.")
+        str | None, typer.Option(help="Address to listen on. [default: 127.0.0.1]")
     ] = None,
-    port: Annotated[int | None, typer.Option(help="Port to listen on; default: 8080.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on. [default: 8080]")] = None,
     data: DataOption = None,
     database: DatabaseOption = None,
     truth: Annotated[

@@ -16,7 +16,10 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Changes textures, layout and motion.")] = 0,
     frames: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames.")] = None,
 ) -> None:
-    """Render a scenario into left/, right/, times.txt, calibration.yaml and truth.csv."""
+    """Render a scenario into a stereo folder.
+
+    It contains left/, right/, times.txt, calibration.yaml and truth.csv.
+    """
     with progress_bar(f"rendering {scenario}") as progress:
         # Importing it loads OpenCV, which takes a second.
         from observer.simulation.export import export_stereo_folder

@@ -17,8 +17,8 @@ DataOption = Annotated[Path | None, typer.Option(help="Folder for runs and setti
 DatabaseOption = Annotated[
     str | None,
     typer.Option(
-        help="Another database, such as postgresql://user:password@host/name; default: a file in "
-        "the data folder."
+        help="Another database, such as postgresql://user:password@host/name. [default: a file in "
+        "the data folder]"
     ),
 ]
 

@@ -16,7 +16,10 @@ from observer.errors import DynamicObserverError, InputError
 from observer.evaluation.choices import CROWD, DEFAULT_RUNS, LAB, ROAD, RankedBy
 
 if TYPE_CHECKING:
+    from observer.evaluation.sweep.crowds import SweepCrowd
     from observer.evaluation.sweep.results import Sweep
+    from observer.evaluation.sweep.sources import SweepSource
+    from observer.evaluation.sweep.sweep import CoreUse, Plan
 
 
 class TasksFailed(DynamicObserverError):
@@ -43,12 +46,13 @@ def sweep(
         typer.Option(help="Folder for results and finished tasks, where a sweep continues."),
     ],
     frames: Annotated[
-        int | None, typer.Option(min=5, help="Maximum number of frames per source; default: all.")
+        int | None, typer.Option(min=5, help="Maximum number of frames per source. [default: all]")
     ] = None,
     runs: Annotated[
         int | None,
         typer.Option(
-            min=1, help=f"Runs through each crowd, each with its own seed; default: {DEFAULT_RUNS}."
+            min=1,
+            help=f"Runs through each crowd, each with its own seed. [default: {DEFAULT_RUNS}]",
         ),
     ] = None,
     limit: Annotated[
@@ -62,7 +66,8 @@ def sweep(
     rank_by: Annotated[
         RankedBy | None,
         typer.Option(
-            help="Metric to rank by (mean over the sources); mota, and time_ratio for crowds."
+            help="Metric to rank by (mean over the sources). [default: mota, or time_ratio "
+            "for crowds]"
         ),
     ] = None,
     road: Annotated[
@@ -74,7 +79,7 @@ def sweep(
     ] = False,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, max=1024, help="Number of processes; default: one per core."),
+        typer.Option(min=1, max=1024, help="Number of processes. [default: one per core]"),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -84,65 +89,37 @@ def sweep(
         int, typer.Option(min=0, help="Memory per process for cached frames, MB.")
     ] = 600,
 ) -> None:
-    """Evaluate every combination of parameters on every source, and rank them.
+    """Evaluate and rank combinations of parameters.
 
-    Sources need ground truth. Crowds are driven through by the planner, as in navigate-benchmark,
-    and the grid then varies parameters of guard and navigation. Finished tasks are saved at once,
-    so that an interrupted sweep continues when it is called again.
+    Every combination is evaluated on every source. Sources need ground truth. Crowds are
+    driven through by the planner, as in navigate-benchmark, and the grid then varies
+    parameters of guard and navigation. Finished tasks are saved at once, so that an
+    interrupted sweep continues when it is called again.
     """
     # Importing them loads OpenCV and the methods, which takes seconds.
-    from observer.evaluation.sweep.cluster import ClusterChoice, cluster_missing
-    from observer.evaluation.sweep.crowds import sweep_crowd
+    from observer.evaluation.sweep.cluster import ClusterChoice
     from observer.evaluation.sweep.grid import read_grid
     from observer.evaluation.sweep.results import rankable
-    from observer.evaluation.sweep.sources import sweep_source
     from observer.evaluation.sweep.store import TaskStore
     from observer.evaluation.sweep.sweep import Plan, SweepRun
 
-    missing = cluster_missing()
-    if missing is not None:
-        raise InputError(missing)
-    if scheduler is not None and jobs is not None:
-        raise InputError("--jobs is for processes on this computer; omit it with --scheduler")
-    crowds = [spec for spec in sources if spec.startswith(CROWD)]
-    driving = bool(crowds)
-    if driving and len(crowds) < len(sources):
-        raise InputError(
-            "crowds and sources have different metrics; sweep over only one of the two"
-        )
-    if (idle := frames if driving else runs) is not None:
-        name = "--frames" if driving else "--runs"
-        raise InputError(f"{name} {idle} has no effect on these sources; omit it")
-    if driving and road:
-        raise InputError("--road has no effect on crowds; omit it")
+    _check_processes(scheduler, jobs)
+    driving = _are_crowds(sources)
+    _check_effects(driving, frames=frames, runs=runs, road=road)
     by = rankable(rank_by, driving=driving)
     read = read_grid(grid, driving=driving)
     combinations = read.chosen(limit=limit, drawn=drawn, seed=seed)
     store = TaskStore(output)
-    plan = Plan(
-        read,
-        combinations,
-        tuple(sweep_crowd(spec, runs or DEFAULT_RUNS) for spec in crowds)
-        or tuple(sweep_source(spec, frames) for spec in sources),
-        (ROAD if road else LAB).gate_m,
-    )
+    opened = _opened_crowds(sources, runs) if driving else _opened_sources(sources, frames)
+    plan = Plan(read, combinations, opened, (ROAD if road else LAB).gate_m)
     run = SweepRun(plan, store)
-    of_all = "" if len(combinations) == read.count else f" of {read.count}"
-    typer.echo(
-        f"{len(combinations)}{of_all} combinations over {len(plan.sources)} sources: "
-        f"{plan.count} tasks, {run.kept} of them already finished",
-        err=True,
-    )
+    _tell_plan(plan, run.kept)
     cluster = ClusterChoice(scheduler, jobs or os.cpu_count() or 1)
     try:
         with progress_bar("sweeping") as progress:
             run.run(cluster, cache_bytes=cache_mb * 1_000_000, progress=progress)
     except KeyboardInterrupt:
-        typer.echo(
-            f"interrupted with {run.result.left} of {plan.count} tasks left; finished tasks are "
-            "kept; run the same command again to continue",
-            err=True,
-        )
+        _tell_interrupt(run.result.left, plan.count)
         raise
     finally:
         # Done for an interrupted sweep too: its finished results are worth seeing.
@@ -150,18 +127,88 @@ def sweep(
         text = _write(result, output, by)
     typer.echo(text.rstrip())
     if run.use is not None:
-        typer.echo(
-            f"{run.use.tasks} tasks in {run.use.elapsed_s:.1f} s; the {cluster.workers} processes "
-            f"were busy {run.use.at_work:.0%} of the time and had a core {run.use.computing:.0%}",
-            err=True,
+        _tell_use(run.use, cluster.workers)
+    _check_outcomes(result, plan.count)
+
+
+def _check_processes(scheduler: str | None, jobs: int | None) -> None:
+    """Refuse processes that cannot be started."""
+    from observer.evaluation.sweep.cluster import cluster_missing
+
+    missing = cluster_missing()
+    if missing is not None:
+        raise InputError(missing)
+    if scheduler is not None and jobs is not None:
+        raise InputError("--jobs is for processes on this computer; omit it with --scheduler")
+
+
+def _are_crowds(specs: list[str]) -> bool:
+    """Return whether the sources are crowds to drive through; refuse a mixture."""
+    crowds = [spec.startswith(CROWD) for spec in specs]
+    if any(crowds) and not all(crowds):
+        raise InputError(
+            "crowds and sources have different metrics; sweep over only one of the two"
         )
-    if result.failed:
-        first = result.failed[0]
-        assert first.outcome is not None
-        raise TasksFailed(
-            f"{len(result.failed)} of {plan.count} tasks failed, first combination "
-            f"{first.combination.number} over {first.source.name}: {first.outcome.error}"
-        )
+    return any(crowds)
+
+
+def _check_effects(driving: bool, *, frames: int | None, runs: int | None, road: bool) -> None:
+    """Refuse options that have no effect on sources of this kind."""
+    name, given = ("--frames", frames) if driving else ("--runs", runs)
+    if given is not None:
+        raise InputError(f"{name} {given} has no effect on these sources; omit it")
+    if driving and road:
+        raise InputError("--road has no effect on crowds; omit it")
+
+
+def _opened_crowds(specs: list[str], runs: int | None) -> tuple[SweepCrowd, ...]:
+    from observer.evaluation.sweep.crowds import sweep_crowd
+
+    return tuple(sweep_crowd(spec, runs or DEFAULT_RUNS) for spec in specs)
+
+
+def _opened_sources(specs: list[str], frames: int | None) -> tuple[SweepSource, ...]:
+    from observer.evaluation.sweep.sources import sweep_source
+
+    return tuple(sweep_source(spec, frames) for spec in specs)
+
+
+def _tell_plan(plan: Plan, kept: int) -> None:
+    count = len(plan.combinations)
+    of_all = "" if count == plan.grid.count else f" of {plan.grid.count}"
+    typer.echo(
+        f"{count}{of_all} combinations over {len(plan.sources)} sources: "
+        f"{plan.count} tasks, {kept} of them already finished",
+        err=True,
+    )
+
+
+def _tell_interrupt(left: int, count: int) -> None:
+    typer.echo(
+        f"interrupted with {left} of {count} tasks left; finished tasks are kept; run the same "
+        "command again to continue",
+        err=True,
+    )
+
+
+def _tell_use(use: CoreUse, workers: int) -> None:
+    typer.echo(
+        f"{use.tasks} tasks in {use.elapsed_s:.1f} s; the {workers} processes "
+        f"were busy {use.at_work:.0%} of the time and had a core {use.computing:.0%}",
+        err=True,
+    )
+
+
+def _check_outcomes(result: Sweep, count: int) -> None:
+    """Raise ``TasksFailed`` if any task failed."""
+    if not result.failed:
+        return
+    first = result.failed[0]
+    assert first.outcome is not None
+    raise TasksFailed(
+        f"{len(result.failed)} of {count} tasks failed, first combination "
+        f"{first.combination.number} over {first.source.name}: {first.outcome.error}"
+    )
 
 
 def _write(result: Sweep, folder: Path, rank_by: RankedBy) -> str:

@@ -26,25 +26,33 @@ _FILE = "/etc/systemd/system/dynamic-observer.service"
 
 def systemd_unit(
     source: Annotated[
-        str | None, typer.Argument(help="What the server opens first; default: simulated:lab.")
+        str | None, typer.Argument(help="What the server opens first. [default: simulated:lab]")
     ] = None,
-    host: Annotated[str | None, typer.Option(help="As for serve.")] = None,
-    port: Annotated[int | None, typer.Option(help="As for serve.")] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on. [default: 127.0.0.1]")
+    ] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on. [default: 8080]")] = None,
     data: DataOption = None,
     token_file: Annotated[
         Path | None,
         typer.Option(
-            help="Keeps the links valid across restarts; default: a file in the data folder."
+            help="Keeps the links valid across restarts. [default: a file in the data folder]"
         ),
     ] = None,
-    allowed_host: Annotated[list[str] | None, typer.Option(help="As for serve.")] = None,
-    tls_cert: Annotated[Path | None, typer.Option(help="As for serve.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="As for serve.")] = None,
+    allowed_host: Annotated[
+        list[str] | None,
+        typer.Option(help="Another host name by which browsers may reach the server."),
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
     user: Annotated[
-        str | None, typer.Option(help="User that runs the server; default: you.")
+        str | None, typer.Option(help="User that runs the server. [default: you]")
     ] = None,
 ) -> None:
-    """Print a systemd unit that starts this installation's server at boot."""
+    """Print a systemd unit for this installation.
+
+    The unit starts its server at boot.
+    """
     if user is not None and data is None:
         data = _data_folder_of(user)
     settings = chosen_settings(

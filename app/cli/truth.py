@@ -23,7 +23,10 @@ def truth(
         Path | None, typer.Option(help="Write the description to this file, as JSON.")
     ] = None,
 ) -> None:
-    """Describe a motion-capture file: its bodies, frame rate, units, angles and gaps."""
+    """Describe a motion-capture file.
+
+    Its bodies, frame rate, units, angles and gaps.
+    """
     from app.reports.whole_files import write_file
     from observer.truth.files.angles import AnglesUnclear
 

@@ -25,7 +25,7 @@ AnglesOption = Annotated[
 ]
 ObserverOption = Annotated[
     str | None,
-    typer.Option(metavar="BODY", help="The body that carries the cameras; default: detected."),
+    typer.Option(metavar="BODY", help="The body that carries the cameras. [default: detected]"),
 ]
 IgnoreOption = Annotated[
     list[str] | None,
@@ -36,7 +36,7 @@ CameraOnBodyOption = Annotated[
     typer.Option(
         metavar="X,Y,Z,PAN,TILT,ROLL",
         help="Position of the left camera on the observer's body, metres and degrees in the axes "
-        "of the body, for example 0.12,0.06,0.25,0,10,0; default: estimated, or from the rig.",
+        "of the body, for example 0.12,0.06,0.25,0,10,0. [default: estimated, or from the rig]",
     ),
 ]
 

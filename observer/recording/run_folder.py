@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from glob import escape
 from pathlib import Path
 
@@ -9,6 +10,28 @@ from observer.errors import SourceError
 
 RUNS = "runs"
 RECORDING = "recording.mcap"
+_SHOWN = 5
+
+
+class SeveralRuns(SourceError):
+    """The beginning of an id is ambiguous.
+
+    Attributes:
+        beginning: as it was given. names: the ids that begin so.
+    """
+
+    def __init__(self, beginning: str, names: Sequence[str], deleted: Collection[str] = ()) -> None:
+        """Name the first ids.
+
+        Args:
+            deleted: those of them that were deleted, and can still be recovered.
+        """
+        self.beginning = beginning
+        self.names = tuple(names)
+        shown = ", ".join(
+            f"{name} (deleted)" if name in deleted else name for name in self.names[:_SHOWN]
+        )
+        super().__init__(f"{beginning} matches several runs ({shown}); give more of the id")
 
 
 def find_recording(run: Path | str, data: Path | None = None) -> Path:
@@ -19,7 +42,7 @@ def find_recording(run: Path | str, data: Path | None = None) -> Path:
         data: the data folder in which runs are searched by id; None if there is none.
 
     Raises:
-        SourceError: there is none, or the beginning of an id is ambiguous.
+        SourceError: there is none. SeveralRuns: the beginning of an id is ambiguous.
     """
     path = Path(run)
     if path.is_file():
@@ -38,8 +61,7 @@ def find_recording(run: Path | str, data: Path | None = None) -> Path:
     runs = data / RUNS
     found = [runs / name] if (runs / name).is_dir() else sorted(runs.glob(f"{escape(name)}*"))
     if len(found) > 1:
-        names = ", ".join(each.name for each in found[:5])
-        raise SourceError(f"{name} matches several runs ({names}); give more of the id")
+        raise SeveralRuns(name, [each.name for each in found])
     if not found:
         raise SourceError(
             f"there is no run {name} in {data}; give its id, its folder or a recording file"

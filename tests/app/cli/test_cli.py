@@ -154,10 +154,19 @@ def test_command_list_matches_each_command_help(name: str) -> None:
     assert load_command(name).name == name
 
 
+def test_a_negative_number_is_answered_with_how_to_write_it(shell: Shell) -> None:
+    for arguments in (("go", "-5"), ("go", "1.0", "-0.5")):
+        done = shell(*arguments)
+        assert done.code == 2
+        assert "put -- before a negative number" in done.err
+    assert "negative" not in shell("go", "-x").err
+
+
 def test_help_lists_every_command_in_order(shell: Shell) -> None:
     done = shell("--help")
     assert (done.code, done.err) == (0, "")
     _, _, listed = done.out.partition("Commands:\n")
+    assert "..." not in listed
     assert [line.split()[0] for line in listed.splitlines()] == list(COMMANDS)
 
 
