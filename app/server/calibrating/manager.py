@@ -16,8 +16,8 @@ from app.server.calibrations.library import calibration_facts, find_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.shared import Shared
 from app.server.source.camera_match import bound_cameras
+from app.server.source.chosen_source import ChosenSource, check_spec
 from app.server.source.manager import SourceManager
-from app.server.source.opening import Opening, check_spec
 from app.storage import CalibrationRecord
 from app.workers.calibration.image_archive import check_archive
 from app.workers.calibration.messages import FindBoards
@@ -107,12 +107,12 @@ class CalibrationManager:
             if not activate:
                 return record
             if self.session.source is None:
-                opening = replace(self._source.wanted, calibration=record)
+                chosen = replace(self._source.wanted, calibration=record)
             else:
-                opening = Opening(self.session.source, record)
+                chosen = ChosenSource(self.session.source, record)
             kept = f"{record.name} is saved, but not in use"
             try:
-                await self._source.use(opening)
+                await self._source.use(chosen)
             except (FieldError, Conflict) as error:
                 raise FieldError(("body", "activate"), f"{kept}: {error}") from error
             except NotAvailable as error:

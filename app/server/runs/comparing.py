@@ -28,8 +28,8 @@ from app.server.runs.result_rows import result_rows
 from app.server.runs.saved_clips import SavedClips
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
+from app.server.source.chosen_source import ChosenSource, choose_source
 from app.server.source.manager import SourceManager
-from app.server.source.opening import Opening, make_opening
 from app.storage import CalibrationRecord, RunRecord, RunState, StorageError, StorageFull
 from app.storage.runs import new_run_id
 from app.versions import versions
@@ -139,7 +139,7 @@ class MethodComparison:
         parameters = [self._parameters.compose(name, {}, {}) for name in presets]
         # Set before the first await, so that a second request is refused.
         self._progress = Progress("starting", 0.0)
-        self._title = _title(self._source.wanted if source is None else Opening(source, None))
+        self._title = _title(self._source.wanted if source is None else ChosenSource(source, None))
         accepted: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         work = self._run(source, seconds, list(zip(presets, parameters, strict=True)), accepted)
         task = self._task = asyncio.create_task(work, name="compare methods")
@@ -214,10 +214,10 @@ class MethodComparison:
 
     async def _order(self, source: str | None) -> _Order:
         if source is None:
-            opening, state = self._source.wanted, self._source.state
+            chosen, state = self._source.wanted, self._source.state
             if state.source is not None and state.source.live:
-                return await self._of_clip(opening)
-            if exclusive_world(opening.source) is not None:
+                return await self._of_clip(chosen)
+            if exclusive_world(chosen.source) is not None:
                 raise FieldError(
                     ("body", "source"),
                     "a CoppeliaSim scene cannot be played twice; record a run of it and compare "
@@ -229,18 +229,18 @@ class MethodComparison:
                     ("body", "source"),
                     "open live cameras as the source first; their last seconds are then compared",
                 )
-            opening = await asyncio.to_thread(make_opening, self._storage, source, None)
-        shown = shown_spec(opening.source)
+            chosen = await asyncio.to_thread(choose_source, self._storage, source, None)
+        shown = shown_spec(chosen.source)
         return _Order(
-            title=_title(opening),
-            spec=opening.source,
+            title=_title(chosen),
+            spec=chosen.source,
             shown=shown,
-            calibration=opening.calibration,
+            calibration=chosen.calibration,
             clip=None,
-            original=_run_of(Path(opening.source)),
+            original=_run_of(Path(chosen.source)),
         )
 
-    async def _of_clip(self, opening: Opening) -> _Order:
+    async def _of_clip(self, chosen: ChosenSource) -> _Order:
         saving = asyncio.ensure_future(self._clips.save())
         try:
             clip = self._path(await asyncio.shield(saving))
@@ -249,11 +249,11 @@ class MethodComparison:
             self._shared.background.start(self._delete_saved(saving))
             raise
         return _Order(
-            title=_title(opening),
+            title=_title(chosen),
             spec=str(clip),
-            shown=shown_spec(opening.source),
+            shown=shown_spec(chosen.source),
             # The calibration in force; if that is the source's own, the clip holds it.
-            calibration=opening.calibration,
+            calibration=chosen.calibration,
             clip=clip,
             original=None,
         )
@@ -390,8 +390,8 @@ def _delete(clip: Path) -> None:
         clip.unlink(missing_ok=True)
 
 
-def _title(opening: Opening) -> str:
-    shown = opening.name or shown_spec(opening.source).removeprefix(_SIMULATED)
+def _title(chosen: ChosenSource) -> str:
+    shown = chosen.name or shown_spec(chosen.source).removeprefix(_SIMULATED)
     return shown if len(shown) <= _LONGEST_TITLE else f"…{shown[1 - _LONGEST_TITLE :]}"
 
 

@@ -13,7 +13,7 @@ from app.contract.status import RecordingStatus
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
-from app.server.source.opening import Opening
+from app.server.source.chosen_source import ChosenSource
 from app.server.writer import Writer
 from app.storage import RunRecord, StorageError, StorageFull
 
@@ -23,12 +23,12 @@ _PATIENCE_S = 2.0
 _AGAIN_S = 2.0
 
 
-async def end_recording(engine: Engine, opening: Opening) -> RecordingStatus | None:
+async def end_recording(engine: Engine, chosen: ChosenSource) -> RecordingStatus | None:
     """End the run in the engine; return the status of its recording, None if unknown."""
     recording = None
     with contextlib.suppress(NotAvailable, Conflict, FieldError, StorageFull):
         recording = await ask(engine, StopRun())
-        if not opening.endless:
+        if not chosen.endless:
             # During the run the source played only once; the preview loops it again.
             await ask(engine, SetPlayback(loop=True))
     return recording

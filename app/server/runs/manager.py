@@ -33,10 +33,10 @@ from app.server.runs.reruns import Reruns
 from app.server.runs.saved_clips import SavedClips
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
+from app.server.source.chosen_source import ChosenSource, choose_source
 from app.server.source.hints import source_title
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.manager import SourceManager
-from app.server.source.opening import Opening, make_opening
 from app.storage import RunRecord, RunState, StorageError
 from app.versions import versions
 from observer.opening import shown_spec
@@ -179,24 +179,24 @@ class RunManager:
             if source is None and calibration_id is None:
                 self._refuse_swapped()
             revision = self._parameters.plan(preset, parameters)
-            opening = self._source.wanted
+            chosen = self._source.wanted
             if source is not None or calibration_id is not None:
-                opening = await asyncio.to_thread(
-                    make_opening, self._storage, source or opening.source, calibration_id
+                chosen = await asyncio.to_thread(
+                    choose_source, self._storage, source or chosen.source, calibration_id
                 )
-            created = await self._create(name, opening, revision.after, record)
+            created = await self._create(name, chosen, revision.after, record)
             run = self.running = CurrentRun(
                 created, self._storage, self._writer, self._shared.clock
             )
             try:
-                text = await self._observe(opening, run, parameters=revision.after)
-                if opening.calibration is None:
-                    await self._keep_own_calibration(opening, text, run)
+                text = await self._observe(chosen, run, parameters=revision.after)
+                if chosen.calibration is None:
+                    await self._keep_own_calibration(chosen, text, run)
             except BaseException:
                 self.running = None
                 await self._forget(created.id)
                 raise
-            self._source.wanted = opening
+            self._source.wanted = chosen
             self._parameters.adopt(revision, 0, run.id)
             if programme is not None:
                 await self._start_programme(run, programme, armed)
@@ -212,17 +212,17 @@ class RunManager:
     async def _create(
         self,
         name: str | None,
-        opening: Opening,
+        chosen: ChosenSource,
         parameters: ParametersInForce,
         record: Images,
     ) -> RunRecord:
         return await asyncio.to_thread(
             self._storage.create_run,
-            name=(name or opening.name or source_title(opening.source))[:100],
-            source=shown_spec(opening.source),
+            name=(name or chosen.name or source_title(chosen.source))[:100],
+            source=shown_spec(chosen.source),
             parameters=parameters.values.flat(),
             versions=versions(),
-            calibration_id=None if opening.calibration is None else opening.calibration.id,
+            calibration_id=None if chosen.calibration is None else chosen.calibration.id,
             preset=parameters.preset,
             rig=self._rig.observed_text,
             record=record,
@@ -230,28 +230,28 @@ class RunManager:
 
     async def _observe(
         self,
-        opening: Opening,
+        chosen: ChosenSource,
         run: CurrentRun,
         *,
         segment: int = 0,
         parameters: ParametersInForce | None = None,
     ) -> str:
         return await self._source.observe(
-            opening,
+            chosen,
             run_id=run.id,
             segment=segment,
             record=record_order(self._storage.folder, run.record),
             parameters=parameters,
         )
 
-    async def _keep_own_calibration(self, opening: Opening, text: str, run: CurrentRun) -> None:
+    async def _keep_own_calibration(self, chosen: ChosenSource, text: str, run: CurrentRun) -> None:
         try:
             run.record = await asyncio.to_thread(
                 keep_own_calibration, self._storage, text, run.record
             )
         except BaseException:
             # The source did open: the engine records the run that is about to be deleted.
-            await end_recording(self._engine, opening)
+            await end_recording(self._engine, chosen)
             raise
 
     async def _start_programme(

@@ -10,7 +10,7 @@ from pathlib import Path
 from app.contract.calibrating import BoardFacts
 from app.contract.sources import SourceEntry, SourceGroup
 from app.contract.values import filled
-from app.server.source.opening import RUN
+from app.server.source.chosen_source import RUN
 from observer.opening import SourceKind, shown_spec, source_kind
 from observer.simulation.scenarios import load_scenario, scenario_names
 

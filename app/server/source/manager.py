@@ -21,9 +21,9 @@ from app.server.parameters.manager import ParameterManager
 from app.server.rig.store import RigStore
 from app.server.shared import Shared
 from app.server.source.camera_match import calibration_of_cameras
+from app.server.source.chosen_source import ChosenSource, choose_source
 from app.server.source.hints import is_for_calibrating
 from app.server.source.live_truth import LiveTruthManager
-from app.server.source.opening import Opening, make_opening
 from app.server.source.recent import RecentSources
 from app.server.source.thumbnails import FOLDER as THUMBNAILS
 from app.server.source.thumbnails import Thumbnails
@@ -59,8 +59,8 @@ class SourceManager:
         Args:
             source: source to open first.
         """
-        self.wanted = Opening(source, None)
-        self.before: Opening | None = None
+        self.wanted = ChosenSource(source, None)
+        self.before: ChosenSource | None = None
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
         self.local_map: LocalMapEvent | None = None
@@ -99,10 +99,10 @@ class SourceManager:
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it before you open another source")
             self._shared.refuse_calibrating()
-            opening = await asyncio.to_thread(make_opening, self._storage, source, calibration_id)
+            chosen = await asyncio.to_thread(choose_source, self._storage, source, calibration_id)
             before = self.wanted
-            await self.use(opening)
-            if opening.name is None:
+            await self.use(chosen)
+            if chosen.name is None:
                 self.before = None
             elif before.name is None:
                 self.before = before
@@ -124,23 +124,23 @@ class SourceManager:
             self.before = None
             self._shared.followers.status_changed()
 
-    async def use(self, opening: Opening) -> None:
+    async def use(self, chosen: ChosenSource) -> None:
         """Observe this source from now on, also after a restart of the engine.
 
         Raises:
             FieldError: the source cannot be used; the previous one stays open.
             NotAvailable: there is no engine at the moment.
         """
-        await self.observe(opening)
-        self.wanted = opening
+        await self.observe(chosen)
+        self.wanted = chosen
         self.fruitless_losses = 0
-        id = None if opening.calibration is None else opening.calibration.id
+        id = None if chosen.calibration is None else chosen.calibration.id
         self._shared.writer.post(partial(self._storage.activate_calibration, id))
         self._shared.followers.status_changed()
 
     async def observe(
         self,
-        opening: Opening,
+        chosen: ChosenSource,
         *,
         run_id: str | None = None,
         segment: int = 0,
@@ -158,12 +158,12 @@ class SourceManager:
         """
         parameters = parameters or self._parameters.current
         command = OpenSource(
-            source=opening.source,
-            calibration_yaml=None if opening.calibration is None else opening.calibration.text,
+            source=chosen.source,
+            calibration_yaml=None if chosen.calibration is None else chosen.calibration.text,
             parameters=parameters.values.flat(),
             parameters_revision=parameters.revision,
-            loop=run_id is None or opening.endless,
-            rate=self._rate(opening),
+            loop=run_id is None or chosen.endless,
+            rate=self._rate(chosen),
             run_id=run_id,
             segment=segment,
             rig_yaml=self._rig.observed_text,
@@ -172,16 +172,16 @@ class SourceManager:
         )
         reply = await self._shared.open_in_engine(command)
         if run_id is None:
-            self.recent.opened(opening.source)
+            self.recent.opened(chosen.source)
         self._shared.telemetry.new_source()
         self.latest = self.local_map = None
         self.time.begin()
         return str(reply.calibration_yaml)
 
-    def _rate(self, opening: Opening) -> float:
+    def _rate(self, chosen: ChosenSource) -> float:
         """Return the playback rate: the present one if the source stays the same, else 1."""
         before, playback = self.state.source, self.state.playback
-        same = before is not None and before.spec == shown_spec(opening.source)
+        same = before is not None and before.spec == shown_spec(chosen.source)
         return playback.rate if same and playback is not None else 1.0
 
     @property

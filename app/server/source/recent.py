@@ -8,8 +8,8 @@ from pathlib import Path
 
 from app.contract.sources import SourceEntry
 from app.server.shared import Shared
+from app.server.source.chosen_source import RUN
 from app.server.source.hints import source_entries
-from app.server.source.opening import RUN
 from observer.opening import shown_spec
 from observer.recording.run_folder import RECORDING, RUNS
 

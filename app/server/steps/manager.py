@@ -16,8 +16,8 @@ from app.contract.values import filled
 from app.runtime.worker import LastingWorker
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.manager import ParameterManager
+from app.server.source.chosen_source import RUN, ChosenSource, choose_source
 from app.server.source.manager import SourceManager
-from app.server.source.opening import RUN, Opening, make_opening
 from app.storage import Storage
 from app.workers.steps.messages import DrawStep, Look, Steps, StepsAnswer
 from app.workers.steps.process import steps_worker
@@ -148,10 +148,10 @@ class MethodStepsManager:
         before = self._parameters.compose(choice.preset, {}, {}).values.flat()
         after = self._parameters.compose(choice.preset, {}, choice.changes).values.flat()
         _check_effect(choice, after)
-        opening = await self._opening(choice.source)
+        chosen = await self._chosen(choice.source)
         own = set(Parameters().flat())
-        spec = opening.source
-        calibration = opening.calibration
+        spec = chosen.source
+        calibration = chosen.calibration
         look = Look(
             source=spec,
             state=await asyncio.to_thread(_state, spec),
@@ -159,10 +159,10 @@ class MethodStepsManager:
             parameters=Parameters().difference(Parameters().changed(_of(after, own))),
             calibration_yaml=None if calibration is None else calibration.text,
         )
-        named = self._named(opening)
+        named = self._named(chosen)
         return _Found(named, look, _of(before, own), _of(after, own))
 
-    async def _opening(self, source: str | None) -> Opening:
+    async def _chosen(self, source: str | None) -> ChosenSource:
         """Return the source to look at; only sources already known to the server are allowed.
 
         Raises:
@@ -187,7 +187,7 @@ class MethodStepsManager:
                 f"{shown_spec(source)[:80]!r} has not been opened on this server "
                 f"yet; open it once as the source, or choose simulated:SCENARIO or run:ID",
             )
-        return await asyncio.to_thread(make_opening, self._storage, source, None)
+        return await asyncio.to_thread(choose_source, self._storage, source, None)
 
     async def _usual(self) -> str:
         """Return the open source; if it is live, the newest recording, or else the lab scenario."""
@@ -201,11 +201,9 @@ class MethodStepsManager:
                 return f"{RUN}{run.id}"
         return _USUAL
 
-    def _named(self, opening: Opening) -> str:
+    def _named(self, chosen: ChosenSource) -> str:
         """Return the spec of a source that names a run's recording by the run, not by its path."""
-        return (
-            opening.source if opening.name is None else f"{RUN}{Path(opening.source).parent.name}"
-        )
+        return chosen.source if chosen.name is None else f"{RUN}{Path(chosen.source).parent.name}"
 
     # --- the work ----------------------------------------------------------------------------
 

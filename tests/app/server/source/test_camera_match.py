@@ -10,7 +10,7 @@ from app.contract.events import EngineState, StateEvent
 from app.contract.status import LiveCamera, LiveStatus
 from app.server.errors import FieldError
 from app.server.source.camera_match import calibration_of_cameras, camera_match_warnings
-from app.server.source.opening import make_opening
+from app.server.source.chosen_source import choose_source
 from app.storage import CalibrationRecord, Storage
 from observer.recording.run_folder import RECORDING
 from observer.sources.contract import SourceInfo
@@ -55,10 +55,10 @@ def test_the_newest_calibration_of_the_named_cameras_is_used(opened: Storage) ->
     found = calibration_of_cameras(opened, SOURCE)
     assert found is not None
     assert found.id == newer.id
-    assert make_opening(opened, SOURCE, None).calibration == found
+    assert choose_source(opened, SOURCE, None).calibration == found
     # Other sources do not get the calibration of these cameras.
     for other in ("simulated:lab", "video:a.mp4,b.mp4", "/a/folder", "camera:7,8"):
-        assert make_opening(opened, other, None).calibration is None
+        assert choose_source(opened, other, None).calibration is None
 
 
 def test_other_or_swapped_cameras_and_focus_changes_give_warnings(opened: Storage) -> None:
@@ -85,7 +85,7 @@ def test_unbound_calibrations_give_no_warnings(opened: Storage) -> None:
 def test_a_recorded_run_is_a_source_by_its_id(opened: Storage) -> None:
     run = opened.create_run(name="a", source="b", parameters={}, versions={})
     with pytest.raises(FieldError, match=r"was not recorded|no run"):
-        make_opening(opened, f"run:{run.id}", None)
+        choose_source(opened, f"run:{run.id}", None)
     recording = run_folder(opened, run.id) / RECORDING
     recording.touch()
-    assert make_opening(opened, f"run:{run.id}", None).source == str(recording.absolute())
+    assert choose_source(opened, f"run:{run.id}", None).source == str(recording.absolute())

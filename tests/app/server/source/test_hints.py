@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from app.server.errors import FieldError
+from app.server.source.chosen_source import check_spec
 from app.server.source.hints import source_entries, source_title
-from app.server.source.opening import check_spec
 from observer.errors import SourceError
 from observer.opening import open_source
 from observer.simulation.scenarios import load_scenario, scenario_names

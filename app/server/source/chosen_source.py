@@ -1,4 +1,4 @@
-"""Sources to open."""
+"""Source that was chosen, with its calibration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RUN = "run:"
 
 
 @dataclass(frozen=True)
-class Opening:
+class ChosenSource:
     """Source with the calibration that replaces its own.
 
     Attributes:
@@ -48,8 +48,8 @@ def check_spec(source: str) -> None:
         )
 
 
-def make_opening(storage: Storage, source: str, calibration_id: str | None) -> Opening:
-    """Return the requested opening; live cameras default to their newest calibration.
+def choose_source(storage: Storage, source: str, calibration_id: str | None) -> ChosenSource:
+    """Return a source with the calibration asked for; live cameras default to their newest one.
 
     Raises:
         FieldError: the text names no source, or there is no such calibration.
@@ -58,9 +58,9 @@ def make_opening(storage: Storage, source: str, calibration_id: str | None) -> O
     source = _recording_of(storage, source)
     name = storage.recording_name(source)
     if calibration_id is None:
-        return Opening(source, calibration_of_cameras(storage, source), name)
+        return ChosenSource(source, calibration_of_cameras(storage, source), name)
     try:
-        return Opening(source, find_calibration(storage, calibration_id), name)
+        return ChosenSource(source, find_calibration(storage, calibration_id), name)
     except NotThere as error:
         raise FieldError(("body", "calibration"), str(error)) from error
 
