@@ -24,11 +24,19 @@ import {
 } from "../elements/facts.js";
 import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
-import { counted, fixed } from "../elements/words.js";
+import { counted } from "../elements/words.js";
 import { request, requestImage } from "../shell/api.js";
 import { attemptIn, askConfirmation } from "../shell/notice.js";
 import { boardOf } from "../sources/choices.js";
-import { boardDifference, boardInWords } from "./board-words.js";
+import {
+  boardDifference,
+  boardInWords,
+  MAX_BAR_MM,
+  MIN_BAR_MM,
+  scaleInWords,
+  turnedInWords,
+  wrongSizes,
+} from "./board-words.js";
 
 /** @import { BoardFacts, CalibratingFacts } from "../contract" */
 
@@ -66,7 +74,7 @@ export class BoardStep extends Part {
     ["A3", "A3"],
     ["Letter", "US Letter"],
   ]);
-  #bar = number("board-bar", 20, 300, "any");
+  #bar = number("board-bar", MIN_BAR_MM, MAX_BAR_MM, "any");
   #lens = select({ id: "board-lens" }, [
     ["radtan", "Standard lens"],
     ["equidistant", "Fisheye lens"],
@@ -75,6 +83,9 @@ export class BoardStep extends Part {
   #svg = button([icon("download"), "Board as SVG"], () => this.#download("svg"));
   #pdf = button([icon("download"), "Board as PDF"], () => this.#download("pdf"));
   #ownWords = h("p", { role: "status", hidden: true });
+  #wrong = h("p.field-error", { role: "status", id: "board-wrong" });
+  #turned = h("p.warnings", { role: "status" });
+  #wrongBar = h("p.field-error", { role: "status", id: "board-bar-wrong" });
   #otherBoard = h("p.warnings", { role: "status", id: "board-other" });
   #useOwn = button("Use the source's board", () => this.#showBoard(this.#own), { hidden: true });
   #printing = h("p.field-error", { role: "alert" });
@@ -113,6 +124,8 @@ export class BoardStep extends Part {
           field("Square, mm", this.#square),
           field("Paper", this.#paper),
         ),
+        this.#wrong,
+        this.#turned,
         this.#otherBoard,
         h("div.row", this.#pdf, this.#svg, this.#useOwn),
         this.#printing,
@@ -128,6 +141,7 @@ export class BoardStep extends Part {
           "div.wizard-fields.single",
           field(`Measured length of the ${BAR_MM} mm bar, mm`, this.#bar),
         ),
+        this.#wrongBar,
         this.#scaled,
       ),
       h(
@@ -159,6 +173,9 @@ export class BoardStep extends Part {
         ),
       ),
     );
+    for (const each of [this.#columns, this.#rows, this.#square])
+      setAttribute(each, "aria-describedby", this.#wrong.id);
+    setAttribute(this.#bar, "aria-describedby", this.#wrongBar.id);
     this.append(form);
     this.#fill(storedChoice());
     form.addEventListener("input", () => this.#changed());
@@ -229,13 +246,35 @@ export class BoardStep extends Part {
     if (!this.#own) localStorage.setItem(KEY, JSON.stringify(c));
     this.#compare(c);
     setText(this.#printing, "");
-    const same = Math.abs(c.bar_mm - BAR_MM) < 0.05;
-    setText(
-      this.#scaled,
-      same
-        ? "The squares have the size printed on the board."
-        : `A square measures ${fixed(squareOf(c), 2)} mm. The calibration uses this size.`,
-    );
+    this.#check(c);
+  }
+
+  /**
+   * Mark the sizes that no board has, and say why.
+   *
+   * @param {BoardChoice} c
+   * @returns {HTMLInputElement | null} the first of them
+   */
+  #check(c) {
+    const wrong = wrongSizes(c);
+    const { bar_mm: bar, ...sizes } = wrong;
+    const fields = {
+      columns: this.#columns,
+      rows: this.#rows,
+      square_mm: this.#square,
+      bar_mm: this.#bar,
+    };
+    for (const [name, input] of Object.entries(fields))
+      setAttribute(input, "aria-invalid", name in wrong ? "true" : null);
+    setText(this.#wrong, Object.values(sizes).join(" "));
+    setText(this.#wrongBar, bar ?? "");
+    const isWrong = Object.keys(wrong).length > 0;
+    setText(this.#turned, isWrong ? "" : turnedInWords(c));
+    const { words, doubtful } = scaleInWords(c);
+    setText(this.#scaled, isWrong ? "" : words);
+    this.#scaled.classList.toggle("warnings", doubtful);
+    this.#scaled.classList.toggle("hint", !doubtful);
+    return Object.entries(fields).find(([name]) => name in wrong)?.[1] ?? null;
   }
 
   /** Say which board the source shows and whether another one is chosen. @param {BoardChoice} c */
@@ -283,6 +322,8 @@ export class BoardStep extends Part {
   }
 
   async #begin() {
+    const wrong = this.#check(this.#choice());
+    if (wrong) return wrong.focus();
     const { kind, columns, rows, ...rest } = this.#choice();
     const square_mm = squareOf({ kind, columns, rows, ...rest });
     const source = this.#source.value.trim() || null;
@@ -311,6 +352,11 @@ export class BoardStep extends Part {
     const file = this.#zip.files?.[0];
     if (!file) return;
     const choice = this.#choice();
+    const wrong = this.#check(choice);
+    if (wrong) {
+      this.#zip.value = "";
+      return wrong.focus();
+    }
     const form = new FormData();
     form.append("file", file);
     for (const name of /** @type {const} */ (["kind", "columns", "rows"]))

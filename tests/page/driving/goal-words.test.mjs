@@ -63,7 +63,7 @@ test("a place is told by its sides", () => {
 test("a refusal begins with what did not happen", () => {
   assert.equal(
     words.refusalSentence("Not sent", "Arm the observer first."),
-    "Not sent: first arm the observer.",
+    "Not sent: arm the observer first.",
   );
 });
 
