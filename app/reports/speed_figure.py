@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -54,6 +55,7 @@ def _chart(axes: Axes, gathered: Gathered) -> int:
         for number, motion in enumerate(motions):
             _seen(axes, motion, color, None if number else label)
     _name_starts(axes, [*gathered.seen, *gathered.unmatched])
+    _mark_segments(axes, gathered.lines)
     for true in gathered.true:
         _line(axes, Curve(f"{true.body}, ground truth", true.times, true.speeds), "true")
     for curve in gathered.commanded:
@@ -95,6 +97,16 @@ def _name_starts(axes: Axes, motions: Sequence[SeenMotion]) -> None:
     """Explain in the legend the dots at which tracks start, if there are any."""
     if any(len(motion.times) >= _NAMED_FROM for motion in motions):
         axes.plot([], [], "o", color=INK, markersize=3.5, label="start of a track, segment:number")
+
+
+def _mark_segments(axes: Axes, lines: Iterable[Mapping[str, Any]]) -> None:
+    """Mark where a segment begins after the first, as at a rewind: all its tracks are new."""
+    begins: dict[int, float] = {}
+    for line in lines:
+        begins.setdefault(line["segment"], line["time"])
+    for number, time in enumerate(sorted(begins.values())[1:]):
+        label = None if number else "new segment, with new tracks"
+        axes.axvline(time, color=INK, linestyle=":", linewidth=1.0, label=label, zorder=1)
 
 
 def _line(axes: Axes, curve: Curve, kind: str) -> None:

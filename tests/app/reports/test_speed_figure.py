@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -47,6 +48,17 @@ def test_gaps_break_lines() -> None:
     assert np.flatnonzero(np.isnan(values)).tolist() == [10]
     assert times[10] == pytest.approx((TIMES[9] + TIMES[20]) / 2)
     assert len(broken(TIMES, np.ones(40))[0]) == 40
+
+
+def test_new_segments_are_marked(gathered: Gathered) -> None:
+    label = "new segment, with new tracks"
+    lines = tuple({"segment": int(t >= 2) + int(t >= 3), "time": float(t)} for t in TIMES)
+    (axes,) = speed_figure([("", dataclasses.replace(gathered, lines=lines))]).axes
+    upright = [x for line in axes.lines if len(x := np.asarray(line.get_xdata())) == 2]
+    assert [x.tolist() for x in upright] == [[2.0, 2.0], [3.0, 3.0]]
+    assert label in _lines(axes)
+    (axes,) = speed_figure([("", dataclasses.replace(gathered, lines=lines[:20]))]).axes
+    assert label not in _lines(axes)
 
 
 def test_identities_are_drawn_separately_and_truth_has_its_gap(gathered: Gathered) -> None:
