@@ -55,7 +55,7 @@ class SightNow:
 
 
 @dataclass(frozen=True)
-class DriveLoop:
+class DriveLoopFacts:
     """Punctuality of the drive loop, and what it could not report."""
 
     ticks: int
@@ -260,7 +260,7 @@ class DriveFacts:
 
     stopped: Annotated[Latch | None, means("The stop holds until it is reset.")]
     sight: SightNow | None
-    loop: DriveLoop | None
+    loop: DriveLoopFacts | None
     programme: ProgrammeNow | None
     goal: GoalNow | None
     robots: Robots

@@ -6,7 +6,7 @@ from collections.abc import Hashable
 
 from app.contract.robots import (
     DriveFacts,
-    DriveLoop,
+    DriveLoopFacts,
     GuardVerdict,
     RobotNow,
     SightNow,
@@ -20,7 +20,7 @@ from observer.robots.contract import RobotPhase, RobotReport
 _NOTHING = RobotReport(RobotPhase.CONNECTING)
 
 
-def drive_facts(roles: Roles, now: float, loop: DriveLoop) -> DriveFacts:
+def drive_facts(roles: Roles, now: float, loop: DriveLoopFacts) -> DriveFacts:
     """Return all facts at this instant."""
     sight, playing, going = roles.sight, roles.playing, roles.goals.going
     return DriveFacts(

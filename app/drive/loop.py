@@ -25,7 +25,7 @@ from app.contract.drive import (
     StartProgramme,
     WheelSpeedEvent,
 )
-from app.contract.robots import DriveLoop as LoopFacts
+from app.contract.robots import DriveLoopFacts
 from app.drive import reasons
 from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
@@ -242,9 +242,9 @@ class DriveLoop:
             self._reported = outline
             self._send(DriveState(drive_facts(self._roles, now, self._loop_facts()), now))
 
-    def _loop_facts(self) -> LoopFacts:
+    def _loop_facts(self) -> DriveLoopFacts:
         late, lost = self._lateness, self._wheel_speeds_lost()
-        return LoopFacts(self._jitter.ticks, late.p99_ms, late.max_ms, self._priority, lost)
+        return DriveLoopFacts(self._jitter.ticks, late.p99_ms, late.max_ms, self._priority, lost)
 
     def _tell_wheel_speeds(self, now: float) -> None:
         for role, driven in self._roles.driven.items():

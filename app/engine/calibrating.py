@@ -44,7 +44,7 @@ class BoardPublisher:
 
 def open_calibration(
     command: BeginCalibration, open_source: SourceOpener, publisher: BoardPublisher
-) -> CalibrationSession:
+) -> BoardSession:
     """Open the source and read its first frame; if refused, leave nothing open.
 
     Raises:
@@ -54,13 +54,13 @@ def open_calibration(
     try:
         player = Player(opened.source, paused=False, rate=1.0, loop=True)
         skipped = read_first(player)
-        return CalibrationSession(command, opened, player, skipped, publisher)
+        return BoardSession(command, opened, player, skipped, publisher)
     except BaseException:
         close_opened(opened)
         raise
 
 
-class CalibrationSession(PlayedSource):
+class BoardSession(PlayedSource):
     """Source being calibrated: looks for the board in every pair and collects views of it.
 
     It runs in the loop's own thread: the search takes about 15 ms per image, board or no board, and

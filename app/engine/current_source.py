@@ -12,7 +12,7 @@ from typing import Any
 from app.contract.answers import Opened
 from app.contract.commands import BeginCalibration, OpenSource
 from app.contract.events import EngineState, StateEvent
-from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
+from app.engine.calibrating import BoardPublisher, BoardSession, open_calibration
 from app.engine.errors import NotNow, refusal, unexpected
 from app.engine.live_truth import LiveTruth, ObservedSource
 from app.engine.played_source import OpeningCommand, PlayedSource, SourceOpener
@@ -139,9 +139,9 @@ class CurrentSource:
         return self.session if isinstance(self.session, Session) else None
 
     @property
-    def calibrating(self) -> CalibrationSession | None:
+    def calibrating(self) -> BoardSession | None:
         """Return the calibration session, if there is one."""
-        return self.session if isinstance(self.session, CalibrationSession) else None
+        return self.session if isinstance(self.session, BoardSession) else None
 
     def begin(self, request: Request, command: OpeningCommand) -> None:
         """Start opening in a separate thread; ``finish`` returns the reply to the request.

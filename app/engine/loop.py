@@ -19,7 +19,7 @@ from app.contract.events import (
     StateEvent,
     live_line,
 )
-from app.engine.calibrating import BoardPublisher, CalibrationSession
+from app.engine.calibrating import BoardPublisher, BoardSession
 from app.engine.commands import CommandHandler
 from app.engine.current_source import CurrentSource, Opening
 from app.engine.drive_link import DriveLink
@@ -216,7 +216,7 @@ class Engine:
         self._current.raw_pair = played.frame
         if isinstance(session, Session):
             self._observe(session, played)
-        elif isinstance(session, CalibrationSession):
+        elif isinstance(session, BoardSession):
             session.look(played.frame)
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:

@@ -246,7 +246,7 @@ export interface components {
       coarseness: number | null;
     };
     /** @description Punctuality of the drive loop, and what it could not report. */
-    DriveLoop: {
+    DriveLoopFacts: {
       ticks: number;
       late_p99_ms: number | null;
       late_max_ms: number | null;
@@ -1685,7 +1685,7 @@ export interface components {
       /** @description The stop holds until it is reset. */
       stopped: components["schemas"]["Latch"] | null;
       sight: components["schemas"]["SightNow"] | null;
-      loop: components["schemas"]["DriveLoop"] | null;
+      loop: components["schemas"]["DriveLoopFacts"] | null;
       programme: components["schemas"]["ProgrammeNow"] | null;
       goal: components["schemas"]["GoalNow"] | null;
       robots: {
@@ -2123,7 +2123,7 @@ export type CheckStep = components["schemas"]["CheckStep"];
 export type Computing = components["schemas"]["Computing"];
 export type Decomposition = components["schemas"]["Decomposition"];
 export type DenseStereoStatus = components["schemas"]["DenseStereoStatus"];
-export type DriveLoop = components["schemas"]["DriveLoop"];
+export type DriveLoopFacts = components["schemas"]["DriveLoopFacts"];
 export type DriveProcess = components["schemas"]["DriveProcess"];
 export type Drops = components["schemas"]["Drops"];
 export type EgoMotionStatus = components["schemas"]["EgoMotionStatus"];

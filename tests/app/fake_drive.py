@@ -37,7 +37,7 @@ from app.contract.drive import (
 )
 from app.contract.robots import (
     DriveFacts,
-    DriveLoop,
+    DriveLoopFacts,
     GoalNow,
     Latch,
     ProgrammeNow,
@@ -227,7 +227,7 @@ class FakeDrive:
         return DriveFacts(
             stopped=self.stopped,
             sight=SightNow(0.05, "ok", "real"),
-            loop=DriveLoop(5, 0.4, 1.5, "normal", 0),
+            loop=DriveLoopFacts(5, 0.4, 1.5, "normal", 0),
             programme=None
             if programme is None
             else ProgrammeNow(
