@@ -17,7 +17,7 @@ from observer.intervals import half_95
 if TYPE_CHECKING:
     from observer.calibration.board_images import FoundBoards
     from observer.calibration.stereo_fit import StereoFit
-    from observer.calibration.verdict import Verdict
+    from observer.calibration.verdict import CalibrationVerdict
 
 # Detection uses both cores; the fit takes roughly the remaining share of the steps.
 _WORKERS = 2
@@ -124,7 +124,7 @@ def _tell_views(found: FoundBoards, fit: StereoFit) -> None:
     typer.echo(f"used {fit.pairs} pairs{alone} of {len(fit.views)} views", err=True)
 
 
-def _words(fit: StereoFit, verdict: Verdict) -> list[str]:
+def _words(fit: StereoFit, verdict: CalibrationVerdict) -> list[str]:
     from observer.calibration.verdict import length_words
 
     c, half = fit.calibration, fit.interval_95

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from observer.calibration.stereo_fit import DepthBias, StereoFit
-from observer.calibration.verdict import Verdict
+from observer.calibration.verdict import CalibrationVerdict
 
 
-def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]:
+def fit_report(fit: StereoFit, verdict: CalibrationVerdict | None = None) -> dict[str, Any]:
     """Return a fit's report for people; only finite numbers or None, lists and text."""
     c = fit.calibration
     report = {

@@ -57,7 +57,7 @@ class VerdictRow:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CalibrationVerdict:
     """Verdict at all distances.
 
     Attributes:
@@ -74,7 +74,7 @@ class Verdict:
     nearest_m: float
 
 
-def judge(fit: StereoFit, frame_rate: float) -> Verdict:
+def judge(fit: StereoFit, frame_rate: float) -> CalibrationVerdict:
     """Return what a freshly calibrated pair can do, for a person and default parameters.
 
     Args:
@@ -116,7 +116,7 @@ def judge(fit: StereoFit, frame_rate: float) -> Verdict:
             f"searched only up to {parameters.stereo.max_disparity_px} px; set "
             f"stereo.max_disparity_px to {16 * math.ceil(wanted / 16)} or use a smaller image size"
         )
-    return Verdict(
+    return CalibrationVerdict(
         rows=tuple(rows),
         sentence=_sentence(middle),
         warnings=(*problem, *_fit_warnings(fit), *_rig_warnings(calibration, middle)),

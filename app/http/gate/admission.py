@@ -18,7 +18,7 @@ from app.http.gate.read_only_links import ReadOnlyLink
 from app.http.gate.session_file import SessionFile
 from app.http.gate.sessions import Session, Sessions
 from app.http.gate.strangers import SIGNED_IN
-from app.http.gate.token import TokenGuard, Verdict
+from app.http.gate.token import TokenGuard, TokenVerdict
 
 COOKIE_NAME = "dynamic_observer_session"
 
@@ -155,14 +155,14 @@ class Admission:
         if isinstance(verdict, ReadOnlyLink):
             _note(scope, None, verdict)
             return None
-        if verdict is Verdict.OPERATOR:
+        if verdict is TokenVerdict.OPERATOR:
             _note(scope, None, None)
             return None
-        if verdict is Verdict.LIMITED:
+        if verdict is TokenVerdict.LIMITED:
             return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
         # A session id is no guess at the token: the session may have ended or be another server's.
         missing = _SESSION_ENDED if ended else _SIGN_IN_FIRST
-        text = missing if verdict is Verdict.MISSING else _WRONG_TOKEN
+        text = missing if verdict is TokenVerdict.MISSING else _WRONG_TOKEN
         on_page = text is not _SIGN_IN_FIRST
         return Refusal(401, text, ((b"www-authenticate", b"Bearer"),), on_page)
 

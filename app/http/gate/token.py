@@ -81,7 +81,7 @@ def _write_token(path: Path) -> str:
     return token
 
 
-class Verdict(Enum):
+class TokenVerdict(Enum):
     """Result of checking a request's tokens, where none of them is a read-only link's."""
 
     OPERATOR = auto()
@@ -116,7 +116,7 @@ class TokenGuard:
         self._once = (digest(token), self._clock() + _ONCE_S)
         return token
 
-    def check(self, address: str | None, candidates: Iterable[str]) -> Verdict | ReadOnlyLink:
+    def check(self, address: str | None, candidates: Iterable[str]) -> TokenVerdict | ReadOnlyLink:
         """Check whether one of the tokens is right; the operators' takes precedence.
 
         For a read-only link's token, return that link.
@@ -131,12 +131,12 @@ class TokenGuard:
         operator = sum([hmac.compare_digest(each, self._operator) for each in given])
         read_only = self._links.find(candidates)
         if operator or self._is_once(given):
-            return Verdict.OPERATOR
+            return TokenVerdict.OPERATOR
         if read_only is not None:
             return read_only
         if not given:
-            return Verdict.MISSING
-        return Verdict.WRONG if self._count(_network(address)) else Verdict.LIMITED
+            return TokenVerdict.MISSING
+        return TokenVerdict.WRONG if self._count(_network(address)) else TokenVerdict.LIMITED
 
     def _is_once(self, given: list[bytes]) -> bool:
         """Return whether one of them is the one-time token, and use it up."""

@@ -18,7 +18,7 @@ _SHOWN = 20
 
 
 @dataclass(frozen=True)
-class Incident(RobotIncident):
+class NumberedIncident(RobotIncident):
     """See ``app.contract.drive.IncidentEvent``.
 
     Attributes:
@@ -40,9 +40,9 @@ class Incident(RobotIncident):
 class IncidentKeeper(Protocol):
     """Storage of incidents with a run."""
 
-    def happened(self, incident: Incident) -> None: ...
+    def happened(self, incident: NumberedIncident) -> None: ...
 
-    def stopped(self, incident: Incident, role: Role) -> None:
+    def stopped(self, incident: NumberedIncident, role: Role) -> None:
         """Handle a robot's measured stop, which has been added to the incident's ``stops``."""
         ...
 
@@ -65,10 +65,10 @@ class Incidents:
         self._clock = clock
         self._run = run
         self._numbered = 0
-        self._newest: deque[tuple[Incident, IncidentKeeper | None]] = deque(maxlen=_SHOWN)
+        self._newest: deque[tuple[NumberedIncident, IncidentKeeper | None]] = deque(maxlen=_SHOWN)
 
     @property
-    def newest(self) -> list[Incident]:
+    def newest(self) -> list[NumberedIncident]:
         """Return the newest incidents, oldest first."""
         return [incident for incident, _ in self._newest]
 
@@ -76,7 +76,7 @@ class Incidents:
         """Store an incident."""
         self._numbered += 1
         at = time_of_day(self._clock() - event.time)
-        incident = filled(Incident, event, at=at, stops={}, number=self._numbered)
+        incident = filled(NumberedIncident, event, at=at, stops={}, number=self._numbered)
         run = self._run()
         if run is not None:
             run.happened(incident)

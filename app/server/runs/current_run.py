@@ -12,7 +12,7 @@ from app.contract.events import ObservationEvent
 from app.contract.robots import DriveFacts, StopMeasured
 from app.contract.runs import SpeedSource
 from app.contract.values import filled
-from app.server.robots.incidents import Incident
+from app.server.robots.incidents import NumberedIncident
 from app.server.robots.wheels import WheelSample
 from app.server.runs.pending_rows import PendingRows
 from app.server.runs.recording import RobotFeed
@@ -111,14 +111,14 @@ class CurrentRun:
         if self._clock() - self._flushed >= _FLUSH_S:
             self.flush()
 
-    def happened(self, incident: Incident) -> None:
+    def happened(self, incident: NumberedIncident) -> None:
         """Store an incident that stopped a robot."""
         record = filled(IncidentRecord, incident, run_id=self.id)
         self._writer.post(partial(self._write_incident, incident.number, record))
         if self.record.record is not None:
             self.robots.happened(incident)
 
-    def stopped(self, incident: Incident, role: Role) -> None:
+    def stopped(self, incident: NumberedIncident, role: Role) -> None:
         """Store how a robot stopped in an incident; this also works after the end of the run."""
         self._writer.post(partial(self._write_stop, incident.number, role, incident.stops[role]))
 

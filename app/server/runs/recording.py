@@ -14,7 +14,7 @@ from app.contract.values import plain
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
-from app.server.robots.incidents import Incident
+from app.server.robots.incidents import NumberedIncident
 from app.server.source_time import RisingTimes, SourceInstant, SourceTime
 from app.storage import DataFolder, RunRecord, Storage, StorageError
 from observer.errors import DynamicObserverError
@@ -81,7 +81,7 @@ class RobotFeed:
         drove, self._drives = self._drives, goal is not None and goal.state == "driving"
         return goal if drove or self._drives else None
 
-    def happened(self, incident: Incident) -> None:
+    def happened(self, incident: NumberedIncident) -> None:
         """Store an incident that stopped a robot."""
         self._incidents.append(
             payloads.Incident(

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from app.http.gate.headers import page_policy
 from app.http.gate.origins import NetworkName, names_of, parse_host
 from app.http.gate.read_only_links import MOST_LINKS, ReadOnlyLinks
-from app.http.gate.token import TokenGuard, Verdict, load_token, new_token
+from app.http.gate.token import TokenGuard, TokenVerdict, load_token, new_token
 from observer.errors import InputError
 
 TOKEN = "t" * 43
@@ -34,13 +34,13 @@ def test_read_only_links_have_their_own_tokens() -> None:
     gate = TokenGuard(TOKEN, lambda: 0.0, links)
     for link in (first, second):
         assert gate.check("1.2.3.4", [link.token]) is link
-        assert gate.check("1.2.3.4", [link.token, TOKEN]) is Verdict.OPERATOR
+        assert gate.check("1.2.3.4", [link.token, TOKEN]) is TokenVerdict.OPERATOR
     # Links derived from a read-only token are not valid, and a revoked link stays revoked.
     above = ReadOnlyLinks(first.token)
     above.restore(links.kept())
-    assert gate.check("1.2.3.4", [above.newest.token]) is Verdict.WRONG
+    assert gate.check("1.2.3.4", [above.newest.token]) is TokenVerdict.WRONG
     links.revoke(first)
-    assert gate.check("1.2.3.4", [first.token]) is Verdict.WRONG
+    assert gate.check("1.2.3.4", [first.token]) is TokenVerdict.WRONG
     assert gate.check("1.2.3.4", [second.token]) is second
 
 
@@ -63,11 +63,11 @@ def test_the_one_time_token_works_once_within_a_minute() -> None:
     now = [0.0]
     gate = guard(now)
     first = gate.once()
-    assert gate.check("1.2.3.4", [first]) is Verdict.OPERATOR
-    assert gate.check("1.2.3.4", [first]) is Verdict.WRONG
+    assert gate.check("1.2.3.4", [first]) is TokenVerdict.OPERATOR
+    assert gate.check("1.2.3.4", [first]) is TokenVerdict.WRONG
     late = gate.once()
     now[0] = 61.0
-    assert gate.check("1.2.3.5", [late]) is Verdict.WRONG
+    assert gate.check("1.2.3.5", [late]) is TokenVerdict.WRONG
 
 
 def test_tokens_have_at_least_128_bits() -> None:
@@ -120,27 +120,27 @@ def test_no_incomplete_token_file_is_left(tmp_path: Path, monkeypatch: pytest.Mo
 def test_five_wrong_tokens_are_allowed_per_minute() -> None:
     now = [0.0]
     gate = guard(now)
-    assert [gate.check("1.2.3.4", ["wrong"]) for _ in range(6)] == [Verdict.WRONG] * 5 + [
-        Verdict.LIMITED
+    assert [gate.check("1.2.3.4", ["wrong"]) for _ in range(6)] == [TokenVerdict.WRONG] * 5 + [
+        TokenVerdict.LIMITED
     ]
-    assert gate.check("1.2.3.4", [TOKEN]) is Verdict.OPERATOR
-    assert gate.check("1.2.3.4", ["wrong", TOKEN]) is Verdict.OPERATOR
-    assert gate.check("1.2.3.4", []) is Verdict.MISSING
-    assert gate.check("1.2.3.5", ["wrong"]) is Verdict.WRONG
+    assert gate.check("1.2.3.4", [TOKEN]) is TokenVerdict.OPERATOR
+    assert gate.check("1.2.3.4", ["wrong", TOKEN]) is TokenVerdict.OPERATOR
+    assert gate.check("1.2.3.4", []) is TokenVerdict.MISSING
+    assert gate.check("1.2.3.5", ["wrong"]) is TokenVerdict.WRONG
     now[0] = 61.0
-    assert gate.check("1.2.3.4", ["wrong"]) is Verdict.WRONG
+    assert gate.check("1.2.3.4", ["wrong"]) is TokenVerdict.WRONG
 
 
 def test_wrong_tokens_are_counted_per_ipv6_network() -> None:
     gate = guard([0.0])
     for k in range(5):
-        assert gate.check(f"2001:db8::{k}", ["wrong"]) is Verdict.WRONG
-    assert gate.check("2001:db8::ffff:1", ["wrong"]) is Verdict.LIMITED
-    assert gate.check("2001:db8:0:1::1", ["wrong"]) is Verdict.WRONG
+        assert gate.check(f"2001:db8::{k}", ["wrong"]) is TokenVerdict.WRONG
+    assert gate.check("2001:db8::ffff:1", ["wrong"]) is TokenVerdict.LIMITED
+    assert gate.check("2001:db8:0:1::1", ["wrong"]) is TokenVerdict.WRONG
     for _ in range(5):
         gate.check("::ffff:9.9.9.9", ["wrong"])
-    assert gate.check("9.9.9.9", ["wrong"]) is Verdict.LIMITED
-    assert gate.check(None, ["wrong"]) is Verdict.WRONG
+    assert gate.check("9.9.9.9", ["wrong"]) is TokenVerdict.LIMITED
+    assert gate.check(None, ["wrong"]) is TokenVerdict.WRONG
 
 
 def test_counting_uses_bounded_memory() -> None:
@@ -153,7 +153,7 @@ def test_counting_uses_bounded_memory() -> None:
 @settings(deadline=None, max_examples=200)
 @given(st.text(max_size=60))
 def test_only_the_exact_token_is_accepted(text: str) -> None:
-    assert (guard([0.0]).check("1.1.1.1", [text]) is Verdict.OPERATOR) == (text == TOKEN)
+    assert (guard([0.0]).check("1.1.1.1", [text]) is TokenVerdict.OPERATOR) == (text == TOKEN)
 
 
 # --- names and origins --------------------------------------------------------------------
