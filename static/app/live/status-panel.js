@@ -1,12 +1,33 @@
 /** State of the server: rates, latency, time of each stage, dropped frames and why. */
 
-import { fillList, h, setText } from "../elements/dom.js";
+import { fillList, h, setAttribute, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { fixed } from "../elements/words.js";
+import { groupTitle } from "../parameters/value-words.js";
 
 /** @import { Status } from "../contract" */
 /** @import { Figure } from "../elements/figure-list.js" */
+
+/** Names of stages where the key alone says too little, and what each does. @type {Record<string, [string, string]>} */
+const STAGES = {
+  rectification: ["Rectification", "brings matching points onto the same row of both images"],
+  features: ["Features", "finds points to follow"],
+  klt_tracking: ["KLT tracking", "follows the points from frame to frame"],
+  matching: ["Matching", "finds the points of one frame in the next"],
+  stereo: ["Stereo", "measures the depth of the points"],
+  ego_motion: ["Ego-motion", GLOSSARY["ego-motion"]],
+  image_transformation: ["Image transformation", "removes the camera's own motion from the image"],
+  residual_flow: ["Residual flow", GLOSSARY["residual"]],
+  motion: ["Motion test", "tells moving points from static ones"],
+  dense: ["Dense stereo", "measures depth in the whole image"],
+  clustering: ["Clustering", "groups moving points into obstacles"],
+  tracking: ["Obstacle tracking", "follows every obstacle from frame to frame"],
+  drift: ["Stereo drift", "learns how the calibration drifts"],
+  unseen: ["Blind areas", "finds where motion would go unnoticed"],
+  health: ["Image health", "looks for covered, dark or blurred lenses"],
+};
 
 class StatusPanel extends Part {
   #figures = h("dl.figures");
@@ -23,6 +44,7 @@ class StatusPanel extends Part {
       this.#figures,
       this.#warnings,
       h("h3", "Stage timings ", this.#total),
+      h("p.hint", "Processing time of each stage per frame, median."),
       this.#bars,
       h("h3", "Skipped frames"),
       this.#noneSkipped,
@@ -69,8 +91,9 @@ class StatusPanel extends Part {
     stages.forEach(([name, ms], index) => {
       const [label, meter, value] = this.#bars.children[index]?.children ?? [];
       if (!label || !(meter instanceof HTMLMeterElement) || !value) return;
-      const words = name.replaceAll("_", " ");
+      const [words, help] = STAGES[name] ?? [groupTitle(name), null];
       setText(label, words);
+      setAttribute(label, "title", help);
       meter.value = ms / longest;
       meter.setAttribute("aria-label", `${words}: ${fixed(ms, 1)} ms`);
       setText(value, `${fixed(ms, 1)} ms`);

@@ -14,7 +14,12 @@ export function roundOff(value) {
  */
 export function valueInWords(value, { type, unit }) {
   if (type === "boolean") return value ? "on" : "off";
-  return unit ? `${roundOff(value)} ${unit}` : roundOff(value);
+  return unit ? `${roundOff(value)} ${value === 1 ? singular(unit) : unit}` : roundOff(value);
+}
+
+/** @param {string} unit as in "frames", "grey levels/px" and "m/s" @returns {string} for the number 1 */
+function singular(unit) {
+  return unit.replace(/^matches$/, "match").replace(/^(.*[a-z]{3,})s(?=$|\/)/, "$1");
 }
 
 /** @param {ParameterEntry} entry @returns {string} as in "0.1 to 20 px", empty if it has none */

@@ -24,9 +24,9 @@ import { RunGoal } from "./run-goal.js";
 import { RunLabels } from "./run-labels.js";
 import { RunPlayer } from "./run-player.js";
 import { removeRun } from "./run-search.js";
-import { compareHref, facts, hasImages } from "./run-words.js";
+import { calibrationInWords, compareHref, facts, hasImages } from "./run-words.js";
 
-/** @import { Run, RunChart as Chart } from "../contract" */
+/** @import { Calibration, Run, RunChart as Chart } from "../contract" */
 
 const RETRY_MS = 5000;
 // Frames played before the one opened in 3D.
@@ -78,7 +78,8 @@ export class RunView extends Part {
       this.#files.message,
       this.#player,
       this.#goal,
-      h("div.run-head", this.#state, this.#facts, this.#original, this.#playHelp, this.#play),
+      h("div.run-head", this.#state, this.#facts, this.#original),
+      h("div.row", this.#play, this.#playHelp),
       this.#back,
       this.#reason,
       this.#progress,
@@ -186,7 +187,15 @@ export class RunView extends Part {
     this.#labels.show(run);
     this.#rerun.show(run);
     this.#files.show(run);
-    if (other) this.#settings.replaceChildren(settingsOf(run));
+    if (other) void this.#showSettings(run);
+  }
+
+  /** @param {Run} run */
+  async #showSettings(run) {
+    this.#settings.replaceChildren();
+    /** @type {Calibration[]} */
+    const library = await request("GET", "/calibrations").catch(() => []);
+    if (run.id === this.#run?.id) this.#settings.replaceChildren(settingsOf(run, library));
   }
 
   #renderPlay() {
@@ -218,8 +227,8 @@ export class RunView extends Part {
   }
 }
 
-/** Return the settings of a run. @param {Run} run */
-function settingsOf(run) {
+/** @param {Run} run @param {Calibration[]} library */
+function settingsOf(run, library) {
   const { preset, calibration_id: calibration, record, versions, parameters } = run;
   /** @type {[string, string][]} */
   const lines = [
@@ -227,7 +236,7 @@ function settingsOf(run) {
     ["Source", run.source],
     ["Duration", duration(run.duration_s)],
     ["Preset", preset ?? "custom values"],
-    ["Calibration", calibration ? calibration.slice(0, 12) : "the source's own"],
+    ["Calibration", calibrationInWords(calibration, run.source, library)],
     ["Recorded images", record ?? "no recording"],
     ...Object.entries(versions),
   ];

@@ -32,6 +32,18 @@ export function facts(run) {
     .join(" · ");
 }
 
+/**
+ * @param {string | null} id of the calibration of a run; null: nothing was chosen
+ * @param {string} source of the run
+ * @param {{id: string, name: string}[]} library the calibrations kept here
+ */
+export function calibrationInWords(id, source, library) {
+  const kept = library.find((each) => each.id === id);
+  if (kept) return kept.name;
+  if (id === null || source.startsWith("simulated:")) return "the source's own";
+  return `the source's own, or one deleted since (${id.slice(0, 12)})`;
+}
+
 /** Return whether its recording can be played and re-run. @param {Run} run */
 export function hasImages({ state, record }) {
   return state !== "running" && record !== null && record !== "none";

@@ -14,6 +14,12 @@ test("values and ranges are said with their unit", () => {
   assert.equal(valueInWords(15, parameter({})), "15 px");
   assert.equal(valueInWords(0.1 + 0.2, parameter({ unit: "" })), "0.3");
   assert.equal(valueInWords(1e-9, parameter({ unit: "" })), "1e-9");
+  const told = (/** @type {string} */ unit) => valueInWords(1, parameter({ unit }));
+  assert.deepEqual(
+    ["frames", "matches", "grey levels/px", "m/s", "standard deviations"].map(told),
+    ["1 frame", "1 match", "1 grey level/px", "1 m/s", "1 standard deviation"],
+  );
+  assert.equal(valueInWords(2, parameter({ unit: "frames" })), "2 frames");
   assert.equal(valueInWords(false, parameter({ type: "boolean", unit: "" })), "off");
   assert.equal(rangeInWords(parameter({})), "5 to 51 px");
   assert.equal(rangeInWords(parameter({ type: "choice" })), "");

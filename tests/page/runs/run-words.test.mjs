@@ -57,3 +57,13 @@ test("an address that somebody typed leads to the list at worst", () => {
   assert.deepEqual(words.placeOf("#history/%E0%A4"), { view: "run", ids: ["%E0%A4"] });
   assert.deepEqual(words.placeOf("#elsewhere"), { view: "none", ids: [] });
 });
+
+test("a calibration is told by its name, or as the source's own", () => {
+  const library = [{ id: "6c01104f2ad8aa", name: "Bench" }];
+  const told = (/** @type {string | null} */ id, source = "camera:0,1") =>
+    words.calibrationInWords(id, source, library);
+  assert.equal(told("6c01104f2ad8aa"), "Bench");
+  assert.equal(told(null), "the source's own");
+  assert.equal(told("ffffffffffffff", "simulated:people"), "the source's own");
+  assert.match(told("ffffffffffffff"), /^the source's own, or one deleted since \(ffffffffffff\)$/);
+});
