@@ -213,12 +213,13 @@ function rotateInverse(q, v) {
 /**
  * Make a sentence of the server's words, which begin in lower case and mostly lack a full stop.
  *
- * Addresses, paths and parameters keep their spelling.
+ * Addresses, sources, paths and parameters keep their spelling.
  *
  * @param {string} text
  */
 export function sentence(text) {
   const words = text.trimEnd();
-  const begin = /^\S*[:_=.@]\S/.test(words) ? words.charAt(0) : words.charAt(0).toUpperCase();
+  const typed = /^(\S*[:_=.@]\S|(camera|coppeliasim|run|simulated|vicon-udp|video|vrpn):)/;
+  const begin = typed.test(words) ? words.charAt(0) : words.charAt(0).toUpperCase();
   return `${begin}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
 }

@@ -29,7 +29,11 @@ test("a speed carries half of its 95 % interval where one is known", () => {
 test("a sentence begins large unless it begins with an address, a path or a parameter", () => {
   assert.equal(words.sentence("vision is degraded"), "Vision is degraded.");
   assert.equal(words.sentence("stop: it is armed"), "Stop: it is armed.");
-  for (const spelled of ["simulated:webcams has no calibration.", "flow.window_px is too large."])
+  for (const spelled of [
+    "simulated:webcams has no calibration.",
+    "flow.window_px is too large.",
+    "camera: takes two devices.",
+  ])
     assert.equal(words.sentence(spelled), spelled);
 });
 
