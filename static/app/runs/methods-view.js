@@ -215,7 +215,7 @@ export class MethodsView extends Part {
       const held = going.held ? " Waiting until no robot is armed." : "";
       setText(
         this.#words,
-        `Comparing on ${going.source_name}, paper left, default right: ${going.words}.${held}`,
+        `Comparing paper (left) with default (right) on ${going.source_name}. ${sentence(going.words).replace(/\.$/, "…")}${held}`,
       );
       if (this.#shown) this.#timer = setTimeout(() => void this.#ask(), ASK_EVERY_MS);
     } else if (ended && runs && !trouble) {
