@@ -44,7 +44,10 @@ def command_page() -> str:
         usage = " ".join(command.collect_usage_pieces(context))
         parts.append(f"```text\n{_PROGRAM} {name} {usage}\n```")
         records = (each.get_help_record(context) for each in command.get_params(context))
-        rows = [(_code(taken), _cell(said)) for taken, said in filter(None, records)]
+        # A default and a range in brackets, one after the other, would be a link.
+        rows = [
+            (_code(taken), _cell(said).replace("[", r"\[")) for taken, said in filter(None, records)
+        ]
         parts.append(_table(("takes", "meaning"), rows))
     return _page(parts)
 
