@@ -91,7 +91,7 @@ class Consent:
             self.released = True
         return age
 
-    def look(self, now: float) -> bool:
+    def expire(self, now: float) -> bool:
         """Expire everything too old; return true if anything expired."""
         moved = self._velocity != ZERO and now - self._velocity_issued >= COMMAND_FRESH_S
         left = self.present and now - self._issued >= COMMAND_FRESH_S

@@ -211,14 +211,14 @@ class DrivenRole:
 
     # --- every tick ------------------------------------------------------------------------
 
-    def look(self, tick: Tick, *, played: bool) -> str | None:
-        """Check that all conditions for moving still hold; return the reason if not, one sentence.
+    def enforce_conditions(self, tick: Tick, *, played: bool) -> str | None:
+        """Stop or disarm it unless all conditions for moving hold; return the reason, one sentence.
 
         Args:
             played: a programme moves it.
         """
         now = tick.now
-        lapsed = self.consent.look(now + _NEXT_LOOK_S)
+        lapsed = self.consent.expire(now + _NEXT_LOOK_S)
         if self.consent.released:
             self._interruption = _INTERRUPTED
         if self.robot is None:

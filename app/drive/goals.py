@@ -69,10 +69,10 @@ class Goals:
         self._number += 1
         place = place_ahead(report.odometry, command.ahead_m, command.left_m)
         going = self.going = Going(Goal(self._number, *place, command.risk_per_metre), now)
-        going.look(report, None, now)
+        going.update(report, None, now)
         return going
 
-    def look(
+    def update(
         self,
         driven: DrivenRole,
         sight: Sight | None,
@@ -90,7 +90,7 @@ class Goals:
         going = self.going
         if going is None:
             return None
-        going.look(driven.report, plan, now)
+        going.update(driven.report, plan, now)
         if going.over:
             return None
         if not driven.armed or not driven.consent.present:

@@ -56,7 +56,7 @@ class Going:
         here = self._here
         return here is not None and self._distance(here) <= REACHED_M
 
-    def look(self, report: RobotReport | None, plan: Plan | None, now: float) -> None:
+    def update(self, report: RobotReport | None, plan: Plan | None, now: float) -> None:
         """Take over the robot's position, and the newest plan if it is for this goal."""
         self._here = None if report is None else report.odometry
         good = plan is not None and plan.goal == self.goal.number and _finite(plan)

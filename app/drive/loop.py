@@ -219,7 +219,7 @@ class DriveLoop:
 
     def _tell(self, now: float) -> None:
         incidents = self._roles.incidents()
-        stops = [watch.look(now, self._roles, incidents) for watch in self._stop_watches]
+        stops = [watch.update(now, self._roles, incidents) for watch in self._stop_watches]
         for event in (*incidents, *stops):
             if event is not None:
                 self._send(event)

@@ -119,11 +119,11 @@ class Roles:
     def _look(self, role: Role, tick: Tick) -> None:
         played, driven = self._moving(role) is not None, self.driven[role]
         goes = role == OBSERVER and self.goals.driving
-        trouble = driven.look(tick, played=played or goes)
+        trouble = driven.enforce_conditions(tick, played=played or goes)
         if played and trouble is not None:
             self._end_profile(tick.now, trouble)
         if role == OBSERVER:
-            self._note(self.goals.look(driven, self.sight, self._plan, trouble, tick.now))
+            self._note(self.goals.update(driven, self.sight, self._plan, trouble, tick.now))
 
     def _send(self, role: Role, tick: Tick) -> None:
         playing, driven = self._moving(role), self.driven[role]
@@ -358,7 +358,7 @@ class Roles:
         """
         self.leases.check(role, lease)
         driven = self.driven[role]
-        driven.consent.look(now)
+        driven.consent.expire(now)
         if not driven.armed:
             raise ProcessRefused(f"the {role} is not armed; arm it first", "state")
         if not driven.consent.present:

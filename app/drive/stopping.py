@@ -70,7 +70,7 @@ class StopWatch:
         self._slowed: float | None = None
         self._zero: float | None = None
 
-    def look(
+    def update(
         self, now: float, roles: Roles, incidents: Iterable[IncidentEvent]
     ) -> StoppedEvent | None:
         """Process this tick; return a stop whose end is now known.

@@ -23,10 +23,10 @@ class CalibrationAgeing:
         self._facts: AgeingStatus | None = None
         self._tolerated = Tolerated()
 
-    def look(self, observed: Observed) -> None:
+    def add_frame(self, observed: Observed) -> None:
         """Process one frame; a failure is only reported."""
         with self._tolerated.work("checking the calibration's age"):
-            self._age = self._watch.look(observed.frame, observed.observation, observed.trace)
+            self._age = self._watch.add_frame(observed.frame, observed.observation, observed.trace)
 
     @property
     def troubles(self) -> tuple[str, ...]:

@@ -139,7 +139,7 @@ class LiveTruth:
         if source is not None:
             self._last = source.info
 
-    def look(
+    def add_frame(
         self,
         observation: Observation,
         line: Mapping[str, Any],

@@ -26,7 +26,7 @@ class LocalMaps:
         self._sent = _NONE
         self._segment = 0
 
-    def look(
+    def next_event(
         self,
         made: OccupancyMap | None,
         position: int,

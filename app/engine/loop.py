@@ -290,7 +290,7 @@ class Engine:
         observation: Observation,
         line: ObservationLine,
     ) -> list[TrueBodyEntry]:
-        captured = self._truth.look(observation, line, played.frame.received, session.recorder)
+        captured = self._truth.add_frame(observation, line, played.frame.received, session.recorder)
         # Motion capture replaces the truth of a simulation.
         if session.truth is None or self._truth.in_place:
             return captured
@@ -300,11 +300,11 @@ class Engine:
         """Plan the observer's path by its sight; return the local map if a new one is due."""
         if self._drive is None or sight is None:
             return None
-        return self._drive.wayfinder.look(sight, session.parameters)
+        return self._drive.wayfinder.plan(sight, session.parameters)
 
     def _show(self, session: Session, observed: Observed) -> None:
         """Check the calibration's age and draw the views; failures are only reported."""
-        session.ageing.look(observed)
+        session.ageing.add_frame(observed)
         # Without a run, the recorder only keeps the last half minute, without clouds.
         kept_by = None if session.run_id is None else session.recorder
         self._publisher.publish(observed, None if kept_by is None else kept_by.cloud)
@@ -337,7 +337,7 @@ class Engine:
         observation: Observation,
         made: OccupancyMap | None,
     ) -> None:
-        event = session.local_maps.look(
+        event = session.local_maps.next_event(
             made,
             played.position,
             session.segment,

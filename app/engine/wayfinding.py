@@ -41,7 +41,7 @@ class Wayfinder:
         self._failed = False
         self._map_due = -math.inf
 
-    def look(self, sight: Sight, parameters: AllParameters) -> OccupancyMap | None:
+    def plan(self, sight: Sight, parameters: AllParameters) -> OccupancyMap | None:
         """Plan from a frame; without a plan the drive process keeps the robot stopped.
 
         Return the local map if one is due.

@@ -219,7 +219,9 @@ class FreePath:
                 tuple(far.tolist()),
             )
         )
-        seen, blocked = (one.reshape(len(self._bearings), -1) for one in view.look(self._ground))
+        seen, blocked = (
+            one.reshape(len(self._bearings), -1) for one in view.classify(self._ground)
+        )
         first_blocked = np.where(blocked.any(axis=1), blocked.argmax(axis=1), blocked.shape[1])
         seen &= np.arange(seen.shape[1]) < first_blocked[:, None]
         begins, lengths = _longest_run(seen)

@@ -102,7 +102,7 @@ def _limit_by_ground(
     needed = (times <= stop_s) & ~beside
     free = blocked = np.zeros(len(points), np.bool_)
     if side.scan is not None:
-        free, blocked = side.scan.look(moved(points, then))
+        free, blocked = side.scan.classify(moved(points, then))
     blocked = blocked | side.surfaces.at(points)
     free = free & ~blocked
     echo = None

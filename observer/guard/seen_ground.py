@@ -61,7 +61,7 @@ class ScanView:
         """Distance from which on surfaces are measured in all directions of the view."""
         return float(self.blind[1:-1].max(initial=0.0))
 
-    def look(self, points: Float64Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def classify(self, points: Float64Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which points (N, 2) of the scan's base frame are seen free and which blocked."""
         if len(self.bearings) < 2:
             nothing = np.zeros(len(points), np.bool_)
@@ -132,7 +132,7 @@ class RememberedGround:
             then = moved(points[left], pose)
             radius = (now - received) * p.intruder_mps
             around = then[:, None, :] + radius * circle
-            free, _ = view.look(np.concatenate([then, around.reshape(-1, 2)]))
+            free, _ = view.classify(np.concatenate([then, around.reshape(-1, 2)]))
             whole = free[: len(then)] & free[len(then) :].reshape(len(then), _AROUND).all(axis=1)
             found[left] = whole
         return found

@@ -94,8 +94,8 @@ class Connecting:
         for due in self._robot_due.values():
             due.set()
 
-    def look(self) -> None:
-        """Check whether a stop or changed guard parameters must be sent."""
+    def settings_changed(self) -> None:
+        """Have a stop or changed guard parameters sent."""
         self._settings_due.set()
 
     def drive_started(self, generation: int) -> None:

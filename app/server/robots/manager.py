@@ -180,7 +180,7 @@ class RobotManager:
 
     def guard_changed(self) -> None:
         """Handle changed parameters."""
-        self._connecting.look()
+        self._connecting.settings_changed()
 
     def _on_event(self, event: FromDrive) -> None:
         match event:
@@ -335,7 +335,7 @@ class RobotManager:
         except NotAvailable as error:
             # Set again: another stop that was delivered may have cleared the flag for both.
             self._connecting.stop_due = by
-            self._connecting.look()
+            self._connecting.settings_changed()
             raise NotAvailable(
                 "use the robots' own stop switch: the stop did not reach the drive process "
                 f"({error}). Without commands robots whose watchdog is on stop by themselves; the "

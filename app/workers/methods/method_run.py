@@ -33,14 +33,14 @@ class KnownTruth:
     """Truth at a few instants, for all methods; implements ``observer.truth.contract.Truth``.
 
     A simulator renders to determine what is visible, and only one thread may use it: the thread
-    that reads the source calls ``look``; afterwards any thread may query these instants.
+    that reads the source calls ``look_up``; afterwards any thread may query these instants.
     """
 
     def __init__(self, truth: Truth) -> None:
         self._truth = truth
         self._known: dict[float, tuple[tuple[TrueBody, ...], Pose | None]] = {}
 
-    def look(self, time: float) -> None:
+    def look_up(self, time: float) -> None:
         """Look up the truth at an instant; the oldest instant is forgotten."""
         known = [*self._known.items()][1 - _REMEMBERED :]
         found = self._truth.bodies(time), self._truth.camera_pose(time)

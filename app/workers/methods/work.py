@@ -65,7 +65,7 @@ def compare(job: CompareMethods, report: Report) -> Compared:
             # Log times follow the source's clock, not the speed at which this machine observes.
             frame = replace(frame, received=begin + frame.time)
             if truth is not None:
-                truth.look(frame.time)
+                truth.look_up(frame.time)
             progress.wait()
             progress.begin(frame, [threads.submit(each.observe, frame, begins) for each in methods])
             run_time.add(frame.time, frame.received)

@@ -41,7 +41,7 @@ class PointsVergence:
         self._bias: DisparityBias | None = None
         self._found: VergenceCheck | None = None
 
-    def look(self, bias: DisparityBias | None) -> VergenceCheck | None:
+    def update(self, bias: DisparityBias | None) -> VergenceCheck | None:
         """Return the newest check, None while the bias is not known.
 
         Args:
@@ -64,7 +64,7 @@ class SkewWatch:
     def __init__(self) -> None:
         self._found: SkewCheck | None = None
 
-    def look(self, skew: ExposureSkew | None) -> SkewCheck | None:
+    def update(self, skew: ExposureSkew | None) -> SkewCheck | None:
         """Return the newest check, the same object while its text stays; None until one is sure."""
         if skew is not None and skew.sure:
             found = skew_check(skew)

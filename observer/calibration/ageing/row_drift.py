@@ -107,7 +107,7 @@ class RowDriftWatch:
         self._since_s: float | None = None
         self._found = RowDrift()
 
-    def look(
+    def add_frame(
         self, time_s: float, px: Float64Array | None, offset_px: Float64Array | None
     ) -> RowDrift:
         """Return what is known after one more frame.

@@ -107,7 +107,7 @@ class VergenceWatch:
         self._blind = 0
         self._found = _unobserved(_NOT_DRIVEN)
 
-    def look(
+    def add_frame(
         self,
         time_s: float,
         segment: int,

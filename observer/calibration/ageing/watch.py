@@ -82,7 +82,7 @@ class AgeingWatch:
         self._joined: tuple[VergenceCheck, VergenceCheck | None, VergenceCheck] | None = None
         self._pairs = ScenePairs()
 
-    def look(
+    def add_frame(
         self, frame: StereoFrame, observation: Observation, trace: Mapping[str, Any]
     ) -> CalibrationAge:
         """Return what is known after one more frame.
@@ -94,11 +94,13 @@ class AgeingWatch:
         """
         rows: StereoRows | None = trace.get("rows")
         px, offset = (None, None) if rows is None else (rows.px, rows.offset_px)
-        drift = self._rows.look(frame.time, px, offset)
+        drift = self._rows.add_frame(frame.time, px, offset)
         pose = observation.T_world_camera
-        wheels = self._vergence.look(frame.time, observation.segment, rows, pose, frame.odometry)
-        vergence = self._join(wheels, self._points.look(trace.get("disparity_bias")))
-        skew = self._skew.look(trace.get("exposure_skew"))
+        wheels = self._vergence.add_frame(
+            frame.time, observation.segment, rows, pose, frame.odometry
+        )
+        vergence = self._join(wheels, self._points.update(trace.get("disparity_bias")))
+        skew = self._skew.update(trace.get("exposure_skew"))
         # Images are worth keeping if the camera's pose is known in them.
         if pose is not None:
             self._pairs.offer(frame.time, frame.left, frame.right)

@@ -75,7 +75,7 @@ class EyeChecker:
     _errors: list[float] = field(default_factory=list)
     _frames_in_view: dict[int, int] = field(default_factory=dict)
 
-    def look(
+    def add_sight(
         self, sight: Sight, people: People, pose: Float64Array, visible: NDArray[np.bool_]
     ) -> None:
         """Take in a sight from a pose (3,), the people at that time, and who is in view (N,)."""

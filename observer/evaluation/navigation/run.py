@@ -169,7 +169,7 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
         people = crowd.people
         frames.append((eye.look(people, robot.pose, ROOM, time), robot.pose.copy()))
         visible = in_view(people, robot.pose)
-        check.look(frames[-1][0], people, robot.pose, visible)
+        check.add_sight(frames[-1][0], people, robot.pose, visible)
         while len(frames) > 1 and time - frames[1][0].received >= LATENCY_S - 1e-9:
             frames.popleft()
         sight, then = frames[0]

@@ -253,7 +253,7 @@ class RigidMethod:
         """Learn bias and skew of the pair, correcting points and obstacles for any change."""
         now = self._last
         assert now is not None
-        change = self._drift.look(given, before, found, self._points, rows, now, p, trace)
+        change = self._drift.learn(given, before, found, self._points, rows, now, p, trace)
         if change is None:
             return ()
         if change.bias_px:

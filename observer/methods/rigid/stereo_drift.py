@@ -103,7 +103,7 @@ class StereoDrift:
             )
         return p
 
-    def look(
+    def learn(
         self,
         view: View,
         before: TrackedPoints,

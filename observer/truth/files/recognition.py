@@ -119,10 +119,10 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
             f"{name}: this is a ZIP archive or a spreadsheet; unpack it, or save it as CSV"
         )
     lines = TextLines(file, name)
-    first = lines.look(_LOOKED_AT)
+    first = lines.peek(_LOOKED_AT)
     while first and not first[0].strip(" \t,;"):
         lines.next()
-        first = lines.look(_LOOKED_AT)
+        first = lines.peek(_LOOKED_AT)
     if not first:
         raise TruthError(f"{name}: the file contains only empty lines; {understood_in_words()}")
     if is_own_truth(first[0]):
@@ -139,7 +139,7 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
     if is_plain_csv(first[0]):
         return "plain csv", lines
     first_data = next(
-        (line for line in lines.look(_MOST_COMMENTS) if line.strip() and line.lstrip()[0] != "#"),
+        (line for line in lines.peek(_MOST_COMMENTS) if line.strip() and line.lstrip()[0] != "#"),
         first[0],
     )
     if is_tum(first_data):

@@ -53,7 +53,7 @@ class TextLines:
             self.number += 1
         return line
 
-    def look(self, count: int) -> list[str]:
+    def peek(self, count: int) -> list[str]:
         """Return the next ``count`` lines, fewer at the end, without consuming them."""
         while len(self._ahead) < count:
             line = self._read(self.number + len(self._ahead) + 1)

@@ -62,7 +62,7 @@ def read_vicon_csv(
         TruthError: one sentence naming the line, the cell and the reason.
         AnglesUnclear: only a person can decide how the angles are to be read.
     """
-    separator = separator_of("".join(lines.look(_HEADER_ROWS)))
+    separator = separator_of("".join(lines.peek(_HEADER_ROWS)))
     found = _Found(lines, separator, rate_hz, BodyNames(lines.name))
     while (line := lines.next()) is not None:
         if line.strip(_EMPTY):

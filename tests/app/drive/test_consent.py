@@ -15,11 +15,11 @@ AHEAD = (0.3, 0.0)
 def test_a_command_is_valid_for_a_quarter_second_after_it_was_issued() -> None:
     consent = Consent()
     assert consent.take(1, issued=10.0, velocity=AHEAD, now=10.1) == pytest.approx(0.1)
-    assert not consent.look(10.249)
+    assert not consent.expire(10.249)
     assert (consent.velocity, consent.present) == (AHEAD, True)
-    assert consent.look(10.25)
+    assert consent.expire(10.25)
     assert (consent.velocity, consent.present, consent.released) == (ZERO, False, False)
-    assert not consent.look(10.3), "it expires once"
+    assert not consent.expire(10.3), "it expires once"
 
 
 @pytest.mark.parametrize("age", [0.25, 0.3, 5.0])
@@ -39,7 +39,7 @@ def test_a_replayed_or_overtaken_command_is_refused(sequence: int) -> None:
     with pytest.raises(ProcessRefused, match="greater than the last one, 7"):
         consent.take(sequence, 10.1, (0.9, 0.0), 10.1)
     assert consent.velocity == AHEAD
-    assert consent.look(10.25), "and prolongs nothing"
+    assert consent.expire(10.25), "and prolongs nothing"
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -55,15 +55,15 @@ def test_non_finite_values_are_refused(bad: float) -> None:
 def test_a_command_from_the_future_expires_no_later() -> None:
     consent = Consent()
     consent.take(1, issued=99.0, velocity=AHEAD, now=10.0)
-    assert consent.look(10.25)
+    assert consent.expire(10.25)
 
 
 def test_presence_extends_consent_but_not_velocity() -> None:
     consent = Consent()
     consent.take(1, 10.0, AHEAD, 10.0)
     consent.take(2, 10.2, None, 10.2)
-    assert not consent.look(10.24)
-    assert consent.look(10.26), "the held key is gone"
+    assert not consent.expire(10.24)
+    assert consent.expire(10.26), "the held key is gone"
     assert consent.present
     assert consent.velocity == ZERO
 
@@ -71,11 +71,11 @@ def test_presence_extends_consent_but_not_velocity() -> None:
 def test_after_expiry_a_held_key_moves_nothing_until_released() -> None:
     consent = Consent()
     consent.take(1, 10.0, AHEAD, 10.0)
-    consent.look(10.4)
+    consent.expire(10.4)
     for number in range(20):
         now = 10.5 + 0.1 * number
         consent.take(2 + number, now, AHEAD, now)
-        consent.look(now)
+        consent.expire(now)
         assert not consent.released
     consent.take(30, 12.5, ZERO, 12.5)
     assert consent.released
@@ -86,7 +86,7 @@ def test_after_expiry_a_held_key_moves_nothing_until_released() -> None:
 def test_a_quarter_second_of_presence_alone_counts_as_release() -> None:
     consent = Consent()
     consent.take(1, 10.0, None, 10.0)
-    consent.look(10.5)
+    consent.expire(10.5)
     assert not consent.released
     for now in (10.6, 10.7, 10.8):
         consent.take(int(now * 10), now, None, now)
@@ -98,12 +98,12 @@ def test_a_quarter_second_of_presence_alone_counts_as_release() -> None:
 def test_presence_alongside_a_held_key_is_not_a_release() -> None:
     consent = Consent()
     consent.take(1, 10.0, AHEAD, 10.0)
-    consent.look(10.5)
+    consent.expire(10.5)
     for number in range(20):
         now = 10.6 + 0.1 * number
         consent.take(2 + 2 * number, now, None, now)
         consent.take(3 + 2 * number, now + 0.05, AHEAD, now + 0.05)
-        consent.look(now + 0.05)
+        consent.expire(now + 0.05)
         assert not consent.released
 
 

@@ -55,7 +55,9 @@ class Rolling:
         self.told += count
 
     def look(self, incidents: list[IncidentEvent]) -> list[StoppedEvent]:
-        stops = [watch.look(self.bench.now, self.bench.roles, incidents) for watch in self.watches]
+        stops = [
+            watch.update(self.bench.now, self.bench.roles, incidents) for watch in self.watches
+        ]
         return [stop for stop in stops if stop is not None]
 
     def _roll(self, role: Any, robot: Any) -> None:

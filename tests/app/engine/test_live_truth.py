@@ -130,7 +130,7 @@ class Lab:
         observation = Observation(
             index, seen_at, received, line["segment"], Status.OK, (), 1, pose, ()
         )
-        return self.truth.look(observation, line, received, None)
+        return self.truth.add_frame(observation, line, received, None)
 
 
 @pytest.fixture

@@ -79,7 +79,7 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
 class _Mapping:
     """Plans for no frame, and has a local map for every third one."""
 
-    def look(self, sight: Observed, _: AllParameters) -> OccupancyMap | None:
+    def plan(self, sight: Observed, _: AllParameters) -> OccupancyMap | None:
         frame = sight.frame
         if frame.index % 3:
             return None

@@ -50,7 +50,7 @@ class Link:
         facts = {} if errand is None else {"errand": errand.facts()}
         self.wheels.write({"observer": STANDING, **facts})
         before = self.plans.read()
-        self.local_map = self.wayfinder.look(sight, parameters)
+        self.local_map = self.wayfinder.plan(sight, parameters)
         value = self.plans.read(0 if before is None else before.sequence)
         return None if value is None else plan_of(value.header)
 

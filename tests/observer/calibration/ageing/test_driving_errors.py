@@ -58,13 +58,13 @@ def test_well_known_negligible_bias_is_consistent() -> None:
 
 def test_finding_persists_until_the_estimate_restarts() -> None:
     watch = PointsVergence(CAMERA)
-    assert watch.look(None) is None
-    assert watch.look(DisparityBias(1.0, 0.5, 0.25, 1.0)) is None
-    found = watch.look(known(0.6))
+    assert watch.update(None) is None
+    assert watch.update(DisparityBias(1.0, 0.5, 0.25, 1.0)) is None
+    found = watch.update(known(0.6))
     assert found is not None
-    assert watch.look(None) is found
-    assert watch.look(DisparityBias(1.0, 0.5, 0.25, 1.0)) is found
-    assert watch.look(DisparityBias()) is None
+    assert watch.update(None) is found
+    assert watch.update(DisparityBias(1.0, 0.5, 0.25, 1.0)) is found
+    assert watch.update(DisparityBias()) is None
 
 
 def test_near_far_estimate_wins_unless_the_wheels_are_more_certain() -> None:
@@ -100,13 +100,13 @@ def test_confident_skew_is_reported_and_updated_only_when_its_text_changes(
     skew_s: float, course: str
 ) -> None:
     watch = SkewWatch()
-    assert watch.look(None) is None
-    assert watch.look(estimated(skew_s, 1.0)) is None
-    found = watch.look(estimated(skew_s, 0.0004))
+    assert watch.update(None) is None
+    assert watch.update(estimated(skew_s, 1.0)) is None
+    found = watch.update(estimated(skew_s, 0.0004))
     assert found is not None
     assert found.exposure_skew_s == pytest.approx(skew_s)
     assert found.sigma_s == pytest.approx(0.0004)
     assert f"exposes 16.2 ± 0.8 ms {course} the left one" in found.sentence
-    assert watch.look(estimated(1.0001 * skew_s, 0.0004)) is found
-    assert watch.look(None) is found
-    assert watch.look(estimated(1.1 * skew_s, 0.0004)) is not found
+    assert watch.update(estimated(1.0001 * skew_s, 0.0004)) is found
+    assert watch.update(None) is found
+    assert watch.update(estimated(1.1 * skew_s, 0.0004)) is not found

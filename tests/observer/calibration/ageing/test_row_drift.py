@@ -47,7 +47,7 @@ class Rows:
             offset = pitch_px(self.time) - turn * (px[:, 0] - CAMERA.cx)
             offset += self._rng.normal(0, noise, 80)
             offset[::9] += self._rng.uniform(-3, 3, 9)  # mismatches
-            self.seen.append(self.watch.look(self.time, px, offset))
+            self.seen.append(self.watch.add_frame(self.time, px, offset))
         return self.seen[-1]
 
 
@@ -58,7 +58,7 @@ def test_nothing_is_reported_until_enough_time_has_passed() -> None:
     assert found.median_px is None
     assert found.roll_rad is None
     assert found.warning is None
-    assert rows.watch.look(10, None, None).now_px is None
+    assert rows.watch.add_frame(10, None, None).now_px is None
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -158,7 +158,7 @@ def test_history_is_bounded() -> None:
     rng = np.random.default_rng(0)
     px = rng.uniform((0, 0), (640, 480), (30, 2))
     for time in np.arange(0, 2 * 3600, 4.0):
-        found = watch.look(time, px, np.full(30, 0.1))
+        found = watch.add_frame(time, px, np.full(30, 0.1))
     assert 50 <= len(found.history) < 120
     assert found.history[0][0] < 300
     assert found.history[-1][0] > 1.9 * 3600
@@ -168,7 +168,7 @@ def test_old_observations_expire() -> None:
     rows = Rows()
     rows.seconds(30, pitch_px=lambda _: 0.8)
     for second in range(31, 120):
-        found = rows.watch.look(second, None, None)
+        found = rows.watch.add_frame(second, None, None)
     assert found.now_px is None
     assert found.warning is None
 
@@ -189,7 +189,7 @@ def test_rendered_pairs_of_a_warming_camera_head_show_drift() -> None:
         px, offset = left[:200], (left - right)[:200, 1]
         for _ in range(70):
             time += 1.0
-            found = watch.look(time, px, offset)
+            found = watch.add_frame(time, px, offset)
         true_px = np.deg2rad(pitch_deg) * camera.fy
         assert found.now_px == pytest.approx(true_px, abs=0.08)
         assert (found.warning is not None) == (true_px > 0.5)

@@ -62,14 +62,14 @@ def drive(
     """Drive straight ahead at 0.3 m/s; the stereo path has the scale error of a real method."""
     points = room(seed) if points is None else points
     vergence = np.deg2rad(vergence_deg)
-    found = watch.look(0.0, 0, None, None, None)
+    found = watch.add_frame(0.0, 0, None, None, None)
     for k in range(round(distance_m / 0.3 / DT)):
         z = 0.3 * DT * k
         rows = seen(points, Pose(np.eye(3), np.array([0, 0, z])), vergence, noise_px, seed)
         scale = 1 + vergence * 4 / CAMERA.baseline
         T_world_camera = Pose(np.eye(3), np.array([0.0, 0.0, scale * z]))
         wheels = Odometry(wheel_scale * z, 0.0, 0.0) if odometry else None
-        found = watch.look(k * DT, 0, rows, T_world_camera, wheels)
+        found = watch.add_frame(k * DT, 0, rows, T_world_camera, wheels)
     return found
 
 
@@ -139,7 +139,7 @@ def test_too_short_a_drive_is_reported() -> None:
 def test_missing_stereo_matches_are_reported() -> None:
     watch = VergenceWatch(CAMERA)
     for k in range(30):
-        found = watch.look(k * DT, 0, None, Pose.identity(), Odometry(0.02 * k, 0, 0))
+        found = watch.add_frame(k * DT, 0, None, Pose.identity(), Odometry(0.02 * k, 0, 0))
     assert found.status == "unobserved"
     assert "ego_motion.model" in found.sentence
 
@@ -158,7 +158,7 @@ def test_new_segment_starts_a_new_pair_and_retains_the_estimate() -> None:
     rows = seen(room(7), Pose.identity(), 0.0, 0.1)
     # Point numbers and the world frame restart.
     for k, x in enumerate((3.0, 3.3)):
-        found = watch.look(20 + 2 * k, 1, rows, Pose.identity(), Odometry(x, 0, 0))
+        found = watch.add_frame(20 + 2 * k, 1, rows, Pose.identity(), Odometry(x, 0, 0))
         rows = StereoRows(rows.px, rows.offset_px, rows.disparity, rows.number + 10_000)
     assert found.vergence_rad == before.vergence_rad
 
@@ -180,7 +180,7 @@ def test_simulated_drive_recovers_vergence(
     for frame in frames:
         trace = FullTrace()
         result = observer.observe(frame, trace)
-        found = watch.look(
+        found = watch.add_frame(
             frame.time, result.segment, trace.get("rows"), result.T_world_camera, frame.odometry
         )
     assert found.vergence_rad is not None

@@ -26,7 +26,7 @@ def test_run_with_row_drift_warns_and_can_be_refined(clip: Callable[[str, int], 
     watch = AgeingWatch(observer.camera)
     for frame in frames:
         trace = FullTrace()
-        age = watch.look(frame, observer.observe(frame, trace), trace)
+        age = watch.add_frame(frame, observer.observe(frame, trace), trace)
     assert age.rows.warning is not None
     assert "pitch" in age.rows.warning
     assert age.vergence.status in ("consistent", "unobserved")
@@ -51,7 +51,7 @@ def test_vergence_found_from_points_alone_is_refined() -> None:
         assert isinstance(frame, StereoFrame)
         frame = replace(frame, odometry=None)
         trace = FullTrace()
-        age = watch.look(frame, observer.observe(frame, trace), trace)
+        age = watch.add_frame(frame, observer.observe(frame, trace), trace)
     assert age.exposure_skew is None
     check = age.vergence
     assert check.status == "drifted"
@@ -74,7 +74,7 @@ def test_nothing_is_claimed_without_stereo_matches(clip: Callable[[str, int], An
     watch = AgeingWatch(observer.camera)
     for frame in here.frames[:9]:
         trace = FullTrace()
-        age = watch.look(frame, observer.observe(frame, trace), trace)
+        age = watch.add_frame(frame, observer.observe(frame, trace), trace)
     assert age.rows.now_px is None
     assert age.rows.warning is None
     assert age.vergence.status == "unobserved"

@@ -32,9 +32,9 @@ def sight(*obstacles: SeenObstacle, status: Status = Status.OK) -> Sight:
 def test_person_walking_in_view_becomes_due() -> None:
     check = EyeChecker()
     for _ in range(10):
-        check.look(sight(WALKER), PEOPLE, POSE, in_view(PEOPLE, POSE))
+        check.add_sight(sight(WALKER), PEOPLE, POSE, in_view(PEOPLE, POSE))
     for _ in range(2):
-        check.look(sight(), PEOPLE, POSE, in_view(PEOPLE, POSE))
+        check.add_sight(sight(), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
     # Nothing is due in the first half second, and a standing person never is.
     assert (found.frames, found.usable, found.due, found.found) == (12, 12, 6, 4)
@@ -48,7 +48,7 @@ def test_errors_false_and_surplus_tracks_are_counted() -> None:
     again = replace(WALKER, id=2, x=3.2)
     nowhere = replace(WALKER, id=3, y=-2.5)
     off = replace(WALKER, vx=0.5)
-    check.look(sight(off, again, nowhere), PEOPLE, POSE, in_view(PEOPLE, POSE))
+    check.add_sight(sight(off, again, nowhere), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
     assert (found.false, found.surplus, found.covered) == (1, 1, 1)
     assert found.velocity_errors == pytest.approx((0.5, 0.0), abs=1e-12)
@@ -56,7 +56,7 @@ def test_errors_false_and_surplus_tracks_are_counted() -> None:
 
 def test_tentative_and_coasting_tracks_do_not_count() -> None:
     check = EyeChecker()
-    check.look(
+    check.add_sight(
         sight(replace(WALKER, id=-3), replace(WALKER, coasting=True)),
         PEOPLE,
         POSE,
@@ -68,7 +68,7 @@ def test_tentative_and_coasting_tracks_do_not_count() -> None:
 def test_nothing_is_due_while_vision_is_degraded() -> None:
     check = EyeChecker()
     for _ in range(10):
-        check.look(sight(WALKER, status=Status.DEGRADED), PEOPLE, POSE, in_view(PEOPLE, POSE))
+        check.add_sight(sight(WALKER, status=Status.DEGRADED), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
     assert (found.frames, found.usable, found.due) == (10, 0, 0)
     figures = eye_figures([found])
@@ -79,6 +79,6 @@ def test_nothing_is_due_while_vision_is_degraded() -> None:
 def test_empty_room_gives_only_false_tracks() -> None:
     check = EyeChecker()
     empty = People(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    check.look(sight(WALKER), empty, POSE, in_view(empty, POSE))
+    check.add_sight(sight(WALKER), empty, POSE, in_view(empty, POSE))
     assert check.result().false == 1
     assert eye_figures([]) is None
