@@ -65,9 +65,9 @@ def fill(storage: Storage) -> str:
     (folder / "recording.mcap").write_bytes(random.Random(1).randbytes(300_000))
     (folder / "truth").mkdir()
     (folder / "truth" / "as uploaded ä.csv").write_text("t\n")
-    for folder, clip in (("clips", "clip-1.mcap"), ("rings", "ring-1.mcap")):
-        (data / folder).mkdir()
-        (data / folder / clip).write_bytes(b"the last half minute")
+    for place, clip in (("clips", "clip-1.mcap"), ("rings", "ring-1.mcap")):
+        (data / place).mkdir()
+        (data / place / clip).write_bytes(b"the last half minute")
     (data / "token").write_text("secret")
     return run.id
 
