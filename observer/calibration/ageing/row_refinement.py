@@ -106,60 +106,28 @@ def refine_from_scene(
         CalibrationError: the calibration cannot be rectified or is for images of another size.
     """
     rectification = Rectification(calibration)
-    camera = rectification.camera
-    found = [matched_points(*rectification.apply(left, right)) for left, right in pairs]
-    left_px = np.concatenate([np.empty((0, 2)), *(left for left, _ in found)])
-    right_px = np.concatenate([np.empty((0, 2)), *(right for _, right in found)])
-    showing = sum(len(left) > 0 for left, _ in found)
-    if len(left_px) < _MIN_MATCHES:
-        return RefinementRefusal(
-            f"{len(found)} pair{'' if len(found) == 1 else 's'} of images gave {len(left_px)} "
-            f"matches between left and right, but {_MIN_MATCHES} are needed: point the cameras at "
-            "a scene with more texture"
-        )
-    low, high = np.quantile(left_px[:, 0], [0.05, 0.95])
-    if high - low < _MIN_SPREAD * camera.width:
-        return RefinementRefusal(
-            f"90 % of the matches lie within {100 * (high - low) / camera.width:.0f} % of the "
-            f"image's width, but {100 * _MIN_SPREAD:.0f} % is needed to tell roll from pitch: "
-            "point the cameras at a scene with texture on the left and on the right"
-        )
-
+    matches = _Matches.of(rectification, pairs)
+    refusal = _too_few(matches) or _too_narrow(matches)
+    if refusal is not None:
+        return refusal
     drift = None if vergence is None or vergence.status != "drifted" else vergence.vergence_rad
     yaw = 0.0 if drift is None else -drift
-
-    def errors(turn: Float64Array) -> Float64Array:
-        rows = _turned_rows(camera, right_px, turn, yaw)
-        return np.asarray(rows - left_px[:, 1], dtype=np.float64)
-
-    fit = least_squares(errors, np.zeros(2), loss="soft_l1", f_scale=_SOFT_PX, x_scale=1e-4)
-    turn = np.asarray(fit.x, dtype=np.float64)
-    if np.abs(turn).max() > _MAX_TURN_RAD:
-        pitch, roll = np.degrees(turn)
-        return RefinementRefusal(
-            f"the epipolar error calls for a correction of {pitch:+.2f}° in pitch and {roll:+.2f}° "
-            f"in roll, more than the {np.degrees(_MAX_TURN_RAD):g}° of a plausible drift: "
-            "recalibrate, and check that left and right are synchronized"
-        )
-    std = _deviations(camera, left_px, right_px, errors(turn), turn, yaw)
-    # What each means in pixels: pitch everywhere, roll at the left and right edge.
-    pitch_px, roll_px = std * (camera.fy, camera.width / 2)
-    if max(pitch_px, roll_px) > _MAX_STD_PX:
-        return RefinementRefusal(
-            f"the matches determine pitch only to ± {half_95(pitch_px):.2f} px and roll to ± "
-            f"{half_95(roll_px):.2f} px (95 % intervals), but ± {half_95(_MAX_STD_PX):.2g} px is "
-            "needed: point the cameras at a static scene with more texture"
-        )
-    before, before_p95 = _quantiles(right_px[:, 1] - left_px[:, 1])
-    after, after_p95 = _quantiles(errors(turn))
+    turn = _aligning_turn(matches, yaw)
+    std = _deviations(matches, turn, yaw)
+    refusal = _implausible(turn) or _too_uncertain(matches.camera, std)
+    if refusal is not None:
+        return refusal
+    before, before_p95 = _quantiles(matches.row_offsets)
+    after, after_p95 = _quantiles(matches.turned_row_offsets(turn, yaw))
     if after >= before or not (np.abs(turn) > 2 * std).any():
         if drift is None:
             return RefinementRefusal(
-                f"the epipolar error is {before:.2f} px (median of {len(left_px)} matches), and no "
-                "correction improves on it significantly: the calibration needs no refinement"
+                f"the epipolar error is {before:.2f} px (median of {len(matches.left_px)} "
+                "matches), and no correction improves on it significantly: the calibration needs "
+                "no refinement"
             )
         turn = np.zeros(2)
-        after, after_p95 = _quantiles(errors(turn))
+        after, after_p95 = _quantiles(matches.turned_row_offsets(turn, yaw))
     return RowRefinement(
         calibration=with_turned_right_camera(
             calibration, rectification, np.array([turn[0], yaw, turn[1]])
@@ -174,9 +142,103 @@ def refine_from_scene(
         after_px=after,
         before_p95_px=before_p95,
         after_p95_px=after_p95,
-        matches=len(left_px),
-        pairs=showing,
-        coverage=_coverage(camera, left_px),
+        matches=len(matches.left_px),
+        pairs=matches.showing,
+        coverage=_coverage(matches.camera, matches.left_px),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Matches:
+    """Points of the scene in the rectified images of all pairs together.
+
+    Attributes:
+        left_px, right_px: (N, 2) pixels.
+        pairs: number of pairs. showing: number of those that have any match.
+    """
+
+    camera: StereoCamera
+    left_px: Float64Array
+    right_px: Float64Array
+    pairs: int
+    showing: int
+
+    @classmethod
+    def of(cls, rectification: Rectification, pairs: Iterable[tuple[Image, Image]]) -> _Matches:
+        """Match left and right of each pair, given as taken."""
+        found = [matched_points(*rectification.apply(left, right)) for left, right in pairs]
+        return cls(
+            camera=rectification.camera,
+            left_px=np.concatenate([np.empty((0, 2)), *(left for left, _ in found)]),
+            right_px=np.concatenate([np.empty((0, 2)), *(right for _, right in found)]),
+            pairs=len(found),
+            showing=sum(len(left) > 0 for left, _ in found),
+        )
+
+    @property
+    def row_offsets(self) -> Float64Array:
+        """By how many pixels (N,) each match is lower in the right image."""
+        return np.asarray(self.right_px[:, 1] - self.left_px[:, 1], dtype=np.float64)
+
+    def turned_row_offsets(self, pitch_roll: Float64Array, yaw: float) -> Float64Array:
+        """Return the offsets (N,) after turning the right camera by these angles, radians."""
+        rows = _turned_rows(self.camera, self.right_px, pitch_roll, yaw)
+        return np.asarray(rows - self.left_px[:, 1], dtype=np.float64)
+
+
+def _too_few(matches: _Matches) -> RefinementRefusal | None:
+    count = len(matches.left_px)
+    if count >= _MIN_MATCHES:
+        return None
+    return RefinementRefusal(
+        f"{matches.pairs} pair{'' if matches.pairs == 1 else 's'} of images gave {count} "
+        f"matches between left and right, but {_MIN_MATCHES} are needed: point the cameras at "
+        "a scene with more texture"
+    )
+
+
+def _too_narrow(matches: _Matches) -> RefinementRefusal | None:
+    width = matches.camera.width
+    low, high = np.quantile(matches.left_px[:, 0], [0.05, 0.95])
+    if high - low >= _MIN_SPREAD * width:
+        return None
+    return RefinementRefusal(
+        f"90 % of the matches lie within {100 * (high - low) / width:.0f} % of the "
+        f"image's width, but {100 * _MIN_SPREAD:.0f} % is needed to tell roll from pitch: "
+        "point the cameras at a scene with texture on the left and on the right"
+    )
+
+
+def _aligning_turn(matches: _Matches, yaw: float) -> Float64Array:
+    """(2,) radians: pitch and roll of the right camera that align the rows best."""
+
+    def offsets(turn: Float64Array) -> Float64Array:
+        return matches.turned_row_offsets(turn, yaw)
+
+    fit = least_squares(offsets, np.zeros(2), loss="soft_l1", f_scale=_SOFT_PX, x_scale=1e-4)
+    return np.asarray(fit.x, dtype=np.float64)
+
+
+def _implausible(turn: Float64Array) -> RefinementRefusal | None:
+    if np.abs(turn).max() <= _MAX_TURN_RAD:
+        return None
+    pitch, roll = np.degrees(turn)
+    return RefinementRefusal(
+        f"the epipolar error calls for a correction of {pitch:+.2f}° in pitch and {roll:+.2f}° "
+        f"in roll, more than the {np.degrees(_MAX_TURN_RAD):g}° of a plausible drift: "
+        "recalibrate, and check that left and right are synchronized"
+    )
+
+
+def _too_uncertain(camera: StereoCamera, std: Float64Array) -> RefinementRefusal | None:
+    # What each means in pixels: pitch everywhere, roll at the left and right edge.
+    pitch_px, roll_px = std * (camera.fy, camera.width / 2)
+    if max(pitch_px, roll_px) <= _MAX_STD_PX:
+        return None
+    return RefinementRefusal(
+        f"the matches determine pitch only to ± {half_95(pitch_px):.2f} px and roll to ± "
+        f"{half_95(roll_px):.2f} px (95 % intervals), but ± {half_95(_MAX_STD_PX):.2g} px is "
+        "needed: point the cameras at a static scene with more texture"
     )
 
 
@@ -254,19 +316,14 @@ def _turned_rows(
     return np.asarray(turned[:, 1] / turned[:, 2] * camera.fy + camera.cy, dtype=np.float64)
 
 
-def _deviations(
-    camera: StereoCamera,
-    left_px: Float64Array,
-    right_px: Float64Array,
-    errors: Float64Array,
-    turn: Float64Array,
-    yaw: float,
-) -> Float64Array:
+def _deviations(matches: _Matches, turn: Float64Array, yaw: float) -> Float64Array:
     """(2,) radians: one standard deviation of pitch and roll.
 
     The sandwich estimator with the image's cells as clusters (Liang and Zeger, Biometrika 1986):
     an error that a cell has in common over all pairs counts once.
     """
+    camera, right_px = matches.camera, matches.right_px
+    errors = matches.turned_row_offsets(turn, yaw)
     step = 1e-6
     rows = _turned_rows(camera, right_px, turn, yaw)
     J = np.column_stack(
@@ -280,7 +337,7 @@ def _deviations(
     # The curvature is smaller than the weight where an error counts only linearly.
     bread = np.linalg.inv((J * (weight**3)[:, None]).T @ J + 1e-9 * np.eye(2))
     score = J * (weight * errors)[:, None]
-    cells = _cells(camera, left_px)
+    cells = _cells(camera, matches.left_px)
     summed = np.zeros((_CELLS[0] * _CELLS[1], 2))
     np.add.at(summed, cells, score)
     used = np.unique(cells).size
