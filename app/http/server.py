@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, WebSocket
@@ -135,59 +137,12 @@ def create_app(
     """
     if engine is None:
         engine, drive = _real_processes(drive)
-    server = Server(
-        engine,
-        storage or Storage(settings.database_location, folder=settings.data),
-        source=settings.source,
-        rig_file=settings.data / RIG_FILE,
-        programme_folder=settings.data / PROGRAMME_FOLDER,
-        check_folder=settings.data / CHECK_FOLDER,
-        drive=drive,
-        clips_at_guard_stops=settings.clips_at_guard_stops,
-        live_truth=settings.truth,
-    )
-    folder = static_folder()
+    server = _server(settings, engine, drive, storage)
     admission = _admission(settings, token)
-    policy = Policy(
-        names=names_of(settings.host, settings.allowed_hosts, tls=settings.tls),
-        admission=admission,
-        body_max_bytes=settings.body_max_bytes,
-        uploads={
-            "/api/calibrations": settings.calibration_max_bytes,
-            "/api/calibrating/images": settings.images_max_bytes,
-            "/api/truth": settings.truth_max_bytes,
-        },
-        sign_in_page=sign_in_page(folder),
-    )
-    door = ViewerDoor()
     log = Journal(server)
     live = LiveHub(server, log)
-
-    def real_viewer(server: Server) -> Viewer:
-        return start_viewer(server, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
-
-    @asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        async with AsyncExitStack() as stack:
-            stack.push_async_callback(server.stop)
-            stack.push_async_callback(_stop_viewer, door)
-            await server.start()
-            stack.callback(log.follow())
-            hub = asyncio.create_task(keep_running(live.run, "live hub"), name="live hub")
-            stack.push_async_callback(_cancel, hub)
-            admission.file.load()
-            # Saved at once, so that a shared link survives a crash.
-            await admission.file.save()
-            stack.push_async_callback(admission.file.save)
-            keeping = asyncio.create_task(
-                keep_running(admission.file.keep, "session keeper"), name="sessions"
-            )
-            stack.push_async_callback(_cancel, keeping)
-            # The page is served at once; the viewer takes a second and may fail.
-            starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, server))
-            stack.push_async_callback(_finish, starting)
-            yield
-
+    door = ViewerDoor()
+    owned = _Owned(server, admission.file, log, live, door, viewer or _real_viewer(settings))
     app = FastAPI(
         title="Dynamic Observer",
         version=library_version(),
@@ -196,7 +151,7 @@ def create_app(
         openapi_url="/openapi.json",
         docs_url=None,
         redoc_url=None,
-        lifespan=lifespan,
+        lifespan=owned.lifespan,
         redirect_slashes=False,
         separate_input_output_schemas=False,
     )
@@ -211,10 +166,86 @@ def create_app(
     _add_rest(app, live)
     app.include_router(viewer_proxy.router)
     app.include_router(metrics.router)
+    folder = static_folder()
+    policy = _policy(settings, admission, folder)
     add_pages(app, server, policy, folder, help_folder())
     _complete_description(app)
     app.add_middleware(Gate, policy=policy)
     return app
+
+
+@dataclass(frozen=True)
+class _Owned:
+    """Everything that starts and ends with the application."""
+
+    server: Server
+    sessions: SessionFile
+    log: Journal
+    live: LiveHub
+    door: ViewerDoor
+    viewer: ViewerStarter
+
+    @asynccontextmanager
+    async def lifespan(self, _: FastAPI) -> AsyncIterator[None]:
+        """Run it during the context; it ends in reverse order."""
+        async with AsyncExitStack() as stack:
+            stack.push_async_callback(self.server.stop)
+            stack.push_async_callback(_stop_viewer, self.door)
+            await self.server.start()
+            stack.callback(self.log.follow())
+            _keep_going(stack, self.live.run, "live hub")
+            self.sessions.load()
+            # Saved at once, so that a shared link survives a crash.
+            await self.sessions.save()
+            stack.push_async_callback(self.sessions.save)
+            _keep_going(stack, self.sessions.keep, "session keeper")
+            # The page is served at once; the viewer takes a second and may fail.
+            starting = asyncio.create_task(_start_viewer(self.door, self.viewer, self.server))
+            stack.push_async_callback(_finish, starting)
+            yield
+
+
+def _keep_going(stack: AsyncExitStack, work: Callable[[], Awaitable[None]], name: str) -> None:
+    """Run endless work until the stack is closed."""
+    task = asyncio.create_task(keep_running(work, name), name=name)
+    stack.push_async_callback(_cancel, task)
+
+
+def _server(
+    settings: Settings, engine: Engine, drive: Drive | None, storage: Storage | None
+) -> Server:
+    return Server(
+        engine,
+        storage or Storage(settings.database_location, folder=settings.data),
+        source=settings.source,
+        rig_file=settings.data / RIG_FILE,
+        programme_folder=settings.data / PROGRAMME_FOLDER,
+        check_folder=settings.data / CHECK_FOLDER,
+        drive=drive,
+        clips_at_guard_stops=settings.clips_at_guard_stops,
+        live_truth=settings.truth,
+    )
+
+
+def _policy(settings: Settings, admission: Admission, static: Path) -> Policy:
+    return Policy(
+        names=names_of(settings.host, settings.allowed_hosts, tls=settings.tls),
+        admission=admission,
+        body_max_bytes=settings.body_max_bytes,
+        uploads={
+            "/api/calibrations": settings.calibration_max_bytes,
+            "/api/calibrating/images": settings.images_max_bytes,
+            "/api/truth": settings.truth_max_bytes,
+        },
+        sign_in_page=sign_in_page(static),
+    )
+
+
+def _real_viewer(settings: Settings) -> ViewerStarter:
+    def start(server: Server) -> Viewer:
+        return start_viewer(server, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
+
+    return start
 
 
 def _admission(settings: Settings, token: str) -> Admission:
