@@ -25,8 +25,9 @@ def told(server: Server) -> tuple[str, str | None]:
     return source.name, source.before
 
 
+@pytest.mark.parametrize("clip", ["clip-1.mcap", "ring-1.mcap"])
 async def test_a_recording_has_its_runs_name_and_can_be_left_again(
-    server: Server,
+    server: Server, clip: str
 ) -> None:
     id = await recorded(server)
     assert told(server) == ("simulated:lab", None)
@@ -37,7 +38,7 @@ async def test_a_recording_has_its_runs_name_and_can_be_left_again(
     await server.runs.history.annotate(id, name="Evening")
     assert told(server) == ("Recording of Evening", "simulated:lab")
     # Going from one recording to another keeps the way back.
-    await server.source.open(str(server.storage.folder.run(id).absolute() / "ring-1.mcap"), None)
+    await server.source.open(str(server.storage.folder.run(id).absolute() / clip), None)
     await until_async(lambda: told(server) == ("Saved clip of Evening", "simulated:lab"))
     run = await begin(server)
     assert (run.source_name, run.name) == ("Saved clip of Evening", "Saved clip of Evening")
