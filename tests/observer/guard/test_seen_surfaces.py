@@ -61,7 +61,8 @@ def looked(*ahead_m: float) -> RememberedSurfaces:
 
 @pytest.mark.parametrize("speed", [0.15, 0.3, 0.5])
 def test_the_robot_stops_before_a_hanging_board(speed: float) -> None:
-    lab = drive(UnderBoard(2.2, x=0.0), steady(speed), 14.0)
+    lab = UnderBoard(2.2, x=0.0)
+    drive(lab, steady(speed), 14.0)
     gap = lab.board_m - lab.x - AMIGO.length_m / 2
     assert 0.02 < gap < 0.5
     assert any("obstruction ahead" in reason for reason in lab.reasons)
