@@ -95,6 +95,16 @@ class _Hands:
         self.press("Control+a")
         self._page.keyboard.type(text)
 
+    def open_calibrations(self) -> None:
+        """Go to the side panel by the skip link, then to its tab, whose content is next."""
+        # Wait for the last part of the page to load, so that the tab's buttons are there.
+        self._page.wait_for_function("() => customElements.get('observer-calibration-wizard')")
+        self.go("Skip to settings")
+        self.press("Enter")
+        self.go("Parameters")
+        self.go("Calibration", "ArrowRight", most=2)
+        expect(self._page.get_by_role("button", name="Calibrate cameras")).to_be_visible()
+
     def focus_is_on(self, name: str) -> None:
         """Wait until the focus has moved there by itself."""
         self._page.wait_for_function(
@@ -155,15 +165,7 @@ def test_the_whole_wizard_works_by_keyboard_alone(
 ) -> None:
     page = open_panel(refusals=True)
     hands = _Hands(page)
-    # Wait for the last part of the page to load, so that the button is there.
-    page.wait_for_function("() => customElements.get('observer-calibration-wizard')")
-
-    # To the side panel by the skip link, then to its tab, then into it.
-    hands.go("Skip to settings")
-    hands.press("Enter")
-    hands.go("Parameters")
-    hands.go("Calibration", "ArrowRight", most=2)
-    expect(page.get_by_role("button", name="Calibrate cameras")).to_be_visible()
+    hands.open_calibrations()
     hands.go("Calibrate cameras")
     hands.press("Enter")
     hands.focus_is_on("Calibrate: Board")
@@ -251,8 +253,42 @@ def test_the_whole_wizard_works_by_keyboard_alone(
     expect(page.locator("observer-calibration-wizard")).to_be_hidden()
     expect(page.locator(".first-line-context")).to_contain_text(f"calibration {_NAME}")
     assert server.get("/status")["calibration"]["name"] == _NAME
-    _play(server, paused=True)
 
+
+@pytest.fixture
+def made(server: Server, source: str, eventually: Eventually) -> Made:
+    """The calibration made by keyboard, or, if that test was skipped, one made by REST."""
+    found = [each for each in server.get("/calibrations") if each["name"] == _NAME]
+    if not found:
+        start = {"source": source, "square_mm": 25}
+        server.api.post("/api/calibrating", json=start).raise_for_status()
+        _hurry(server)
+        eventually(lambda: (_now(server)["look"] or {}).get("enough"), 150)
+        server.api.post("/api/calibrating/compute", json={}).raise_for_status()
+        eventually(lambda: _now(server)["result"], 90)
+        saved = server.api.post("/api/calibrating/save", json={"name": _NAME})
+        found = [saved.raise_for_status().json()]
+    text = server.api.get(f"/api/calibrations/{found[0]['id']}/file").text
+    return found[0], read_calibration(text, name=_NAME)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240)
+def test_a_saved_calibration_is_previewed_and_checked_with_a_tape_by_keyboard(
+    server: Server,
+    source: str,
+    made: Made,
+    open_panel: OpenPanel,
+    eventually: Eventually,
+    keep_picture: KeepPicture,
+) -> None:
+    opening = {"source": source, "calibration": made[0]["id"]}
+    server.api.put("/api/source", json=opening).raise_for_status()
+    page = open_panel(refusals=True)
+    _play(server, paused=True)
+    hands = _Hands(page)
+    hands.open_calibrations()
+    expect(page.locator(".item-list li", has_text=_NAME)).to_contain_text("in use")
     hands.go(f"Preview calibration {_NAME}")
     look = hands.focus()
     hands.press("Enter")
@@ -290,23 +326,6 @@ def test_the_whole_wizard_works_by_keyboard_alone(
     hands.press("Escape")
     expect(dialog).to_have_count(0)
     assert hands.focus() == look
-
-
-@pytest.fixture
-def made(server: Server, source: str, eventually: Eventually) -> Made:
-    """The calibration made by keyboard, or, if that test was skipped, one made by REST."""
-    found = [each for each in server.get("/calibrations") if each["name"] == _NAME]
-    if not found:
-        start = {"source": source, "square_mm": 25}
-        server.api.post("/api/calibrating", json=start).raise_for_status()
-        _hurry(server)
-        eventually(lambda: (_now(server)["look"] or {}).get("enough"), 150)
-        server.api.post("/api/calibrating/compute", json={}).raise_for_status()
-        eventually(lambda: _now(server)["result"], 90)
-        saved = server.api.post("/api/calibrating/save", json={"name": _NAME})
-        found = [saved.raise_for_status().json()]
-    text = server.api.get(f"/api/calibrations/{found[0]['id']}/file").text
-    return found[0], read_calibration(text, name=_NAME)
 
 
 def _turned_deg(rotation: Any) -> float:
