@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -28,6 +29,8 @@ def whole_file(
     Raises:
         OSError: the folder cannot be written, or the file cannot be moved into place.
     """
+    if not path.name:
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     with contextlib.ExitStack() as stack:
         part = path.with_name(f"{path.name}.part")
         if not keep_unfinished:

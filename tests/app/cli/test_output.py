@@ -60,6 +60,11 @@ def test_a_folder_in_place_of_the_file_is_reported_and_the_result_kept(tmp_path:
     assert (tmp_path / "tracks.jsonl.part").read_text() == "one\n"
 
 
+def test_the_current_folder_in_place_of_a_file_is_reported() -> None:
+    with pytest.raises(InputError, match=r"cannot write \.: Is a directory"), whole_text(Path()):
+        pass
+
+
 def test_another_error_of_the_block_is_not_reported_as_the_file_s(tmp_path: Path) -> None:
     with (
         pytest.raises(PermissionError, match="camera"),
