@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from observer.geometry import Float64Array
-from observer.kernels.sight import place_of
-from observer.methods.rigid.dense.ground import GroundPlane
+from observer.methods.rigid.dense.height import top_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, segment_of
 
@@ -33,14 +32,6 @@ def shows_only_legs(segment: Segment, scene: DenseScene) -> bool:
     if not segment.cut[2] or scene.ground is None:
         return False
     return top_height(segment, scene, scene.ground) < _LEGS_M
-
-
-def top_height(segment: Segment, scene: DenseScene, ground: GroundPlane) -> float:
-    """Return how high above the ground, in the world, a segment is seen to reach, metres."""
-    pose, camera = scene.T_world_camera, scene.grid.camera.numbers
-    u, v = scene.grid.to_px(np.array([segment.columns[1], segment.box[1]])).tolist()
-    top = place_of(u, v, segment.disparity, pose.rotation, pose.translation, camera)
-    return ground.height(top)
 
 
 def is_other_leg(scene: DenseScene, part: Segment, leg: Segment) -> bool:

@@ -279,8 +279,11 @@ def _confirmed_by_outline(
     outline = track.seen_outline
     if outline is None or track.motion is not MotionState.MOVING:
         return False
-    if (outline.merged or outline.is_static or outline.beside_nearer) and not outline.is_high:
-        # A patch of noise on a wall, or where only one camera sees, beside somebody who passes.
+    # A patch of noise on a wall, or where only one camera sees, beside somebody who passes; or
+    # where a pattern repeats itself, so that nothing can be tracked on it.
+    noise = outline.merged or outline.is_static or outline.beside_nearer
+    noise |= outline.hangs and track.points == 0
+    if noise and not outline.is_high:
         return False
     frames, sigmas = _ARRIVED_FRAMES, _ARRIVED_SIGMAS
     if light.swings:

@@ -15,6 +15,7 @@ from observer.methods.rigid.bodies.legs import is_other_leg
 from observer.methods.rigid.bodies.trunk_depth import TrunkDepths
 from observer.methods.rigid.bodies.trunk_view import TrunkView
 from observer.methods.rigid.dense.grid import Grid
+from observer.methods.rigid.dense.height import bottom_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     Expected,
@@ -61,6 +62,10 @@ _LEAST_APART, _LEAST_CLEAR = 0.4, 0.1
 _CARRIED_S = 0.3
 # A body that grows by this factor over static things is swallowing them.
 _SWALLOWING = 1.6
+# Metres above the ground: something that begins higher does not stand on it.
+_HANGS_M = 0.6
+# Something nearer hides what is below it if it is seen in this share of so many rows there.
+_HIDDEN_SHARE, _BELOW_CELLS = 0.5, 3
 # A body's middle lies behind its visible surface by this share of its width, or of so many metres
 # if that is less.
 _HALF_DEPTH, _MOST_DEPTH_M = 0.25, 0.6
@@ -92,6 +97,7 @@ class Outline:
         arrived_frames, uncovered_frames: number of frames with evidence of motion of either kind.
         idle_frames: frames in a row in which it idled, see ``count_idle``.
         gap_frames: frames in a row in which there was a gap between two parts of it.
+        hangs: nothing between it and the ground was seen to belong to it.
         moving_area: largest while it moved, cells per px^2 of disparity, so at any distance.
     """
 
@@ -108,6 +114,7 @@ class Outline:
     uncovered_frames: int = 0
     idle_frames: int = 0
     gap_frames: int = 0
+    hangs: bool = False
     bias_px: float = 0.0
     carried_s: float = 0.0
     trunk: TrunkView | None = None
@@ -198,6 +205,7 @@ class Outline:
         self.width = max(width, _SHRINK * self.width)
         self.height = max(height, _SHRINK * self.height)
         self.bias_px = _BIAS_CELLS * scene.grid.reduction * _narrowness(segment)
+        self.hangs = _hangs(segment, scene)
         self._keep_silhouette(origin, scene, age_s)
         surface, _ = measured_anchor(segment, "middle", scene)
         ahead = surface - scene.T_world_camera.translation
@@ -260,6 +268,18 @@ class Outline:
                 return
         self._silhouette = _Silhouette(self.segment, origin, scene.T_camera_world)
         self._silhouette_s = age_s
+
+
+def _hangs(segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a segment ends far above the ground, and nothing cuts it off there."""
+    if scene.ground is None or segment.cut[3]:
+        return False
+    left, _, right, bottom = segment.box
+    below = scene.disparity[bottom : bottom + _BELOW_CELLS, left:right]
+    nearer = below > segment.disparity + scene.tolerance(segment.disparity)
+    if nearer.mean() > _HIDDEN_SHARE:
+        return False
+    return bottom_height(segment, scene, scene.ground) > _HANGS_M
 
 
 def _shown(segment: Segment) -> float:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from observer.methods.rigid.bodies.beginning import start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
-from observer.methods.rigid.bodies.legs import top_height
 from observer.methods.rigid.dense.ground import GroundPlane
+from observer.methods.rigid.dense.height import top_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, extent_m, is_high, segment_of
 from observer.vision.lifecycle import TrackIds

@@ -44,6 +44,7 @@ from observer.methods.rigid.bodies.segment_tracking import (
 from observer.methods.rigid.bodies.shape import BodyShape
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.grey_change import Light
+from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
@@ -75,14 +76,19 @@ _ORIGIN_VARIANCE = 1e-6
 
 
 class BodyTracker:
-    """Keeps the obstacles' tracks; points carry the number of the obstacle they belong to."""
+    """Keeps the obstacles' tracks; points carry the number of the obstacle they belong to.
+
+    Attributes:
+        ground: as of the last frame in which it is known; None before.
+    """
 
     def __init__(self, numbers: TrackIds | None = None) -> None:
         """``numbers`` gives each track its own; new ones if left out."""
         self.tracks: list[BodyTrack] = []
         self._numbers = numbers or TrackIds()
         self._moving_in_place = MovingInPlace()
-        # As of the last frame whose light is known.
+        self.ground: GroundPlane | None = None
+        # As of the last frame in which it is known.
         self._light = Light()
 
     def step(
@@ -111,11 +117,11 @@ class BodyTracker:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
             points = self._moving_in_place.note(self.tracks, points, scene, self._numbers)
-            self._light = scene.light
+            self._light, self.ground = scene.light, scene.ground
         note_lasting_errors(self.tracks, now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
-        points = self.spawn(points, motion, reach, p)
+        points = self.spawn(points, motion, reach, now.position, p)
         # Bodies that were found just now are no more certain than others.
         found = [track for track in self.tracks if track.frames == 0]
         note_lasting_errors(found, now, parameters.evidence)
@@ -220,17 +226,21 @@ class BodyTracker:
         points: TrackedPoints,
         motion: PooledMotion,
         radius_m: Callable[[Float64Array], float],
+        camera_position: Float64Array,
         parameters: ObstacleParameters,
     ) -> TrackedPoints:
         """Turn groups of dynamic points into obstacles, or return them to those lost from sight.
 
         Args:
             radius_m: metres within which points count as neighbours at a place (3,) m, world.
+            camera_position: (3,) metres, world.
         """
         # Points on a body's outline are its own, though none is known to move with it yet.
         stiff = [t.id for t in self.tracks if may_be_rigid(t)]
         free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
         free &= (points.within == NO_OBSTACLE) | np.isin(points.within, stiff)
+        if self.ground is not None:
+            free &= ~self.ground.mirrors(motion.position, camera_position)
         groups = group_dynamic(motion, free, parameters.min_points)
         obstacle = points.obstacle.copy()
         for number in range(int(groups.max(initial=-1)) + 1):

@@ -30,6 +30,9 @@ _STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
 # most the first, of which noise is a small share, and at least the second, whatever the baseline.
 _NEAR_M = 6.6
 _PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
+# Metres below the ground, plus a share of the distance, from which on a place is a mirror image:
+# neither the plane nor a point's depth is known better.
+_MIRRORED_M, _MIRRORED_SHARE = 0.3, 0.04
 # Cells: disparity of points above which it alone tells whether they approach or recede.
 _TELLING_CELLS = 5.0
 
@@ -40,19 +43,36 @@ class GroundPlane:
 
     Attributes:
         down: (3,) unit length. depth: metres.
+        mounted: the mount tells it; what is only seen may be a table.
     """
 
     down: Float64Array
     depth: float
+    mounted: bool = False
 
     def mapped(self, T_target_source: Pose) -> GroundPlane:
         """Return the same plane in another frame; in a camera's frame, its depth is the height."""
         down = T_target_source.rotate(self.down)
-        return GroundPlane(down, self.depth + float(down @ T_target_source.translation))
+        depth = self.depth + float(down @ T_target_source.translation)
+        return GroundPlane(down, depth, self.mounted)
 
     def height(self, place: Float64Array) -> float:
         """Return how high a place (3,) m, world, is above it, metres."""
         return self.depth - float(self.down @ place)
+
+    def mirrors(self, places: Float64Array, camera_position: Float64Array) -> NDArray[np.bool_]:
+        """Return which places (N, 3) m, world, are so far below it that it mirrors what is there.
+
+        None is if the mount is unknown.
+
+        Args:
+            camera_position: (3,) metres, world.
+        """
+        if not self.mounted:
+            return np.zeros(len(places), np.bool_)
+        distance = np.linalg.norm(places - camera_position, axis=1)
+        below = places @ self.down - self.depth
+        return np.asarray(below > _MIRRORED_M + _MIRRORED_SHARE * distance, np.bool_)
 
 
 class Ground:
@@ -66,7 +86,7 @@ class Ground:
         """``mount`` gives the ground below the camera in the segment's first frame."""
         self._grid = grid
         self._focal = grid.camera.fx * grid.camera.baseline
-        self.in_world = None if mount is None else GroundPlane(mount.down, mount.height_m)
+        self.in_world = None if mount is None else GroundPlane(mount.down, mount.height_m, True)
 
     def plane(self, T_camera_world: Pose) -> Float64Array | None:
         """(3,) a, b, c of its disparity ``a column + b row + c`` px, from a pose; None unknown."""
@@ -117,11 +137,12 @@ class Ground:
     def _keep(self, normal: Float64Array, T_camera_world: Pose) -> None:
         height = 1 / float(np.linalg.norm(normal))
         found = GroundPlane(normal * height, height).mapped(T_camera_world.inverse())
-        down, depth = found.down, found.depth
+        down, depth, mounted = found.down, found.depth, False
         if self.in_world is not None:
+            mounted = self.in_world.mounted
             down = self.in_world.down + _GAIN * (down - self.in_world.down)
             depth = self.in_world.depth + _GAIN * (depth - self.in_world.depth)
-        self.in_world = GroundPlane(down / np.linalg.norm(down), depth)
+        self.in_world = GroundPlane(down / np.linalg.norm(down), depth, mounted)
 
 
 def above_ground(

@@ -54,6 +54,23 @@ def test_a_patch_beside_a_nearer_person_is_not_confirmed(
     assert judge_frames(track) is state
 
 
+@pytest.mark.parametrize(
+    ("height", "points", "state"),
+    [
+        (0.5, 0, TrackState.TENTATIVE),
+        (0.5, 3, TrackState.CONFIRMED),
+        (1.2, 0, TrackState.CONFIRMED),
+    ],
+)
+def test_a_hanging_patch_without_points_is_not_confirmed(
+    outlined_track: MakeTrack, height: float, points: int, state: TrackState
+) -> None:
+    """Where a pattern repeats itself, depth appears and disappears, and nothing is tracked."""
+    track = outlined_track(arrived=3, height=height)
+    track.outline.hangs, track.points = True, points
+    assert judge_frames(track) is state
+
+
 def test_a_waving_person_is_confirmed_only_as_a_separate_body(outlined_track: MakeTrack) -> None:
     """A flicker on a wall is not."""
     for clear, state in ((1.0, TrackState.CONFIRMED), (0.0, TrackState.TENTATIVE)):

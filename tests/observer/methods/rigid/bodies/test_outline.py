@@ -290,6 +290,24 @@ def test_only_an_outline_cut_off_by_a_nearer_object_is_beside_it(
     assert Outline.of(segment, scene).beside_nearer is beside
 
 
+@pytest.mark.parametrize(
+    ("y", "others", "hangs"),
+    [
+        (0.4, (), False),
+        (-0.5, (), True),
+        (-0.5, (on_floor(0.0, 2.4, (1.0, 1.2, 0.1)),), False),
+    ],
+)
+def test_only_what_is_seen_to_end_far_above_the_ground_hangs(
+    y: float, others: tuple[Shape, ...], hangs: bool
+) -> None:
+    thing = Solid((0.0, y, 4.0), (0.45, 0.8, 0.1))
+    scene, segment = view(thing, *others)
+    outline = Outline.of(segment, scene)
+    outline.note(segment, np.array([0.0, y, 4.0]), scene, 0.0)
+    assert outline.hangs is hangs
+
+
 def test_frames_are_counted_by_their_motion_evidence() -> None:
     outline, _ = outlined(0.0, 4.0)
     assert (outline.arrived_frames, outline.uncovered_frames, outline.is_static) == (1, 0, False)

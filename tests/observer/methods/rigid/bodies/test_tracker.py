@@ -14,6 +14,7 @@ from observer.methods.rigid.bodies.expectation import expected_at, note_lasting_
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.motion_test import pooled_motion
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import EvidenceParameters, Parameters
@@ -133,7 +134,19 @@ def test_very_slow_points_start_no_track(speed: float, begins: bool) -> None:
     motion = pooled_motion(points, seen_from(CameraRate.still()), P.evidence)
     assert motion.dynamic.all()
     tracker = BodyTracker()
-    tracker.spawn(points, motion, lambda _: 0.2, P.obstacles)
+    tracker.spawn(points, motion, lambda _: 0.2, np.zeros(3), P.obstacles)
+    assert bool(tracker.tracks) == begins
+
+
+@pytest.mark.parametrize(("depth_m", "begins"), [(0.8, True), (-1.0, False)])
+def test_a_mirror_image_below_the_ground_starts_no_track(depth_m: float, begins: bool) -> None:
+    rng = np.random.default_rng(1)
+    place = rng.uniform((-0.2, -0.2, 2.9), (0.2, 0.2, 3.1), (20, 3))
+    points = builders.watched(CAMERA, place, np.array([0.5, 0, 0]), rng, sigma_px=0.02)
+    motion = pooled_motion(points, seen_from(CameraRate.still()), P.evidence)
+    tracker = BodyTracker()
+    tracker.ground = GroundPlane(np.array([0.0, 1.0, 0.0]), depth_m, mounted=True)
+    tracker.spawn(points, motion, lambda _: 0.2, np.zeros(3), P.obstacles)
     assert bool(tracker.tracks) == begins
 
 

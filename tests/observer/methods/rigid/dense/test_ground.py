@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.geometry import Pose
-from observer.methods.rigid.dense.ground import Ground, above_ground, near_enough
+from observer.methods.rigid.dense.ground import Ground, GroundPlane, above_ground, near_enough
 from observer.mount import CameraMount
 
 from ..solid_worlds import (
@@ -219,6 +220,27 @@ def test_reflections_in_the_ground_are_not_above_it() -> None:
     disparity[image] = disparity_of([mirrored])[image]
     assert image.sum() > 200
     assert not above_ground(disparity, PLANE, GRID).any()
+
+
+@given(
+    x=st.floats(-2.0, 2.0),
+    z=st.floats(1.0, 8.0),
+    high=st.floats(0.1, 2.0),
+    pitch=st.floats(-0.2, 0.2),
+)
+def test_only_what_is_clearly_below_the_ground_is_a_mirror_image(
+    x: float, z: float, high: float, pitch: float
+) -> None:
+    down = np.array([0.0, math.cos(pitch), math.sin(pitch)])
+    ground = GroundPlane(down, 0.9, mounted=True)
+    level = np.array([x, 0.0, z])
+    foot = level + (0.9 - down @ level) * down
+    places = np.stack([foot - high * down, foot, foot + high * down])
+    distance = float(np.linalg.norm(places[2]))
+    expected = high > 0.3 + 0.04 * distance
+    assert ground.mirrors(places, np.zeros(3)).tolist() == [False, False, expected]
+    # What is seen without a mount may be a table.
+    assert not GroundPlane(down, 0.9).mirrors(places, np.zeros(3)).any()
 
 
 def test_everything_above_the_horizon_is_above_the_ground() -> None:
