@@ -22,7 +22,7 @@ from app.engine.truth_facts import truth_facts
 from app.workers.alignment.messages import Choices
 from observer.geometry import Pose
 from observer.mount import CameraMount
-from observer.sources.contract import SourceInfo
+from observer.sources.contract import SIMULATED_KINDS, SourceInfo
 from observer.truth.alignment.newest import NewestTruth
 from observer.truth.live.contract import LiveCaptureReport
 from observer.truth.live.opening import check_live
@@ -31,8 +31,6 @@ from observer.types import Observation
 
 _log = logging.getLogger(__name__)
 
-# A simulation runs by the wall clock; every other source that is not live was recorded.
-_NOW = ("simulated", "coppeliasim")
 # First frames of a new segment, used to place its world in the room.
 _FIRST_FRAMES = 20
 
@@ -54,7 +52,8 @@ class ObservedSource:
     @property
     def now(self) -> bool:
         """Return true if the source shows the present, as motion capture does."""
-        return self.info.live or self.info.kind in _NOW
+        # A simulation runs by the wall clock; any other source that is not live was recorded.
+        return self.info.live or self.info.kind in SIMULATED_KINDS
 
 
 @dataclass(frozen=True, eq=False)

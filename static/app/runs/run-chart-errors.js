@@ -127,7 +127,7 @@ function groupInWords({ group, label, body }) {
   if (group === "all") return "Whole run";
   if (group === "direction")
     return label === "at rest" ? "At rest" : `Moving ${directionInWords(label)}`;
-  if (group === "way") return `Driving ${label}`;
+  if (group === "way") return `Body moving ${label}`;
   if (group === "track") return body ? `Track ${label} of ${body}` : `Track ${label}, unmatched`;
   return `Body ${label}`;
 }
