@@ -10,7 +10,8 @@ A surface that is seen, or was seen until it came too near to be measured (``see
 the way whatever sonar says, and an echo within ``sonar_stop_m`` ahead whatever is seen. Tracked
 obstacles are predicted along their own motion (``separation``), and so are objects that sonar hears
 approaching by themselves (``intruders``). A turn on the spot requires the same of the robot's
-turning circle. The obstacle robot has no eyes: only echoes limit it. A robot whose sonar has fallen silent drives neither forward nor backward.
+turning circle. The obstacle robot has no eyes: only echoes limit it. A robot whose sonar has fallen
+silent drives neither forward nor backward.
 """
 
 from __future__ import annotations
