@@ -27,6 +27,7 @@ from app.http.library_log import LibraryLog
 from app.http.own_browser import open_page
 from app.http.server import create_app
 from app.http.sharing import token_link
+from app.runtime.endless import keep_running
 from app.runtime.heap import keep_for_good
 from app.server import Server
 from app.settings import Settings
@@ -119,7 +120,9 @@ async def serve(
         if strict:
             await _check_configuration(app.state.server)
         ready()
-        watching = asyncio.create_task(listener.strangers.watch())
+        # Only while strangers' connections are swept does Stop stay reachable.
+        sweeping = keep_running(listener.strangers.watch, "sweep of strangers' connections")
+        watching = asyncio.create_task(sweeping)
         try:
             await server.serve(sockets=[listener])
         finally:
