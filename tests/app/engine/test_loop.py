@@ -321,7 +321,7 @@ def test_what_only_people_look_at_may_fail(
     def failing(*_: object) -> None:
         raise ZeroDivisionError("no rows")
 
-    monkeypatch.setattr(AgeingWatch, "look", failing)
+    monkeypatch.setattr(AgeingWatch, "add_frame", failing)
     bench.value(opening())
     bench.publisher.troubles = ("drawing the view left failed",)
     bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
