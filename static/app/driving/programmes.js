@@ -170,7 +170,7 @@ class Programmes extends Part {
       if (robot.operator && !ours) return [`take control of the ${role}`];
       return ours && isArmed(robot) ? [] : [`arm the ${role}`];
     });
-    return missing.length ? sentence(`first ${missing.join(" and ")}`) : "";
+    return missing.length ? sentence(`${missing.join(" and ")} first`) : "";
   }
 
   /** @param {ProgrammeEntry} entry */
