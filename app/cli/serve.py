@@ -7,6 +7,13 @@ from typing import Annotated
 
 import typer
 
+from app.cli.server_options import (
+    AllowedHostOption,
+    HostOption,
+    PortOption,
+    TlsCertOption,
+    TlsKeyOption,
+)
 from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 
@@ -14,10 +21,8 @@ def serve(
     source: Annotated[
         str | None, typer.Argument(help="What to open first. [default: simulated:lab]")
     ] = None,
-    host: Annotated[
-        str | None, typer.Option(help="Address to listen on. [default: 127.0.0.1]")
-    ] = None,
-    port: Annotated[int | None, typer.Option(help="Port to listen on. [default: 8080]")] = None,
+    host: HostOption = None,
+    port: PortOption = None,
     data: DataOption = None,
     database: DatabaseOption = None,
     truth: Annotated[
@@ -29,12 +34,9 @@ def serve(
     token_file: Annotated[
         Path | None, typer.Option(help="File that keeps the sign-in token across restarts.")
     ] = None,
-    allowed_host: Annotated[
-        list[str] | None,
-        typer.Option(help="Another host name by which browsers may reach the server."),
-    ] = None,
-    tls_cert: Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
+    allowed_host: AllowedHostOption = None,
+    tls_cert: TlsCertOption = None,
+    tls_key: TlsKeyOption = None,
     no_browser: Annotated[
         bool,
         typer.Option(

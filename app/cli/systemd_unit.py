@@ -10,6 +10,13 @@ from typing import Annotated
 
 import typer
 
+from app.cli.server_options import (
+    AllowedHostOption,
+    HostOption,
+    PortOption,
+    TlsCertOption,
+    TlsKeyOption,
+)
 from app.cli.storage_options import DataOption, chosen_settings
 from app.settings import ENVIRONMENT_PREFIX, Settings
 from observer.errors import InputError
@@ -28,10 +35,8 @@ def systemd_unit(
     source: Annotated[
         str | None, typer.Argument(help="What the server opens first. [default: simulated:lab]")
     ] = None,
-    host: Annotated[
-        str | None, typer.Option(help="Address to listen on. [default: 127.0.0.1]")
-    ] = None,
-    port: Annotated[int | None, typer.Option(help="Port to listen on. [default: 8080]")] = None,
+    host: HostOption = None,
+    port: PortOption = None,
     data: DataOption = None,
     token_file: Annotated[
         Path | None,
@@ -39,12 +44,9 @@ def systemd_unit(
             help="Keeps the links valid across restarts. [default: a file in the data folder]"
         ),
     ] = None,
-    allowed_host: Annotated[
-        list[str] | None,
-        typer.Option(help="Another host name by which browsers may reach the server."),
-    ] = None,
-    tls_cert: Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
+    allowed_host: AllowedHostOption = None,
+    tls_cert: TlsCertOption = None,
+    tls_key: TlsKeyOption = None,
     user: Annotated[
         str | None, typer.Option(help="User that runs the server. [default: you]")
     ] = None,
