@@ -9,6 +9,7 @@ from typing import Any
 
 from app.contract.drive import StartProgramme, StopProgramme
 from app.contract.events import ObservationEvent, StateEvent
+from app.contract.values import LONGEST_NAME
 from app.runtime.heap import return_freed_memory
 from app.server.calibrations.library import keep_own_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
@@ -218,7 +219,7 @@ class RunManager:
     ) -> RunRecord:
         return await asyncio.to_thread(
             self._storage.create_run,
-            name=(name or chosen.name or source_title(chosen.source))[:100],
+            name=(name or chosen.name or source_title(chosen.source))[:LONGEST_NAME],
             source=shown_spec(chosen.source),
             parameters=parameters.values.flat(),
             versions=versions(),
