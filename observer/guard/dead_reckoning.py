@@ -24,6 +24,11 @@ class DeadReckoning:
         self._rows = np.zeros((_CAPACITY, 4))
         self._count = 0
 
+    @property
+    def now(self) -> float | None:
+        """Time of the last call of ``advance``; None before the first."""
+        return float(self._rows[self._count - 1, 0]) if self._count else None
+
     def advance(self, now: float, speed_mps: float, turn_rate_radps: float) -> bool:
         """Take in the velocity at which the robot drove since the last call.
 

@@ -51,7 +51,6 @@ class Side:
         self.watch = SonarWatch()
         self.scan: ScanView | None = None
         self.permitted = (0.0, 0.0)
-        self._now: float | None = None
         self._frame: tuple[int, float] | None = None
         self._calls: deque[tuple[float, float, Limit]] = deque()
         self._heading: tuple[int, int] | None = None
@@ -63,14 +62,14 @@ class Side:
             permitted if known is None else known
             for known, permitted in zip(measured, self.permitted, strict=True)
         )
+        before = self.past.now
         if not self.past.advance(now, speed, turn):
             # Surfaces are kept: the robot has hardly moved, and forgetting them would permit more.
             self.ground.forget()
             self.watch.forget()
             self.release()
-        elif self._now is not None:
-            self.surfaces.carry(self.past.then_from_now(np.array([self._now]))[0])
-        self._now = now
+        elif before is not None:
+            self.surfaces.carry(self.past.then_from_now(np.array([before]))[0])
 
     def see(self, sight: Sight) -> None:
         """Take in a frame if it is new since the last tick."""
