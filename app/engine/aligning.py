@@ -7,14 +7,15 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 from app.engine.errors import unexpected
 from app.workers.alignment.messages import Choices, Solve, Solved
 from app.workers.alignment.process import AlignmentWorker
+from observer.jsonl import ObservationLine
 from observer.truth.alignment.live_clocks import LiveClocks, SourceClock
 from observer.truth.alignment.online import pieces
 from observer.truth.alignment.result import Alignment
@@ -40,9 +41,6 @@ _ANOTHER_CLOCK = (
     "not aligned yet: frames did not arrive in real time because the source paused or was too fast "
     "for this computer; alignment starts over"
 )
-# Fields of an observation that the alignment needs.
-_OF_LINE = ("time", "segment", "pose")
-_OF_OBSTACLE = ("id", "state", "position", "velocity_time", "speed", "speed_std")
 
 
 class Aligns(Protocol):
@@ -108,7 +106,7 @@ class AlignmentThread(threading.Thread):
         self._choices = Choices()
         self._carried: Alignment | None = None
         self._source_clock = SourceClock()
-        self._lines: list[dict[str, Any]] = []
+        self._lines: list[dict[str, object]] = []
         self._kept: deque[BodySample] = deque(maxlen=_MOST_KEPT)
         self._anew = False
         self._slipped = False
@@ -123,7 +121,7 @@ class AlignmentThread(threading.Thread):
         """
         self._waiting.append(partial(self._begin, session, choices, carry=carry))
 
-    def observed(self, line: Mapping[str, Any], received: float) -> None:
+    def observed(self, line: ObservationLine, received: float) -> None:
         """Queue one frame's line with the time the frame was received."""
         self._waiting.append(partial(self._take, line, received))
 
@@ -174,8 +172,8 @@ class AlignmentThread(threading.Thread):
         self._anew, self._slipped = True, False
         self.aligned, self.sentence = None, NOTHING_SEEN
 
-    def _take(self, line: Mapping[str, Any], received: float) -> None:
-        seen = float(line["time"])
+    def _take(self, line: ObservationLine, received: float) -> None:
+        seen = line["time"]
         if self._source_clock.add(seen, received):
             # The source stalled or restarted: the previous result no longer holds.
             self._carried = None
@@ -210,11 +208,24 @@ class AlignmentThread(threading.Thread):
             self._hold(solved.state, clocks, carried=False)
 
 
-def _needed(line: Mapping[str, Any]) -> dict[str, Any]:
-    obstacles = [
-        {name: obstacle.get(name) for name in _OF_OBSTACLE} for obstacle in line["obstacles"]
-    ]
-    return {**{name: line[name] for name in _OF_LINE}, "obstacles": obstacles}
+def _needed(line: ObservationLine) -> dict[str, object]:
+    """Return the part of a line that the alignment needs."""
+    return {
+        "time": line["time"],
+        "segment": line["segment"],
+        "pose": line["pose"],
+        "obstacles": [
+            {
+                "id": obstacle["id"],
+                "state": obstacle["state"],
+                "position": obstacle["position"],
+                "velocity_time": obstacle["velocity_time"],
+                "speed": obstacle["speed"],
+                "speed_std": obstacle["speed_std"],
+            }
+            for obstacle in line["obstacles"]
+        ],
+    }
 
 
 def _believable(found: Alignment, known: Alignment) -> bool:

@@ -10,7 +10,6 @@ import logging
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from app.contract.commands import LiveTruthOrder
 from app.contract.live_truth import LiveTruthStatus
@@ -21,6 +20,7 @@ from app.engine.recording import RunRecorder
 from app.engine.truth_facts import truth_facts
 from app.workers.alignment.messages import Choices
 from observer.geometry import Pose
+from observer.jsonl import ObservationLine
 from observer.mount import CameraMount
 from observer.sources.contract import SIMULATED_KINDS, SourceInfo
 from observer.truth.alignment.newest import NewestTruth
@@ -141,7 +141,7 @@ class LiveTruth:
     def add_frame(
         self,
         observation: Observation,
-        line: Mapping[str, Any],
+        line: ObservationLine,
         received: float,
         recorder: RunRecorder | None,
     ) -> list[TrueBodyEntry]:
@@ -218,7 +218,7 @@ class LiveTruth:
         self,
         listening: _Listening,
         observation: Observation,
-        line: Mapping[str, Any],
+        line: ObservationLine,
         received: float,
     ) -> list[TrueBodyEntry]:
         newest = listening.newest
@@ -226,7 +226,7 @@ class LiveTruth:
         if not self.in_place:
             return []
         listening.aligner.observed(line, received)
-        segment, time = int(line["segment"]), observation.time
+        segment, time = line["segment"], observation.time
         if observation.T_world_camera is not None:
             self._first.append((segment, time, observation.T_world_camera))
         aligned = self._aligned(listening)

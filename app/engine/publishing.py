@@ -7,10 +7,16 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from typing import Any
 
 from app.contract.events import DenseStereoEvent
-from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES, ViewHeader
+from app.contract.views import (
+    CAMERA_NAMES,
+    CLOUD_NAME,
+    DISPARITY_NAME,
+    VIEW_NAMES,
+    CloudHeader,
+    ViewHeader,
+)
 from app.engine.dense_stereo import (
     Cloud,
     DensePair,
@@ -195,7 +201,7 @@ class Publisher:
         watched: frozenset[str],
         keep: CloudKeeper | None,
     ) -> None:
-        values: list[tuple[str, Mapping[str, Any], list[bytes]]] = []
+        values: list[tuple[str, ViewHeader | CloudHeader, list[bytes]]] = []
         if dense is not None and (CLOUD_NAME in watched or keep is not None):
             cloud = cloud_of(pair, dense)
             if CLOUD_NAME in watched:

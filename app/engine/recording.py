@@ -12,10 +12,9 @@ import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from app.contract.answers import KeptClip
 from app.contract.commands import RecordOrder
@@ -23,6 +22,7 @@ from app.contract.status import EgoMotionStatus, RecordingStatus
 from app.engine.dense_stereo import Cloud
 from app.engine.errors import NotNow, unexpected
 from app.engine.playback import PlayedFrame
+from observer.jsonl import ObservationLine
 from observer.navigation.parameters import AllParameters
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import Incident, LocalMapPayload, ParameterRevision, RobotRow
@@ -30,6 +30,7 @@ from observer.recording.ring import Ring
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame
 from observer.truth.csv_file import TruthSample
+from observer.truth.matching import TrueBodyEntry
 from observer.truth.motion_capture import BodySample
 
 _log = logging.getLogger(__name__)
@@ -133,10 +134,10 @@ class RunRecorder(threading.Thread):
 
     def observation(
         self,
-        line: Mapping[str, Any],
+        line: ObservationLine,
         received: float,
         ego_motion: EgoMotionStatus | None,
-        truth: Sequence[Mapping[str, Any]],
+        truth: Sequence[TrueBodyEntry],
         no_truth: str | None = None,
     ) -> None:
         """Record the result of a frame, as in the ``ObservationEvent``.

@@ -106,7 +106,7 @@ def _buffer_of(sequence: int, capacity: int) -> tuple[int, int]:
 class LatestWriter(_Slot):
     """Writing side of a slot. Only one process may write at a time."""
 
-    def write(self, header: Mapping[str, Any], *payload: Buffer) -> int:
+    def write(self, header: Mapping[str, object], *payload: Buffer) -> int:
         """Publish a value, replacing the previous one; never waits for readers.
 
         Args:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,9 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.guard.parameters import GuardParameters
 from observer.intervals import half_95
+from observer.jsonl import ObstacleEntry, line_pose
 from observer.mount import level_pose
-from observer.types import MotionState
+from observer.truth.matching import TrueBodyEntry
 
 # An arrow shows the obstacle's place after this time.
 _ARROW_S = 1.0
@@ -95,13 +95,13 @@ def make_picture(
     """
     mount = state.mount
     T_display_world = level_pose(mount)
-    line: Mapping[str, Any] = event.line if event is not None else {"segment": 0, "obstacles": []}
-    placed = [o for o in line["obstacles"] if o["position"] is not None]
-    pose = line.get("pose")
-    T_world_camera = None if pose is None else _pose(pose)
+    line = None if event is None else event.line
+    reported = () if line is None else line["obstacles"]
+    placed = [o for o in reported if o["position"] is not None]
+    T_world_camera = None if line is None else line_pose(line)
     up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
     return Picture(
-        segment=(generation, int(line["segment"])),
+        segment=(generation, 0 if line is None else line["segment"]),
         T_display_world=T_display_world,
         floor_known=mount is not None,
         T_world_camera=T_world_camera,
@@ -113,7 +113,7 @@ def make_picture(
         truth=_stacked([_true_edges(b, up) for b in (event.truth if event else [])], 12),
         arrows=_stacked([a for o in placed if (a := _arrow(o)) is not None], None),
         tags=tuple(_tag(o, up) for o in placed),
-        positions={int(o["id"]): np.array(o["position"]) for o in placed},
+        positions={o["id"]: np.array(o["position"]) for o in placed},
         robot=robot_marks(
             None if driving is None else driving.robots["observer"],
             mount,
@@ -149,17 +149,14 @@ def _optics(camera: StereoCamera) -> tuple[float, float]:
     return float(fov), camera.width / camera.height
 
 
-def _pose(entry: Mapping[str, Any]) -> Pose:
-    return Pose.from_quaternion(entry["orientation_wxyz"], entry["position"])
-
-
 def _obstacle_edges(
-    obstacle: Mapping[str, Any], T_display_world: Pose, floor_known: bool
+    obstacle: ObstacleEntry, T_display_world: Pose, floor_known: bool
 ) -> Float64Array:
     """Return the edges of an upright box, with its foot extended to the floor if that is near."""
     up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
-    rotation = np.eye(3) if obstacle["orientation_wxyz"] is None else _pose(obstacle).rotation
     position, size = np.array(obstacle["position"]), np.array(obstacle["size"], np.float64)
+    turned = obstacle["orientation_wxyz"]
+    rotation = np.eye(3) if turned is None else Pose.from_quaternion(turned, position).rotation
     foot = float(T_display_world.apply(position)[2]) - size[1] / 2
     if floor_known and 0.0 < foot < _FOOT_M:
         # In depth, feet cannot be told from the floor.
@@ -168,13 +165,13 @@ def _obstacle_edges(
     return box_edges(position, size, uprighted(rotation, up))
 
 
-def _true_edges(body: Mapping[str, Any], up: Float64Array) -> Float64Array:
-    return box_edges(body["position"], body["size"], upright_rotation(float(body["yaw"]), up))
+def _true_edges(body: TrueBodyEntry, up: Float64Array) -> Float64Array:
+    return box_edges(body["position"], body["size"], upright_rotation(body["yaw"], up))
 
 
-def _arrow(obstacle: Mapping[str, Any]) -> Float64Array | None:
+def _arrow(obstacle: ObstacleEntry) -> Float64Array | None:
     velocity = obstacle["velocity"]
-    if velocity is None or obstacle["motion"] == MotionState.IN_PLACE:
+    if velocity is None or obstacle["motion"] == "in_place":
         return None
     if obstacle["speed"] < _SLOWEST_ARROW_MPS:
         return None
@@ -182,10 +179,10 @@ def _arrow(obstacle: Mapping[str, Any]) -> Float64Array | None:
     return np.stack([start, start + np.array(velocity) * _ARROW_S])
 
 
-def _tag(obstacle: Mapping[str, Any], up: Float64Array) -> Tag:
+def _tag(obstacle: ObstacleEntry, up: Float64Array) -> Tag:
     half = float(np.max(obstacle["size"])) / 2
     position = np.array(obstacle["position"]) + up * (half + _LABEL_ABOVE_M)
-    if obstacle["motion"] == MotionState.IN_PLACE:
+    if obstacle["motion"] == "in_place":
         return Tag(f"#{obstacle['id']}  in place", position)
     speed, std = obstacle["speed"], obstacle["speed_std"]
     spread = "" if std is None else f" ± {half_95(std):.2f}"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from observer.geometry import Pose
 from observer.mount import CameraMount
@@ -35,13 +35,13 @@ class Solve:
 
     Attributes:
         anew: earlier observations belong to another source, or to an earlier start of this one.
-        lines: as made by ``observer.jsonl.observation_line``.
+        lines: as made by ``observer.jsonl.observation_line``, with what the alignment needs.
         samples: motion capture's bodies, on its own clock.
         clocks: the relation between both clocks, as known now.
     """
 
     anew: bool
-    lines: tuple[dict[str, Any], ...]
+    lines: tuple[Mapping[str, object], ...]
     samples: tuple[Trajectory, ...]
     clocks: LiveClocks
     choices: Choices

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from typing import cast
 
 from app.engine.aligning import AlignmentThread
 from app.workers.alignment.messages import Choices, Solve, Solved
 from observer.geometry import Pose
+from observer.jsonl import ObservationLine
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.live.clock import ClockFit
@@ -40,6 +42,10 @@ class ScriptedWorker:
         pass
 
 
+def empty_line(at: float) -> ObservationLine:
+    return cast(ObservationLine, {"time": at, "segment": 0, "pose": None, "obstacles": []})
+
+
 def test_a_known_delay_is_not_replaced_by_a_few_seconds_of_data() -> None:
     found = [
         (0.10, 0.01, 10.0), (0.70, 0.01, 5.0), None, (0.12, 0.01, 8.0), (0.40, 0.01, 30.0),
@@ -52,8 +58,7 @@ def test_a_known_delay_is_not_replaced_by_a_few_seconds_of_data() -> None:
         aligner.begin(1, Choices(), carry=False)
         now = 0.0
         while len(worker.jobs) < len(found):
-            line = {"time": now, "segment": 0, "pose": None, "obstacles": []}
-            aligner.observed(line, now + 0.01)
+            aligner.observed(empty_line(now), now + 0.01)
             now += 0.1
             time.sleep(0.01)
             aligned = aligner.aligned
@@ -65,7 +70,7 @@ def test_a_known_delay_is_not_replaced_by_a_few_seconds_of_data() -> None:
         # The same source reopened: the same delay, but the world frame is new.
         aligner.begin(2, Choices(), carry=True)
         for _ in range(15):
-            aligner.observed({"time": now, "segment": 0, "pose": None, "obstacles": []}, now + 0.01)
+            aligner.observed(empty_line(now), now + 0.01)
             now += 0.1
         carried = until(
             lambda: aligner.aligned and aligner.aligned.session == 2 and aligner.aligned, "carried"

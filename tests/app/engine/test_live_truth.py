@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from app.engine.aligning import AlignmentThread
 from app.engine.live_truth import LiveTruth, ObservedSource
 from app.engine.motion_listening import CONNECTING
 from observer.geometry import Pose
+from observer.jsonl import ObservationLine
 from observer.recording.reader import Recording
 from observer.sources.contract import SourceInfo
 from observer.truth.live.clock import ClockFit
@@ -130,7 +131,7 @@ class Lab:
         observation = Observation(
             index, seen_at, received, line["segment"], Status.OK, (), 1, pose, ()
         )
-        return self.truth.add_frame(observation, line, received, None)
+        return self.truth.add_frame(observation, cast(ObservationLine, line), received, None)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from app.engine.recorders import Recorders
 from app.engine.recording import RunRecorder
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
+from observer.jsonl import ObservationLine
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
@@ -40,6 +41,7 @@ FRAME_BYTES = 2 * WIDTH * HEIGHT
 FACTS = RunFacts(
     id="r1", name="", source="", info={}, calibration_yaml=CALIBRATION, images="lossless"
 )
+NO_LINE = cast(ObservationLine, {"no": "line"})
 
 
 def frame(index: int) -> StereoFrame:
@@ -221,7 +223,7 @@ def test_a_resumed_run_is_recorded_in_the_same_file(tmp_path: Path) -> None:
 
 def test_invalid_data_ends_the_recording_and_states_the_error(tmp_path: Path) -> None:
     recorder = begin(command(tmp_path / "recording.mcap"))
-    recorder.observation({"no": "line"}, time.monotonic(), None, [])
+    recorder.observation(NO_LINE, time.monotonic(), None, [])
     until(lambda: recorder.facts().trouble)
     assert "KeyError" in recorder.facts().trouble
     ended(recorder)
@@ -232,7 +234,7 @@ def test_a_clip_that_waits_for_a_failing_recording_is_refused(tmp_path: Path) ->
     slow = SlowWriter(RecordingWriter(path, FACTS, ring=ring))
     recorder = RunRecorder(slow, order(path), ring=ring)  # type: ignore[arg-type]
     give(recorder, 0)
-    recorder.observation({"no": "line"}, time.monotonic(), None, [])
+    recorder.observation(NO_LINE, time.monotonic(), None, [])
     told: list[Any] = []
     recorder.save_clip(tmp_path / "clip.mcap", 0, told.append)
     recorder.save_clip(tmp_path / "another.mcap", 0, told.append)
@@ -254,7 +256,7 @@ def test_a_clip_is_refused_if_its_recording_is_given_up_meanwhile(
     slow = SlowWriter(RecordingWriter(path, FACTS, ring=ring))
     recorder = RunRecorder(slow, order(path), ring=ring)  # type: ignore[arg-type]
     give(recorder, 0)
-    recorder.observation({"no": "line"}, time.monotonic(), None, [])
+    recorder.observation(NO_LINE, time.monotonic(), None, [])
     queue_it = recorder._give
 
     def slowly(*work: Any) -> bool:
