@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -19,6 +19,7 @@ from app.reports.pairing import pair_with_truth
 from observer.errors import InputError, TruthError
 from observer.evaluation.speed_errors import TrueMotion
 from observer.geometry import Pose
+from observer.jsonl import ObservationLine
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.recording.reader import Recording
 from observer.recording.run_times import RunTimes
@@ -170,7 +171,7 @@ def alignment_facts(alignment: Alignment) -> AlignmentFacts:
 def gather_compared(
     path: Path,
     comparison: Comparison | None,
-    lines: Iterable[Mapping[str, Any]] | None = None,
+    lines: Iterable[ObservationLine] | None = None,
 ) -> Gathered:
     """Gather as ``gather`` does, with this truth instead of the recorded one.
 
@@ -190,7 +191,7 @@ def gather_compared(
 
 def true_speeds(recording: Recording) -> list[dict[str, Any]]:
     """Return each body's true speed at each frame, as the database stores them."""
-    lines = list(recording.lines())
+    lines = cast(list[ObservationLine], list(recording.lines()))
     matched = tuple(recording.matched_truth())
     truth = recording.truth()
     if not matched and truth is not None:
@@ -251,8 +252,8 @@ class ComparedRecording(Recording):
             return
         truth = AlignedTruth(capture, alignment)
         names = [name for name, role in alignment.roles.items() if role == OBSTACLE]
-        for line in self.lines():
-            time = float(line["time"])
+        for line in cast(Iterator[ObservationLine], self.lines()):
+            time = line["time"]
             bodies = [
                 MatchedBody.of(entry(body, Pose.identity(), None)) for body in truth.bodies(time)
             ]
@@ -261,7 +262,7 @@ class ComparedRecording(Recording):
                 self.unplaced |= {time} if bodies else set()
             tracks = _tracks(alignment, line, bodies)
             yield MatchedTruth(
-                frame=int(line["frame"]),
+                frame=line["frame"],
                 time=time,
                 bodies=[
                     msgspec.structs.replace(body, track_id=tracks.get(body.name)) for body in bodies
@@ -283,19 +284,19 @@ def _speeds_only(truth: AlignedTruth, names: Iterable[str], time: float) -> list
 
 
 def _tracks(
-    alignment: Alignment, line: Mapping[str, Any], bodies: Iterable[MatchedBody]
+    alignment: Alignment, line: ObservationLine, bodies: Iterable[MatchedBody]
 ) -> dict[str, int]:
     """Return, by body, the nearest of its tracks."""
     places = {body.name: np.array(body.position) for body in bodies}
     found: dict[str, tuple[float, int]] = {}
     for reported in line["obstacles"]:
-        match = alignment.matches.get(TrackKey(int(line["segment"]), int(reported["id"])))
+        match = alignment.matches.get(TrackKey(line["segment"], reported["id"]))
         if match is None or match.body not in places:
             continue
         distance = np.inf
         if reported["position"] is not None:
             distance = float(np.linalg.norm(places[match.body] - np.array(reported["position"])))
-        candidate = float(np.nan_to_num(distance, nan=np.inf)), int(reported["id"])
+        candidate = float(np.nan_to_num(distance, nan=np.inf)), reported["id"]
         found[match.body] = min(found.get(match.body, candidate), candidate)
     return {body: track for body, (_, track) in found.items()}
 

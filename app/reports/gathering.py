@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from app.reports.pairing import pair_with_truth
 from observer.errors import DynamicObserverError
 from observer.evaluation.speed_errors import AT_REST, SeenMotion, TrueMotion
 from observer.geometry import Float64Array, Pose
-from observer.jsonl import line_pose
+from observer.jsonl import ObservationLine, line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth, RobotRow
 from observer.recording.reader import Recording
 from observer.recording.run_times import RunTimes
@@ -53,7 +53,7 @@ class Gathered:
     """
 
     span: tuple[float, float] | None
-    lines: tuple[Mapping[str, Any], ...]
+    lines: tuple[ObservationLine, ...]
     matched: tuple[MatchedTruth, ...]
     true: tuple[TrueMotion, ...]
     seen: tuple[SeenMotion, ...]
@@ -67,7 +67,7 @@ class Gathered:
 def gather(
     recording: Recording,
     alignment: Alignment | None = None,
-    lines: Iterable[Mapping[str, Any]] | None = None,
+    lines: Iterable[ObservationLine] | None = None,
 ) -> Gathered:
     """Read everything but images.
 
@@ -76,13 +76,16 @@ def gather(
         lines: of the same frames, observed differently than in the run; None for the run's own.
     """
     matched = tuple(recording.matched_truth()) if lines is None else ()
-    lines = tuple(recording.lines() if lines is None else lines)
+    if lines is None:
+        lines = cast(Iterable[ObservationLine], recording.lines())
+    lines = tuple(lines)
     words = "Ground truth was recorded with the run."
     if not matched:
         truth, alignment, words = _truth(recording, lines, alignment)
         matched = () if truth is None else pair_with_truth(lines, truth)
     times = RunTimes(recording.frames)
-    lines, matched = times.lines(lines), times.matched(matched)
+    lines = cast(tuple[ObservationLine, ...], times.lines(lines))
+    matched = times.matched(matched)
     true = _true_motions(lines, matched)
     seen, unmatched = seen_motions(lines, matched)
     rows = times.robots(recording.robot_rows())
@@ -110,7 +113,7 @@ def gather(
 
 
 def _truth(
-    recording: Recording, lines: Sequence[Mapping[str, Any]], alignment: Alignment | None
+    recording: Recording, lines: Sequence[ObservationLine], alignment: Alignment | None
 ) -> tuple[Truth | None, Alignment | None, str]:
     sampled = recording.truth()
     if sampled is not None:
@@ -128,7 +131,7 @@ def _truth(
 
 
 def seen_motions(
-    lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
+    lines: Iterable[ObservationLine], matched: Iterable[MatchedTruth]
 ) -> tuple[tuple[SeenMotion, ...], tuple[SeenMotion, ...]]:
     """Return the tracks assigned to a body, and those assigned to none; times are the run's."""
     # Numbers of frames and tracks repeat where an engine was replaced; the run's times do not.
@@ -157,7 +160,7 @@ def seen_motions(
 
 
 def _true_motions(
-    lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
+    lines: Iterable[ObservationLine], matched: Iterable[MatchedTruth]
 ) -> tuple[TrueMotion, ...]:
     poses = {(line["frame"], line["time"]): line_pose(line) for line in lines}
     samples = [payload for payload in matched if (payload.frame, payload.time) in poses]

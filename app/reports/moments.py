@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from app.reports.gathering import Gathered
 from observer.camera import StereoCamera
 from observer.geometry import BOX_CORNERS, Float64Array
-from observer.jsonl import line_pose
+from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
 from observer.observer import Observer
 from observer.parameters import Parameters, preset
 from observer.parameters.fields import PLANAR
@@ -55,7 +55,7 @@ class Moment:
     """
 
     position: int
-    line: Mapping[str, Any]
+    line: ObservationLine
     trace: Mapping[str, Any]
     parameters: Parameters
     camera: StereoCamera
@@ -114,15 +114,15 @@ def moving_px(moment: Moment) -> Float64Array:
     return found
 
 
-def is_moving(entry: Mapping[str, Any]) -> bool:
+def is_moving(entry: ObstacleEntry) -> bool:
     """Return true if an obstacle of a line was measured and moves."""
-    return bool(entry["state"] == "confirmed" and entry["motion"] == "moving")
+    return entry["state"] == "confirmed" and entry["motion"] == "moving"
 
 
-def most_significant(line: Mapping[str, Any]) -> Mapping[str, Any] | None:
+def most_significant(line: ObservationLine) -> ObstacleEntry | None:
     """Return the obstacle of a line that moves with the highest significance."""
     moving = [entry for entry in line["obstacles"] if is_moving(entry)]
-    return max(moving, key=lambda entry: float(entry["significance"]), default=None)
+    return max(moving, key=lambda entry: entry["significance"], default=None)
 
 
 class Moments:
@@ -139,7 +139,7 @@ class Moments:
             line = self._lines.get(frame)
             best = None if line is None or position == 0 else most_significant(line)
             if best is not None:
-                self._moving.append((position, float(best["significance"])))
+                self._moving.append((position, best["significance"]))
         self._truth = {(payload.frame, payload.time): payload for payload in gathered.matched}
         self._revisions = replay_revisions(source.recording)
 
@@ -187,7 +187,7 @@ class Moments:
         return Moment(position, line, trace, parameters, observer.camera, boxes, by_truth)
 
     def _moving_boxes(
-        self, line: Mapping[str, Any], camera: StereoCamera
+        self, line: ObservationLine, camera: StereoCamera
     ) -> tuple[tuple[Float64Array, ...], bool]:
         payload = self._truth.get((line["frame"], line["time"]))
         if payload is not None and line["pose"] is not None:
@@ -197,7 +197,7 @@ class Moments:
 
 
 def _true_boxes(
-    payload: MatchedTruth, line: Mapping[str, Any], camera: StereoCamera
+    payload: MatchedTruth, line: ObservationLine, camera: StereoCamera
 ) -> tuple[Float64Array, ...]:
     T_world_camera = line_pose(line)
     assert T_world_camera is not None

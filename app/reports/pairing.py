@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
-from observer.jsonl import line_pose
+from observer.jsonl import ObservationLine, line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.truth.contract import Truth
 from observer.truth.matching import SegmentWorlds, assign, entry
 
 
-def pair_with_truth(lines: Iterable[Mapping[str, Any]], truth: Truth) -> tuple[MatchedTruth, ...]:
+def pair_with_truth(lines: Iterable[ObservationLine], truth: Truth) -> tuple[MatchedTruth, ...]:
     """Return the true bodies in each observation's world, with the tracks nearest to them.
 
     The two worlds are aligned as by ``SegmentWorlds``.
@@ -19,12 +18,12 @@ def pair_with_truth(lines: Iterable[Mapping[str, Any]], truth: Truth) -> tuple[M
     worlds = SegmentWorlds(truth)
     found = []
     for line in lines:
-        frame, time = int(line["frame"]), float(line["time"])
-        T = worlds.at(int(line["segment"]), frame, time, line_pose(line))
+        frame, time = line["frame"], line["time"]
+        T = worlds.at(line["segment"], frame, time, line_pose(line))
         if T is None:
             continue
         bodies = truth.bodies(time)
-        positions = {int(each["id"]): each["position"] for each in line["obstacles"]}
+        positions = {each["id"]: each["position"] for each in line["obstacles"]}
         tracks = assign([b for b in bodies if b.role != "observer"], T, positions)
         matched = [MatchedBody.of(entry(body, T, tracks.get(body.id))) for body in bodies]
         found.append(MatchedTruth(frame=frame, time=time, bodies=matched))

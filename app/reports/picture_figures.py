@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,7 +27,7 @@ from observer.figures import (
     show_stars,
 )
 from observer.geometry import BOX_CORNERS, Float64Array, Pose
-from observer.jsonl import line_pose
+from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
 from observer.vision.stereo import disparity_map, point_cloud
 
 _CLOUD_POINTS = 12_000
@@ -100,7 +99,7 @@ def false_points_figure(published: Moment, own: Moment) -> Figure:
     return figure
 
 
-def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
+def cloud_figure(moment: Moment, obstacle: ObstacleEntry) -> Figure:
     """Draw (a) the obstacle in the image, (b) in the 3D cloud from above and from its left side."""
     corners = box_corners(moment.line, obstacle)
     points, colors = point_cloud(
@@ -120,9 +119,7 @@ def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def recorded_cloud_figure(
-    cloud: Cloud, line: Mapping[str, Any], obstacle: Mapping[str, Any]
-) -> Figure:
+def recorded_cloud_figure(cloud: Cloud, line: ObservationLine, obstacle: ObstacleEntry) -> Figure:
     """Draw (b) alone, for a run without images: the obstacle in a recorded cloud."""
     figure = Figure(figsize=(7.6, 3.5), layout="constrained", facecolor="white")
     above, aside = figure.subplots(1, 2)
@@ -161,18 +158,19 @@ def _views(
     aside.invert_yaxis()
 
 
-def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64Array:
+def box_corners(line: ObservationLine, obstacle: ObstacleEntry) -> Float64Array:
     """Return the (8, 3) corners of an obstacle's box with a known position, camera frame, m."""
-    T_world_camera = line_pose(line)
+    T_world_camera, position = line_pose(line), obstacle["position"]
     assert T_world_camera is not None
+    assert position is not None
     T_camera_world = T_world_camera.inverse()
     turned = obstacle["orientation_wxyz"] or (1.0, 0.0, 0.0, 0.0)
-    T_world_box = Pose.from_quaternion(turned, obstacle["position"])
+    T_world_box = Pose.from_quaternion(turned, position)
     corners = T_world_box.apply(BOX_CORNERS * np.array(obstacle["size"]) / 2)
     return T_camera_world.apply(corners)
 
 
-def _boxes(axes: Axes, line: Mapping[str, Any], color: str = YELLOW) -> None:
+def _boxes(axes: Axes, line: ObservationLine, color: str = YELLOW) -> None:
     for entry in line["obstacles"]:
         if not is_moving(entry):
             continue

@@ -6,9 +6,9 @@ the picture says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from matplotlib.figure import Figure
 
@@ -26,6 +26,7 @@ from app.reports.report_figure import ReportFigure, Step
 from app.reports.stereo_figure import Triangulated, stereo_figure, triangulated
 from observer.errors import DynamicObserverError
 from observer.exporting.clouds import Cloud, recorded_clouds
+from observer.jsonl import ObservationLine, ObstacleEntry
 from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
@@ -154,7 +155,7 @@ def _stereo(own: Moment | None) -> _Made:
     if own is None:
         return "", None, _NOT_OBSERVED
 
-    def draw(obstacle: Mapping[str, Any]) -> _Made:
+    def draw(obstacle: ObstacleEntry) -> _Made:
         found = triangulated(own, obstacle)
         if found is None:
             reason = "No moving point of the obstacle has a disparity in the chosen frame."
@@ -164,7 +165,7 @@ def _stereo(own: Moment | None) -> _Made:
     return _of_obstacle(own, draw)
 
 
-def _stereo_caption(own: Moment, obstacle: Mapping[str, Any], found: Triangulated) -> str:
+def _stereo_caption(own: Moment, obstacle: ObstacleEntry, found: Triangulated) -> str:
     centre = "."
     if found.centre is not None:
         centre = f", and the run reported the obstacle's centre {found.centre[1]:.2f} m ahead."
@@ -208,8 +209,10 @@ def _cloud(own: Moment | None) -> _Made:
     if own is None:
         return "", None, _NOT_OBSERVED
 
-    def draw(obstacle: Mapping[str, Any]) -> _Made:
-        x, y, z = obstacle["position"]
+    def draw(obstacle: ObstacleEntry) -> _Made:
+        position = obstacle["position"]
+        assert position is not None
+        x, y, z = position
         return (
             f"{_chosen(own)} The stereo camera is at the origin (triangle); the red box is "
             f"obstacle {obstacle['id']}, {obstacle['range']:.2f} m away, at "
@@ -226,23 +229,24 @@ def _recorded_cloud(path: Path, reason: str) -> _Made:
     Args:
         reason: why there are no images.
     """
-    found: list[tuple[float, Cloud, Mapping[str, Any], Mapping[str, Any]]] = []
+    found: list[tuple[Cloud, ObservationLine, ObstacleEntry]] = []
     with Recording(path) as recording:
-        lines = {(line["frame"], line["time"]): line for line in recording.lines()}
+        recorded = cast(Iterator[ObservationLine], recording.lines())
+        lines = {(line["frame"], line["time"]): line for line in recorded}
         for _, cloud in recorded_clouds(recording):
             line = lines.get((cloud.index, cloud.time))
             obstacle = None if line is None else most_significant(line)
             if line is None or line["pose"] is None or obstacle is None:
                 continue
             if obstacle["position"] is not None:
-                found.append((float(obstacle["significance"]), cloud, line, obstacle))
+                found.append((cloud, line, obstacle))
     if not found:
         return (
             "",
             None,
             f"{reason}, and no point cloud of a frame with a moving obstacle was recorded.",
         )
-    _, cloud, seen, moving = max(found, key=lambda each: each[0])
+    cloud, seen, moving = max(found, key=lambda each: each[2]["significance"])
     return (
         f"Frame {seen['frame']}, t = {seen['time']:.2f} s, the most significant detection among "
         "the frames with a recorded point cloud. The stereo camera is at the origin (triangle); "
@@ -253,7 +257,7 @@ def _recorded_cloud(path: Path, reason: str) -> _Made:
 
 
 def _of_obstacle(
-    own: Moment, draw: Callable[[Mapping[str, Any]], _Made], *, placed: bool = False
+    own: Moment, draw: Callable[[ObstacleEntry], _Made], *, placed: bool = False
 ) -> _Made:
     """Draw what needs both cameras and the most significant obstacle.
 

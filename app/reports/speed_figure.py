@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +13,7 @@ from observer.evaluation.gaps import broken
 from observer.evaluation.speed_errors import SeenMotion
 from observer.figures import BLUE, INK, ORANGE, PURPLE, TEAL, plain_axes
 from observer.intervals import SIGMAS_95
+from observer.jsonl import ObservationLine
 
 # Tracks with fewer samples are drawn without their number.
 _NAMED_FROM = 5
@@ -99,7 +99,7 @@ def _name_starts(axes: Axes, motions: Sequence[SeenMotion]) -> None:
         axes.plot([], [], "o", color=INK, markersize=3.5, label="start of a track, segment:number")
 
 
-def _mark_segments(axes: Axes, lines: Iterable[Mapping[str, Any]]) -> None:
+def _mark_segments(axes: Axes, lines: Iterable[ObservationLine]) -> None:
     """Mark where a segment begins after the first, as at a rewind: all its tracks are new."""
     begins: dict[int, float] = {}
     for line in lines:

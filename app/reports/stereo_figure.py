@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +12,7 @@ from app.reports.moments import Moment, moving_px
 from observer.camera import as_gray
 from observer.figures import BLUE, GREEN, INK, ORANGE, RED, plain_axes, show_image, show_stars
 from observer.geometry import Float64Array
-from observer.jsonl import line_pose
+from observer.jsonl import ObstacleEntry, line_pose
 from observer.types import BoxPx
 from observer.vision.stereo import disparity_map
 
@@ -61,7 +59,7 @@ class Triangulated:
         return self.focal_px * self.baseline_m / self.disparity
 
 
-def triangulated(moment: Moment, obstacle: Mapping[str, Any]) -> Triangulated | None:
+def triangulated(moment: Moment, obstacle: ObstacleEntry) -> Triangulated | None:
     """Return a point of the obstacle seen by both cameras; None if none has a disparity."""
     px = moving_px(moment)
     u0, v0, u1, v1 = obstacle["box_px"]
@@ -183,7 +181,7 @@ def _disparities(moment: Moment, px: Float64Array) -> Float64Array:
     return found
 
 
-def _centre(moment: Moment, obstacle: Mapping[str, Any]) -> tuple[float, float] | None:
+def _centre(moment: Moment, obstacle: ObstacleEntry) -> tuple[float, float] | None:
     T_world_camera = line_pose(moment.line)
     if T_world_camera is None or obstacle["position"] is None:
         return None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from observer.camera import StereoCamera
 from observer.evaluation.lines import checked_lines
 from observer.evaluation.tally import Sample, Tally, tally
 from observer.geometry import Pose
-from observer.jsonl import line_pose
+from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
 from observer.truth.contract import Truth
@@ -46,7 +46,7 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         CalibrationError: the recorded calibration cannot be used.
     """
     camera = Rectification(recording.calibration()).camera
-    lines = list(recording.lines())
+    lines = cast(list[ObservationLine], list(recording.lines()))
     scores = None
     if truth is not None:
         size = camera.width, camera.height
@@ -69,8 +69,8 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
 
 
 def _with_lines(
-    frames: Sequence[RecordedFrame], lines: Sequence[Mapping[str, Any]]
-) -> Iterator[tuple[RecordedFrame, Mapping[str, Any] | None]]:
+    frames: Sequence[RecordedFrame], lines: Sequence[ObservationLine]
+) -> Iterator[tuple[RecordedFrame, ObservationLine | None]]:
     """Yield each frame with its line, or None: a killed engine leaves a frame without one."""
     at = 0
     for frame in frames:
@@ -134,14 +134,14 @@ class _Sums:
 
 def _entry(
     frame: RecordedFrame,
-    line: Mapping[str, Any] | None,
+    line: ObservationLine | None,
     camera: StereoCamera,
     truth: Truth | None,
     scores: _Scores | None,
     plans: Plans,
     goal: GoalNow | None,
 ) -> FrameEntry:
-    place = None if line is None else (int(line["segment"]), int(line["frame"]))
+    place = None if line is None else (line["segment"], line["frame"])
     false = set() if scores is None or place is None else scores.false(place)
     took = None if line is None else line["timings_ms"].get(_TOTAL)
     return FrameEntry(
@@ -158,7 +158,7 @@ def _entry(
 
 
 def _obstacles(
-    line: Mapping[str, Any], camera: StereoCamera, false: set[int]
+    line: ObservationLine, camera: StereoCamera, false: set[int]
 ) -> Iterator[FrameObstacle]:
     pose = line_pose(line)
     for entry in line["obstacles"]:
@@ -177,7 +177,7 @@ def _obstacles(
         )
 
 
-def _arrow(entry: Mapping[str, Any], pose: Pose | None, camera: StereoCamera) -> list[float] | None:
+def _arrow(entry: ObstacleEntry, pose: Pose | None, camera: StereoCamera) -> list[float] | None:
     """Return the motion of the next second in the image; None if unknown or not visible."""
     if entry["motion"] != "moving" or entry["state"] == "coasting":
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from app.contract.frame_plan import SIGMAS_95_2D, FramePlan, PlanBody, PlanMap, PlanObstacle
 from app.contract.robots import GoalNow
 from observer.geometry import Float64Array, Pose
-from observer.jsonl import line_pose
+from observer.jsonl import ObservationLine, line_pose
 from observer.mount import level_pose
 from observer.recording.local_maps import maps_in_force
 from observer.recording.payloads import RecordedFrame
@@ -41,7 +41,7 @@ class Plans:
         self._worlds = None if truth is None else SegmentWorlds(truth)
 
     def of(
-        self, frame: RecordedFrame, line: Mapping[str, Any] | None, goal: GoalNow | None = None
+        self, frame: RecordedFrame, line: ObservationLine | None, goal: GoalNow | None = None
     ) -> FramePlan:
         """Return the plan of the next frame.
 
@@ -52,7 +52,7 @@ class Plans:
         time = self._clock.add_recorded(frame)
         if line is None:
             return FramePlan(time, self._segment, None, [], [])
-        self._segment = int(line["segment"])
+        self._segment = line["segment"]
         pose = line_pose(line)
         way = self._way(pose, goal)
         return FramePlan(
@@ -80,7 +80,7 @@ class Plans:
         ahead = T_level_camera.rotate([0.0, 0.0, 1.0])
         return [*_flat(T_level_camera.translation), _angle(ahead)]
 
-    def _obstacles(self, line: Mapping[str, Any]) -> Iterator[PlanObstacle]:
+    def _obstacles(self, line: ObservationLine) -> Iterator[PlanObstacle]:
         for entry in line["obstacles"]:
             if entry["position"] is None:
                 continue

@@ -6,6 +6,7 @@ import csv
 import io
 import time
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -15,7 +16,7 @@ from app.reports.page import report_html
 from app.reports.report import make_report
 from app.reports.run_chart import chart_csv, chart_values
 from app.reports.speed_figure import speed_figure
-from observer.jsonl import observation_line
+from observer.jsonl import ObservationLine, observation_line
 from observer.observer import Observer
 from observer.opening import open_source
 from observer.recording.payloads import MatchedBody, MatchedTruth, RecordedFrame
@@ -95,7 +96,8 @@ def test_truth_is_matched_to_the_frame_of_its_own_engine() -> None:
             )  # fmt: skip
             matched.append(MatchedTruth(frame=k, time=k * STEP, bodies=[body]))
     times = RunTimes(frames)
-    placed, true = times.lines(lines), times.matched(matched)
+    placed = cast(tuple[ObservationLine, ...], times.lines(lines))
+    true = times.matched(matched)
     seen, unmatched = seen_motions(placed, true)
     assert [(each.track, each.body, len(each.times)) for each in seen] == [
         ("0:7", "cart", 3),

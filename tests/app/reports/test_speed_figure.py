@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from app.reports.speed_figure import speed_figure
 from observer.evaluation.gaps import broken
 from observer.evaluation.speed_errors import SeenMotion, TrueMotion
 from observer.figures import INK, figure_bytes, themed_svg
+from observer.jsonl import ObservationLine
 from observer.truth.contract import TrueBody
 from observer.truth.csv_file import SampledTruth, TruthSample
 
@@ -52,7 +54,8 @@ def test_gaps_break_lines() -> None:
 
 def test_new_segments_are_marked(gathered: Gathered) -> None:
     label = "new segment, with new tracks"
-    lines = tuple({"segment": int(t >= 2) + int(t >= 3), "time": float(t)} for t in TIMES)
+    bare = tuple({"segment": int(t >= 2) + int(t >= 3), "time": float(t)} for t in TIMES)
+    lines = cast(tuple[ObservationLine, ...], bare)
     (axes,) = speed_figure([("", dataclasses.replace(gathered, lines=lines))]).axes
     upright = [x for line in axes.lines if len(x := np.asarray(line.get_xdata())) == 2]
     assert [x.tolist() for x in upright] == [[2.0, 2.0], [3.0, 3.0]]
@@ -94,8 +97,8 @@ def test_a_chart_inherits_its_colours_from_the_page(gathered: Gathered) -> None:
     assert figure_bytes(figure, "a", "svg") == figure_bytes(figure, "a", "svg")
 
 
-def _line(number: int, id_: int, x: float, state: str = "confirmed") -> dict[str, object]:
-    return {
+def _line(number: int, id_: int, x: float, state: str = "confirmed") -> ObservationLine:
+    bare = {
         "frame": number, "time": number / 10, "segment": 0,
         "pose": {"position": [0.0, 0.0, 0.0], "orientation_wxyz": [1.0, 0.0, 0.0, 0.0]},
         "obstacles": [{
@@ -103,6 +106,7 @@ def _line(number: int, id_: int, x: float, state: str = "confirmed") -> dict[str
             "speed": 0.3, "speed_std": None, "velocity_time": number / 10 - 0.05,
         }],
     }  # fmt: skip
+    return cast(ObservationLine, bare)
 
 
 def test_tracks_are_matched_by_position_and_coasting_ones_omitted() -> None:

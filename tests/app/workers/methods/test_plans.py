@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ import pytest
 from app.contract.robots import GoalNow
 from app.workers.methods.plans import Plans
 from observer.geometry import Pose
+from observer.jsonl import ObservationLine
 from observer.mount import CameraMount, level_pose
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
@@ -32,18 +33,19 @@ class _Recording:
         return self._mount
 
 
-def line(pose: Pose, position: Any, covariance: Any, segment: int = 0) -> dict[str, Any]:
+def line(pose: Pose, position: Any, covariance: Any, segment: int = 0) -> ObservationLine:
     obstacle = {
         "id": 4, "state": "confirmed", "motion": "moving", "position": list(position),
         "velocity": [0.5, 0.0, 0.0], "position_cov": covariance,
     }  # fmt: skip
-    return {
+    bare = {
         "frame": 0, "time": 0.0, "segment": segment, "obstacles": [obstacle],
         "pose": {
             "position": pose.translation.tolist(),
             "orientation_wxyz": pose.quaternion_wxyz.tolist(),
         },
     }  # fmt: skip
+    return cast(ObservationLine, bare)
 
 
 def frame(number: int, time: float) -> RecordedFrame:
@@ -118,7 +120,7 @@ def test_time_continues_after_a_source_restart_and_lost_frames_have_plans(
 ) -> None:
     with Recording(plant_run(tmp_path)) as recording:
         plans = Plans(recording, None)
-        lines = list(recording.lines())
+        lines = cast(list[ObservationLine], list(recording.lines()))
         first = plans.of(recording.frames[0], lines[0])
         lost = plans.of(recording.frames[1], None)
         assert (lost.camera, lost.obstacles, lost.truth) == (None, [], [])
