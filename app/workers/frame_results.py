@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import msgspec
+from typing_extensions import TypedDict
 
-_OBSTACLE = ("id", "state", "velocity_time", "speed", "speed_std")
+from app.contract.events import LiveLine
+from observer.jsonl import ObservationLine
+from observer.truth.matching import TrueBodyEntry
+
+
+class SeenSpeed(TypedDict):
+    """Part of an ``observer.jsonl.ObstacleEntry`` that the server keeps."""
+
+    id: int
+    state: Literal["tentative", "confirmed", "coasting"]
+    velocity_time: float
+    speed: float
+    speed_std: float | None
 
 
 @dataclass(frozen=True)
@@ -17,23 +30,33 @@ class FrameResult:
     """Part of one frame's result that the server keeps.
 
     Attributes:
-        line: ``time``, ``segment`` and ``obstacles`` of the observation's JSON line.
-        truth: entries as in ``ObservationEvent.truth``.
+        time, segment: as in the observation's JSON line.
+        truth: as in ``ObservationEvent.truth``.
         offset_s: offset of the run's clock from the source's.
     """
 
-    line: dict[str, Any]
-    truth: list[dict[str, Any]]
+    time: float
+    segment: int
+    obstacles: Sequence[SeenSpeed]
+    truth: Sequence[TrueBodyEntry]
     offset_s: float = 0.0
 
 
 def frame_result(
-    line: Mapping[str, Any], truth: Iterable[Mapping[str, Any]], offset_s: float = 0.0
+    line: ObservationLine | LiveLine, truth: Sequence[TrueBodyEntry], offset_s: float = 0.0
 ) -> FrameResult:
     """Return what the server keeps of an observation's JSON line and its ground truth."""
-    obstacles = [{name: each[name] for name in _OBSTACLE} for each in line["obstacles"]]
-    kept = {"time": line["time"], "segment": line["segment"], "obstacles": obstacles}
-    return FrameResult(kept, [dict(each) for each in truth], offset_s)
+    obstacles: list[SeenSpeed] = [
+        {
+            "id": each["id"],
+            "state": each["state"],
+            "velocity_time": each["velocity_time"],
+            "speed": each["speed"],
+            "speed_std": each["speed_std"],
+        }
+        for each in line["obstacles"]
+    ]
+    return FrameResult(line["time"], line["segment"], obstacles, truth, offset_s)
 
 
 def result_line(result: FrameResult) -> bytes:

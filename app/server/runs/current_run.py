@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from app.contract.events import ObservationEvent
 from app.contract.robots import DriveFacts, StopMeasured
@@ -26,6 +26,7 @@ from app.storage import (
     Storage,
     StorageMissing,
 )
+from app.workers.frame_results import FrameResult, frame_result
 from observer.recording.run_time import RunTime
 from observer.rig.rig import Role
 
@@ -83,11 +84,12 @@ class CurrentRun:
             driven: roles whose commanded speeds come through ``measured``.
         """
         self.frames += 1
-        self.segments = max(self.segments, int(event.line["segment"]) + 1)
-        self.time.add(float(event.line["time"]), event.received, reopened=self._reopened)
+        line = event.line
+        self.segments = max(self.segments, line["segment"] + 1)
+        self.time.add(line["time"], event.received, reopened=self._reopened)
         self._reopened = False
-        rows = speed_rows(self.id, event.line, event.truth, driven, self.time.offset_s)
-        self._collect(rows)
+        seen = frame_result(line, event.truth, self.time.offset_s)
+        self._collect(speed_rows(self.id, seen, driven))
 
     def resumed(self, segment: int) -> None:
         """Continue with a new engine, which has reopened the source, as this segment."""
@@ -215,45 +217,42 @@ class CurrentRun:
             self._storage.append_stop(incident, role, figures)
 
 
-def speed_rows(
-    run_id: str,
-    line: Mapping[str, Any],
-    truth: Iterable[Mapping[str, Any]],
-    driven: Collection[str] = (),
-    offset_s: float = 0.0,
-) -> Iterator[SpeedRow]:
-    """Yield the rows of one observation: estimates, truth and commands, as far as present.
+def speed_rows(run_id: str, frame: FrameResult, driven: Collection[str] = ()) -> Iterator[SpeedRow]:
+    """Yield the rows of one frame: estimates, truth and commands, as far as present.
 
     A coasting obstacle was not seen, so its speed is None. The drive process supplies the commands
     of ``driven`` roles, so the truth's commands for these are left out.
-
-    Args:
-        line, truth: as in the ``ObservationEvent``.
-        offset_s: offset of the run's clock from the source's.
     """
-    segment = int(line["segment"])
 
-    def row(time: float, role: str, source: Any, track: int, speed: Any, std: Any) -> SpeedRow:
-        return SpeedRow(run_id, float(time) + offset_s, role, source, track, speed, std, segment)
+    def row(
+        time: float,
+        role: str,
+        source: SpeedSource,
+        track: int,
+        speed: float | None,
+        std: float | None = None,
+        body: str | None = None,
+    ) -> SpeedRow:
+        time += frame.offset_s
+        return SpeedRow(run_id, time, role, source, track, speed, std, frame.segment, body)
 
-    for obstacle in line["obstacles"]:
+    for obstacle in frame.obstacles:
         seen = obstacle["state"] == "confirmed"
         yield row(
             obstacle["velocity_time"],
             "obstacle",
             "estimate",
-            int(obstacle["id"]),
+            obstacle["id"],
             obstacle["speed"] if seen else None,
             obstacle["speed_std"] if seen else None,
         )
-    for body in truth:
-        identity, role = int(body["id"]), str(body["role"])
+    for body in frame.truth:
+        identity, role, commanded = body["id"], body["role"], body["commanded_speed"]
         # Live motion capture gives the time of the measurement, which may be before the frame.
-        measured = body.get("time", line["time"])
-        measurement = row(measured, role, "truth", identity, body["speed"], None)
-        yield replace(measurement, body=body.get("name"))
-        if body["commanded_speed"] is not None and role not in driven:
-            yield row(line["time"], role, "commanded", identity, body["commanded_speed"], None)
+        measured = body.get("time", frame.time)
+        yield row(measured, role, "truth", identity, body["speed"], body=body["name"])
+        if commanded is not None and role not in driven:
+            yield row(frame.time, role, "commanded", identity, commanded)
 
 
 def wheel_rows(run_id: str, sample: WheelSample, offset_s: float = 0.0) -> Iterator[SpeedRow]:

@@ -18,8 +18,4 @@ def result_rows(run_id: str, results: Path) -> Iterator[list[SpeedRow]]:
     """Yield the rows of a worker's results, some frames at a time; raise as ``read_results``."""
     found = read_results(results)
     while batch := list(islice(found, _FRAMES_AT_ONCE)):
-        yield [
-            row
-            for each in batch
-            for row in speed_rows(run_id, each.line, each.truth, offset_s=each.offset_s)
-        ]
+        yield [row for each in batch for row in speed_rows(run_id, each)]

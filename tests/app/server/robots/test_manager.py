@@ -35,6 +35,7 @@ from app.server.runs.current_run import speed_rows, wheel_rows
 from app.server.source_time import SourceInstant
 from app.server.status import status
 from app.storage import IncidentRecord, Storage, StorageMissing
+from app.workers.frame_results import frame_result
 from observer.navigation.parameters import AllParameters
 from observer.rig.rig import Rig
 from observer.robots.contract import RobotPhase, RobotPort, RobotReport
@@ -287,13 +288,10 @@ async def test_a_driven_roles_command_is_written_once(
 ) -> None:
     async with started(peer, storage, drive=drive):
         event = peer.observe()
-    assert "commanded" in {row.source for row in speed_rows("run", event.line, event.truth)}
-    assert "commanded" not in {
-        row.source for row in speed_rows("run", event.line, event.truth, ["obstacle"])
-    }
-    assert "commanded" in {
-        row.source for row in speed_rows("run", event.line, event.truth, ["observer"])
-    }
+    seen = frame_result(event.line, event.truth)
+    assert "commanded" in {row.source for row in speed_rows("run", seen)}
+    assert "commanded" not in {row.source for row in speed_rows("run", seen, ["obstacle"])}
+    assert "commanded" in {row.source for row in speed_rows("run", seen, ["observer"])}
 
 
 def test_incidents_have_wall_clock_times_and_the_newest_twenty_stay() -> None:

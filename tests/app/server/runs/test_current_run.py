@@ -15,6 +15,7 @@ from app.server.robots.wheels import WheelSample
 from app.server.runs.current_run import CurrentRun, speed_rows
 from app.server.writer import Writer
 from app.storage import RunState, Storage, StorageBusy
+from app.workers.frame_results import frame_result
 
 
 def test_rows_are_written_once_despite_a_locked_database(
@@ -133,7 +134,7 @@ def test_a_coasting_obstacle_is_a_gap(peer: Any) -> None:
     peer._open(OpenSource("s", None, {}, 0))
     event = peer.observe()
     event.line["obstacles"][0]["state"] = "coasting"
-    rows = list(speed_rows("run", event.line, event.truth))
+    rows = list(speed_rows("run", frame_result(event.line, event.truth)))
     assert [(row.source, row.speed) for row in rows] == [
         ("estimate", None),
         ("truth", 0.4),

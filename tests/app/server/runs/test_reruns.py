@@ -21,13 +21,9 @@ from ....waiting import until_async
 from ..servers import begin, opens, started
 
 RESULT = FrameResult(
-    {
-        "time": 2.0,
-        "segment": 0,
-        "obstacles": [
-            {"id": 3, "state": "confirmed", "velocity_time": 2.0, "speed": 0.4, "speed_std": 0.01}
-        ],
-    },
+    2.0,
+    0,
+    [{"id": 3, "state": "confirmed", "velocity_time": 2.0, "speed": 0.4, "speed_std": 0.01}],
     [],
     offset_s=0.5,
 )

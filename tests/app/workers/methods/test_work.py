@@ -77,7 +77,7 @@ def test_every_frame_is_processed_by_both_methods(compared: tuple[Path, Compared
             assert [each["id"] for each in entry["obstacles"]] == [
                 each["id"] for each in line["obstacles"]
             ]
-            assert told["line"]["obstacles"] == [
+            assert told["obstacles"] == [
                 {name: each[name] for name in KEPT} for each in line["obstacles"]
             ]
             assert len(entry["truth"]) == 3

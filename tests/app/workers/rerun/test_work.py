@@ -99,9 +99,9 @@ def test_the_same_parameters_give_the_same_run(
         assert any(each.bodies for each in again.matched_truth())
         assert done.bytes == (tmp_path / "again.mcap").stat().st_size
     kept = list(read_results(tmp_path / "results.jsonl"))
-    assert [each.line["segment"] for each in kept] == [0] * FIRST + [1] * SECOND
+    assert [each.segment for each in kept] == [0] * FIRST + [1] * SECOND
     # The run's clock continues where the source's started again.
-    clock = [each.offset_s + each.line["time"] for each in kept]
+    clock = [each.offset_s + each.time for each in kept]
     assert clock == sorted(set(clock))
     assert clock[-1] - clock[0] == pytest.approx(done.duration_s)
     assert {body["role"] for each in kept for body in each.truth} == {"observer", "obstacle"}
