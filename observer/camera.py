@@ -222,6 +222,11 @@ class StereoCamera:
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
 
     @property
+    def fb(self) -> float:
+        """Focal length times baseline, pixel metres: depth times disparity of every point."""
+        return self.fx * self.baseline
+
+    @property
     def numbers(self) -> tuple[float, float, float, float, float]:
         """Focal lengths and principal point, pixels, and baseline, metres, as kernels take them."""
         return self.fx, self.fy, self.cx, self.cy, self.baseline
@@ -240,7 +245,7 @@ class StereoCamera:
         uv = np.asarray(px, dtype=np.float64)
         d = np.asarray(disparity, dtype=np.float64)
         with np.errstate(invalid="ignore", divide="ignore"):
-            z = np.where(d > 0, self.fx * self.baseline / d, np.nan)
+            z = np.where(d > 0, self.fb / d, np.nan)
         x = (uv[..., 0] - self.cx) / self.fx * z
         y = (uv[..., 1] - self.cy) / self.fy * z
         return np.stack([x, y, z], axis=-1)
@@ -254,7 +259,7 @@ class StereoCamera:
         z = np.where(p[..., 2] > 0, p[..., 2], np.nan)
         u = self.fx * p[..., 0] / z + self.cx
         v = self.fy * p[..., 1] / z + self.cy
-        return np.stack([u, v], axis=-1), self.fx * self.baseline / z
+        return np.stack([u, v], axis=-1), self.fb / z
 
     def point_covariance(
         self, px: ArrayLike, disparity: ArrayLike, sigma_px: float, sigma_disparity: float
@@ -267,7 +272,7 @@ class StereoCamera:
         """
         uv = np.asarray(px, dtype=np.float64).reshape(-1, 2)
         d = np.asarray(disparity, dtype=np.float64).reshape(-1)
-        fb = self.fx * self.baseline
+        fb = self.fb
         J = np.zeros((len(d), 3, 3))
         J[:, 0, 0] = self.baseline / d
         J[:, 0, 2] = -(uv[:, 0] - self.cx) * self.baseline / d**2

@@ -169,9 +169,8 @@ def _with_bodies(obstacles: tuple[Obstacle, ...], dense: DenseStereo) -> Image:
             continue
         # Silhouettes reach slightly beyond a body, onto the background.
         reach = float(np.linalg.norm(one.size)) / 2
-        focal = dense.camera.fx * dense.camera.baseline
         with np.errstate(divide="ignore", invalid="ignore"):
-            on_body = np.abs(focal / dense.disparity - one.position_camera[2]) <= reach
+            on_body = np.abs(dense.camera.fb / dense.disparity - one.position_camera[2]) <= reach
         on_body &= silhouette_mask(one.silhouette, on_body.shape, dense.coarseness)
         if image is dense.image:
             image = color_copy(image)

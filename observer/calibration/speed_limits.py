@@ -174,7 +174,7 @@ def report_delay(
 
 def depth_noise_m(camera: StereoCamera, depth: float, disparity_px: float) -> float:
     """One standard deviation of the depth of one point in one frame: Z^2 sigma_d / (f B)."""
-    return depth**2 * disparity_px / (camera.fx * camera.baseline)
+    return depth**2 * disparity_px / camera.fb
 
 
 def _point_deviations(camera: StereoCamera, depth: float, thing: Thing) -> Float64Array:

@@ -84,7 +84,7 @@ def judge(fit: StereoFit, frame_rate: float) -> CalibrationVerdict:
     lasting_px = 0.0 if fit.held_out is None else fit.held_out.lasting_px
     thing, parameters = Thing(), Parameters()
     camera, problem = _camera(calibration)
-    nearest = camera.fx * camera.baseline / parameters.stereo.max_disparity_px
+    nearest = camera.fb / parameters.stereo.max_disparity_px
     rows = []
     for distance in DISTANCES_M:
         noise = depth_noise_m(camera, distance, thing.disparity_px)
@@ -110,7 +110,7 @@ def judge(fit: StereoFit, frame_rate: float) -> CalibrationVerdict:
         )
     middle = next(row for row in rows if row.distance_m == _SENTENCE_M)
     if nearest > DISTANCES_M[0]:
-        wanted = camera.fx * camera.baseline / (0.8 * DISTANCES_M[0])
+        wanted = camera.fb / (0.8 * DISTANCES_M[0])
         problem.append(
             f"nothing nearer than {nearest:.1f} m can be measured, because disparities are "
             f"searched only up to {parameters.stereo.max_disparity_px} px; set "

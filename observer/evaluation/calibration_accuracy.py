@@ -271,7 +271,7 @@ def depth_accuracy(
         there = (z >= DEPTH_M[0]) & (z <= DEPTH_M[1])
         seen += int(np.count_nonzero(there))
         chosen = there & np.isfinite(disparity)
-        measured = camera.fx * camera.baseline / disparity[chosen]
+        measured = camera.fb / disparity[chosen]
         measured *= np.linalg.norm(rectified[chosen], axis=1)
         errors.append(measured / (z[chosen] * np.linalg.norm(rays[chosen], axis=1)) - 1)
     every = 100 * np.concatenate(errors) if errors else np.zeros(0)

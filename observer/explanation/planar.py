@@ -107,7 +107,7 @@ def _depth_at(disparity: Float64Array, px: Float64Array, camera: StereoCamera) -
     seen = around[around > 0]
     if around.size == 0 or seen.size < _DEPTH_KNOWN * around.size:
         return float("nan")
-    return camera.fx * camera.baseline / float(np.median(seen))
+    return camera.fb / float(np.median(seen))
 
 
 def _speakers(place: _Place) -> str:

@@ -49,7 +49,7 @@ def camera_model(
     camera = rectified.camera
     P = np.zeros((3, 4))
     P[:, :3] = camera.K
-    P[0, 3] = 0.0 if left else -camera.fx * camera.baseline
+    P[0, 3] = 0.0 if left else -camera.fb
     model: DistortionModel = "equidistant"
     if calibration.distortion_model != "equidistant":
         model = "plumb_bob" if D.size <= _LEAST_COEFFICIENTS else "rational_polynomial"

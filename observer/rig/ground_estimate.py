@@ -111,7 +111,7 @@ def _disparity_points(view: ArrayLike, camera: StereoCamera, number: int) -> Dis
         rng = np.random.default_rng(np.random.SeedSequence([number, 0xF101]))
         points = points[rng.permutation(len(points))[:_MOST_POINTS]]
     ray = points / points[:, 2:]
-    return DisparityPoints(ray, camera.fx * camera.baseline / points[:, 2])
+    return DisparityPoints(ray, camera.fb / points[:, 2])
 
 
 def _ground_of_view(
@@ -122,7 +122,7 @@ def _ground_of_view(
             f"only {len(points)} points have a depth, and {_FEWEST_POINTS} are needed; check that "
             "both cameras are uncovered, in focus and calibrated"
         )
-    planes = level_planes(points, camera.fx * camera.baseline, _SIGMA_PX, number)
+    planes = level_planes(points, camera.fb, _SIGMA_PX, number)
     if not planes:
         return Refused(
             "no level plane is visible below the camera; turn the robot towards open floor, and "
@@ -199,7 +199,7 @@ def _covariance(points: DisparityPoints, floor: LevelPlane) -> Float64Array:
 def _combined(
     found: list[_GroundView], left_out: int, camera: StereoCamera
 ) -> GroundEstimate | Refused:
-    fb = camera.fx * camera.baseline
+    fb = camera.fb
     poses = np.array([stand_of(view.coefficients, fb) for view in found])
     middle = np.median(poses, axis=0)
     spread = MAD_TO_SIGMA * np.median(np.abs(poses - middle), axis=0)

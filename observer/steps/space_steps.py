@@ -26,7 +26,7 @@ def stereo_step(pair: ObservedPair) -> PaperStep:
     disparity = trace["disparity"]
     numbers = [
         Number("Pixels with a disparity", 100 * float(np.isfinite(disparity).mean()), "%", 1),
-        Number("f b", camera.fx * camera.baseline, "px m", 2),
+        Number("f b", camera.fb, "px m", 2),
     ]
     if "motions" in trace:
         count = len(trace["motions"].points_previous)

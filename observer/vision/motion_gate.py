@@ -95,7 +95,7 @@ class ImageReach:
         known = disparity[np.isfinite(disparity)]
         if len(known) == 0:
             return None
-        far = camera.fx * camera.baseline / median(known)
+        far = camera.fb / median(known)
         return ImageReach(camera.fx, far, reach_px)
 
 

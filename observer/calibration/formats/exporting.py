@@ -50,7 +50,7 @@ def _camera_infos(calibration: StereoCalibration) -> tuple[str, str]:
     camera = rectification.camera
     P1 = np.column_stack([camera.K, np.zeros(3)])
     P2 = P1.copy()
-    P2[0, 3] = -camera.fx * camera.baseline
+    P2[0, 3] = -camera.fb
     return (
         _camera_info(c, "left", c.K1, c.D1, "D1", rectification.R_rectified_left, P1),
         _camera_info(c, "right", c.K2, c.D2, "D2", rectification.R_rectified_right, P2),

@@ -155,7 +155,7 @@ class StereoDrift:
         if not deep.any() or median(np.abs(rows.offset_px[deep])) > _MOST_ROW_PX:
             return
         disparity = median(rows.disparity[deep])
-        depth_m = self._camera.fx * self._camera.baseline / disparity
+        depth_m = self._camera.fb / disparity
         if distance_m < _DISTANCE_SHARE * depth_m and turn < _MOST_TURN:
             return
         due = self.bias.sigma_px > _WELL_KNOWN_PX or time - self._fitted_s >= _PAUSE_S
@@ -220,7 +220,7 @@ def shift_by_bias(
     seen = p[:, 2] > 0
     p = np.where(seen[:, None], p, [0.0, 0.0, 1.0])
     bias = bias_px * (1 + ((p[:, 0] - camera.baseline) / p[:, 2]) ** 2) * seen
-    d = camera.fx * camera.baseline / p[:, 2]
+    d = camera.fb / p[:, 2]
     ratio = d / np.maximum(d + bias, LEAST_DISPARITY_PX)
     drift = now.rate.velocity_by_bias(p, T.rotate(velocity), camera)
     drift *= (bias * ratio**2)[:, None]
