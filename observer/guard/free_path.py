@@ -30,6 +30,7 @@ from observer.guard.seen_ground import ScanView
 from observer.guard.sight import FreeScan
 from observer.mount import CameraMount
 from observer.types import Image
+from observer.vision.stereo import FIXED_POINT
 
 # Approximate number of columns that are matched, whatever the image's size.
 _COLUMNS = 256
@@ -37,7 +38,6 @@ _BLOCK_PX = 9
 _UNIQUENESS_PERCENT = 10
 _TEXTURE = 10
 _SPECKLE_PIXELS = 30
-_FIXED_POINT = 16
 # One standard deviation of a coarse disparity, coarse pixels.
 _SIGMA_PX = 0.25
 # How many of them separate an object from the floor; not ``guard.sigmas``, since more caution must
@@ -70,7 +70,7 @@ class FreePath:
         width, height = camera.width // self._factor, camera.height // self._factor
         self._size = (width, height)
         # Not as of the stereo stage: nobody who tunes that may make the guard blind.
-        disparities = camera.fx * camera.baseline / (_NEAREST_SURFACE_M * self._factor)
+        disparities = camera.fb / (_NEAREST_SURFACE_M * self._factor)
         self._disparities = 16 * min(max(1, math.ceil(disparities / 16)), max(1, width // 32))
         self._standing = _matcher(0, self._disparities)
         self._floor = _matcher(_FLOOR_LEAST, _FLOOR_DISPARITIES)
@@ -89,7 +89,7 @@ class FreePath:
         rays[..., 1] = ((v - camera.cy) / camera.fy)[:, None]
         rays[..., 2] = 1.0
         rays = rays @ mount.R_base_camera.T
-        self._fb = camera.fx * camera.baseline / f
+        self._fb = camera.fb / f
         self._rise = rays[..., 2].astype(np.float32)
         self._ahead = np.hypot(rays[..., 0], rays[..., 1]).astype(np.float32)
         bearing = np.arctan2(rays[..., 1], rays[..., 0])
@@ -158,9 +158,9 @@ class FreePath:
             cv2.copyMakeBorder(one, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for one in (left, right)
         ]
         fixed = np.asarray(self._standing.compute(wide[0], wide[1]))[:, margin:]
-        inside = fixed <= _FIXED_POINT * np.arange(self._size[0])
+        inside = fixed <= FIXED_POINT * np.arange(self._size[0])
         known = np.nonzero((fixed > 0) & inside)
-        depth = np.float32(self._fb * _FIXED_POINT) / fixed[known]
+        depth = np.float32(self._fb * FIXED_POINT) / fixed[known]
         sigma = depth * depth * np.float32(_SIGMA_PX / self._fb)
         rise, ahead = self._rise[known], self._ahead[known]
         height = np.float32(self._height) + rise * depth
@@ -192,7 +192,7 @@ class FreePath:
             for one in (left[first:], np.asarray(shifted, np.uint8))
         ]
         fixed = np.asarray(self._floor.compute(wide[0], wide[1]))[:, before:-behind]
-        off = fixed.astype(np.float32) / np.float32(_FIXED_POINT)
+        off = fixed.astype(np.float32) / np.float32(FIXED_POINT)
         # A point at height h differs from the floor's own disparity by h / (H - h) of it.
         tolerance = np.float32(self._parameters.step_m / self._height) * self._floor_px
         tolerance += np.float32(_FLOOR_SIGMAS * _SIGMA_PX)

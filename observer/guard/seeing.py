@@ -14,7 +14,7 @@ from observer.types import Observation, Obstacle, Status, TrackState
 _SURE = 4.0
 # Metres: often only part of a body is seen, or a few points on it. It is then assumed to be a
 # person, who extends this far from the centre to the elbows and the leading foot.
-_LEAST_RADIUS_M = 0.3
+LEAST_RADIUS_M = 0.3
 
 
 def sight_of_observation(
@@ -81,7 +81,7 @@ def _seen(one: Obstacle, camera: StereoCamera, mount: CameraMount) -> SeenObstac
         y=float(place[1]),
         vx=float(velocity[0]),
         vy=float(velocity[1]),
-        radius_m=max(corner, _reach(one, camera), _LEAST_RADIUS_M),
+        radius_m=max(corner, _reach(one, camera), LEAST_RADIUS_M),
         position_sigma_m=_sigma(one.position_cov),
         velocity_sigma_mps=_sigma(one.velocity_cov),
         coasting=one.state is TrackState.COASTING,

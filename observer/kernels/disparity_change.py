@@ -17,11 +17,9 @@ from observer.kernels.compiled import (
     part,
 )
 from observer.kernels.small import clear, median, solved
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, TUKEY_SIGMAS
 
 _ITERATIONS = 3
-# Tukey's weight is 0 beyond this many standard deviations.
-_TUKEY_SIGMAS = 4.7
 _LEAST_SCATTER_PX = 0.05
 # Keeps the equations solvable where two of the terms are nearly collinear.
 _DAMPING = 1e-9
@@ -76,7 +74,7 @@ def _robust_first(design: Reals, values: Reals) -> tuple[float, float]:
             residual[i] = rest[i] = abs(values[i] - predicted)
         scatter = max(_LEAST_SCATTER_PX, MAD_TO_SIGMA * median(rest))
         for i in range(count):
-            far = residual[i] / (_TUKEY_SIGMAS * scatter)
+            far = residual[i] / (TUKEY_SIGMAS * scatter)
             weight[i] = max(1.0 - far * far, 0.0) ** 2
     return found[0] / size[0], scatter * math.sqrt(_first_of_inverse(A)) / size[0]
 

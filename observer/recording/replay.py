@@ -10,11 +10,10 @@ from observer.observer import Observer
 from observer.parameters import Parameters
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
-from observer.types import NoTrace, Observation, StereoFrame, Trace
+from observer.types import Observation, StereoFrame
 
 # Parameters and revision by the position of the first frame they apply to.
 Revisions = Mapping[int, tuple[Parameters, int]]
-_NO_TRACE = NoTrace()
 
 
 def replay_revisions(
@@ -40,7 +39,6 @@ def replay_revisions(
 def replay(
     source: RecordingSource,
     revisions: Revisions,
-    trace: Trace = _NO_TRACE,
     *,
     mount: CameraMount | None = None,
 ) -> Iterator[Observation]:
@@ -51,7 +49,6 @@ def replay(
 
     Args:
         revisions: as from ``replay_revisions``; each frame uses the newest one up to it.
-        trace: as in ``Observer.observe``.
         mount: of the camera, for a run that was observed without one.
     """
     mount = source.recording.facts.camera_mount() or mount
@@ -76,4 +73,4 @@ def replay(
             observer.use(*newest)
         if source.begins == "segment":
             observer.begin_segment()
-        yield observer.observe(item, trace)
+        yield observer.observe(item)

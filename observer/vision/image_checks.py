@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
-from observer.robust import MAD_TO_SIGMA, median
+from observer.robust import MAD_TO_SIGMA, median, tukey_weights
 from observer.types import Image
+from observer.vision.stereo import FIXED_POINT
 from observer.vision.swapped import swapped_sentence
 
 # Brightness is tested on about this many samples on a grid, whatever the image size; each is the
@@ -154,8 +155,6 @@ class VerticalError:
 # Fewer points determine a slope too poorly.
 _MIN_ROW_POINTS = 20
 _FIT_ROUNDS = 4
-# Tukey's weight is 0 beyond this many standard deviations and keeps 95 % of the information.
-_TUKEY_SIGMAS = 4.7
 # Lucas-Kanade finds rows to 0.05 px at best; keeps perfect data from becoming outliers.
 _MIN_SIGMA_PX = 0.05
 _SURE_SIGMAS = 3.0
@@ -189,7 +188,7 @@ def vertical_error(
     for _ in range(_FIT_ROUNDS):
         residual = y - A @ plane
         sigma = max(_MIN_SIGMA_PX, MAD_TO_SIGMA * median(np.abs(residual)))
-        weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * sigma)) ** 2, 0, None) ** 2
+        weight = tukey_weights(residual, sigma)
         # A tiny prior of 1e-6 keeps collinear points from producing an arbitrary slope.
         information = (A * weight[:, None]).T @ A + np.diag([0.0, 1e-6, 1e-6]) * len(y)
         plane = np.linalg.solve(information, A.T @ (weight * y))
@@ -235,7 +234,6 @@ _SWAP_LEAST_SHRINK = 2.0
 _SWAP_BLOCK_PX = 15
 _SWAP_UNIQUENESS_PERCENT = 15
 _SWAP_TEXTURE = 200
-_FIXED_POINT = 16
 # In the right order 31 to 68 % of the pixels find a partner, in the wrong one 0 to 19 %, and at
 # least 3.1 times as many in the right order in every single pair.
 _SWAP_MIN_SUPPORT = 0.15
@@ -298,7 +296,7 @@ def _support(left: Image, right: Image, count: int) -> float:
     matcher.setTextureThreshold(_SWAP_TEXTURE)
     matcher.setDisp12MaxDiff(1)
     fixed = np.asarray(matcher.compute(left, right))[:, count : left.shape[1] - count]
-    return float(np.count_nonzero(fixed >= _FIXED_POINT) / fixed.size)
+    return float(np.count_nonzero(fixed >= FIXED_POINT) / fixed.size)
 
 
 def _quantiles(image: Image) -> Float64Array:

@@ -13,6 +13,8 @@ from observer.kernels.track_checks import around_the_circle, on_the_row, with_re
 from observer.parameters import FlowParameters, KltTrackingParameters
 from observer.types import Image
 
+# Pixels: noise of a tracked point and of its disparity where it has not been estimated.
+TYPICAL_SIGMA_PX = 0.15
 # OpenCV returns the smaller eigenvalue of the mean gradient matrix in 1024 (grey levels/px)^2.
 EIGENVALUE_UNIT = 1024.0
 # Lucas-Kanade ends when a step is below this, px, or after this many steps: few when starting from

@@ -12,7 +12,7 @@ from observer.parameters import StereoParameters
 from observer.types import Image
 
 # OpenCV's matchers return sixteenths of a pixel; everything below 0 means "unknown".
-_FIXED_POINT = 16.0
+FIXED_POINT = 16
 _SPECKLE_PIXELS = 60
 _SPECKLE_RANGE_PX = 2
 _LEFT_RIGHT_TOLERANCE_PX = 1
@@ -48,7 +48,7 @@ def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> ND
         matcher.setUniquenessRatio(parameters.uniqueness_percent)
         matcher.setDisp12MaxDiff(_LEFT_RIGHT_TOLERANCE_PX)
         matcher.setSpeckleWindowSize(_SPECKLE_PIXELS)
-        matcher.setSpeckleRange(_SPECKLE_RANGE_PX * int(_FIXED_POINT))
+        matcher.setSpeckleRange(_SPECKLE_RANGE_PX * FIXED_POINT)
     else:
         matcher = cv2.StereoSGBM.create(
             minDisparity=0,
@@ -64,7 +64,7 @@ def disparity_map(left: Image, right: Image, parameters: StereoParameters) -> ND
             mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
         )
     fixed = np.asarray(matcher.compute(wide_left, wide_right))[:, count:]
-    disparity = fixed.astype(np.float32) / np.float32(_FIXED_POINT)
+    disparity = fixed.astype(np.float32) / np.float32(FIXED_POINT)
     # Drop matches beyond the right image's left edge, which lie in the margin.
     columns = np.arange(width, dtype=np.float32)
     known = (fixed > 0) & (disparity <= columns)
@@ -145,14 +145,14 @@ def point_cloud(
         points (N, 3) float32, metres, camera frame; colours (N, 3) uint8, RGB.
     """
     depth_limits = (parameters.min_depth_m, parameters.max_depth_m)
-    nearest, farthest = (camera.fx * camera.baseline / z for z in depth_limits)
+    nearest, farthest = (camera.fb / z for z in depth_limits)
     with np.errstate(invalid="ignore"):
         known = np.asarray((disparity >= farthest) & (disparity <= nearest), dtype=np.bool_)
     count = int(np.count_nonzero(known))
     step = max(1, int(np.ceil(np.sqrt(count / max(1, max_points)))))
     v, u = np.nonzero(known[::step, ::step])
     v, u = v[:max_points] * step, u[:max_points] * step
-    z = camera.fx * camera.baseline / disparity[v, u]
+    z = camera.fb / disparity[v, u]
     points = np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], axis=1)
     grey_or_bgr = image[v, u]
     colors = grey_or_bgr[:, ::-1] if image.ndim == 3 else np.repeat(grey_or_bgr[:, None], 3, axis=1)

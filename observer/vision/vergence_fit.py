@@ -25,14 +25,11 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, rotation_matrix
-from observer.robust import MAD_TO_SIGMA, median
+from observer.robust import MAD_TO_SIGMA, median, tukey_weights
+from observer.vision.klt_tracking import TYPICAL_SIGMA_PX
 from observer.vision.view import StereoRows
 
-# Standard deviation of a tracked point and of its disparity, pixels.
-_SIGMA_PX = 0.15
 _STEPS = 3
-# Tukey's weight is 0 beyond this many standard deviations.
-_TUKEY_SIGMAS = 4.7
 _LEAST_POINTS = 30
 # Smaller disparities are useless; the method clips them.
 _LEAST_DISPARITY_PX = 1.0
@@ -126,7 +123,7 @@ def distance_equation(
     rays = np.concatenate([before, np.ones((1, before.shape[1]))])
     R, t = seen.T_now_before.rotation, np.array(seen.T_now_before.translation)
     theta = np.array(start, dtype=np.float64)
-    sigma = _SIGMA_PX / f
+    sigma = TYPICAL_SIGMA_PX / f
     size = rays.shape[1]
     if size < _LEAST_POINTS or not np.linalg.norm(t) > 0:
         return None
@@ -153,7 +150,7 @@ def distance_equation(
         noise = sigma * np.sqrt(1 + lever**2)
         length = np.sqrt(((residual / noise) ** 2).mean(axis=0))
         spread = max(1.0, MAD_TO_SIGMA * median(length))
-        fits = np.clip(1 - (length / (_TUKEY_SIGMAS * spread)) ** 2, 0, None) ** 2
+        fits = tukey_weights(length, spread)
         if np.count_nonzero(fits) < _LEAST_POINTS:
             return None
         weight = (fits / (spread * noise) ** 2).ravel()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from observer.evaluation.navigation.crowd import People, Room
 from observer.geometry import Float64Array
+from observer.guard.seeing import LEAST_RADIUS_M
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.navigation.rollouts import wrapped
 from observer.robots.contract import SonarReading
@@ -31,8 +32,6 @@ _FLOOR_FROM_M, _FLOOR_TO_M = 1.0, 5.0
 # of its errors in each direction, and their correlation time.
 _RECALL, _DELAY_S, _COAST_S = 0.96, 0.4, 0.6
 _POSITION_M, _VELOCITY_MPS, _LASTING_S = 0.06, 0.1, 0.4
-# Least radius that the tracker reports for a person: it includes swinging arms and legs.
-_LEAST_RADIUS_M: Final = 0.3
 # Time between two frames, and from a frame's exposure until the plan made from it is driven.
 FRAME_S: Final = 0.1
 LATENCY_S: Final = 0.1
@@ -102,7 +101,7 @@ class Eye:
                 y=y,
                 vx=vx,
                 vy=vy,
-                radius_m=max(_LEAST_RADIUS_M, float(people.radius_m[k])),
+                radius_m=max(LEAST_RADIUS_M, float(people.radius_m[k])),
                 position_sigma_m=_POSITION_M,
                 velocity_sigma_mps=_VELOCITY_MPS,
                 coasting=coasting,

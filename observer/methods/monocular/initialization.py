@@ -19,14 +19,13 @@ from observer.methods.monocular.scale import scale_by_ground
 from observer.methods.monocular.two_views import TwoViews, inverse_distances, two_views
 from observer.mount import CameraMount
 from observer.parameters import MonocularParameters
+from observer.vision.klt_tracking import TYPICAL_SIGMA_PX
 
 NO_GROUND = (
     "too few points on the ground are visible to determine the scale from the camera's height"
 )
 
 _REFINE_ROUNDS = 4
-# Noise of the first line of sight, px.
-_FIRST_SIGMA_PX = 0.15
 # Metres: a shorter distance by wheel odometry gives no scale.
 _LEAST_DISTANCE_M = 0.02
 # A distance measured from the ground must be at least this long, metres, and its sigma at most
@@ -157,7 +156,7 @@ def initialize_over_ground(
 
 def _sight_sigma(points: RayPoints, camera: StereoCamera) -> float:
     """Return the noise of a line of sight, radians."""
-    return float(np.median(np.hypot(points.sigma_px, _FIRST_SIGMA_PX))) / camera.fx
+    return float(np.median(np.hypot(points.sigma_px, TYPICAL_SIGMA_PX))) / camera.fx
 
 
 def _broad(

@@ -18,15 +18,13 @@ from observer.parameters import Parameters
 from observer.vision.camera_rate import CameraRate
 from observer.vision.disparity_bias import bias_profile
 from observer.vision.keypoints import attention, grid_cells, new_keypoints, one_per_cell
-from observer.vision.klt_tracking import match_right
+from observer.vision.klt_tracking import TYPICAL_SIGMA_PX, match_right
 from observer.vision.sparse_stereo import coarse_disparity
 from observer.vision.view import View
 
 # Pixels: disparities that differ more belong to different surfaces; the coarse one is accurate to
 # about 1 px.
 _ANOTHER_DISPARITY_PX = 2.5
-# Pixels: noise assumed for points seen for the first time, before it can be estimated.
-_FIRST_SIGMA_PX = 0.15
 
 
 class PointRenewal:
@@ -124,7 +122,7 @@ class PointRenewal:
         if bias_px:
             disparity = disparity + bias_px * bias_profile(px, disparity, self._camera)
         disparity = np.maximum(disparity, LEAST_DISPARITY_PX)
-        sigma, unknown = np.full((len(px), 3), _FIRST_SIGMA_PX), np.full((len(px), 3), np.nan)
+        sigma, unknown = np.full((len(px), 3), TYPICAL_SIGMA_PX), np.full((len(px), 3), np.nan)
         T_world_camera = T_camera_world.inverse()
         first = sightings_at(px, disparity, sigma, unknown, T_world_camera, self._camera)
         sums = PositionVelocityFilter.begin(first.position, first.information)

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-_MACHINE = Path("/")
+# Root of the file system of this machine; tests have machines of their own.
+MACHINE = Path("/")
 
 # A server starts an engine, which starts a process for each camera.
 _MOST_GENERATIONS = 6
@@ -46,7 +47,7 @@ def current_user() -> User:
     return User(name, frozenset({*os.getgroups(), os.getgid()}))
 
 
-def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = None) -> str:
+def permission_advice(path: Path, root: Path = MACHINE, user: User | None = None) -> str:
     """Return one sentence: why the device file may not be used, and what makes it usable.
 
     Args:
@@ -83,7 +84,7 @@ def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = Non
     )
 
 
-def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
+def holders(path: Path, root: Path = MACHINE) -> tuple[Holder, ...]:
     """Return the other processes that have the file open, as far as this user may see them.
 
     Processes that this one started do not count: what they hold is ours.
@@ -96,7 +97,7 @@ def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
     return tuple(found)
 
 
-def why_not(file: Path, error: OSError, root: Path = _MACHINE, user: User | None = None) -> str:
+def why_not(file: Path, error: OSError, root: Path = MACHINE, user: User | None = None) -> str:
     """Return one sentence for an error of a device file: what is wrong and what to do."""
     shown = shown_path(file, root)
     if error.errno in (errno.EACCES, errno.EPERM):
@@ -122,7 +123,7 @@ def in_words(holders: Iterable[Holder]) -> str:
     return ", ".join(f"{each.name} (process {each.process})" for each in holders)
 
 
-def shown_path(path: Path, root: Path = _MACHINE) -> str:
+def shown_path(path: Path, root: Path = MACHINE) -> str:
     """Return the path's name on the machine whose file system is at ``root``."""
     return f"/{path.relative_to(root)}"
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from observer.sources.cameras.device_files import (
+    MACHINE,
     Holder,
     User,
     holders,
@@ -22,7 +23,6 @@ from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAccess, V4l2Device
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
 
-_MACHINE = Path("/")
 # MB/s of images that USB 2.0 (480 Mbit/s) carries, less protocol and reserved time: empirical.
 _USB_2_USABLE_MB = (35, 40)
 # YUYV: 4 bytes for 2 pixels.
@@ -76,7 +76,7 @@ class CameraDevice:
 
 
 def list_devices(
-    root: Path = _MACHINE, access: DeviceAccess | None = None, user: User | None = None
+    root: Path = MACHINE, access: DeviceAccess | None = None, user: User | None = None
 ) -> tuple[CameraDevice, ...]:
     """Return all video nodes in numerical order. A bad one has its trouble noted; none raises.
 

@@ -10,7 +10,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from observer.errors import SourceError
-from observer.sources.cameras.device_files import why_not
+from observer.sources.cameras.device_files import MACHINE, why_not
 from observer.sources.cameras.settings import AppliedSettings, Auto, CameraSettings
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import (
@@ -23,7 +23,6 @@ from observer.sources.cameras.v4l2.device import (
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
 from observer.sources.cameras.v4l2.readback import Readback, in_words, rate_text, read_back
 
-_MACHINE = Path("/")
 _POWER_LINE = {0: 0, 50: 1, 60: 2, "auto": 3}
 # Relative difference of rates that count as equal: 29.97 for 30.
 _RATE_TOLERANCE = 0.02
@@ -65,7 +64,7 @@ def apply_settings(
     path: str | Path,
     settings: CameraSettings,
     *,
-    root: Path = _MACHINE,
+    root: Path = MACHINE,
     access: DeviceAccess | None = None,
 ) -> AppliedSettings:
     """Set a camera's controls, then read everything back.
