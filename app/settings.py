@@ -55,7 +55,7 @@ class Settings(BaseSettings):
         host, port: where to listen; port 0 takes a free one.
         data: folder of database, recordings and truths. database: the URL of another database,
             a PostgreSQL server's for example; recordings and truths stay in the folder.
-        token_file: keeps the sign-in token over restarts; without it every start makes a new one.
+        token_file: keeps the sign-in token across restarts; without it every start makes a new one.
         allowed_hosts: further names under which browsers may reach the server; a name with a
             port is allowed with this port only.
         tls_cert, tls_key: PEM files; both or neither.

@@ -51,7 +51,7 @@ class OccupancyMap:
             raise ValueError("the runs of a map must add up to its cells")
         numbers = (self.received, self.x, self.y, self.cell_m, *self.robot)
         if not (all(map(math.isfinite, numbers)) and self.cell_m > 0):
-            raise ValueError("a map must be at a known place and of a known size")
+            raise ValueError("a map needs a known position and size")
 
     @staticmethod
     def of(

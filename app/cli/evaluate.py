@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from observer.truth.opening import OpenedTruth
 
 _NO_SIZE = (
-    "the size of the images is unknown, because no calibration.yaml lies beside the ground truth: "
-    "boxes are not clipped to the image, and an obstacle of which less than half is visible never "
+    "the image size is unknown, because there is no calibration.yaml next to the ground truth: "
+    "boxes are not clipped to the image, and an obstacle that is less than half visible never "
     "counts as in sight, even if it fills the image"
 )
 

@@ -71,9 +71,7 @@ def observe(
     It is processed from its first to its last frame.
     """
     if unit is not None and not calibration:
-        raise InputError(
-            "--unit says what --calibration FILE is in; name the file, or leave it out"
-        )
+        raise InputError("--unit applies to --calibration FILE; give the file, or omit --unit")
     with progress_bar(f"opening {source}") as progress:
         # Importing it loads OpenCV and the method, which takes a second.
         from app.cli.observing import Observing

@@ -52,7 +52,7 @@ def _reached(address: ServerAddress) -> Iterator[str]:
     if address.elsewhere:
         yield f"from other computers at {', '.join(address.elsewhere)}"
     else:
-        yield "not reachable from other computers; --host 0.0.0.0 lets them in"
+        yield "not reachable from other computers; start it with --host 0.0.0.0 to allow them"
 
 
 def _taken(where: str, settings: Settings, error: OSError) -> Finding:

@@ -44,5 +44,6 @@ def _verdict(examination: Examination) -> str:
     if problems:
         return f"{problems} of these {'prevents' if problems == 1 else 'prevent'} the start."
     if warnings:
-        return f"Nothing prevents the start; {warnings} of these should be looked into."
+        need = "needs" if warnings == 1 else "need"
+        return f"Nothing prevents the start; {warnings} of these {need} attention."
     return "Nothing prevents the start."

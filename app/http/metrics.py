@@ -53,7 +53,7 @@ class _StatusCollector(Collector):
         if dense.age_s is not None:
             yield _gauge(
                 "dense_stereo_age_seconds",
-                "Time since the reception of the pair behind the newest one.",
+                "Age of the newest one: time since its pair was received.",
                 dense.age_s,
             )
         yield _counter(

@@ -122,7 +122,7 @@ class Comparison:
                 else TruthFile(**{**kept_truth, "path": Path(kept_truth["path"])})
             )
         except (KeyError, TypeError) as error:
-            raise TruthError(f"this is not a comparison written by align ({error})") from None
+            raise TruthError(f"this is not a file written by align ({error})") from None
         return Comparison(None if kept is None else Alignment.of_dict(kept), truth)
 
     @staticmethod
@@ -138,7 +138,7 @@ class Comparison:
         except (OSError, ValueError, RecursionError) as error:
             raise InputError(f"{path} cannot be read: {error}") from None
         if not isinstance(plain, dict):
-            raise TruthError(f"{path} is not a comparison written by align")
+            raise TruthError(f"{path} is not a file written by align")
         return Comparison.of_dict(plain)
 
     @property

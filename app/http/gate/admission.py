@@ -34,7 +34,7 @@ _VIEWED = re.compile(r"/viewer/(?P<key>[A-Za-z0-9_-]{43})(?:/|$)")
 
 _SIGN_IN_FIRST = (
     "sign in first: open the link that the server printed at start-up, or send the header "
-    "Authorization: Bearer TOKEN; --token-file keeps the token over restarts"
+    "Authorization: Bearer TOKEN; --token-file keeps the token across restarts"
 )
 _SESSION_ENDED = (
     "this session has ended; sign in again with the link that the server printed at start-up"

@@ -47,7 +47,7 @@ class Summary:
         driven_m: driven by all.
         contacts: people touched while the robot moved. ahead: those of them whom the robot drove
             into. avoidable: those who could have been seen a second before.
-        run_ins: people who walked into the standing robot.
+        run_ins: people who walked into the stationary robot.
         stops: number of stops by the guard, by reason. stopped_s, waited_s: time for which the
             guard, and the driver, kept the robot standing.
         eye: check of the perception against the true places of people.

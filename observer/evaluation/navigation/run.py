@@ -219,7 +219,7 @@ def _eye(case: Case, limits: GuardParameters) -> Eye | ImagedEye:
     if case.sees == "model":
         return Eye(case.seed)
     if case.kind:
-        raise ValueError("people who avoid the robot have no way that is known before the run")
+        raise ValueError("the paths of people who avoid the robot are not known before the run")
     crowd, steps = _crowd(case), []
     for _ in range(_steps(limits)):
         steps.append(crowd.people)

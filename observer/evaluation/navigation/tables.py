@@ -42,12 +42,12 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
 
 _NOTE = (
     "*Time ratio*: median time to the goal relative to that without people; a goal that was not "
-    "reached counts as the longest. *Time / oracle*: relative to a driver who knows where all will "
-    "walk. *Contacts moving*: people touched while the robot moved; *driven into*: those "
-    "towards whom it drove, the others walked into its side or back; *avoidable*: those who could "
-    "have been seen a second before. *Contacts standing*: people who walked into the standing "
-    "robot. *Stopped by guard*, *waited*: share of the time in which the guard, or the driver "
-    "itself, kept the robot standing."
+    "reached counts as the longest. *Time / oracle*: relative to an oracle that knows where "
+    "everybody will walk. *Contacts moving*: people touched while the robot moved; *driven into*: "
+    "people the robot drove into, while the others walked into its side or back; *avoidable*: "
+    "people who could have been seen a second before. *Contacts standing*: people who walked into "
+    "the stationary robot. *Stopped by guard*, *waited*: share of the time for which the guard "
+    "stopped the robot, or the driver waited."
 )
 
 

@@ -74,8 +74,8 @@ def _explained(sweep: Sweep, figure: RankedBy) -> str:
         return "Cost is that of `observe` relative to the preset default on the same frames."
     return (
         "Time ratio: median time to the goal relative to that without people at the default speed; "
-        "a goal that was not reached counts with the time limit. Contacts: people touched while "
-        "the robot moved; driven into: those of them towards whom it drove. The cost is "
+        "a goal that was not reached counts as the time limit. Contacts: people touched while the "
+        "robot moved; driven into: people among them that the robot drove into. The cost is "
         f"{cost_title(figure)}."
     )
 

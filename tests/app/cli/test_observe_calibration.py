@@ -134,7 +134,7 @@ def test_a_unit_without_a_file_and_an_unknown_unit_are_refused(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
-    with pytest.raises(InputError, match="--unit says what --calibration FILE is in"):
+    with pytest.raises(InputError, match="--unit applies to --calibration FILE; give the file"):
         observe("images", unit="mm")
     with pytest.raises(CalibrationError, match="the unit 'feet' is not known"):
         observe("images", calibration=["opencv.yaml"], unit="feet")
