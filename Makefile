@@ -32,7 +32,7 @@ TRIALS ?= 100
 MINUTES ?= 60
 POSTGRES_HOME ?= /usr/lib/postgresql
 
-# Stamps: what they stand for was done after the files they depend on last changed.
+# Stamp files: each is written when its step is done, and is newer than what the step depends on.
 MADE := $(VENV)/.made
 INSTALLED := $(VENV)/.installed
 INSTALLED_DEV := $(VENV)/.installed-dev
@@ -46,7 +46,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
-# Scripts in an environment name its folder: in a moved or copied clone it is made anew.
+# Scripts in an environment contain its path: in a moved or copied clone it is recreated.
 ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
@@ -72,8 +72,8 @@ setup-dev: setup $(INSTALLED_DEV) $(PAGE_TOOLS)
 run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
 
-# In three processes, which mostly wait, but for promises in real time, which nothing may run beside,
-# and for the page: a browser wants both cores to itself.
+# In three processes, which mostly wait. Real-time tests and browser tests run one at a time: nothing
+# may run in parallel with the former, and a browser needs both cores.
 test: setup-dev
 	@$(find_missing); $(call tell_left_out,make system) >&2
 ifeq ($(strip $(ARGS)),)
@@ -102,7 +102,7 @@ image-test: setup-dev
 	$(install_missing)
 	IMAGE_TEST=1 $(BIN)/pytest -s tests/image $(ARGS)
 
-# Types take longer than all the rest, which is checked meanwhile.
+# Checking types takes longer than all other checks, so they run in parallel.
 lint: setup-dev
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=recurse lint-types lint-rest
 
@@ -117,8 +117,8 @@ lint-rest:
 	$(BIN)/bandit --quiet --configfile pyproject.toml --recursive app observer tools
 	$(BIN)/python tools/packaging/audit.py
 
-# Not of tests/faults, whose promises in real time do not hold while every line is counted. Figures,
-# not a check: tests that fail under it are told and do not hold the report up.
+# Without tests/faults: their real-time limits do not hold while every line is counted. A report, not
+# a check: tests that fail are reported, but do not prevent the report.
 coverage: setup-dev
 	@$(find_missing); $(call tell_left_out,make system) >&2
 ifeq ($(strip $(ARGS)),)
@@ -199,10 +199,10 @@ clean:
 
 # --- pieces of shell -----------------------------------------------------------------------------
 
-# In CI, whose machine does much else and may be paused as a whole: what failed is tried once more,
-# with nothing beside it, and stays in the output. Not so in make faults, where every trial counts.
+# CI machines are shared and may be paused, so failed tests are re-run there once, alone; the first
+# failure stays in the output. Not so in make faults, where every trial counts.
 ifneq ($(CI),)
-once_more = || { echo "Once more, with nothing beside it:"; \
+once_more = || { echo "Re-running the failed tests alone:"; \
   $(BIN)/pytest --last-failed --last-failed-no-failures none; }
 endif
 
@@ -217,7 +217,7 @@ for name in $(or $(PYTHON),python3 python3.13 python3.12 python3.11 python3.14 p
   if "$$name" -c "$$new_enough" 2>/dev/null; then python="$$(command -v "$$name")"; break; fi; \
 done; \
 if [ -z "$$python" ]; then \
-  echo "Python 3.11 or newer is needed and $${seen:-no Python} was found; next:" \
+  echo "Python 3.11 or newer is needed, but $${seen:-no Python} was found; next:" \
     "sudo apt-get install python3.11 python3.11-venv (or your system's own), then make again" >&2; \
   exit 1; \
 fi
@@ -234,8 +234,8 @@ fi
 endef
 
 # Sets $missing to the packages that tests need and the system lacks: the browser tests drive its
-# Chromium, those of network cameras ffmpeg's servers, those of the database a PostgreSQL server,
-# whose programmes Debian keeps apart from the path, by version.
+# Chromium, those of network cameras ffmpeg's servers, those of the database a PostgreSQL server, which
+# Debian installs outside PATH, in a folder for each version.
 define find_missing
 missing=; \
 { command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null \
@@ -261,7 +261,7 @@ if [ -n "$$missing" ] && [ -n "$$as" ]; then \
 fi
 endef
 
-# $(call tell_left_out,what brings $package): a line for each of $missing.
+# $(call tell_left_out,command that installs $package): a line for each of $missing.
 define tell_left_out
 for package in $$missing; do \
   case $$package in \
@@ -269,11 +269,11 @@ for package in $$missing; do \
     ffmpeg) tests="of network cameras";; \
     *) tests="of the database on PostgreSQL";; \
   esac; \
-  echo "$$package is missing, so the tests $$tests are left out; to run them: $(1)"; \
+  echo "$$package is missing, so the tests $$tests are skipped; to run them: $(1)"; \
 done
 endef
 
 define registry_hint
-echo "pip could not install what pyproject.toml asks for, as said above;" \
-  "see that the package index can be reached, then make again" >&2
+echo "pip could not install the packages that pyproject.toml requires, see above;" \
+  "check that the package index can be reached, then make again" >&2
 endef

@@ -85,15 +85,15 @@ def check() -> None:
         file = STATIC / "app" / name
         if not file.is_file() or file.read_text(encoding="utf-8") != _made(name):
             raise FrontendError(
-                f"{file.relative_to(ROOT)} does not match the code it is made from; next: python "
-                "tools/packaging/frontend.py types"
+                f"{file.relative_to(ROOT)} does not match the code it is generated from; next: "
+                "python tools/packaging/frontend.py types"
             )
     _run_script("check", "the JavaScript check found the problems above; correct them")
 
 
 def test() -> None:
     """Run ``tests/page`` with node's own test runner; needs no npm package."""
-    _run_script("test", "tests of the page's modules failed, as said above")
+    _run_script("test", "tests of the page's modules failed, see above")
 
 
 def _run_script(name: str, failed: str) -> None:
@@ -113,7 +113,7 @@ def _made(name: str) -> str:
             input=made.stdout, stdout=subprocess.PIPE, cwd=STATIC, env=_environment(), check=False,
         )  # fmt: skip
     if made.returncode:
-        raise FrontendError(f"static/app/{name} could not be made, as said above")
+        raise FrontendError(f"static/app/{name} could not be generated, see above")
     return made.stdout.decode()
 
 
@@ -172,8 +172,8 @@ def _npm(arguments: list[str]) -> None:
     if done.returncode:
         sys.stderr.write(done.stderr)
         raise FrontendError(
-            f"npm {' '.join(arguments)} in {STATIC} failed as said above; "
-            "see that the npm registry can be reached, then: make setup"
+            f"npm {' '.join(arguments)} in {STATIC} failed, see above; "
+            "check that the npm registry can be reached, then: make setup"
         )
 
 

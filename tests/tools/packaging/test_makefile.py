@@ -43,7 +43,7 @@ def test_a_missing_python_is_reported(clone: Path, bare: Path) -> None:
     done = make(clone, "setup", path=str(bare))
     assert done.returncode != 0
     (sentence,) = sentences(done)
-    assert "Python 3.11 or newer is needed and no Python was found" in sentence
+    assert "Python 3.11 or newer is needed, but no Python was found" in sentence
     assert "apt-get install python3.11" in sentence
     assert not (clone / ".venv").exists()
 
@@ -53,7 +53,7 @@ def test_an_old_python_is_reported(clone: Path, bare: Path) -> None:
     done = make(clone, "run", path=str(bare))
     assert done.returncode != 0
     (sentence,) = sentences(done)
-    assert "Python 3.11 or newer is needed and Python 3.10.12 was found" in sentence
+    assert "Python 3.11 or newer is needed, but Python 3.10.12 was found" in sentence
 
 
 def test_a_newer_python_beside_an_old_one_is_used(clone: Path, bare: Path) -> None:
@@ -114,7 +114,7 @@ def test_missing_programs_that_cannot_be_installed_are_reported(
     assert done.returncode != 0
     assert len(sentences(done)) == len(LEFT_OUT)
     for sentence, (package, left_out) in zip(sentences(done), LEFT_OUT.items(), strict=True):
-        assert f"{left_out} are left out" in sentence
+        assert f"{left_out} are skipped" in sentence
         assert f"apt-get install {package}" in sentence
 
 
@@ -173,7 +173,7 @@ def test_testing_installs_nothing_and_reports_what_is_left_out(
     assert not (clone / "asked").exists()
     for sentence, (package, left_out) in zip(sentences(done), LEFT_OUT.items(), strict=True):
         assert f"{package} is missing" in sentence
-        assert f"{left_out} are left out; to run them: make system" in sentence
+        assert f"{left_out} are skipped; to run them: make system" in sentence
 
 
 def test_make_alone_lists_the_targets(clone: Path) -> None:
