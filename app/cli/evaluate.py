@@ -100,7 +100,7 @@ def evaluate(
 
 
 def _image_size(truth: Path) -> tuple[int, int] | None:
-    """Return the size of the images that a truth file lies beside; None without a calibration."""
+    """Return the image size from the calibration next to a truth file; None without one."""
     from observer.calibration.formats.opencv_file import read_noted_calibration
 
     file = truth.with_name("calibration.yaml")

@@ -1,4 +1,4 @@
-"""``dynamic-observer simulate``: write a simulated scenario as a stereo folder with its truth."""
+"""``dynamic-observer simulate``: render a scenario into a stereo folder, with ground truth."""
 
 from __future__ import annotations
 

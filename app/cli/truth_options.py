@@ -1,4 +1,4 @@
-"""Options for reading a truth file and assigning its bodies, for all commands that take one."""
+"""Options of all commands that read a ground-truth file and assign its bodies."""
 
 from __future__ import annotations
 

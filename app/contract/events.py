@@ -98,7 +98,7 @@ class StateEvent:
             is none to listen to.
         calibration_notes: choices made while the source's own calibration was read; empty if
             another one is used.
-        truth_note: why a file that lies beside the source's images is not used as truth.
+        truth_note: why a file next to the source's images is not used as ground truth.
         preparing: while no source is open, why it takes a while until one can be observed.
         troubles: what cannot be drawn or checked at the moment, though observing goes on.
     """

@@ -20,7 +20,7 @@ class Consent:
     or being present for ``COMMAND_FRESH_S`` without any velocity.
 
     Attributes:
-        present: a command or sign of presence is in force.
+        present: a command or sign of presence has not expired.
         released: the latch does not hold.
     """
 

@@ -187,7 +187,7 @@ class DrivenRole:
     def ask_again(self, now: float, why: str) -> None:
         """Let an armed robot that was asked to move rest, as what was consented to has changed.
 
-        Nobody can let go of a robot that drives autonomously: it must be armed anew.
+        Nobody can let go of a robot that drives autonomously: it must be armed again.
 
         Args:
             why: one sentence.

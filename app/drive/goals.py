@@ -31,7 +31,7 @@ class Goals:
     def __init__(self) -> None:
         self.going: Going | None = None
         self._number = 0
-        # Number of the newest frame; each source begins anew.
+        # Number of the newest frame; each source starts from 0.
         self._frame: int | None = None
 
     @property

@@ -47,7 +47,7 @@ class Leases:
         """Check that this is the role's lease.
 
         Raises:
-            ProcessRefused: the lease is not in force.
+            ProcessRefused: the lease is not valid.
         """
         held = self._held.get(role)
         if held is None or held.id != lease:
@@ -60,7 +60,7 @@ class Leases:
         """Release the lease.
 
         Raises:
-            ProcessRefused: the lease is not in force.
+            ProcessRefused: the lease is not valid.
         """
         self.check(role, lease)
         del self._held[role]

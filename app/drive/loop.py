@@ -110,7 +110,7 @@ class DriveLoop:
         self.leaving = False
 
     def run(self) -> None:
-        """Run until told to leave; then stop and release all robots."""
+        """Run until asked to stop; then stop and release all robots."""
         deadline = self._clock()
         while not self.leaving:
             deadline += TICK_S

@@ -45,7 +45,7 @@ def message_sender(sock: socket.socket) -> MessageSender:
 
 
 def run_drive(arguments: ProcessArguments, *, open_robot: OpenRobot) -> NoReturn:
-    """Run the drive loop in this process until it is told to leave, then exit the process.
+    """Run the drive loop in this process until it is asked to stop, then exit the process.
 
     Args:
         open_robot: factory of robots.

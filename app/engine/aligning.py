@@ -55,7 +55,7 @@ class Aligns(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """Alignment in force.
+    """Current alignment.
 
     Attributes:
         session: the session that it applies to, as passed to ``begin``.
@@ -73,7 +73,7 @@ class AlignmentThread(threading.Thread):
     """Alignment thread and its worker; starts itself.
 
     Attributes:
-        aligned: the alignment now in force.
+        aligned: the current alignment.
         sentence: the reason why there is none; begins with "not aligned yet".
     """
 

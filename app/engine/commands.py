@@ -51,7 +51,7 @@ class CommandHandler:
     """Carries out commands and returns their replies.
 
     Attributes:
-        leaving: the engine was told to shut down.
+        leaving: the engine was asked to shut down.
     """
 
     def __init__(

@@ -295,7 +295,7 @@ class CurrentSource:
             return_freed_memory()
 
     def end(self) -> None:
-        """Close the session for good; wait for its recording, but not for long."""
+        """Close the session permanently; wait for its recording, but not for long."""
         self.close()
         self._recorders.wait(_RECORDING_ENDS_S)
 

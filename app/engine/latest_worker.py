@@ -32,7 +32,7 @@ class LatestWorker(Generic[Job]):
 
         Args:
             name: of the thread.
-            work: called in the thread; it must not raise, because that would end the work for good.
+            work: called in the thread; it must not raise, because that would end the thread.
             rate_hz: maximum average number of jobs per second, however irregularly they arrive.
             most_share: maximum share of one core's time; costlier jobs run less often.
         """

@@ -1,4 +1,4 @@
-"""Local map in force at each frame: from planning the way to a goal, or from the recording."""
+"""Local map that applies at each frame: from planning the way to a goal, or from the recording."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ Inbox = queue.SimpleQueue[Request | Opening | None]
 
 
 class Engine:
-    """Engine that answers commands and observes the open source until told to leave."""
+    """Engine that answers commands and observes the open source until asked to stop."""
 
     def __init__(
         self,

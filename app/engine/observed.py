@@ -20,7 +20,7 @@ class Observed:
         observation: the result.
         trace: the observer's intermediate images and numbers by name (see ``observer.observer``).
         camera: the rectified pair.
-        parameters: those in force for this frame.
+        parameters: those used for this frame.
         segment: segment number, counted across engine restarts.
     """
 

@@ -20,7 +20,7 @@ _RATE_WINDOW_S = 2.0
 
 @dataclass(frozen=True, eq=False)
 class PlayedFrame:
-    """Frame whose turn has come.
+    """Frame that is due.
 
     Attributes:
         frame: its index and time continue across rewinds; ``received`` is the instant it was played
@@ -44,7 +44,7 @@ class Player:
     except that reading takes as long as the source takes.
 
     Attributes:
-        paused, rate, loop: the settings in force.
+        paused, rate, loop: the current settings.
         position: number of the frame played last within the source; None before the first.
         skipped: number of frames that could not be read.
         trouble: one sentence on why a live source delivers nothing.

@@ -47,7 +47,7 @@ def run_engine(
     make_observer: ObserverFactory,
     prepare: Preparation = lambda _: None,
 ) -> NoReturn:
-    """Run an engine in this process until it is told to leave, then exit the process.
+    """Run an engine in this process until it is asked to stop, then exit the process.
 
     Args:
         open_source, make_observer: factories of sources and observers.

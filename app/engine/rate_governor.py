@@ -36,7 +36,7 @@ class RateGovernor:
         self._relaxed = 0
 
     def reduction(self, model: str) -> Reduction | None:
-        """Return the reduction in force; None for full processing.
+        """Return the active reduction; None for full processing.
 
         Args:
             model: the value of ``ego_motion.model``; not every method has reductions.

@@ -49,7 +49,7 @@ class SightWriter:
         Args:
             mount: mount of the cameras.
             world: the world that the frame shows.
-            guard: the guard parameters in force.
+            guard: the current guard parameters.
         """
         scan = None
         if mount is not None and world is not None and self._wheels.there(self._clock()):

@@ -47,7 +47,7 @@ class Wayfinder:
         Return the local map if one is due.
 
         Args:
-            parameters: the parameters in force.
+            parameters: the current parameters.
         """
         guard, planner = parameters.guard, parameters.navigation
         now = self._clock()

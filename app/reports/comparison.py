@@ -1,4 +1,4 @@
-"""Truth applied to a run afterwards, in place of the truth recorded with it."""
+"""Ground truth applied to a run afterwards, in place of that recorded with it."""
 
 from __future__ import annotations
 

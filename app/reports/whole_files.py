@@ -1,4 +1,4 @@
-"""Writing of result files such that nobody ever finds an incomplete one."""
+"""Atomic writing of result files: an incomplete one is never visible."""
 
 from __future__ import annotations
 

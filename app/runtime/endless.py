@@ -1,4 +1,4 @@
-"""Endless work that must not end unheard."""
+"""Endless tasks: a failure is logged, and the task starts again."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def return_freed_memory() -> None:
     """Return free memory to the system; call it after much memory was freed.
 
     Free memory between blocks still in use is returned as well. Otherwise each new peak of frames
-    in flight would leave the process larger for good. Takes milliseconds.
+    in flight would leave the process larger permanently. Takes milliseconds.
     """
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)

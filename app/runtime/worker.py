@@ -196,7 +196,7 @@ class LastingWorker:
     def do(self, job: object, kind: type[_Result]) -> _Result | None:
         """Run a job and return its result, which must be of that type.
 
-        Return None if the process was lost, took too long or was ended for good. A lost process
+        Return None if the process was lost, took too long or was ended permanently. A lost process
         loses its state; the next job starts a new one.
         """
         # Writing to and reading from a stopped or hung process both block.
@@ -229,7 +229,7 @@ class LastingWorker:
         return None
 
     def end(self) -> None:
-        """End the process for good. Any thread may call this."""
+        """End the process permanently. Any thread may call this."""
         with self._lock:
             self._ended = True
         self._kill()

@@ -1,4 +1,4 @@
-"""Background tasks of the event loop that nobody waits for."""
+"""Background tasks of the event loop that nothing awaits."""
 
 from __future__ import annotations
 

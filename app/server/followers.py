@@ -46,5 +46,5 @@ class Followers:
             try:
                 notify(listener)
             except Exception:
-                # A failing follower must affect neither the others nor what it was told of.
+                # A failing follower must affect neither the others nor the change itself.
                 log.exception("follower_failed", follower=type(listener).__name__)

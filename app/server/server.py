@@ -158,12 +158,12 @@ class Server:
         self.source.load()
 
     async def change_rig(self, changed: Callable[[], Rig]) -> None:
-        """Put a rig into force; reopen the source if it would be observed differently.
+        """Make a rig the current one; reopen the source if it would be observed differently.
 
         Robots with a changed port or model are reconnected, disarmed.
 
         Args:
-            changed: returns the new rig, made from the one in force; called with the lock held.
+            changed: returns the new rig, made from the current one; called with the lock held.
 
         Raises:
             Conflict: a run or a calibration is in progress and would be observed differently.

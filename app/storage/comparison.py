@@ -1,4 +1,4 @@
-"""Truth stored with a run, in the form that commands take."""
+"""Ground truth stored with a run, in the form that commands take."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class DataFolder:
         folder = self.run(run_id)
         leaving = folder.with_name(f"{_LEAVING}{run_id}-{secrets.token_hex(3)}")
         try:
-            # Renamed first, so that nobody ever finds half a run.
+            # Renamed first, so that half a run is never visible.
             folder.rename(leaving)
         except FileNotFoundError:
             return

@@ -23,7 +23,7 @@ class Storage(
     """
 
     def purge(self, older_than: timedelta = UNDO) -> list[str]:
-        """Delete for good what was discarded long enough ago; return the ids of its runs."""
+        """Permanently delete what was discarded long enough ago; return the ids of its runs."""
         gone = self.purge_runs(older_than)
         self.purge_truths()
         return gone

@@ -1,4 +1,4 @@
-"""Truth files, identified by content: facts in the database, the files in the data folder."""
+"""Ground-truth files, identified by content: facts in the database, files in the data folder."""
 
 from __future__ import annotations
 

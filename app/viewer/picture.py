@@ -91,7 +91,7 @@ def make_picture(
     """Make the picture of the newest observation, as fresh as it is at ``now``.
 
     Args:
-        driving: state of the robots, as far as known. limits: the guard's parameters in force.
+        driving: state of the robots, as far as known. limits: the guard's current parameters.
     """
     mount = state.mount
     T_display_world = level_pose(mount)
@@ -159,7 +159,7 @@ def _obstacle_edges(
     rotation = np.eye(3) if turned is None else Pose.from_quaternion(turned, position).rotation
     foot = float(T_display_world.apply(position)[2]) - size[1] / 2
     if floor_known and 0.0 < foot < _FOOT_M:
-        # In depth, feet cannot be told from the floor.
+        # In depth, feet cannot be distinguished from the floor.
         size[1] += foot
         position = position - up * foot / 2
     return box_edges(position, size, uprighted(rotation, up))

@@ -100,7 +100,7 @@ def robot_marks(
 
     Args:
         robot: the observer's. goal: the one to which it drives, or drove last.
-        limits: the guard's parameters in force.
+        limits: the guard's current parameters.
     """
     if robot is None or mount is None or T_world_camera is None:
         return None

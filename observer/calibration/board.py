@@ -17,7 +17,7 @@ BoardKind = Literal["chessboard", "charuco"]
 CHARUCO_DICTIONARY = "DICT_4X4_250"
 # Share of a square's side; detection depends on the white margin around a marker.
 MARKER_SHARE = 0.75
-# With fewer corners, a board's pose cannot be told from the lens.
+# With fewer corners, a board's pose cannot be distinguished from the lens.
 FEWEST_CORNERS = 8
 
 # Numbers of inner corners in each direction, and the side of a square.

@@ -1,4 +1,4 @@
-"""CoppeliaSim (V-REP's successor) as a world: its images, its truth and its robots.
+"""CoppeliaSim (V-REP's successor) as a world: its images, its ground truth and its robots.
 
 Everything goes through the simulator's own client, which comes with the extra ``coppeliasim`` and
 is imported only by ``connection``, lazily. This is tested with a stand-in server that speaks the

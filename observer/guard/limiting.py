@@ -44,7 +44,7 @@ def limit_of(
     """Return the least of what tracked obstacles, the ground and sonar permit.
 
     Args:
-        wanted: m/s and rad/s, not zero. sight: usable; None for the robot without eyes.
+        wanted: m/s and rad/s, not zero. sight: usable; None for the robot without cameras.
     """
     if not is_spot_turn(*wanted) and is_silent(sonars, wanted[0], now, p):
         # What its last echoes said no longer holds, least of all that nothing is in the way.
@@ -130,7 +130,7 @@ def _limit_by_ground(
 def _limit_by_echo(
     wanted: tuple[float, float], view: SonarView | None, outline: Outline, p: GuardParameters
 ) -> Limit:
-    """Limit a robot without eyes: it may drive where nothing echoes, even if it has no sonar."""
+    """Limit a robot without cameras: it may drive where nothing echoes, even if it has no sonar."""
     if view is None or is_spot_turn(*wanted):
         return Limit(1.0)
     stopping = Stopping.of(*wanted, p)

@@ -90,7 +90,7 @@ class Side:
     def held(
         self, limit: Limit, wanted: tuple[float, float], now: float, p: GuardParameters
     ) -> Limit:
-        """Return the limit in force: it falls at once, and rises only after ``release_s``.
+        """Return the current limit: it falls at once, and rises only after ``release_s``.
 
         Args:
             limit: of the wanted velocity, at this moment.

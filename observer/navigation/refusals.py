@@ -18,7 +18,7 @@ from observer.navigation.rollouts import STANDING, Motion, wrapped
 
 # Least angle between the ends of two paths, seen from the robot.
 SPREAD_RAD: Final = math.radians(10)
-# Shorter paths cannot be told from standing.
+# Shorter paths cannot be distinguished from standing still.
 _SHORTEST_M: Final = 0.15
 _PLACES: Final = 5
 # Finer differences cannot be seen.

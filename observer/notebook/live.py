@@ -107,7 +107,7 @@ class ObservedSource:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Parameters in force, by dotted name."""
+        """Current parameters, by dotted name."""
         return dict(self._observer.parameters.flat())
 
     def set(self, changes: Mapping[str, Any]) -> None:

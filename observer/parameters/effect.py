@@ -36,7 +36,7 @@ def effective(parameters: Parameters, changes: Mapping[str, Any]) -> Parameters:
 
     Raises:
         ParameterError: naming every refused field and its range, or else every one that has no
-            effect with the method in force after the change.
+            effect with the method used after the change.
     """
     after = parameters.changed(changes)
     if idle := without_effect(changes, after.ego_motion.model):

@@ -1,4 +1,4 @@
-"""Local maps of a recording by frame: which one was in force, and the robot's place in it."""
+"""Local maps of a recording by frame: which one applied, and the robot's place in it."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def maps_in_force(recording: Recording) -> tuple[MapInForce, ...]:
 
 
 def maps_by_frame(recording: Recording) -> dict[int, OccupancyMap]:
-    """Return the map in force at each frame, by position, with the robot's place at that frame."""
+    """Return the map valid at each frame, by position, with the robot's place at that frame."""
     return {
         position: placed
         for one in maps_in_force(recording)

@@ -111,7 +111,7 @@ class RecordedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ParameterRevision(msgspec.Struct, frozen=True, kw_only=True):
-    """Parameters in force from the next recorded frame on.
+    """Parameters that apply from the next recorded frame on.
 
     Attributes:
         revision: incremented with every change of the parameters of observing. frame: index of the

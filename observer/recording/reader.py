@@ -134,7 +134,7 @@ class Recording:
         return tuple(found)
 
     def parameter_revisions(self) -> tuple[ParameterRevision, ...]:
-        """Return the parameters that were in force, in order."""
+        """Return the parameters that were used, in order."""
         return tuple(revision for _, revision in self.positioned_revisions)
 
     def truth_samples(self) -> tuple[TruthSample, ...]:

@@ -1,1 +1,1 @@
-"""The rig: how the cameras sit on the robot, typed in by a person or estimated, and its file."""
+"""The rig: how the cameras are mounted on the robot, entered or estimated, and its file."""

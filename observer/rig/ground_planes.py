@@ -169,7 +169,7 @@ def _best_hypothesis(
 def _refined(
     points: DisparityPoints, coefficients: Float64Array, fb: float, noise_px: float
 ) -> LevelPlane:
-    """Refine by least squares with Tukey weights; each round selects points and noise anew."""
+    """Refine by least squares with Tukey weights; each round selects points and noise again."""
     sigma = noise_px
     for _ in range(_REFINEMENTS):
         residual = points.disparity - points.ray @ coefficients

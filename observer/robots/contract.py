@@ -99,7 +99,7 @@ class RobotReport:
             one is fitted but has not reported yet.
         watchdog_s: time without a command after which its firmware stops it, as it reports; 0 if
             it never does.
-        limits: in force: the lowest of all known limits.
+        limits: those that apply, the lowest of all known limits.
         sent: the newest velocity that was actually sent.
         wanted: speed (m/s) and turn rate (rad/s) for which a robot that drives by itself asks
             permission; None for one that is only driven.
@@ -183,7 +183,7 @@ class Robot(Protocol):
 
 @runtime_checkable
 class Explained(Protocol):
-    """A robot that can also be told why it may not drive as asked."""
+    """A robot that also accepts the reason why it may not drive as requested."""
 
     def explain(self, reason: str | None) -> None:
         """Take one sentence, valid until the next; None if nothing limits the robot."""

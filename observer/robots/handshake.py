@@ -118,7 +118,7 @@ def ask_config(line: PacketLine) -> ConfigReply:
 
 
 def speed_up(line: PacketLine, baud: int) -> bool:
-    """Ask for a higher baud rate; return whether it is in force. Falls back to the old rate.
+    """Ask for a higher baud rate; return whether it is in use. Falls back to the old rate.
 
     Raises:
         NoSession: it is silent at the old rate as well.

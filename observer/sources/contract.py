@@ -95,7 +95,7 @@ class CameraReport:
         device: as in ``SourceInfo.devices``.
         state: ``open``, ``waiting`` (it is being opened again) or ``failed``.
         trouble: one sentence, None while it delivers.
-        settings: what is in force on the camera, in words by name, as in
+        settings: the camera's current settings, in words by name, as in
             ``{"size": "640x480", "pixel format": "MJPG", "exposure": "156 (locked)"}``.
         refused: one sentence for each setting that was asked for and not accepted.
     """
@@ -161,7 +161,7 @@ class SeekableSource(Protocol):
 
     @property
     def begins(self) -> Literal["observer", "segment"] | None:
-        """Return what began anew in the recorded run with the frame read last; None if nothing.
+        """Return what restarted in the recorded run with the frame read last; None if nothing.
 
         ``segment`` stands for ``Observer.begin_segment``.
         """

@@ -79,7 +79,7 @@ def open_kitti_raw(folder: Path) -> FilePairSource:
     entries = _entries(folder / f"image_{left:02d}", folder / f"image_{left + 1:02d}")
 
     def calibrate(width: int, height: int) -> StereoCalibration | None:
-        # A day's calibration lies beside its drives.
+        # A day's calibration is in the folder of its drives.
         for place in (folder, folder.resolve().parent):
             file = place / "calib_cam_to_cam.txt"
             if file.is_file():

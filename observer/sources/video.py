@@ -28,7 +28,7 @@ def open_video(spec: str) -> VideoSource:
 
     Raises:
         SourceError: a file is missing, is not a video, or the two do not belong together.
-        CalibrationError: ``calibration.yaml`` lies beside the (left) file and is unusable.
+        CalibrationError: the ``calibration.yaml`` next to the (left) file is unusable.
     """
     if not spec.strip():
         raise SourceError("video: needs a file, as in video:left.mp4,right.mp4")

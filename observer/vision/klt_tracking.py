@@ -31,7 +31,7 @@ FIRST_LEVELS, LEVELS = 4, 2
 _COARSE_LEVELS = 1
 # A mean absolute difference m of normally distributed noise means a deviation of m sqrt(pi / 2).
 _DEVIATION = np.float32(np.sqrt(np.pi / 2))
-# Texture below this, grey levels/px, cannot be told from none.
+# Texture below this, grey levels/px, cannot be distinguished from none.
 _LEAST_TEXTURE = np.float32(1e-3)
 
 

@@ -23,7 +23,7 @@ _READINGS, _READING_INTERVAL_S = 5, 0.1
 # Fewer samples have no slope worth judging.
 LEAST_SAMPLES = 8
 _CONFIDENCE = 0.95
-# A higher correlation cannot be told from a trend.
+# A higher correlation cannot be distinguished from a trend.
 _MOST_CORRELATION = 0.9
 
 

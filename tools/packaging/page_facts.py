@@ -84,7 +84,7 @@ FACTS: dict[str, tuple[float | str | dict[str, str], str]] = {
         "Maximum number of characters in the description of a preset.",
     ),
     "SESSION_OVER": (SESSION_OVER, "A socket whose session has ended is closed with this code."),
-    "WATCHING_ONLY": (WATCHING_ONLY, "What a browser with read-only access is told."),
+    "WATCHING_ONLY": (WATCHING_ONLY, "Notice for a browser with read-only access."),
 }
 
 

@@ -19,7 +19,7 @@ MOST_LINKS = 20
 
 @dataclass(eq=False)
 class ReadOnlyLink(Connections):
-    """Read-only link in force.
+    """Valid read-only link.
 
     Attributes:
         id: not secret. token: signs a browser in. made: seconds since 1970.
@@ -31,7 +31,7 @@ class ReadOnlyLink(Connections):
 
 
 class ReadOnlyLinks:
-    """Table of the read-only links in force; there is always one to share. Used in the event loop.
+    """Table of the valid read-only links; there is always one to share. Used in the event loop.
 
     Tokens are derived from the operators' token, which they do not reveal, and from the link's id:
     they last as long as that token, and a file of ids signs nobody in.
@@ -61,7 +61,7 @@ class ReadOnlyLinks:
         return self.in_force[-1]
 
     def get(self, link_id: str | None) -> ReadOnlyLink | None:
-        """Return the link of this id; None if it is not in force."""
+        """Return the link of this id; None if it is not valid."""
         return None if link_id is None else self._links.get(link_id)
 
     def find(self, candidates: Iterable[str]) -> ReadOnlyLink | None:

@@ -70,7 +70,7 @@ class Sessions:
         most: beyond this number, the least recently used sessions without open connections end.
 
     Attributes:
-        links: the read-only links in force.
+        links: the valid read-only links.
     """
 
     def __init__(

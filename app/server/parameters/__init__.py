@@ -1,1 +1,1 @@
-"""The parameters in force and their presets."""
+"""The current parameters, and the presets."""

@@ -22,7 +22,7 @@ class RigStore:
 
     Attributes:
         path: path of the file; None keeps the rig in memory only.
-        rig: the rig in force.
+        rig: the current rig.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -57,10 +57,10 @@ class RigStore:
         return text_without_ports(self.rig)
 
     def keep(self, rig: Rig) -> None:
-        """Put a rig into force and into the file, which is replaced as a whole.
+        """Make a rig the current one and write it to the file, which is replaced as a whole.
 
         Raises:
-            FieldError, StorageFull: the file cannot be written; the old rig stays in force.
+            FieldError, StorageFull: the file cannot be written; the old rig remains current.
         """
         if self.path is not None:
             with storage_errors(self.path):

@@ -44,7 +44,7 @@ class CheckManager:
         """Set up without a check.
 
         Args:
-            folder: folder of the records; None stores none. circumstances: returns those in force.
+            folder: folder of the records; None stores none. circumstances: current ones.
             changed: called when ``facts`` change. soon: runs work in the background.
             clock: the host's monotonic clock, on which stops are timed.
         """

@@ -154,5 +154,5 @@ class Operators:
         try:
             await self._ask(ReleaseLease(role, lease))
         except (Conflict, FieldError, NotAvailable) as error:
-            # Either the lease is no longer in force or it was lost with its process.
+            # Either the lease is no longer valid or it was lost with its process.
             log.info("lease_not_released", role=role, reason=str(error))

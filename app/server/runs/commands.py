@@ -39,7 +39,7 @@ class CommandRefused(DynamicObserverError):
 
 
 class RunCommands:
-    """Runs one command after the other; each ends when nobody waits for it any more.
+    """Runs one command after the other; each ends when nothing waits for it any more.
 
     Args:
         folder: the data folder, which holds the files while they are being made.

@@ -72,7 +72,7 @@ class _Order:
 class MethodComparison:
     """Runs one comparison at a time, which results in two ordinary runs.
 
-    Neither the open source nor the parameters in force change, and a live run continues.
+    Neither the open source nor the current parameters change, and a live run continues.
 
     Args:
         held: returns whether it must be suspended because a robot is armed.
@@ -252,7 +252,7 @@ class MethodComparison:
             title=_title(chosen),
             spec=str(clip),
             shown=shown_spec(chosen.source),
-            # The calibration in force; if that is the source's own, the clip holds it.
+            # The calibration in use; if that is the source's own, the clip holds it.
             calibration=chosen.calibration,
             clip=clip,
             original=None,

@@ -1,4 +1,4 @@
-"""Re-runs: the recordings of runs, observed again by workers in the background."""
+"""Re-runs: the recordings of runs, processed again by workers in the background."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class _Going:
 class Reruns:
     """Runs one re-run after the other; used in the event loop.
 
-    Neither the open source nor the parameters in force change, and a live run continues.
+    Neither the open source nor the current parameters change, and a live run continues.
 
     Args:
         held: returns whether a re-run must be suspended because a robot is armed.

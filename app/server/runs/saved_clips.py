@@ -69,7 +69,7 @@ class SavedClips:
         return found
 
     async def delete(self, name: str) -> None:
-        """Delete a clip for good.
+        """Permanently delete a clip.
 
         Raises:
             NotThere: there is no clip of that name. StorageError: it cannot be deleted.

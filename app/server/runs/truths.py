@@ -1,4 +1,4 @@
-"""Uploaded truth files, and the comparison of runs with them."""
+"""Uploaded ground-truth files, and the comparison of runs with them."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class SourceManager:
 
         Args:
             run_id, segment, record: of the run that records it.
-            parameters: those in force if left out.
+            parameters: default: the current ones.
 
         Raises:
             FieldError, NotAvailable: as for ``use``.

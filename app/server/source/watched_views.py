@@ -68,7 +68,7 @@ class Watching:
             try:
                 await self._engine.request(WatchViews(names))
             except ProcessUnavailable:
-                # The next engine is told once it has started.
+                # The next engine is notified once it has started.
                 self._requested = None
             except ProcessRefused as error:
                 log.error("watching_refused", names=names, reason=str(error))

@@ -1,5 +1,5 @@
 """Process that observes the same frames with two methods and exits.
 
-It is separate from the engine so that neither the open source nor the parameters in force change.
+It is separate from the engine so that neither the open source nor the current parameters change.
 It runs at a lower priority than the engine and the server.
 """

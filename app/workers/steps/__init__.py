@@ -2,5 +2,5 @@
 
 It keeps running for a while with the source open and the last observed pairs cached, so that a page
 can follow a slider. It is separate from the engine so that neither the open source nor the
-parameters in force change, and runs at a lower priority than the engine and the server.
+current parameters change, and runs at a lower priority than the engine and the server.
 """

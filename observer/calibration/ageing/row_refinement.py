@@ -24,7 +24,7 @@ from observer.intervals import half_95
 from observer.types import Image
 from observer.vision.rectification import Rectification
 
-# With fewer matches, two angles cannot be told from the mismatches among them.
+# With fewer matches, two angles cannot be distinguished from the mismatches among them.
 _MIN_MATCHES = 200
 # A larger error is not drift but another calibration, or left and right from different instants.
 _MAX_TURN_RAD = np.deg2rad(0.4)

@@ -100,7 +100,7 @@ def _ratio(ratio: float | None) -> str:
 
 
 def _stops(summaries: Sequence[Summary]) -> str:
-    """Table of reasons by driver, people and eye, combining all densities and risks."""
+    """Table of reasons by driver, people and perception, combining all densities and risks."""
     columns = list(dict.fromkeys(_column(each) for each in summaries))
     counts: dict[str, Counter[str]] = {}
     for one in summaries:

@@ -61,7 +61,7 @@ class Motors:
         bumpers: number at each end.
 
     Attributes:
-        setpoint, limits: in force.
+        setpoint, limits: the current ones.
         timed_out: the watchdog stopped the robot and no command has come since.
         bump_stall: bit 0, a front bumper stalls the motors; bit 1, a rear one.
     """
@@ -145,7 +145,7 @@ class Motors:
         if not self.on or number not in _MOTIONS:
             return
         point, limits, wheels = self.setpoint, self.limits, self._chassis.wheels()
-        # A hard stop lasts until the robot is told to move.
+        # A hard stop lasts until the robot is commanded to move.
         point.hard = point.hard and value == 0
         if point.wheels or number == Command.VEL2:
             # Wheel velocities and VEL or RVEL exclude each other: the last one wins.
@@ -221,7 +221,7 @@ class Motors:
                 point.turn_rate = _approach_speed(rest, limits.turn_deceleration, limits.turn_rate)
 
     def _drive(self) -> None:
-        """Send the machine the command that is in force now."""
+        """Send the machine the current command."""
         point, limits = self.setpoint, self.limits
         moves = self.on and not self.timed_out and self._now >= self._relaxed_until
         self._chassis.drive(

@@ -12,7 +12,7 @@ from observer.geometry import Pose
 from observer.mount import R_base_camera
 
 FARTHEST_M = 10.0
-# Limits of the angles; at 90 degrees of tilt pan and roll cannot be told apart.
+# Limits of the angles; at 90 degrees of tilt pan and roll cannot be distinguished.
 LARGEST_DEG = {"pan_deg": 180.0, "tilt_deg": 90.0, "roll_deg": 180.0}
 
 

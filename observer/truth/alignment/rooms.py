@@ -18,7 +18,7 @@ from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.motion_capture import Capture, Trajectory
 
 _UP_ROOM = np.array([0.0, 0.0, 1.0])
-# If a body turns less than this, its centre cannot be told from an error of the room's pose.
+# If a body turns less than this, its centre and an error of the room's pose look alike.
 _TURNS_RAD = np.radians(30)
 # Metres: largest distance between the visible middle of a body and its origin.
 _CENTRE_M = 0.5

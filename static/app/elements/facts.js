@@ -95,5 +95,5 @@ export const LONGEST_PRESET_HELP = 300;
 /** A socket whose session has ended is closed with this code. */
 export const SESSION_OVER = 4401;
 
-/** What a browser with read-only access is told. */
+/** Notice for a browser with read-only access. */
 export const WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anything.";

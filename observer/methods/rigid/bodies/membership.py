@@ -44,7 +44,7 @@ _STRIDE_M = 0.35
 _LIMB_APART_M = 0.3
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
-# Seconds for which two bodies must both be known before they stay two for good.
+# Seconds for which two bodies must both be known before they stay two permanently.
 _KNOWN_S = 1.0
 # No instants before now.
 _NEVER, _NO_MOTION = np.zeros(0), np.zeros((0, 4))

@@ -20,7 +20,7 @@ from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
-# m^2 and cells: a smaller change is noise. Beyond so many metres it cannot be told from noise.
+# m^2 and cells: a smaller change is noise. Beyond so many metres it is lost in noise.
 _LEAST_M2, _LEAST_CELLS, _FARTHEST_M = 0.003, 7, 6.0
 # Metres: changes up to so far apart are at one place. Weight of their distance along the line of
 # sight, as depth is less certain than direction.

@@ -275,7 +275,7 @@ def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) 
 
 
 def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
-    """Move a body to where its segment is seen, unless its points tell that better."""
+    """Move a body to where its segment is seen, unless its points measure that better."""
     if track.outline is None:
         track.outline = Outline.of(segment, scene)
         if track.outline.upright and not points_show_whole(track, track.outline):

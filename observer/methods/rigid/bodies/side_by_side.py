@@ -90,7 +90,7 @@ def part_off(
 ) -> BodyTrack:
     """Keep one segment for a body, and return the track of another body that moves like it.
 
-    Both keep the state and the velocity, which was that of either; where they are is seen anew.
+    Both keep the state and the velocity, which was that of either; positions are measured again.
 
     Args:
         own, other: the segments of the two. numbers: gives the other its number.

@@ -64,7 +64,7 @@ YAW_RATE_SIGMA = 0.6
 # Seconds, time constant with which old places of points on a body are forgotten: tracked patches
 # slide.
 _SHAPE_MEMORY_S = 2.0
-# A member must have been seen this often before its place may stretch the box for good.
+# A member must have been seen this often before its place may permanently enlarge the box.
 _SETTLED = 6
 # Seconds after a manoeuvre for which the members' own velocities may still be those before it.
 _STEADY_S = 0.3

@@ -208,7 +208,7 @@ class V4l2Device:
         return (image.width, image.height), layout.fourcc_text(image.pixelformat)
 
     def rate(self) -> float | None:
-        """Query the frames per second in force; None where the driver does not know."""
+        """Query the current frames per second; None where the driver does not know."""
         answer = layout.StreamParameters(type=self.buffer_type)
         if not self._answers(layout.GET_PARAMETERS, answer):
             return None
