@@ -15,6 +15,17 @@ from .conftest import Eventually, KeepPicture, OpenPanel, Server
 _MADE_MS = 120_000
 _PICTURES = """panes => panes.map(pane => pane.querySelector('canvas').toDataURL())"""
 
+# Labels of obstacles that cover another one by more than their outlines.
+_COVERED = """panes => panes.flatMap(pane => {
+  const areas = [...pane.querySelectorAll('svg text')].map(e => e.getBoundingClientRect());
+  return areas.flatMap((a, at) => areas.slice(at + 1).filter(b =>
+    Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 &&
+    Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4).map(b => [a.x, a.y, b.x, b.y]));
+})"""
+# Figures wider than their column.
+_WIDE_FIGURES = """panes => panes.flatMap(pane => [...pane.querySelectorAll('dd')])
+  .filter(each => each.scrollWidth > each.clientWidth).map(each => each.textContent)"""
+
 
 @pytest.fixture(autouse=True)
 def _nothing_kept(server: Server) -> Iterator[None]:
@@ -87,6 +98,9 @@ def test_both_methods_are_compared_on_the_same_frames(
     expect(view.get_by_role("button", name="Pause")).to_be_visible()
     expect(view.get_by_role("button", name="Play")).to_be_visible(timeout=20_000)
     _expect_frame(view, found, 29)
+    for width in (1440, 1024, 700):
+        page.set_viewport_size({"width": width, "height": 800})
+        assert panes.evaluate_all(_WIDE_FIGURES) == [], width
 
     view.get_by_role("link", name="Speeds, errors and parameters").click()
     compared = page.locator("observer-run-compare")
@@ -106,6 +120,7 @@ def _expect_frame(view: Locator, found: list[dict[str, Any]], position: int) -> 
     panes = view.locator(".methods-pane")
     left, right = panes.evaluate_all(_PICTURES)
     assert left == right
+    assert panes.evaluate_all(_COVERED) == []
     for pane, method in zip(panes.all(), found, strict=True):
         entry = method["frames"][position]
         expect(pane.locator("svg g")).to_have_count(len(entry["obstacles"]))

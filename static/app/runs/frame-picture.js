@@ -1,9 +1,11 @@
 /** A recorded image with what was found in it: boxes, speeds and the motion in the next second. */
 
 import { h, setAttribute } from "../elements/dom.js";
+import { placeLabels } from "../elements/label-places.js";
 import { counted, fixed, speedWithBand, trackColour } from "../elements/words.js";
 
 /** @import { FrameEntry, FrameObstacle } from "../contract" */
+/** @import { Area } from "../elements/label-places.js" */
 
 const LABEL_PX = 12;
 const LINE_PX = 2;
@@ -73,10 +75,10 @@ export class FramePicture extends HTMLElement {
     context.beginPath();
     context.rect(0, 0, w, tall);
     context.clip();
-    const pen = new Pen(context, scale, w, (name) => this.#resolved(name));
+    const pen = new Pen(context, scale, { width: w, height: tall }, (name) => this.#resolved(name));
     for (const body of this.#entry.truth) pen.box(body.box_px, TRUTH, [5, 4]);
     for (const obstacle of this.#entry.obstacles) pen.obstacle(obstacle);
-    for (const obstacle of this.#entry.obstacles) pen.label(obstacle);
+    pen.labels(this.#entry.obstacles);
     context.restore();
   }
 
@@ -91,13 +93,13 @@ class Pen {
   /**
    * @param {CanvasRenderingContext2D} context
    * @param {number} scale CSS pixels per pixel of the image
-   * @param {number} width CSS pixels
+   * @param {{width: number, height: number}} image CSS pixels
    * @param {(name: string) => string} colour
    */
-  constructor(context, scale, width, colour) {
+  constructor(context, scale, image, colour) {
     this.context = context;
     this.scale = scale;
-    this.width = width;
+    this.image = image;
     this.colour = colour;
   }
 
@@ -119,23 +121,34 @@ class Pen {
     this.#stroke(colour, dashes);
   }
 
-  /** @param {FrameObstacle} obstacle */
-  label(obstacle) {
-    const { context } = this;
+  /** @param {FrameObstacle[]} obstacles */
+  labels(obstacles) {
+    this.context.font = `600 ${LABEL_PX}px sans-serif`;
+    this.context.textBaseline = "middle";
+    const wanted = obstacles.map((obstacle) => this.#wantedPlace(obstacle));
+    placeLabels(wanted, this.image).forEach((place, at) => {
+      const obstacle = obstacles[at];
+      if (obstacle) this.#label(obstacle, place);
+    });
+  }
+
+  /** Above the box, or in it at the upper edge of the image. @param {FrameObstacle} obstacle */
+  #wantedPlace(obstacle) {
     const [u0 = 0, v0 = 0] = obstacle.box_px.map((value) => value * this.scale);
-    const words = labelOf(obstacle);
-    context.font = `600 ${LABEL_PX}px sans-serif`;
-    context.textBaseline = "middle";
-    const wide = context.measureText(words).width + 12;
-    const high = LABEL_PX + 6;
-    const x = Math.max(0, Math.min(u0 - LINE_PX / 2, this.width - wide));
-    const y = v0 - high < 0 ? v0 : v0 - high;
+    const width = this.context.measureText(labelOf(obstacle)).width + 12;
+    const height = LABEL_PX + 6;
+    return { x: u0 - LINE_PX / 2, y: v0 - height < 0 ? v0 : v0 - height, width, height };
+  }
+
+  /** @param {FrameObstacle} obstacle @param {Area} place */
+  #label(obstacle, { x, y, width, height }) {
+    const { context } = this;
     context.fillStyle = this.colour("--surface");
-    context.fillRect(x, y, wide, high);
+    context.fillRect(x, y, width, height);
     context.fillStyle = this.colour(trackColour(obstacle.id));
-    context.fillRect(x, y, 4, high);
+    context.fillRect(x, y, 4, height);
     context.fillStyle = this.colour("--text");
-    context.fillText(words, x + 8, y + high / 2);
+    context.fillText(labelOf(obstacle), x + 8, y + height / 2);
   }
 
   /** @param {readonly number[]} arrow @param {string} colour */

@@ -1,6 +1,7 @@
 /** What a method found in a frame, drawn over the frame's image. */
 
 import { h, setAttribute, svg } from "../elements/dom.js";
+import { placeLabels } from "../elements/label-places.js";
 import { speedWithBand } from "../elements/words.js";
 
 /** @import { FrameBody, FrameEntry, FrameObstacle } from "../contract" */
@@ -9,6 +10,8 @@ import { speedWithBand } from "../elements/words.js";
 const HEAD_PX = 7;
 const LETTERS_PX = 12;
 const ABOVE_PX = 4;
+// Width of a character, on average, in sizes of the letters.
+const CHARACTER = 0.56;
 
 /** An image with a drawing over it, both in the size of the rectified image. */
 export class OverlaidPicture {
@@ -40,38 +43,58 @@ export class OverlaidPicture {
     const scale = this.#width / Math.max(1, this.#canvas.clientWidth);
     // Draw false detections last, so that none is hidden behind another.
     const order = [...entry.obstacles].sort((a, b) => Number(a.false) - Number(b.false));
+    // All labels above all boxes.
     this.#drawing.replaceChildren(
       ...(truth ? entry.truth.map(trueBox) : []),
-      ...order.map((obstacle) => this.#obstacle(obstacle, scale)),
+      ...order.map((obstacle) => found(obstacle, scale)),
+      ...this.#labels(order, scale),
     );
   }
 
-  /** @param {FrameObstacle} obstacle @param {number} scale image pixels per pixel of the screen */
-  #obstacle(obstacle, scale) {
-    const [left = 0, top = 0] = obstacle.box_px;
+  /** @param {FrameObstacle[]} obstacles @param {number} scale image pixels per pixel of the screen */
+  #labels(obstacles, scale) {
     const size = LETTERS_PX * scale;
-    const speed = `${speedWithBand(obstacle)} m/s`;
-    const label = svg(
-      "text",
-      {
-        x: Math.min(Math.max(left, 0), this.#width - 8 * size),
-        y: Math.max(top - ABOVE_PX * scale, size),
-        "font-size": size,
-        "stroke-width": size / 4,
-      },
-      obstacle.false ? `false, ${speed}` : speed,
-    );
-    return svg(
-      "g",
-      { "data-kind": kindOf(obstacle) },
-      ...(obstacle.silhouette ?? []).map((polygon) =>
-        svg("polygon", { points: polygon.map((point) => point.join(",")).join(" ") }),
+    const above = ABOVE_PX * scale;
+    const texts = obstacles.map(labelOf);
+    const wanted = obstacles.map(({ box_px: [left = 0, top = 0] }, at) => ({
+      x: left,
+      y: top - above - size,
+      width: CHARACTER * size * (texts[at]?.length ?? 0),
+      height: size + above / 2,
+    }));
+    return placeLabels(wanted, { width: this.#width, height: this.#height }).map(({ x, y }, at) =>
+      svg(
+        "text",
+        {
+          "data-kind": kindOf(/** @type {FrameObstacle} */ (obstacles[at])),
+          x,
+          y: y + size,
+          "font-size": size,
+          "stroke-width": size / 4,
+        },
+        texts[at] ?? "",
       ),
-      svg("rect", rectangle(obstacle.box_px)),
-      ...(obstacle.arrow_px ? [arrow(obstacle.arrow_px, HEAD_PX * scale)] : []),
-      label,
     );
   }
+}
+
+/** @param {FrameObstacle} obstacle @param {number} scale image pixels per pixel of the screen */
+function found(obstacle, scale) {
+  return svg(
+    "g",
+    { "data-kind": kindOf(obstacle) },
+    ...(obstacle.silhouette ?? []).map((polygon) =>
+      svg("polygon", { points: polygon.map((point) => point.join(",")).join(" ") }),
+    ),
+    svg("rect", rectangle(obstacle.box_px)),
+    ...(obstacle.arrow_px ? [arrow(obstacle.arrow_px, HEAD_PX * scale)] : []),
+  );
+}
+
+/** @param {FrameObstacle} obstacle */
+function labelOf(obstacle) {
+  const speed = `${speedWithBand(obstacle)} m/s`;
+  return obstacle.false ? `false, ${speed}` : speed;
 }
 
 /** @param {FrameObstacle} obstacle */
