@@ -26,6 +26,16 @@ _MAIN_OVERFLOW = """() => {
   const { scrollWidth, clientWidth } = document.querySelector("main");
   return [scrollWidth - clientWidth];
 }"""
+# Neighbours in the header that overlap.
+_HEADER_OVERLAPS = """() => {
+  const shown = [...document.querySelectorAll(".top button, .top a, .top .state-chip")]
+    .filter((each) => each.checkVisibility() && !each.closest("[popover]"))
+    .map((each) => [each, each.getBoundingClientRect()])
+    .filter(([, { width }]) => width > 1)
+    .sort(([, a], [, b]) => a.left - b.left);
+  return shown.slice(1).flatMap(([each, { left }], at) =>
+    left < shown[at][1].right - 1.5 ? [`${shown[at][0].className} covers ${each.className}`] : []);
+}"""
 # The layout may still be settling.
 _SETTLED_S = 4.0
 
@@ -91,9 +101,17 @@ def test_other_pages_have_their_own_title_and_no_live_speed(
     expect(page.get_by_role("link", name="Runs", exact=True)).to_have_attribute(
         "aria-current", "page"
     )
+    compare = page.locator(".compare-methods")
+    compare.click()
+    expect(compare).to_have_attribute("aria-current", "page")
+    expect(page.locator("observer-page-nav [aria-current]")).to_have_count(0)
     page.get_by_role("link", name="Live", exact=True).click()
     expect(page).to_have_title("Dynamic Observer")
     expect(page.locator("observer-first-line")).to_be_visible()
+    expect(compare).not_to_have_attribute("aria-current", "page")
+    # The menu repeats no link that the header has room for.
+    page.get_by_role("button", name="Menu").click()
+    expect(page.locator("#page-menu").get_by_role("link")).to_have_text(["Help"])
 
 
 def _width(page: Page) -> float:
@@ -173,6 +191,8 @@ def test_an_operator_on_a_phone_sees_the_whole_left_view(open_panel: OpenPanel) 
     assert seen is not None
     assert image is not None
     assert image["y"] >= seen["y"]
+    # No part of a second one below it.
+    expect(page.locator("main .view-image:visible")).to_have_count(1)
 
 
 def test_a_phone_has_a_heading_and_a_home_link_visible_on_focus(
@@ -201,9 +221,12 @@ def test_the_header_keeps_its_height_while_a_run_with_a_long_name_is_recorded(
             _does_not_scroll(page, f"recording at {size['width']}", eventually)
             height = page.locator(".top").evaluate("top => top.clientHeight")
             assert height <= 60, f"{height} px at {size['width']}"
+            assert page.evaluate(_HEADER_OVERLAPS) == [], size
         page.set_viewport_size(_SIZES[3])
         keep_picture(page, "shell-recording")
         stop.click()
         expect(page.get_by_text("stopped and saved")).to_be_visible()
+        page.get_by_role("button", name="Open run").click()
+        expect(page.locator("#history-title")).to_have_text("Walk past the long shelf, evening")
     finally:
         server.api.post(f"/api/runs/{run['id']}/stop")

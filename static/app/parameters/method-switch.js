@@ -12,6 +12,7 @@ import { MODEL, storeOf } from "./parameter-store.js";
 // Driving parameters are not part of the method.
 const DRIVING = /^(guard|navigation)\./;
 const METHODS = ["default", "paper"];
+const METHODS_PAGE = "#methods";
 const COMPARE = "M5.5 2 2 5l3.5 3V6H13V4H5.5zM10.5 8v2H3v2h7.5v2L14 11z";
 
 class MethodSwitch extends Part {
@@ -31,6 +32,16 @@ class MethodSwitch extends Part {
     () => document.getElementById("tab-parameters")?.click(),
     { class: "button method-now", "data-harmless": true },
   );
+  #compare = h(
+    "a.button.compare-methods",
+    { href: METHODS_PAGE, title: "Compare both methods on the same frames" },
+    svg(
+      "svg",
+      { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" },
+      svg("path", { d: COMPARE }),
+    ),
+    h("span", "Compare"),
+  );
   #fields = h("fieldset.segmented", { disabled: true }, h("legend.visually-hidden", "Method"));
 
   get #store() {
@@ -42,24 +53,17 @@ class MethodSwitch extends Part {
       input.addEventListener("change", () => void this.#switch(name));
       this.#fields.append(h("label", input, h("span", name), mark, announcement));
     }
-    this.append(
-      this.#now,
-      this.#fields,
-      this.#other,
-      h(
-        "a.button.compare-methods",
-        { href: "#methods", title: "Compare both methods on the same frames" },
-        svg(
-          "svg",
-          { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" },
-          svg("path", { d: COMPARE }),
-        ),
-        h("span", "Compare"),
-      ),
-    );
+    this.append(this.#now, this.#fields, this.#other, this.#compare);
+    this.listen("history", () => this.#markPage());
+    this.#markPage();
     const store = this.#store;
     for (const type of ["values", "refused"]) store.addEventListener(type, () => this.#render());
     if (store.schema.length > 0) this.#render();
+  }
+
+  #markPage() {
+    const here = location.hash.startsWith(METHODS_PAGE);
+    setAttribute(this.#compare, "aria-current", here ? "page" : null);
   }
 
   #render() {

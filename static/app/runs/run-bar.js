@@ -16,7 +16,7 @@ import { Part } from "../elements/part.js";
 import { duration, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { notify, exclusiveRunner } from "../shell/notice.js";
-import { size } from "./run-words.js";
+import { runHref, size } from "./run-words.js";
 
 /** @import { RecordingStatus, Run, Status } from "../contract" */
 
@@ -41,6 +41,7 @@ const RECORDING_CHOICES = [
 class RunBar extends Part {
   #words = h("span");
   #state = h("span.state-chip", this.#words);
+  #statePlace = h("span.state-place", this.#state);
   #name = input("text", "run-name", { maxlength: 80, placeholder: "Optional" });
   #record = select({ id: "run-record" }, RECORDING_CHOICES);
   #recording = h("span.record-chip.figure", { hidden: true });
@@ -62,7 +63,9 @@ class RunBar extends Part {
     class: "button danger",
     hidden: true,
   });
-  #running = h("span.run-clock.figure", { hidden: true });
+  #time = h("span");
+  #runName = h("span.run-name");
+  #running = h("span.run-clock.figure", { hidden: true }, this.#time, this.#runName);
   #busy = false;
   #do = exclusiveRunner((busy) => void this.#changed(busy));
   /** @type {number | null} */
@@ -78,7 +81,7 @@ class RunBar extends Part {
       this.#options,
     );
     onSubmit(form, () => this.#do(() => this.#begin()));
-    this.append(this.#state, form);
+    this.append(this.#statePlace, form);
     this.listen("status connection", () => this.#render());
     this.#render();
   }
@@ -97,7 +100,9 @@ class RunBar extends Part {
     this.#stop.hidden = run === null;
     this.#running.hidden = run === null;
     // Duration first, because a long name is cut off.
-    if (run) setText(this.#running, `${duration(run.duration_s)} · ${run.name}`);
+    setText(this.#time, run ? duration(run.duration_s) : "");
+    setText(this.#runName, run ? ` · ${run.name}` : "");
+    setAttribute(this.#running, "title", run?.name ?? null);
     const ready = connection === "open" && !this.#busy;
     this.#start.disabled = !ready || !status?.source || status.engine.state === "calibrating";
     this.#stop.disabled = !ready;
@@ -147,7 +152,10 @@ class RunBar extends Part {
     const run = this.hub.status?.run;
     if (!run) return;
     await request("POST", `/runs/${encodeURIComponent(run.id)}/stop`);
-    notify(`Run “${run.name}” stopped and saved.`);
+    notify(`Run “${run.name}” stopped and saved.`, "done", {
+      words: "Open run",
+      act: () => (location.hash = runHref(run.id)),
+    });
     this.hub.emit("runs");
   }
 

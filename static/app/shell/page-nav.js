@@ -6,6 +6,8 @@ import { tourOffer } from "./tour.js";
 
 const NAME = document.title;
 const METHOD = "#steps";
+/** Linked beside the switch of the methods. */
+const COMPARE = "#methods";
 /** @type {[href: string, words: string, title: string | null][]} */
 const PAGES = [
   ["#live", "Live", null],
@@ -19,7 +21,7 @@ const HEADINGS = ["observer-calibration-wizard", "observer-history"].map(
 /** What the first tab of a narrow window shows, by the beginning of the page's address. @type {[string, string][]} */
 const VIEWS = [
   [METHOD, "Method"],
-  ["#methods", "Compare"],
+  [COMPARE, "Compare"],
   ["#history/compare/", "Compare"],
   ["#history/", "Run"],
   ["#history", "All runs"],
@@ -44,7 +46,7 @@ class PageNav extends Part {
 
   #mark() {
     const away = document.body.hasAttribute("data-history");
-    const here = !away ? "#live" : location.hash.startsWith(METHOD) ? METHOD : "#history";
+    const here = away ? pageOf(location.hash) : "#live";
     for (const links of [this.#links, this.#menuLinks])
       links.forEach((link, at) =>
         setAttribute(link, "aria-current", PAGES[at]?.[0] === here ? "page" : null),
@@ -54,6 +56,11 @@ class PageNav extends Part {
     const [heading] = HEADINGS.flatMap((selector) => document.querySelector(selector) ?? []);
     document.title = heading ? `${heading.textContent} · ${NAME}` : NAME;
   }
+}
+
+/** @param {string} hash of a page other than the live one @returns {string} the page it belongs to */
+function pageOf(hash) {
+  return [METHOD, COMPARE].find((page) => hash.startsWith(page)) ?? "#history";
 }
 
 /** @param {string} hash of the page's address @returns {string} the name of what is shown there */

@@ -28,6 +28,10 @@ test("in a narrow window the menu leads to every page, and the first tab says wh
   location.hash = "#steps/4?source=simulated:lab";
   nav.hub.dispatchEvent(new Event("history"));
   assert.deepEqual([current(), tab.textContent], [["Method"], "Method"]);
+  // Comparing methods is not one of these pages; its link beside the switch says where one is.
+  location.hash = "#methods";
+  nav.hub.dispatchEvent(new Event("history"));
+  assert.deepEqual([current(), tab.textContent], [[], "Compare"]);
 });
 
 test("the first tab has the name of the view", () => {
