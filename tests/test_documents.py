@@ -106,7 +106,7 @@ def _anchors(document: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("document", ALL)
-def test_every_command_that_is_shown_is_taken(document: str) -> None:
+def test_every_command_shown_exists(document: str) -> None:
     """Checks the names of commands and every option that follows."""
     targets = set(re.findall(r"^([a-z-]+):", (REPOSITORY / "Makefile").read_text(), re.MULTILINE))
     for code in _code((REPOSITORY / document).read_text()):
@@ -128,7 +128,7 @@ def _code(text: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("document", [name for name in ALL if name.startswith(("README", "docs"))])
-def test_every_label_that_is_named_is_on_the_page(document: str) -> None:
+def test_every_label_named_is_on_the_page(document: str) -> None:
     """A label is written in italics and in full, as on the page: *Start run*."""
     assert _wrong_labels((REPOSITORY / document).read_text()) == []
 
@@ -165,7 +165,7 @@ def _labels() -> set[str]:
     return titles | {text for place, text in visible() if place.startswith("static")}
 
 
-def test_every_sentence_to_look_up_is_one_that_is_said() -> None:
+def test_every_message_in_troubleshooting_exists_in_the_code() -> None:
     """``…`` stands for a variable part; each part between is searched for."""
     rows = re.findall(r"^\| `(.+?)` \|", (PAGES / "troubleshooting.md").read_text(), re.MULTILINE)
     assert len(rows) > 30

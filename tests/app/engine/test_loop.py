@@ -337,7 +337,7 @@ def test_what_only_people_look_at_may_fail(
     assert bench.state.troubles == ()
 
 
-def test_the_sight_is_written_before_anything_else_is_told(numbered: Numbered) -> None:
+def test_the_sight_is_written_before_anything_else_is_published(numbered: Numbered) -> None:
     told: list[tuple[int, int, int]] = []
 
     def write(seen: Observed, *_: object) -> None:
