@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from app.contract.answers import CalibrationPreview, FloorPoints, KeptClip, Opened, ScenePairs
 from app.contract.calibrating import PlaceDepth
 from app.contract.live_truth import LiveTruthStatus
+from app.contract.parameters import ParameterValues
 from app.contract.pixel import Pixel
 from app.contract.status import PlaybackStatus, RecordingStatus
 from observer.calibration.board import Board, BoardView
@@ -74,7 +75,7 @@ class OpenSource(ToEngine[Opened]):
 
     source: str
     calibration_yaml: str | None
-    parameters: dict[str, Any]
+    parameters: ParameterValues
     parameters_revision: int
     loop: bool = True
     paused: bool = False
@@ -168,7 +169,7 @@ class SetParameters(ToEngine[int | None]):
     leaves the observer as it is. The answer is the first frame they apply to, None without an open
     source."""
 
-    parameters: dict[str, Any]
+    parameters: ParameterValues
     revision: int
 
 

@@ -8,9 +8,10 @@ back the same way (``WHEELS_NAME``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Generic, Literal
+from typing import Generic, Literal
 
 from app.contract.commands import Answer
+from app.contract.parameters import ParameterValues
 from app.contract.robots import DriveFacts, GoalNow, RobotNow
 from observer.motion_profiles.profile import MotionProfile
 from observer.rig.rig import Role
@@ -207,7 +208,7 @@ class StopGoal(ToDrive[None]):
 class SetGuard(ToDrive[None]):
     """Use these ``guard.*`` parameters from the next tick on, by dotted name."""
 
-    parameters: dict[str, Any]
+    parameters: ParameterValues
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,15 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
 from app.contract.values import means
+from observer.parameters import ParameterValue
 
 # First field of a preset's file.
 PresetFormat = Literal["dynamic-observer preset"]
 PRESET_FORMAT: PresetFormat = get_args(PresetFormat)[0]
+# Values of parameters by dotted name; all of them or some.
+ParameterValues = Mapping[str, ParameterValue]
+# The same as stored: by whatever version, or damaged by hand.
+StoredValues = Mapping[str, Any]
 # Maximum number of characters in the description of a preset.
 LONGEST_PRESET_HELP = 300
 
@@ -24,7 +29,7 @@ class ParametersNow:
             "Incremented by every change of a guard.* or navigation.* parameter since the start."
         ),
     ]
-    values: Mapping[str, Any]
+    values: ParameterValues
     preset: Annotated[str | None, means("The preset with exactly these values.")]
     based_on: Annotated[
         str,
@@ -72,5 +77,5 @@ class ParameterEntry:
 class Preset:
     name: str
     help: str
-    values: Mapping[str, Any]
+    values: StoredValues
     built_in: bool

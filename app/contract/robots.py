@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
+from app.contract.parameters import ParameterValues
 from app.contract.values import means
 from observer.navigation.plan import RefusedPath
 from observer.rig.rig import Role
@@ -245,7 +246,7 @@ class CheckRecord(CheckFacts):
     calibration: Annotated[str | None, means("Its id; None: the source's own.")]
     rig: Annotated[str, means("Its id; the same if only the robots' ports differ.")]
     rig_yaml: Annotated[str, means("Without ports, which may contain keys.")]
-    guard: Annotated[Mapping[str, Any], means("Its parameters by dotted name.")]
+    guard: Annotated[ParameterValues, means("Its parameters by dotted name.")]
     changed_meanwhile: Annotated[
         Sequence[str], means("What has changed since its beginning, in words.")
     ]

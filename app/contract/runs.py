@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
+from app.contract.parameters import StoredValues
 from app.contract.values import means
 from observer.recording.payloads import Images
 
@@ -23,7 +24,7 @@ class Run:
     ]
     calibration_id: str | None
     preset: str | None
-    parameters: Mapping[str, Any]
+    parameters: StoredValues
     started_at: str
     updated_at: str
     ended_at: str | None

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
+from app.contract.parameters import ParameterValues
 from app.contract.values import means
 
 StepFormat = Literal["png", "svg", "pdf", "csv"]
@@ -46,8 +47,8 @@ class MethodSteps:
     time: Annotated[float, means("Time of the image at t+dt, on the source's clock, s.")]
     dt: Annotated[float, means("Time between the two images, s.")]
     preset: str
-    preset_values: Annotated[Mapping[str, Any], means("All values of the preset.")]
-    values: Annotated[Mapping[str, Any], means("All values in use.")]
+    preset_values: Annotated[ParameterValues, means("All values of the preset.")]
+    values: Annotated[ParameterValues, means("All values in use.")]
     models: Annotated[Sequence[str], means("Values of ego_motion.model that have these steps.")]
     truth: Annotated[bool, means("Whether there is ground truth.")]
     steps: Sequence[MethodStep]

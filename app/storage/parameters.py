@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 from sqlalchemy import select
 
+from app.contract.parameters import ParameterValues
 from app.contract.values import filled, of_plain
 from app.storage.database import Database
 from app.storage.errors import StorageExists, StorageUnreadable
@@ -26,7 +26,7 @@ class ParameterTables(Database):
     def save_parameters(
         self,
         revision: int,
-        values: dict[str, Any],
+        values: ParameterValues,
         preset: str | None,
         based_on: str | None = None,
     ) -> None:
@@ -57,7 +57,7 @@ class ParameterTables(Database):
         return dataclasses.replace(saved, values=translated(saved.values))
 
     def record_parameter_revision(
-        self, run_id: str | None, frame: int | None, revision: int, difference: dict[str, Any]
+        self, run_id: str | None, frame: int | None, revision: int, difference: ParameterValues
     ) -> ParameterRevision:
         """Record that the values in ``difference`` hold from ``frame`` on.
 
@@ -83,7 +83,7 @@ class ParameterTables(Database):
             ]
 
     def save_preset(
-        self, name: str, values: dict[str, Any], *, help: str = "", replace: bool = False
+        self, name: str, values: ParameterValues, *, help: str = "", replace: bool = False
     ) -> PresetRecord:
         """Store values under a name.
 

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
+from app.contract.parameters import StoredValues
 from app.contract.robots import StopMeasured
 from app.contract.runs import SpeedSource
 from observer.recording.payloads import Images
@@ -67,7 +68,7 @@ class RunRecord:
     source: str
     calibration_id: str | None
     preset: str | None
-    parameters: dict[str, Any]
+    parameters: StoredValues
     started_at: str
     updated_at: str
     ended_at: str | None
@@ -187,7 +188,7 @@ class ParameterRevision:
     run_id: str | None
     frame: int | None
     revision: int
-    difference: dict[str, Any]
+    difference: StoredValues
     created_at: str
 
 
@@ -200,7 +201,7 @@ class SavedParameters:
     """
 
     revision: int
-    values: dict[str, Any]
+    values: StoredValues
     preset: str | None
     based_on: str | None = None
 
@@ -210,7 +211,7 @@ class PresetRecord:
     """Parameter values saved by a user under a name."""
 
     name: str
-    values: dict[str, Any]
+    values: StoredValues
     created_at: str
     help: str = ""
 

@@ -6,11 +6,11 @@ import re
 import secrets
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session, object_session
 
+from app.contract.parameters import ParameterValues
 from app.contract.values import filled
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
@@ -45,7 +45,7 @@ class RunTables(Database):
         id: str | None = None,
         name: str,
         source: str,
-        parameters: dict[str, Any],
+        parameters: ParameterValues,
         versions: dict[str, str],
         calibration_id: str | None = None,
         preset: str | None = None,

@@ -1408,11 +1408,11 @@ export interface components {
       preset: string;
       /** @description All values of the preset. */
       preset_values: {
-        [key: string]: unknown;
+        [key: string]: number | boolean | string;
       };
       /** @description All values in use. */
       values: {
-        [key: string]: unknown;
+        [key: string]: number | boolean | string;
       };
       /** @description Values of ego_motion.model that have these steps. */
       models: string[];
@@ -1472,7 +1472,7 @@ export interface components {
       /** @description Incremented by every change of a guard.* or navigation.* parameter since the start. */
       driving_revision: number;
       values: {
-        [key: string]: unknown;
+        [key: string]: number | boolean | string;
       };
       /** @description The preset with exactly these values. */
       preset: string | null;

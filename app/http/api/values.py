@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Annotated, Any
+from collections.abc import Iterable
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
 
+from app.contract.parameters import ParameterValues
 from app.contract.values import LONGEST_NAME
 from observer.calibration.board import (
     MAX_SIDE_CORNERS,
@@ -40,13 +41,13 @@ Changes = Annotated[
 ]
 
 
-def notes_on(changes: Iterable[str], values: Mapping[str, Any]) -> list[str]:
+def notes_on(changes: Iterable[str], values: ParameterValues) -> list[str]:
     """Return a sentence on each changed parameter that has no effect with the current method.
 
     Args:
         changes: dotted names. values: all current values.
     """
-    idle = without_effect(changes, values["ego_motion.model"])
+    idle = without_effect(changes, str(values["ego_motion.model"]))
     return [f"{name} {sentence}" for name, sentence in idle.items()]
 
 

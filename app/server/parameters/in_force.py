@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
+from app.contract.parameters import ParameterValues, StoredValues
 from observer.errors import InputError, ParameterError
 from observer.navigation.parameters import AllParameters
 from observer.parameters import Parameters, ParameterValue, preset, preset_names
@@ -43,9 +43,9 @@ class Revision:
 
 
 def restored_parameters(
-    values: Mapping[str, Any],
+    values: StoredValues,
     revision: int,
-    presets: Mapping[str, Mapping[str, ParameterValue]],
+    presets: Mapping[str, StoredValues],
     based_on: str | None,
 ) -> tuple[ParametersInForce, str | None]:
     """Restore the parameters of the last session.
@@ -77,8 +77,8 @@ def _listed(names: Iterable[str]) -> str:
 
 def change(
     current: ParametersInForce,
-    changes: Mapping[str, Any],
-    presets: Mapping[str, Mapping[str, ParameterValue]],
+    changes: ParameterValues,
+    presets: Mapping[str, StoredValues],
     start: AllParameters | None = None,
     based_on: str | None = None,
 ) -> Revision:
@@ -108,7 +108,7 @@ def change(
 
 def named(
     current: ParametersInForce,
-    presets: Mapping[str, Mapping[str, ParameterValue]],
+    presets: Mapping[str, StoredValues],
     based_on: str | None,
 ) -> ParametersInForce:
     """Return the same values with the preset they equal, if any, and the one they are based on.
@@ -126,7 +126,7 @@ def named(
 
 def matching_preset(
     values: AllParameters,
-    presets: Mapping[str, Mapping[str, ParameterValue]],
+    presets: Mapping[str, StoredValues],
     preferred: str | None = None,
 ) -> str | None:
     """Return the name of the preset with exactly these values.
@@ -146,7 +146,7 @@ def built_in(name: str) -> AllParameters:
     return AllParameters().changed(preset(name).flat())
 
 
-def preset_values(name: str, presets: Mapping[str, Mapping[str, ParameterValue]]) -> AllParameters:
+def preset_values(name: str, presets: Mapping[str, StoredValues]) -> AllParameters:
     """Return the parameters of a built-in or saved preset.
 
     Raises:

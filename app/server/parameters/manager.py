@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 from app.contract.commands import SetParameters
-from app.contract.parameters import Preset
+from app.contract.parameters import ParameterValues, Preset, StoredValues
 from app.runtime.errors import ProcessUnavailable
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
@@ -75,10 +74,10 @@ class ParameterManager:
         return "; ".join(warnings) or None
 
     @property
-    def _preset_values(self) -> dict[str, Mapping[str, ParameterValue]]:
+    def _preset_values(self) -> dict[str, StoredValues]:
         return {name: record.values for name, record in self._saved.items()}
 
-    def plan(self, preset_name: str | None, changes: Mapping[str, Any]) -> Revision:
+    def plan(self, preset_name: str | None, changes: ParameterValues) -> Revision:
         """Return the change that a preset and further values would make; change nothing.
 
         Raises:
@@ -89,7 +88,7 @@ class ParameterManager:
         return change(self.current, changes, self._preset_values, start, preset_name)
 
     def compose(
-        self, preset_name: str | None, own: Mapping[str, Any], changes: Mapping[str, Any]
+        self, preset_name: str | None, own: StoredValues, changes: ParameterValues
     ) -> ParametersInForce:
         """Return the parameters of a preset with changes; put nothing into force.
 
@@ -114,7 +113,7 @@ class ParameterManager:
             raise FieldError(("body", "preset"), str(error)) from error
 
     async def change(
-        self, changes: Mapping[str, Any], based_on: str | None = None
+        self, changes: ParameterValues, based_on: str | None = None
     ) -> ParametersInForce:
         """Change parameters from the next frame on, completely or not at all.
 
@@ -193,7 +192,7 @@ class ParameterManager:
         self,
         name: str,
         help: str | None = None,
-        values: Mapping[str, Any] | None = None,
+        values: ParameterValues | None = None,
         *,
         replace: bool = False,
     ) -> Preset:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from app.contract.parameters import ParameterValues
 from app.contract.robots import CheckRecord
 from app.server.rig.store import text_without_ports
 from observer.rig.rig import Rig
@@ -29,7 +29,7 @@ class Circumstances:
     calibration: str | None
     rig: str
     rig_yaml: str
-    guard: Mapping[str, Any]
+    guard: ParameterValues
 
     @staticmethod
     def of(
@@ -38,7 +38,7 @@ class Circumstances:
         source: str,
         calibration: str | None,
         rig: Rig,
-        guard: Mapping[str, Any],
+        guard: ParameterValues,
     ) -> Circumstances:
         """Return the circumstances for a rig."""
         text = text_without_ports(rig)

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any
 
 import structlog
 
@@ -18,6 +17,7 @@ from app.contract.drive import (
     ToDrive,
 )
 from app.contract.events import StateEvent
+from app.contract.parameters import ParameterValues
 from app.contract.robots import Latch
 from app.server.asking import ask_drive
 from app.server.contracts import Drive
@@ -69,14 +69,14 @@ class Connecting:
         connections: count of the robots assigned so far, by role.
     """
 
-    def __init__(self, drive: Drive, guard: Callable[[], dict[str, Any]]) -> None:
+    def __init__(self, drive: Drive, guard: Callable[[], ParameterValues]) -> None:
         self._drive = drive
         self._guard = guard
         self._wanted: dict[Role, ConnectRobot] = {}
         # What was sent to this drive process, including refused requests, which are not repeated.
         # A role is missing while its state is unknown, because the process has not answered.
         self._assigned: dict[Role, ConnectRobot | None] = {}
-        self._assigned_guard: dict[str, Any] = {}
+        self._assigned_guard: ParameterValues = {}
         # Generation of the present process (0: none), and of the one that received stop and guard.
         self._generation = 0
         self._ready_generation = 0

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import structlog
 
@@ -27,6 +27,7 @@ from app.contract.drive import (
     WheelSpeedEvent,
 )
 from app.contract.events import StateEvent
+from app.contract.parameters import ParameterValues
 from app.contract.robots import (
     DRIVEN_STATES,
     DriveFacts,
@@ -98,7 +99,7 @@ class RobotManager:
         drive: Drive,
         *,
         rig: Callable[[], Rig],
-        guard: Callable[[], dict[str, Any]],
+        guard: Callable[[], ParameterValues],
         changed: Callable[[], None],
         run: Callable[[], RunKeeper | None],
         source_time: SourceTime,

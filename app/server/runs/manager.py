@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from functools import partial
-from typing import Any
 
 from app.contract.drive import StartProgramme, StopProgramme
 from app.contract.events import ObservationEvent, StateEvent
+from app.contract.parameters import ParameterValues
 from app.contract.values import LONGEST_NAME
 from app.runtime.heap import return_freed_memory
 from app.server.calibrations.library import keep_own_calibration
@@ -153,7 +153,7 @@ class RunManager:
         source: str | None,
         calibration_id: str | None,
         preset: str | None,
-        parameters: dict[str, Any],
+        parameters: ParameterValues,
         programme: StartProgramme | None = None,
         record: Images = "jpeg",
     ) -> RunRecord:
@@ -274,7 +274,7 @@ class RunManager:
             await self._writer.submit(partial(self._storage.delete_run, run_id), timeout_s=2.0)
 
     async def rerun(
-        self, run_id: str, *, name: str | None, preset: str | None, parameters: dict[str, Any]
+        self, run_id: str, *, name: str | None, preset: str | None, parameters: ParameterValues
     ) -> RunRecord:
         """Begin to observe a run's recording again in a worker, as a new run without images.
 

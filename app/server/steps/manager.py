@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
+from app.contract.parameters import ParameterValues
 from app.contract.steps import MethodSteps, StepFormat
 from app.contract.values import filled
 from app.runtime.worker import LastingWorker
@@ -47,7 +48,7 @@ class PairChoice:
     source: str | None
     frame: int | None
     preset: str
-    changes: Mapping[str, Any]
+    changes: ParameterValues
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ class _Found:
 
     source: str
     look: Look
-    preset_values: Mapping[str, Any]
-    values: Mapping[str, Any]
+    preset_values: ParameterValues
+    values: ParameterValues
 
 
 class MethodStepsManager:
@@ -275,7 +276,7 @@ class MethodStepsManager:
             self._kept.popitem(last=False)
 
 
-def _check_effect(choice: PairChoice, values: Mapping[str, Any]) -> None:
+def _check_effect(choice: PairChoice, values: ParameterValues) -> None:
     """Refuse a method without these steps, and values without effect.
 
     Raises:
@@ -298,7 +299,7 @@ def _check_effect(choice: PairChoice, values: Mapping[str, Any]) -> None:
         raise ParameterError(idle)
 
 
-def _of(values: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
+def _of(values: ParameterValues, names: set[str]) -> ParameterValues:
     return {name: value for name, value in values.items() if name in names}
 
 

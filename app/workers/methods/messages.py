@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from app.contract.parameters import ParameterValues
 from observer.recording.payloads import Images
 
 # Files beside a new run's recording: the JSON of ``frames.run_frames``, and a JSON line per frame
@@ -27,7 +27,7 @@ class NewRun:
     id: str
     name: str
     preset: str
-    parameters: Mapping[str, Any]
+    parameters: ParameterValues
     images: Images
 
 

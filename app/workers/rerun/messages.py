@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+
+from app.contract.parameters import ParameterValues
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Rerun:
     name: str
     preset: str | None
     versions: Mapping[str, str]
-    parameters: Mapping[str, Any]
+    parameters: ParameterValues
     rig_yaml: str | None
 
 

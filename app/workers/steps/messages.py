@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
+from app.contract.parameters import ParameterValues
 from app.contract.steps import MethodStep, StepFormat
 
 
@@ -23,7 +23,7 @@ class Look:
     source: str
     state: str
     frame: int | None
-    parameters: Mapping[str, Any]
+    parameters: ParameterValues
     calibration_yaml: str | None
 
 

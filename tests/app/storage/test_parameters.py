@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -10,7 +11,11 @@ from app.storage.records import SavedParameters
 
 
 def test_parameters_are_restored_unchanged(opened: Callable[[], Storage]) -> None:
-    values = {"ego_motion.ransac_threshold_px": 0.1 + 0.2, "features.detector": "fast", "a": None}
+    values: dict[str, Any] = {
+        "ego_motion.ransac_threshold_px": 0.1 + 0.2,
+        "features.detector": "fast",
+        "a": None,
+    }
     with opened() as storage:
         assert storage.load_parameters() is None
         storage.save_parameters(1, {"a": 1}, "paper")
@@ -62,7 +67,11 @@ def test_settings_are_stored_and_replaced(storage: Storage) -> None:
 def test_values_stored_under_old_names_are_read_under_current_ones(
     storage: Storage, run: RunRecord
 ) -> None:
-    old = {"ego_motion.model": "one_camera", "following.growth_noise": 0.2, "tracking.gate": 1.0}
+    old: dict[str, Any] = {
+        "ego_motion.model": "one_camera",
+        "following.growth_noise": 0.2,
+        "tracking.gate": 1.0,
+    }
     new = {
         "ego_motion.model": "monocular",
         "klt_tracking.scale_change_noise": 0.2,
