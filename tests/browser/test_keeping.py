@@ -10,6 +10,11 @@ from playwright.sync_api import FilePayload, Page, expect
 
 from .conftest import Eventually, Json, KeepPicture, OpenPanel, Pixels, Server
 
+_MAKE_ANEW = """label => {
+  const old = document.querySelector(`[aria-label="${label}"]`);
+  old.replaceWith(old.cloneNode(true));
+}"""
+
 
 def test_a_run_is_started_stopped_listed_and_deleted(
     server: Server, open_panel: OpenPanel, eventually: Eventually, keep_picture: KeepPicture
@@ -90,6 +95,7 @@ def test_a_bad_calibration_is_refused_with_a_reason(server: Server, open_panel: 
     _choose(page, "holiday.yaml", b"beach: sunny\n")
     error = page.locator("#calibration-error")
     expect(error).to_contain_text("holiday.yaml not imported")
+    assert error.inner_text().count("holiday.yaml") == 1
     assert len(error.inner_text()) > 50
     assert server.get("/calibrations") == []
 
@@ -118,6 +124,13 @@ def test_a_calibration_is_previewed_before_use(
     preview.get_by_role("button", name="Use this calibration").click()
     active = eventually(lambda: server.get("/status")["calibration"])
     assert active["name"] == "lab.yaml"
+    # A list that changes meanwhile takes away the button that opened the dialog.
+    look = page.get_by_role("button", name="Preview calibration lab.yaml")
+    look.click()
+    expect(preview).to_be_visible()
+    page.evaluate(_MAKE_ANEW, "Preview calibration lab.yaml")
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("tab", name="Calibration")).to_be_focused()
     page.get_by_role("button", name="Use the source's own").click()
     eventually(lambda: server.get("/status")["calibration"] is None)
     page.get_by_role("button", name="Delete calibration lab.yaml").click()

@@ -17,6 +17,7 @@ import { KeyedList, moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
 import { promptText, attempt, attemptIn, askConfirmation, notify } from "../shell/notice.js";
+import { refusalInWords } from "./calibration-words.js";
 import { compareCalibrations, describe, confirmPreview } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
@@ -178,8 +179,8 @@ class CalibrationPanel extends Part {
       void this.#look(calibration);
     });
     if (taken) return;
-    const names = files.map((file) => file.name).join(" and ");
-    setText(this.#error, `${names} not imported: ${this.#error.textContent}`);
+    const names = files.map((file) => file.name);
+    setText(this.#error, refusalInWords(names, this.#error.textContent ?? ""));
   }
 
   /** @param {Calibration} calibration */

@@ -1,6 +1,7 @@
 /** Modal dialogs: they cover everything, so each has its own stop button. */
 
 import { button, h } from "../elements/dom.js";
+import { restoreFocus } from "../elements/focus.js";
 
 /** @typedef {import("../elements/dom.js").Child} Child */
 
@@ -41,12 +42,16 @@ export function showModal(kind, title, content, ...buttons) {
       h("div.row.end", ...buttons),
     ),
   );
+  const caller = document.activeElement;
   document.body.append(dialog);
   dialog.append(stopCopy());
   dialog.showModal();
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {
       dialog.remove();
+      // The browser gives the focus back, unless its element was made anew meanwhile.
+      if (caller !== document.body && document.activeElement === document.body)
+        restoreFocus(caller);
       resolve(dialog.returnValue);
     });
   });
