@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from app.contract.truths import TruthReading
 from app.storage.errors import StorageMissing
 from app.storage.records import RunRecord
 from app.storage.truths import TruthTables
 from observer.recording.run_folder import RECORDING
 
 _FOUND = "time"
+
+
+@dataclass(frozen=True)
+class StoredTruth:
+    """Truth file to compare a run with; ``name`` is for people."""
+
+    path: Path
+    name: str
+    reading: TruthReading
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the plain values of an ``app.reports.comparison.TruthFile``."""
+        return {"path": str(self.path.absolute()), "name": self.name, **vars(self.reading)}
 
 
 def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
@@ -23,16 +38,17 @@ def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
     """
     kept = record.alignment
     assert kept is not None
+    truth = comparison_truth(storage, record.truth_id, kept)
     return {
         # Truth on the run's own clock needed no alignment in time.
         "alignment": kept if _FOUND in kept else None,
-        "truth": comparison_truth(storage, record.truth_id, kept),
+        "truth": None if truth is None else truth.as_dict(),
     }
 
 
 def comparison_truth(
-    storage: TruthTables, truth_id: str | None, kept: Mapping[str, Any]
-) -> dict[str, Any] | None:
+    storage: TruthTables, truth_id: str | None, kept: dict[str, Any]
+) -> StoredTruth | None:
     """Return a truth file and the options to read it; None for truth received live by the run
     itself.
 
@@ -46,9 +62,9 @@ def comparison_truth(
     if truth_id is not None:
         record = storage.get_truth(truth_id)
         path = storage.truth_file(truth_id)
-        reading = kept.get("reading") or (record.info.get("reading") if record else None) or {}
+        told = kept.get("reading") or (record.info.get("reading") if record else None) or {}
         name = path.name if record is None else record.name
-        return _file(str(path.absolute()), name, reading)
+        return StoredTruth(path, name, TruthReading(told.get("rate_hz"), told.get("angles")))
     other = kept.get("heard_by")
     if other is None:
         return None
@@ -58,13 +74,4 @@ def comparison_truth(
             f"the run {other}, whose motion capture this run is compared with, no longer exists; "
             "upload a ground-truth file"
         )
-    return _file(str(path.absolute()), "motion capture received live", {})
-
-
-def _file(path: str, name: str, reading: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "path": path,
-        "name": name,
-        "rate_hz": reading.get("rate_hz"),
-        "angles": reading.get("angles"),
-    }
+    return StoredTruth(path, "motion capture received live", TruthReading(None, None))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import shutil
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
@@ -21,7 +20,7 @@ from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
 from app.server.whole_files import storage_errors
 from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecord
-from app.storage.comparison import comparison_truth
+from app.storage.comparison import StoredTruth, comparison_truth
 from observer.errors import DynamicObserverError
 from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.files.angles import AngleReading
@@ -74,7 +73,7 @@ class TruthFiles:
                 stored.
             StorageFull: there is no room for it. NotAvailable: the command failed.
         """
-        reading = {"rate_hz": rate_hz, "angles": angles}
+        reading = TruthReading(rate_hz, angles)
         async with self._commands.folder() as folder:
             file = folder / f"truth{Path(name).suffix[:9]}"
             with storage_errors(file):
@@ -91,7 +90,7 @@ class TruthFiles:
             if "question" in answer:
                 sentence = str(answer["question"]).replace(file.name, name)
                 raise FieldError(("body", "angles"), sentence)
-            info = answer | {"reading": reading}
+            info = answer | {"reading": vars(reading)}
             save = self._storage.save_truth
             return truth_entry(
                 await asyncio.to_thread(save, file, name=name, format=answer["format"], info=info)
@@ -132,7 +131,7 @@ class TruthFiles:
         except StorageMissing as error:
             raise FieldError(("body", "truth_id"), str(error)) from error
         if truth is not None:
-            kept["reading"] = {key: truth[key] for key in ("rate_hz", "angles")}
+            kept["reading"] = vars(truth.reading)
         async with self._commands.folder() as folder:
             output, speeds = folder / "compared.json", folder / "speeds.json"
             words = ["align", str(path.absolute()), "--output", str(output)]
@@ -206,19 +205,20 @@ def _read(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def _reading_words(reading: Mapping[str, Any]) -> list[str]:
+def _reading_words(reading: TruthReading) -> list[str]:
     words = []
-    if reading["rate_hz"] is not None:
-        words.append(f"--rate={reading['rate_hz']!r}")
-    if reading["angles"] is not None:
-        words.append(f"--angles={reading['angles']}")
+    if reading.rate_hz is not None:
+        words.append(f"--rate={reading.rate_hz!r}")
+    if reading.angles is not None:
+        words.append(f"--angles={reading.angles}")
     return words
 
 
-def _truth_words(truth: Mapping[str, Any] | None) -> list[str]:
+def _truth_words(truth: StoredTruth | None) -> list[str]:
     if truth is None:
         return []
-    return [f"--truth={truth['path']}", f"--name={truth['name']}", *_reading_words(truth)]
+    path = truth.path.absolute()
+    return [f"--truth={path}", f"--name={truth.name}", *_reading_words(truth.reading)]
 
 
 def _choice_words(choices: AlignChoicesEntry) -> list[str]:
