@@ -47,6 +47,8 @@ _MEETING_RADIUS_M = 0.3
 _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
+# Otherwise the guard holds nothing back, so its reason would be noise.
+_DRIVEN = ("armed", "moving", "waiting")
 # An echo from farther away reveals nothing of the robot's surroundings.
 _SONAR_REACH_M = 4.0
 _SONAR_OLD_S = 1.0
@@ -70,7 +72,7 @@ class RobotMarks:
             flag; for a goal to which the robot drives.
         level: of the guard; None if it reports nothing.
         text: the reason why the guard limits the robot or why it waits on its way to the goal;
-            None if neither is so.
+            None if neither is so, or nobody may drive it.
         place: (3,) of the text.
         T_world_base: the robot itself.
     """
@@ -121,7 +123,7 @@ def robot_marks(
         meeting=world(_meeting(None if aim is None else aim.meets_at)),
         goal=world(_goal(None if aim is None else aim.place)),
         level=None if guard is None else guard.level,
-        text=_text(guard, aim),
+        text=_text(guard, aim) if robot.state in _DRIVEN else None,
         place=np.asarray(T_world_base.apply(np.array([0.0, 0.0, _TEXT_HEIGHT_M]))),
         T_world_base=T_world_base,
     )

@@ -158,6 +158,18 @@ def test_one_reason_is_shown_in_the_scene(level: Any, waits_for: Any, text: str 
     assert unguarded.text == (None if waits_for is None else goal.sentence)
 
 
+def test_no_reason_is_shown_for_a_robot_that_nobody_may_drive() -> None:
+    stopped = replace(ROBOT, guard=replace(GUARD, level="stop", reason="no camera frame"))
+    states: tuple[Any, ...] = ("armed", "moving", "waiting", "disarmed", "connecting", "refused")
+    shown = {
+        state
+        for state in states
+        if (marks := robot_marks(replace(stopped, state=state), MOUNT, Pose.identity()))
+        and marks.text is not None
+    }
+    assert shown == {"armed", "moving", "waiting"}
+
+
 def test_the_robot_comes_from_the_drive_process(observed: Any) -> None:
     event, state = observed.observe(), observed.state()
     robots: Any = {"observer": ROBOT, "obstacle": None}
