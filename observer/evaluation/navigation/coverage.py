@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from observer.evaluation.navigation.crowd import Crowd
-from observer.evaluation.navigation.perceived import FRAME_S, Eye
+from observer.evaluation.navigation.perceived import FRAME_S, ModelledPerception
 from observer.evaluation.navigation.robot import SPEC
 from observer.evaluation.navigation.run import ROOM, START
 from observer.guard.dead_reckoning import inverse, moved
@@ -51,7 +51,8 @@ class WalkResult:
 def follow(walk: Walk, planner: NavigationParameters) -> WalkResult:
     """Watch people for 20 s, predict everybody in view, and compare with where they end up."""
     crowd = Crowd(ROOM, walk.density_per_m2, walk.seed, kind=False, keep_clear=(*START, 1.0))
-    eye, habits, rng = Eye(walk.seed), Habits(), np.random.default_rng([walk.seed, 2])
+    perception, habits = ModelledPerception(walk.seed), Habits()
+    rng = np.random.default_rng([walk.seed, 2])
     pose = np.array([*START, 0.0])
     times = np.array(AHEAD_S)
     ranked: list[list[float]] = [[] for _ in AHEAD_S]
@@ -64,7 +65,8 @@ def follow(walk: Walk, planner: NavigationParameters) -> WalkResult:
             places = moved(people.position[list(future.ids)], np.array(inverse(pose)))
             ranked[instant] += ranks(future, instant, places, rng).tolist()
         predicted = [each for each in predicted if each[0] > step]
-        seen = [one for one in eye.look(people, pose, ROOM, time).obstacles if not one.coasting]
+        sight = perception.look(people, pose, ROOM, time)
+        seen = [one for one in sight.obstacles if not one.coasting]
         weights = habits.weights(seen, time, planner.prior)
         if seen and step % _EVERY == 0:
             future = futures(seen, weights, times, planner.acceleration_noise)

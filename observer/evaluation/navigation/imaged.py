@@ -1,8 +1,8 @@
-"""Eye of a robot in a crowd that uses rendered images, observed like those of a camera.
+"""Perception of a robot in a crowd from rendered images, observed like those of a camera.
 
 The crowd's people walk through the simulated lab in clothes and with swinging arms and legs, seen
 by two cameras on the robot; the observer and the search for free floor are the real ones. It is so
-much slower than the modelled eye (``perceived``) that it is only used for samples.
+much slower than the modelled perception (``perceived``) that it is only used for samples.
 
 People must ignore the robot, because their whole walk must be known in advance to animate them.
 """
@@ -97,8 +97,8 @@ def _headings(velocity: Float64Array) -> Float64Array:
     return np.array(headings)
 
 
-class ImagedEye:
-    """Eye of one robot that sees images of a crowd whose whole motion is known."""
+class RenderedPerception:
+    """Perception of one robot from images of a crowd, given the whole motion of the crowd."""
 
     def __init__(
         self, steps: Sequence[People], start: tuple[float, float], seed: int, p: GuardParameters

@@ -48,8 +48,8 @@ class _Track:
         self.place = np.zeros(4)
 
 
-class Eye:
-    """Eye of one robot; a person becomes a track after being in view for long enough."""
+class ModelledPerception:
+    """Perception of one robot; a person becomes a track after being in view for long enough."""
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng([seed, 1])

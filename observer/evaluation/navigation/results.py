@@ -12,8 +12,8 @@ from typing import Any
 from scipy.special import gammaincinv
 
 from observer.evaluation.navigation.coverage import AHEAD_S, WalkResult
-from observer.evaluation.navigation.eye_check import EyeFigures, eye_figures
 from observer.evaluation.navigation.oracle import Answer, Question
+from observer.evaluation.navigation.perception_check import PerceptionFigures, perception_figures
 from observer.evaluation.navigation.run import Driver, RunResult, Sees
 from observer.navigation.calibration import coverage
 from observer.parameters import ParameterValue
@@ -50,7 +50,7 @@ class Summary:
         run_ins: people who walked into the stationary robot.
         stops: number of stops by the guard, by reason. stopped_s, waited_s: time for which the
             guard, and the driver, kept the robot standing.
-        eye: check of the perception against the true places of people.
+        perception: check of the perception against the true places of people.
     """
 
     setting: Setting
@@ -67,7 +67,7 @@ class Summary:
     stopped_s: float
     waited_s: float
     total_s: float
-    eye: EyeFigures | None
+    perception: PerceptionFigures | None
 
     @property
     def contacts_per_m(self) -> float | None:
@@ -148,7 +148,7 @@ def _summary(
         stopped_s=sum(run.stopped_s for run in runs),
         waited_s=sum(run.waited_s for run in runs),
         total_s=sum(run.time_s for run in runs),
-        eye=eye_figures([run.eye for run in runs]),
+        perception=perception_figures([run.perception for run in runs]),
     )
 
 

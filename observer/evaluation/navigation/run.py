@@ -12,17 +12,17 @@ from typing import Final, Literal
 import numpy as np
 
 from observer.evaluation.navigation.crowd import Crowd, People, Room
-from observer.evaluation.navigation.eye_check import EyeCheck, EyeChecker
-from observer.evaluation.navigation.imaged import ImagedEye
+from observer.evaluation.navigation.imaged import RenderedPerception
 from observer.evaluation.navigation.perceived import (
     FRAME_S,
     LATENCY_S,
     WORLD,
-    Eye,
+    ModelledPerception,
     SonarRing,
     in_view,
     turned,
 )
+from observer.evaluation.navigation.perception_check import PerceptionCheck, PerceptionChecker
 from observer.evaluation.navigation.robot import SPEC, Robot
 from observer.geometry import Float64Array
 from observer.guard.guard import Guard, Verdict
@@ -79,7 +79,7 @@ class RunResult:
             into the robot while it stood.
         stops: number of stops by the guard, by reason.
         stopped_s, waited_s: time for which the guard, and the driver, kept the robot standing.
-        eye: check of the perception against the true places of people.
+        perception: check of the perception against the true places of people.
     """
 
     case: Case
@@ -94,7 +94,7 @@ class RunResult:
     stops: dict[str, int]
     stopped_s: float
     waited_s: float
-    eye: EyeCheck
+    perception: PerceptionCheck
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,17 +157,18 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
     """
     limits = parameters.guard
     crowd = _crowd(case)
-    robot, guard, eye = Robot((*START, 0.0), limits), Guard(limits), _eye(case, limits)
+    robot, guard = Robot((*START, 0.0), limits), Guard(limits)
+    perception = _perception(case, limits)
     navigator, ring = Navigator(limits, parameters.navigation), SonarRing(SPEC.sonars)
     goal = Goal(1, *GOAL, case.risk_per_metre)
     free_s = free_time_s(limits)
     frames: deque[tuple[Sight, Float64Array]] = deque()
     seen_lately: deque[frozenset[int]] = deque(maxlen=round(_SEEN_BEFORE_S / FRAME_S))
-    tally, check = _Tally(), EyeChecker()
+    tally, check = _Tally(), PerceptionChecker()
     for step in range(_steps(limits)):
         time = step * FRAME_S
         people = crowd.people
-        frames.append((eye.look(people, robot.pose, ROOM, time), robot.pose.copy()))
+        frames.append((perception.look(people, robot.pose, ROOM, time), robot.pose.copy()))
         visible = in_view(people, robot.pose)
         check.add_sight(frames[-1][0], people, robot.pose, visible)
         while len(frames) > 1 and time - frames[1][0].received >= LATENCY_S - 1e-9:
@@ -215,16 +216,16 @@ def _steps(limits: GuardParameters) -> int:
     return math.floor(IN_TIME * free_time_s(limits) / FRAME_S)
 
 
-def _eye(case: Case, limits: GuardParameters) -> Eye | ImagedEye:
+def _perception(case: Case, limits: GuardParameters) -> ModelledPerception | RenderedPerception:
     if case.sees == "model":
-        return Eye(case.seed)
+        return ModelledPerception(case.seed)
     if case.kind:
         raise ValueError("the paths of people who avoid the robot are not known before the run")
     crowd, steps = _crowd(case), []
     for _ in range(_steps(limits)):
         steps.append(crowd.people)
         crowd.step(FRAME_S, (*START, 0.0, 0.0, SPEC.radius_m))
-    return ImagedEye(steps, START, case.seed, limits)
+    return RenderedPerception(steps, START, case.seed, limits)
 
 
 def _walk(crowd: Crowd, robot: Robot) -> None:
@@ -234,7 +235,7 @@ def _walk(crowd: Crowd, robot: Robot) -> None:
 
 
 def _result(
-    case: Case, tally: _Tally, check: EyeChecker, reached: bool, time_s: float, free_s: float
+    case: Case, tally: _Tally, check: PerceptionChecker, reached: bool, time_s: float, free_s: float
 ) -> RunResult:
     return RunResult(
         case=case,
@@ -249,7 +250,7 @@ def _result(
         stops=dict(tally.stops),
         stopped_s=tally.stopped_s,
         waited_s=tally.waited_s,
-        eye=check.result(),
+        perception=check.result(),
     )
 
 

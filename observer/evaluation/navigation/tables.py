@@ -15,7 +15,7 @@ _HEAD = (
     "stopped by guard", "waited",
 )  # fmt: skip
 
-_EYE_HEAD = (
+_PERCEPTION_HEAD = (
     "driver", "sees by", "people", "per m²", "frames", "usable", "recall", "false / 100 frames",
     "surplus / 100 frames", "velocity error, median m/s", "RMSE m/s", "within 95 %",
 )  # fmt: skip
@@ -28,7 +28,8 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
         changed = ", ".join(f"{name} = {value}" for name, value in result.changed.items())
         parts += [f"Not at their defaults: {changed}."]
     parts += ["## Stops by the guard", _stops(result.summaries)]
-    parts += ["## Perception", _table(_EYE_HEAD, [_eye(each) for each in result.summaries])]
+    perceptions = [_perception(each) for each in result.summaries]
+    parts += ["## Perception", _table(_PERCEPTION_HEAD, perceptions)]
     rows = [
         (f"{each.ahead_s:g} s", str(each.predictions), _percent(each.share))
         for each in result.coverage
@@ -77,21 +78,21 @@ def _row(one: Summary) -> tuple[str, ...]:
     )
 
 
-def _eye(one: Summary) -> tuple[str, ...]:
-    setting, eye = one.setting, one.eye
+def _perception(one: Summary) -> tuple[str, ...]:
+    setting, perception = one.setting, one.perception
     named = (setting.driver, setting.sees, people_word(setting.kind), f"{setting.density_per_m2:g}")
-    if eye is None:
-        return (*named, *["–"] * (len(_EYE_HEAD) - len(named)))
-    errors = eye.velocity_median, eye.velocity_rmse
+    if perception is None:
+        return (*named, *["–"] * (len(_PERCEPTION_HEAD) - len(named)))
+    errors = perception.velocity_median, perception.velocity_rmse
     return (
         *named,
-        str(eye.frames),
-        _percent(eye.usable),
-        _percent(eye.recall),
-        f"{eye.false:.1f}",
-        f"{eye.surplus:.1f}",
+        str(perception.frames),
+        _percent(perception.usable),
+        _percent(perception.recall),
+        f"{perception.false:.1f}",
+        f"{perception.surplus:.1f}",
         *("–" if each is None else f"{each:.2f}" for each in errors),
-        _percent(eye.coverage),
+        _percent(perception.coverage),
     )
 
 

@@ -1,4 +1,4 @@
-"""The imaged eye sees people where the crowd places them, walking as the crowd moves them."""
+"""Rendered images show people where the crowd places them, walking as the crowd moves them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from observer.evaluation.navigation.crowd import People, Room
-from observer.evaluation.navigation.imaged import ImagedEye, walks_of
+from observer.evaluation.navigation.imaged import RenderedPerception, walks_of
 from observer.guard.parameters import GuardParameters
 from observer.types import Status
 
@@ -56,13 +56,13 @@ def test_stopped_person_keeps_facing_the_walking_direction() -> None:
 
 
 @pytest.mark.timeout(120)
-def test_imaged_eye_sees_a_crossing_person() -> None:
+def test_rendered_perception_sees_a_crossing_person() -> None:
     people = steps((5.2, 6.4, 0.0, -0.9), count=40)
-    eye = ImagedEye(people, START, 3, GuardParameters())
+    perception = RenderedPerception(people, START, 3, GuardParameters())
     seen, free = [], []
     for k in range(24):
         pose = np.array([START[0] + 0.02 * k, START[1], 0.0])
-        sight = eye.look(people[k], pose, ROOM, 0.1 * k)
+        sight = perception.look(people[k], pose, ROOM, 0.1 * k)
         assert sight.received == pytest.approx(0.1 * k)
         assert sight.scan is not None
         free.append(max(sight.scan.known_to_m))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from observer.evaluation.navigation.crowd import People, Room
-from observer.evaluation.navigation.perceived import Eye, SonarRing, in_view, ranges
+from observer.evaluation.navigation.perceived import ModelledPerception, SonarRing, in_view, ranges
 from observer.robots.models import robot_spec
 
 ROOM = Room(14.0, 10.0)
@@ -35,20 +35,20 @@ def test_only_near_unhidden_people_ahead_are_in_view() -> None:
 
 
 def test_person_becomes_a_track_after_a_delay_and_coasts_when_lost() -> None:
-    eye = Eye(1)
-    seen = [eye.look(people((5.0, 5.0, 0, 0)), POSE, ROOM, 0.1 * k) for k in range(8)]
+    perception = ModelledPerception(1)
+    seen = [perception.look(people((5.0, 5.0, 0, 0)), POSE, ROOM, 0.1 * k) for k in range(8)]
     assert [len(each.obstacles) for each in seen] == [0, 0, 0, 0, 1, 1, 1, 1]
-    lost = [eye.look(people((5.0, 9.5, 0, 0)), POSE, ROOM, 0.8 + 0.1 * k) for k in range(9)]
+    lost = [perception.look(people((5.0, 9.5, 0, 0)), POSE, ROOM, 0.8 + 0.1 * k) for k in range(9)]
     assert all(one.coasting for each in lost for one in each.obstacles)
     assert len(lost[0].obstacles) == 1
     assert len(lost[-1].obstacles) == 0
 
 
 def test_errors_match_the_stated_sigmas() -> None:
-    eye, walker = Eye(2), people((5.0, 5.0, 0.5, -0.5))
+    perception, walker = ModelledPerception(2), people((5.0, 5.0, 0.5, -0.5))
     errors, coasting = [], 0
     for k in range(3000):
-        for one in eye.look(walker, POSE, ROOM, 0.1 * k).obstacles:
+        for one in perception.look(walker, POSE, ROOM, 0.1 * k).obstacles:
             coasting += one.coasting
             if not one.coasting:
                 errors.append([one.x - 3.0, one.y, one.vx - 0.5, one.vy + 0.5])
@@ -65,9 +65,9 @@ def test_rays_end_at_bodies_and_walls() -> None:
 
 def test_equal_seeds_see_the_same() -> None:
     walkers = people((5.0, 5.0, 0.5, 0.0), (6.0, 6.0, -0.5, 0.3))
-    one, other = Eye(3), Eye(3)
+    one, other = ModelledPerception(3), ModelledPerception(3)
     for k in range(10):
-        seen = [eye.look(walkers, POSE, ROOM, 0.1 * k) for eye in (one, other)]
+        seen = [perception.look(walkers, POSE, ROOM, 0.1 * k) for perception in (one, other)]
         assert seen[0] == seen[1]
 
 

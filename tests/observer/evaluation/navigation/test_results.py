@@ -13,9 +13,9 @@ from observer.evaluation.figure import save_figure
 from observer.evaluation.navigation import benchmark
 from observer.evaluation.navigation.benchmark import Choice, measure
 from observer.evaluation.navigation.coverage import Walk, WalkResult
-from observer.evaluation.navigation.eye_check import EyeCheck
 from observer.evaluation.navigation.figure import navigation_figure
 from observer.evaluation.navigation.oracle import Answer, Question
+from observer.evaluation.navigation.perception_check import PerceptionCheck
 from observer.evaluation.navigation.results import (
     NavigationBenchmark,
     coverages,
@@ -28,7 +28,7 @@ from observer.evaluation.navigation.tables import navigation_markdown
 FAST = RunResult(
     Case("planner", 0.1, False, 1e-3, 1000), True, 30.0, 20.0, 10.0, 1, 1, 0, 2,
     {"sonar detects something approaching": 3}, 5.0, 2.0,
-    EyeCheck(100, 90, 40, 36, 1, 2, (0.1, -0.3, 0.0, 0.1), 3),
+    PerceptionCheck(100, 90, 40, 36, 1, 2, (0.1, -0.3, 0.0, 0.1), 3),
 )  # fmt: skip
 SLOW = dataclasses.replace(FAST, reached=False, time_s=60.0, contacts=0, ahead=0)
 BESIDE = dataclasses.replace(

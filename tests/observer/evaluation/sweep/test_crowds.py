@@ -11,7 +11,7 @@ import pyarrow.parquet
 import pytest
 
 from observer.errors import InputError
-from observer.evaluation.navigation.eye_check import EyeCheck
+from observer.evaluation.navigation.perception_check import PerceptionCheck
 from observer.evaluation.navigation.run import IN_TIME, Case, RunResult, free_time_s, run
 from observer.evaluation.sweep import crowds
 from observer.evaluation.sweep.cluster import ClusterChoice
@@ -136,7 +136,7 @@ def test_a_robot_that_never_arrives_has_no_time_ratio(monkeypatch: pytest.Monkey
         """Arrive late at 1.4 m/s, never at 2 m/s, and at 0.5 m/s every other time."""
         free_s, speed = free_time_s(parameters.guard), parameters.guard.speed_max_mps
         reached = speed == 1.4 or (speed == 0.5 and case.seed % 2 == 0)
-        nothing = EyeCheck(0, 0, 0, 0, 0, 0, (), 0)
+        nothing = PerceptionCheck(0, 0, 0, 0, 0, 0, (), 0)
         time_s = (IN_TIME - 0.1 if reached else IN_TIME) * free_s
         return RunResult(case, reached, time_s, free_s, 10.0, 1, 0, 0, 0, {}, 0.0, 0.0, nothing)
 

@@ -1,4 +1,4 @@
-"""Check of an eye's output against the true places of all people."""
+"""Check of the perception against the true positions of all people."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COUNTED: Final = ("frames", "usable", "due", "found", "false", "surplus", "cove
 
 
 @dataclass(frozen=True)
-class EyeCheck:
+class PerceptionCheck:
     """Counts of one run.
 
     Attributes:
@@ -48,7 +48,7 @@ class EyeCheck:
 
 
 @dataclass(frozen=True)
-class EyeFigures:
+class PerceptionFigures:
     """Figures of some runs; None without data.
 
     Attributes:
@@ -68,7 +68,7 @@ class EyeFigures:
 
 
 @dataclass
-class EyeChecker:
+class PerceptionChecker:
     """Follows one run frame by frame; only tracks that are confirmed and seen count."""
 
     _counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(_COUNTED, 0))
@@ -121,12 +121,12 @@ class EyeChecker:
     def _count(self, what: str) -> None:
         self._counts[what] += 1
 
-    def result(self) -> EyeCheck:
+    def result(self) -> PerceptionCheck:
         """Return the counts so far."""
-        return EyeCheck(velocity_errors=tuple(self._errors), **self._counts)
+        return PerceptionCheck(velocity_errors=tuple(self._errors), **self._counts)
 
 
-def eye_figures(checks: Sequence[EyeCheck]) -> EyeFigures | None:
+def perception_figures(checks: Sequence[PerceptionCheck]) -> PerceptionFigures | None:
     """Return the figures of some runs together; None without any."""
     frames = sum(each.frames for each in checks)
     if not frames:
@@ -134,7 +134,7 @@ def eye_figures(checks: Sequence[EyeCheck]) -> EyeFigures | None:
     due = sum(each.due for each in checks)
     errors = np.array([error for each in checks for error in each.velocity_errors])
     known = len(errors) > 0
-    return EyeFigures(
+    return PerceptionFigures(
         frames=frames,
         recall=sum(each.found for each in checks) / due if due else None,
         false=100 * sum(each.false for each in checks) / frames,

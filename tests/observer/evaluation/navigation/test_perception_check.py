@@ -1,4 +1,4 @@
-"""An eye's reports are judged against the true positions of people."""
+"""What a robot perceives is judged against the true positions of people."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from observer.evaluation.navigation.crowd import People
-from observer.evaluation.navigation.eye_check import EyeChecker, eye_figures
 from observer.evaluation.navigation.perceived import in_view
+from observer.evaluation.navigation.perception_check import PerceptionChecker, perception_figures
 from observer.guard.sight import SeenObstacle, Sight
 from observer.types import Status
 
@@ -30,7 +30,7 @@ def sight(*obstacles: SeenObstacle, status: Status = Status.OK) -> Sight:
 
 
 def test_person_walking_in_view_becomes_due() -> None:
-    check = EyeChecker()
+    check = PerceptionChecker()
     for _ in range(10):
         check.add_sight(sight(WALKER), PEOPLE, POSE, in_view(PEOPLE, POSE))
     for _ in range(2):
@@ -44,7 +44,7 @@ def test_person_walking_in_view_becomes_due() -> None:
 
 
 def test_errors_false_and_surplus_tracks_are_counted() -> None:
-    check = EyeChecker()
+    check = PerceptionChecker()
     again = replace(WALKER, id=2, x=3.2)
     nowhere = replace(WALKER, id=3, y=-2.5)
     off = replace(WALKER, vx=0.5)
@@ -55,7 +55,7 @@ def test_errors_false_and_surplus_tracks_are_counted() -> None:
 
 
 def test_tentative_and_coasting_tracks_do_not_count() -> None:
-    check = EyeChecker()
+    check = PerceptionChecker()
     check.add_sight(
         sight(replace(WALKER, id=-3), replace(WALKER, coasting=True)),
         PEOPLE,
@@ -66,19 +66,19 @@ def test_tentative_and_coasting_tracks_do_not_count() -> None:
 
 
 def test_nothing_is_due_while_vision_is_degraded() -> None:
-    check = EyeChecker()
+    check = PerceptionChecker()
     for _ in range(10):
         check.add_sight(sight(WALKER, status=Status.DEGRADED), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
     assert (found.frames, found.usable, found.due) == (10, 0, 0)
-    figures = eye_figures([found])
+    figures = perception_figures([found])
     assert figures is not None
     assert (figures.usable, figures.recall) == (0.0, None)
 
 
 def test_empty_room_gives_only_false_tracks() -> None:
-    check = EyeChecker()
+    check = PerceptionChecker()
     empty = People(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
     check.add_sight(sight(WALKER), empty, POSE, in_view(empty, POSE))
     assert check.result().false == 1
-    assert eye_figures([]) is None
+    assert perception_figures([]) is None
