@@ -111,8 +111,8 @@ class Calibration:
     created_at: str
     active: bool
     origin: Annotated[str | None, means("Where it came from, in words.")] = None
-    notes: Annotated[Sequence[str], means("Choices that were made while its file was read.")] = (
-        field(default_factory=list)
+    notes: Annotated[Sequence[str], means("Assumptions made when its file was read.")] = field(
+        default_factory=list
     )
     devices: Annotated[Sequence[str], means("The cameras it belongs to.")] = field(
         default_factory=list

@@ -30,7 +30,7 @@ class Pixel:
     sentence: str
     numbers: Annotated[
         Mapping[str, float | None],
-        means("The figures behind the answer, by names that end with their unit; null: not known."),
+        means("Numbers behind the answer; each name ends with the unit. null: unknown."),
     ]
     would_change: Annotated[str, means("The parameter and value that would change the answer.")]
     obstacle: Annotated[

@@ -208,7 +208,7 @@ class RunChart(ChartValues):
     run: Run
     choices: Annotated[
         AlignChoicesEntry | None,
-        means("Choices that were made for the alignment; null if there is none."),
+        means("Choices made for the alignment; null if there is none."),
     ]
 
 

@@ -39,7 +39,7 @@ class SceneLayer:
 
 @dataclass(frozen=True)
 class SceneView:
-    """Eye and what it looks at: metres ahead, left and up from the ground below the camera."""
+    """Viewpoint and target: metres ahead, left and up from the ground below the camera."""
 
     eye: Vector
     look_at: Vector

@@ -216,7 +216,7 @@ class DenseStereoStatus:
 
     per_s: float
     age_s: Annotated[
-        float | None, means("Time since the reception of the pair behind the newest one.")
+        float | None, means("Age of the newest one: time since its pair was received.")
     ]
     median_ms: Annotated[float | None, means("Recent median computing time.")]
     coarseness: Annotated[
@@ -295,7 +295,7 @@ class Status:
     calibrating: Annotated[CalibratingFacts | None, means("null: no calibration is in progress.")]
     calibration: Annotated[CalibrationReference | None, means("null: the source's own.")]
     to_calibrate: Annotated[
-        str | None, means("Source requested at start, if it is there to be calibrated.")
+        str | None, means("Source requested at start if it has no calibration yet.")
     ]
     parameters_revision: int
     driving_revision: Annotated[

@@ -30,7 +30,7 @@ class ParameterTables(Database):
         preset: str | None,
         based_on: str | None = None,
     ) -> None:
-        """Store the parameters in force; the next start begins with them."""
+        """Store the current parameters; the next start begins with them."""
         saved = SavedParameters(revision, values, preset, based_on)
         with self._writing() as session:
             write_setting(session, _CURRENT, dataclasses.asdict(saved))

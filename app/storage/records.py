@@ -51,7 +51,7 @@ class RunRecord:
         updated_at: the last heartbeat; the end of an interrupted run.
         reason: why it failed or was interrupted, one sentence.
         tags: sorted by text. notes: the user's own words.
-        deleted_at: time of hiding; it is deleted for good later.
+        deleted_at: time of hiding; it is permanently deleted later.
         rig: text of ``rig.yaml`` at its start.
         record: which images are recorded: ``none``, ``jpeg`` or ``lossless``; None: no
             recording.

@@ -248,7 +248,7 @@ class RunTables(Database):
             return _run(row)
 
     def delete_run(self, run_id: str) -> bool:
-        """Delete a run for good, with all its rows and its folder; return False if there was none.
+        """Permanently delete a run with its rows and its folder; return False if there was none.
 
         Raises:
             StorageError: its files cannot be deleted; the run stays.
@@ -265,7 +265,7 @@ class RunTables(Database):
             return row is not None
 
     def purge_runs(self, older_than: timedelta) -> list[str]:
-        """Delete runs for good that were discarded long enough ago; return their ids."""
+        """Permanently delete runs that were discarded long enough ago; return their ids."""
         before = datetime.now(UTC) - older_than
         query = select(Run.id).where(Run.deleted_at <= before.isoformat(timespec="microseconds"))
         with self._reading() as session:

@@ -238,7 +238,7 @@ export interface components {
     /** @description The cloud and the disparity view, made beside the loop while somebody watches one. */
     DenseStereoStatus: {
       per_s: number;
-      /** @description Time since the reception of the pair behind the newest one. */
+      /** @description Age of the newest one: time since its pair was received. */
       age_s: number | null;
       /** @description Recent median computing time. */
       median_ms: number | null;
@@ -695,7 +695,7 @@ export interface components {
      *             one is fitted but has not reported yet.
      *         watchdog_s: time without a command after which its firmware stops it, as it reports; 0 if
      *             it never does.
-     *         limits: in force: the lowest of all known limits.
+     *         limits: those that apply, the lowest of all known limits.
      *         sent: the newest velocity that was actually sent.
      *         wanted: speed (m/s) and turn rate (rad/s) for which a robot that drives by itself asks
      *             permission; None for one that is only driven.
@@ -984,7 +984,7 @@ export interface components {
       file: string[];
       /** @description For example 1280x720, if the files do not state it. */
       size: string | null;
-      /** @description Of lengths, where it is not the format's own: m, cm, mm or in, or the length of one unit in the file, for example 25mm if it counts in squares of 25 mm. */
+      /** @description Unit of lengths, if not the format's own: m, cm, mm or in, or the length of one unit in the file, for example 25mm if it counts in squares of 25 mm. */
       unit: string | null;
       /** @description KITTI's pair. */
       cameras: ("grey" | "colour") | null;
@@ -1053,7 +1053,7 @@ export interface components {
       active: boolean;
       /** @description Where it came from, in words. */
       origin: string | null;
-      /** @description Choices that were made while its file was read. */
+      /** @description Assumptions made when its file was read. */
       notes: string[];
       /** @description The cameras it belongs to. */
       devices: string[];
@@ -1491,7 +1491,7 @@ export interface components {
       verdict:
         "dynamic" | "static" | "undecided" | "too_far" | "too_few_features" | "ego_motion_lost";
       sentence: string;
-      /** @description The figures behind the answer, by names that end with their unit; null: not known. */
+      /** @description Numbers behind the answer; each name ends with the unit. null: unknown. */
       numbers: {
         [key: string]: number | null;
       };
@@ -1564,7 +1564,7 @@ export interface components {
       seek?: number | null;
     };
     PortChoice: {
-      /** @description As in /dev/ttyUSB0, a path below /dev/serial/by-id, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY; as it is shown (without its key): the key stays. */
+      /** @description As in /dev/ttyUSB0, a path below /dev/serial/by-id, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY. A port given as it is shown, without its key, keeps the key. */
       port: string;
       /** @description null: as reported by the robot. */
       model?: ("p3dx-sh" | "p3dx" | "amigo-sh" | "amigo") | null;
@@ -1766,7 +1766,7 @@ export interface components {
       changes: components["schemas"]["IdentityChange"][];
       errors: components["schemas"]["SpeedErrorsEntry"][];
       run: components["schemas"]["Run"];
-      /** @description Choices that were made for the alignment; null if there is none. */
+      /** @description Choices made for the alignment; null if there is none. */
       choices: components["schemas"]["AlignChoicesEntry"] | null;
     };
     RunFrames: {
@@ -1844,7 +1844,7 @@ export interface components {
       /** @description RGB; empty: those of the camera image. */
       colors: [number, number, number][];
     };
-    /** @description Eye and what it looks at: metres ahead, left and up from the ground below the camera. */
+    /** @description Viewpoint and target: metres ahead, left and up from the ground below the camera. */
     SceneView: {
       eye: [number, number, number];
       look_at: [number, number, number];
@@ -1965,7 +1965,7 @@ export interface components {
       calibrating: components["schemas"]["CalibratingFacts"] | null;
       /** @description null: the source's own. */
       calibration: components["schemas"]["CalibrationReference"] | null;
-      /** @description Source requested at start, if it is there to be calibrated. */
+      /** @description Source requested at start if it has no calibration yet. */
       to_calibrate: string | null;
       parameters_revision: number;
       /** @description Incremented by every change of a guard.* or navigation.* parameter since the start. */

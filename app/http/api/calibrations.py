@@ -83,7 +83,7 @@ async def post_calibration(
     ] = None,
     unit: Annotated[
         str | None,
-        Form(description=f"Of lengths, where it is not the format's own: {UNIT_HELP}."),
+        Form(description=f"Unit of lengths, if not the format's own: {UNIT_HELP}."),
     ] = None,
     cameras: Annotated[Cameras | None, Form(description="KITTI's pair.")] = None,
 ) -> Calibration:

@@ -27,8 +27,8 @@ _ROBOTS: dict[int | str, dict[str, Any]] = {200: {"model": RobotsNow}}
 class PortChoice(In):
     port: Annotated[str, Field(strict=True, min_length=1, max_length=200)] = Field(
         description="As in /dev/ttyUSB0, a path below /dev/serial/by-id, socket://HOST:8101, "
-        "coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY; as it is shown (without its "
-        "key): the key stays."
+        "coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY. A port given as it is "
+        "shown, without its key, keeps the key."
     )
     model: RobotModel | None = Field(None, description="null: as reported by the robot.")
 

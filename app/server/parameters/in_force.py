@@ -1,4 +1,4 @@
-"""The parameters in force, their revision, and the preset they came from."""
+"""The current parameters, their revision, and the preset they came from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters and presets: in force, in the engine, in the database."""
+"""Parameters and presets: the current ones, those in the engine, and those in the database."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ParameterManager:
     ``change``.
 
     Attributes:
-        current: the parameters in force. followed: called when they change.
+        current: the current parameters. followed: called when they change.
     """
 
     def __init__(self, shared: Shared) -> None:
@@ -90,7 +90,7 @@ class ParameterManager:
     def compose(
         self, preset_name: str | None, own: StoredValues, changes: ParameterValues
     ) -> ParametersInForce:
-        """Return the parameters of a preset with changes; put nothing into force.
+        """Return the parameters of a preset with changes; apply nothing.
 
         Args:
             own: the values to start from without a preset; unknown parameters are left out.
@@ -149,7 +149,7 @@ class ParameterManager:
         return self.adopt(revision, frame, None if run is None else run.id)
 
     def adopt(self, revision: Revision, frame: int | None, run_id: str | None) -> ParametersInForce:
-        """Record that a change is in force from ``frame`` on."""
+        """Record that a change applies from ``frame`` on."""
         if not revision.difference:
             self._call(revision.after)
             return self.current
@@ -201,7 +201,7 @@ class ParameterManager:
         Args:
             help: description; if left out, that of the replaced preset.
             values: dotted name -> value, applied to the defaults; names from earlier versions are
-                accepted. If left out, the values in force, which are then based on this preset.
+                accepted. Default: the current values, which are then based on this preset.
             replace: replace an existing preset of that name.
 
         Raises:

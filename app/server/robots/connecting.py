@@ -99,7 +99,7 @@ class Connecting:
         self._settings_due.set()
 
     def drive_started(self, generation: int) -> None:
-        """Send a new process everything again; a stop stays in force."""
+        """Send a new process everything again; a stop remains latched."""
         if self.stop_due is None and self.stopped is not None:
             self.stop_due = self.stopped.by
         self._generation = generation
@@ -170,7 +170,7 @@ class Connecting:
             self.trouble[role] = f"the {role} is not connected: {complaint}"
 
     async def _refusal(self, command: ToDrive[None], timeout_s: float = 1.0) -> str | None:
-        """Send a command; return why it was refused for good, or None if it was accepted."""
+        """Send a command; return why it was permanently refused, or None if it was accepted."""
         try:
             await ask_drive(self._drive, command, timeout_s=timeout_s)
         except (FieldError, Conflict) as error:

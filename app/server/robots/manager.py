@@ -110,7 +110,7 @@ class RobotManager:
         """Set up; ``start`` starts the drive process.
 
         Args:
-            rig: returns the rig in force. guard: returns the guard's parameters, by dotted name.
+            rig: returns the current rig. guard: returns the guard's parameters, by dotted name.
             changed: called when ``facts`` change. run: returns the run being recorded.
             source_time: the clock of the open source, on which speeds are timed.
             circumstances: returns the circumstances of a check. check_folder: folder of its
@@ -347,7 +347,7 @@ class RobotManager:
     async def reset(self, by: str) -> None:
         """Release the stop; all robots stay disarmed."""
         log.warning("stop_reset", by=by)
-        # A stop requested from here on is a new one and stays in force.
+        # A stop requested from here on is a new one and remains latched.
         due, self._connecting.stop_due = self._connecting.stop_due, None
         try:
             await self.ask(ResetStop(by))

@@ -57,7 +57,7 @@ class RunManager:
     Attributes:
         running: the run in progress.
         archive, history, files, images: the stored runs. truths: ground truth added to them.
-        reruns: recordings that are observed again.
+        reruns: re-runs of recordings.
         clips: saves clips of the last half minute. methods: compares two methods on the same
             frames.
     """
@@ -344,7 +344,7 @@ class RunManager:
     async def delete(self, run_id: str) -> None:
         """Hide a run that has ended; ``history.recover`` brings it back.
 
-        A re-run in progress is cancelled and deleted for good.
+        A re-run in progress is cancelled and permanently deleted.
         """
         if self.reruns.is_going(run_id):
             await self.reruns.cancel(run_id)

@@ -40,7 +40,7 @@ class CompareMethods:
         seconds: seconds of the source to observe. newest: take the last seconds, not the first;
             only possible for a recording.
         calibration_yaml: used instead of the source's own.
-        rig_yaml: rig in force; gives the camera's mount if the source does not.
+        rig_yaml: current rig; gives the camera's mount if the source does not.
         versions: software versions by name.
         picture: path for a JPEG of the newest frame with each method's result, side by side; it is
             replaced a few times a second.
