@@ -4,100 +4,20 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from observer.errors import InputError
-from observer.evaluation.choices import GATE_M, ROAD_GATE_M
-from observer.evaluation.evaluate import FIGURE_TITLES, Evaluation, summarise
-from observer.evaluation.lines import checked_lines, read_both
+from observer.evaluation.choices import ROAD_GATE_M
+from observer.evaluation.evaluate import FIGURE_TITLES, summarise
+from observer.evaluation.lines import checked_lines
 from observer.evaluation.results import FALSE_LISTED, listed
 from observer.evaluation.tally import tally
 from observer.geometry import Pose
-from observer.truth.contract import TrueBody, Truth
+from observer.truth.contract import TrueBody
 
-DT = 0.1
-SIZE = np.array([0.45, 0.38, 0.3])
-
-
-def evaluate(lines: list[dict[str, Any]], truth: Truth, gate_m: float = GATE_M) -> Evaluation:
-    return summarise([tally(checked_lines(lines), truth, gate_m)])
-
-
-class StraightTruth:
-    """Bodies on straight lines, id -> (start, velocity), with the interface of a truth."""
-
-    def __init__(
-        self,
-        paths: dict[int, tuple[tuple[float, float, float], tuple[float, float, float]]],
-        *,
-        visible: float | None = 1.0,
-        role: str = "obstacle",
-        camera: Pose | None = None,
-    ) -> None:
-        self.paths, self.visible, self.role, self.camera = paths, visible, role, camera
-
-    def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        return tuple(
-            TrueBody(
-                id=number,
-                name="robot",
-                role=self.role,
-                position=np.array(start) + time * np.array(velocity),
-                velocity=np.array(velocity, float),
-                size=SIZE,
-                yaw=float(np.arctan2(velocity[0], velocity[2])),
-                visible=self.visible,
-                commanded_speed=None,
-            )
-            for number, (start, velocity) in self.paths.items()
-        )
-
-    def camera_pose(self, time: float) -> Pose | None:
-        assert np.isfinite(time)
-        return self.camera
-
-
-RIGHT = {1: ((-1.0, 0.0, 3.0), (0.4, 0.0, 0.0))}
-
-
-def entry(truth: StraightTruth, time: float, body: int = 0, **changes: Any) -> dict[str, Any]:
-    """Return a perfect report of one body, with the given changes."""
-    b = truth.bodies(time)[body]
-    offset = np.array(changes.pop("offset", (0, 0, 0)))
-    error = np.array(changes.pop("error", (0, 0, 0)))
-    velocity = b.velocity + error
-    return {
-        "id": 7 + body,
-        "state": "confirmed",
-        "motion": "moving",
-        "position": (b.position + offset).tolist(),
-        "velocity": velocity.tolist(),
-        "speed": float(np.linalg.norm(velocity)),
-        "velocity_cov": (np.eye(3) * 0.01).tolist(),
-        "velocity_time": time - DT / 2,
-    } | changes
-
-
-def line(frame: int, obstacles: list[dict[str, Any]], **changes: Any) -> dict[str, Any]:
-    return {
-        "frame": frame,
-        "time": frame * DT,
-        "segment": 0,
-        "status": "ok",
-        "pose": {"position": [0, 0, 0], "orientation_wxyz": [1, 0, 0, 0]},
-        "obstacles": obstacles,
-    } | changes
-
-
-def perfect(truth: StraightTruth, count: int, **changes: Any) -> list[dict[str, Any]]:
-    bodies = range(len(truth.paths))
-    return [
-        line(k, [entry(truth, k * DT, body, **changes) for body in bodies]) for k in range(count)
-    ]
+from .hand_made import DT, RIGHT, SIZE, StraightTruth, entry, evaluate, line, perfect
 
 
 def test_perfect_run_scores_perfectly() -> None:
@@ -397,77 +317,3 @@ def test_figures_as_dictionary_and_table() -> None:
     assert "| recall | 1.000 |" in table
     empty = evaluate([line(0, [])], truth).markdown()
     assert "| recall | - |" in empty
-
-
-def test_lines_are_read_back_from_a_file(tmp_path: Path) -> None:
-    truth = StraightTruth(RIGHT)
-    path = tmp_path / "tracks.jsonl"
-    lines = perfect(truth, 20)
-    path.write_text("\n".join(json.dumps(each) for each in lines) + "\n\n")
-    assert summarise([tally(read_both(path)[0], truth)]) == evaluate(lines, truth)
-
-
-def test_refusal_names_the_line_number_in_the_file(tmp_path: Path) -> None:
-    first, second = perfect(StraightTruth(RIGHT), 2)
-    path = tmp_path / "tracks.jsonl"
-    path.write_text(f"{json.dumps(second)}\n\n\n{json.dumps(first)}\n")
-    with pytest.raises(InputError, match="line 4 has the time"):
-        read_both(path)
-
-
-def test_file_is_read_with_all_extra_fields(tmp_path: Path) -> None:
-    lines = [{**each, "more": k} for k, each in enumerate(perfect(StraightTruth(RIGHT), 3))]
-    path = tmp_path / "tracks.jsonl"
-    path.write_text("".join(f"{json.dumps(each)}\n" for each in lines))
-    checked, plain = read_both(path)
-    assert checked == checked_lines(lines)
-    assert [each["more"] for each in plain] == [0, 1, 2]
-
-
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("", "tracks.jsonl contains no lines"),
-        ("{}\n", "line 1, frame is missing"),
-        ("nonsense\n", "tracks.jsonl line 1 is not valid JSON"),
-        ("[1]\n", "line 1, the line"),
-        ('{"frame": 0}\n', "line 1, time is missing"),
-        ("[" * 100_000, "not valid JSON"),
-    ],
-)
-def test_bad_file_is_refused_naming_the_line(tmp_path: Path, text: str, sentence: str) -> None:
-    path = tmp_path / "tracks.jsonl"
-    path.write_text(text)
-    with pytest.raises(InputError, match=sentence):
-        read_both(path)
-
-
-def test_missing_and_non_utf8_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.jsonl cannot be read"):
-        read_both(tmp_path / "none.jsonl")
-    binary = tmp_path / "b.jsonl"
-    binary.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="UTF-8"):
-        read_both(binary)
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("speed", -1.0), ("speed", float("nan")), ("position", [0, 1]), ("velocity_cov", [[1]])],
-)
-def test_bad_field_is_named(field: str, value: Any) -> None:
-    truth = StraightTruth(RIGHT)
-    lines = perfect(truth, 3)
-    lines[1]["obstacles"][0][field] = value
-    with pytest.raises(InputError, match=rf"line 2, obstacles\.0\.{field}"):
-        evaluate(lines, truth)
-
-
-def test_lines_out_of_order_are_refused_within_a_segment() -> None:
-    truth = StraightTruth(RIGHT)
-    lines = perfect(truth, 3)
-    with pytest.raises(InputError, match=r"line 2 has the time 0\.1 s"):
-        evaluate([lines[2], lines[1]], truth)
-    lines[1]["segment"] = 1
-    # Neither begins with frame 0, and the truth has no camera pose to locate them with.
-    assert evaluate([lines[2], lines[1]], truth).frames_without_world == 2

@@ -14,7 +14,7 @@ from observer.evaluation.lines import checked_lines
 from observer.evaluation.tally import tally
 from observer.truth.contract import TrueBody
 
-from .test_evaluate import RIGHT, StraightTruth, evaluate, line, perfect
+from .hand_made import RIGHT, StraightTruth, evaluate, line, perfect
 
 
 class BoxedTruth(StraightTruth):

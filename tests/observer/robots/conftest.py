@@ -72,6 +72,10 @@ class Driven:
         return [(each.number, each.argument) for each in self.there.log.since(since)]
 
 
+# Connects a driver to an emulated robot, as the fixture ``driven`` says.
+Drivens = Callable[..., Driven]
+
+
 def wait_for_report(
     robot: Pioneer, reached: Callable[[RobotReport], object], timeout_s: float = 8.0
 ) -> RobotReport:
@@ -79,7 +83,7 @@ def wait_for_report(
 
 
 @pytest.fixture
-def driven(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Driven]]:
+def driven(monkeypatch: pytest.MonkeyPatch) -> Iterator[Drivens]:
     """Connect a driver to an emulated robot over TCP or a pseudo terminal.
 
     Its timeouts for listening and closing are shorter than in the field.
