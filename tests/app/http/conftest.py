@@ -26,12 +26,12 @@ from app.server import Server
 from app.settings import Settings
 from app.storage import Storage
 from app.viewer import NullViewer
+from observer.robots.contract import RobotPort
 
 from ...waiting import until_async
 
 # Where FastAPI creates the objects that read and write a route's values.
 _ADAPTERS = "fastapi._compat.v2.TypeAdapter"
-
 TOKEN = "a-token-of-the-tests-with-256-bits-more-or-less"
 
 
@@ -181,3 +181,18 @@ def serve_app() -> Callable[[Any, Settings], AbstractAsyncContextManager[Served]
 def eventually() -> Callable[..., Any]:
     """Wait until something holds, with a deadline that only a fault can reach."""
     return until_async
+
+
+@pytest.fixture
+def world(peer: Any) -> None:
+    """The source that opens next is a simulated world with one robot."""
+    peer.world = "simulated:lab/1"
+    peer.robots = (
+        RobotPort("observer", "socket://127.0.0.1:5001", "amigo-sh", "the cameras' robot"),
+    )
+
+
+@pytest.fixture
+async def connected(world: None, served: Any, drive: Any, eventually: Any) -> None:  # noqa: ARG001
+    """The server has connected the world's robot."""
+    await eventually(lambda: drive.robots)

@@ -13,6 +13,7 @@ import pytest
 from app.storage import RunRecord, Storage
 
 from ...postgresql import CannotStart, PrivateServer, private_server
+from .backups import back_up, fill
 
 _TEMPLATE = "migrated"
 _numbers = itertools.count()
@@ -98,3 +99,21 @@ def run(storage: Storage) -> RunRecord:
         versions={"dynamic-observer": "0.1.0"},
         preset="paper",
     )
+
+
+@pytest.fixture(scope="module")
+def kept_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("kept")
+    data = folder / "first"
+    with Storage(data / "observer.sqlite") as storage:
+        run_id = fill(storage)
+        back_up(storage, data / "observer.sqlite", folder / "kept.zip")
+    return folder, run_id
+
+
+@pytest.fixture
+def kept(kept_once: tuple[Path, str], tmp_path: Path) -> tuple[Path, str]:
+    """A backup of the data folder ``first`` beside it, recordings included, and its run."""
+    folder, run_id = kept_once
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "kept.zip", run_id
