@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from app.cli.output import refusing
 from observer.calibration.formats.opencv_file import calibration_text
@@ -17,6 +16,7 @@ from observer.camera import StereoCalibration
 from observer.errors import InputError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.video import FALLBACK_RATE, OverlayVideo
+from observer.jsonl import ObservationLine
 from observer.parameters import Parameters
 from observer.recording.observed import ObservedWriter
 from observer.recording.payloads import Images, ParameterRevision, RunFacts
@@ -59,9 +59,7 @@ class Keeper:
         if self._writer is not None:
             self._writer.frame(frame)
 
-    def observed(
-        self, frame: StereoFrame, observation: Observation, line: Mapping[str, Any]
-    ) -> None:
+    def observed(self, frame: StereoFrame, observation: Observation, line: ObservationLine) -> None:
         """Write the observation of a frame."""
         if self._observed is not None:
             self._observed.write(frame, observation, line)

@@ -7,7 +7,7 @@ import contextlib
 import io
 import math
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -23,6 +23,7 @@ from app.server.errors import Conflict, FieldError, NotThere
 from app.storage import CalibrationRecord, RunRecord, Storage, utc_now
 from app.workers.calibration.messages import Refined, RefineRows
 from app.workers.calibration.process import work
+from observer.calibration.ageing.row_refinement import RowRefinement
 from observer.calibration.formats.exporting import ExportKind, export_calibration
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.formats.recognition import read_any
@@ -235,10 +236,14 @@ async def refine_rows(
     except CalibrationError as error:
         raise Conflict(str(error)) from error
     assert isinstance(refined, Refined)
-    facts = refined.facts
+    figures = {
+        name: None if value is None else float(value)
+        for name, value in vars(refined.refinement).items()
+        if name != "calibration"
+    }
     calibration = read_calibration(refined.calibration_yaml, name=name)
-    origin = f"refined from {name}: {_changes(facts)}"
-    info = {**calibration_facts(calibration), "origin": origin, "refinement": facts}
+    origin = f"refined from {name}: {_changes(refined.refinement)}"
+    info = {**calibration_facts(calibration), "origin": origin, "refinement": figures}
     if active is not None and "bound" in active.info:
         info["bound"] = active.info["bound"]
     name = f"{name}, refined {utc_now()[:10]}"[:LONGEST_NAME]
@@ -246,22 +251,15 @@ async def refine_rows(
     return await asyncio.to_thread(save, refined.calibration_yaml, name=name, info=info)
 
 
-def _changes(facts: Mapping[str, Any]) -> str:
-    """Describe in words what a refinement changed, given its facts as in ``Refined``."""
-    rows = f"epipolar error {facts['before_px']:.2f} px before, {facts['after_px']:.2f} px after"
-    degrees = {
-        name: math.degrees(facts[f"{name}_rad"])
-        for name in ("pitch", "roll", "vergence")
-        if facts[f"{name}_rad"] is not None
-    }
-    turns = f"pitch {degrees['pitch']:+.3f}°, roll {degrees['roll']:+.3f}°"
-    if "vergence" not in degrees:
+def _changes(found: RowRefinement) -> str:
+    """Describe in words what a refinement changed."""
+    rows = f"epipolar error {found.before_px:.2f} px before, {found.after_px:.2f} px after"
+    pitch, roll = math.degrees(found.pitch_rad), math.degrees(found.roll_rad)
+    turns = f"pitch {pitch:+.3f}°, roll {roll:+.3f}°"
+    if found.vergence_rad is None or found.vergence_std_rad is None:
         return f"{rows}; {turns}, vergence unchanged"
-    sigma = math.degrees(facts["vergence_std_rad"])
-    return (
-        f"{rows}; {turns}, vergence {degrees['vergence']:+.3f}° ± {half_95(sigma):.3f}° (95 % "
-        "interval)"
-    )
+    vergence, sigma = math.degrees(found.vergence_rad), math.degrees(found.vergence_std_rad)
+    return f"{rows}; {turns}, vergence {vergence:+.3f}° ± {half_95(sigma):.3f}° (95 % interval)"
 
 
 def _unheard(_: Progress) -> None:

@@ -5,9 +5,9 @@ An hour of frames takes tens of megabytes, of which a page shows one frame at a 
 
 from __future__ import annotations
 
-from typing import Any
-
 import msgspec
+
+from app.contract.frame_plan import PlanMap
 
 
 class _Frames(msgspec.Struct):
@@ -21,7 +21,7 @@ class _Frames(msgspec.Struct):
     first: int
     every: int
     count: int
-    maps: list[dict[str, Any]]
+    maps: list[PlanMap]
 
 
 def some_frames(content: bytes, first: int, count: int | None, most: int | None) -> bytes:
@@ -39,5 +39,5 @@ def some_frames(content: bytes, first: int, count: int | None, most: int | None)
     found.first = first
     found.frames = found.frames[first : end : found.every]
     near = found.maps if found.every == 1 else []
-    found.maps = [one for one in near if one["first"] < end and one["last"] >= first]
+    found.maps = [one for one in near if one.first < end and one.last >= first]
     return msgspec.json.encode(found)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from observer.calibration.ageing.row_refinement import RowRefinement
 from observer.calibration.ageing.vergence import VergenceCheck
 from observer.calibration.board import Board, BoardView
 from observer.camera import DistortionModel
@@ -87,16 +88,12 @@ class BoardsFound:
     refused: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Refined:
-    """Calibration corrected by a small rotation.
-
-    Attributes:
-        facts: the figures of ``observer.calibration.ageing.row_refinement.RowRefinement``.
-    """
+    """Calibration corrected by a small rotation, as its file holds it, and what that gained."""
 
     calibration_yaml: str
-    facts: dict[str, float | None]
+    refinement: RowRefinement
 
 
 Result = Fitted | BoardsFound | Refined

@@ -63,12 +63,7 @@ def _refine(job: RefineRows) -> Refined:
     refined = refine_from_scene(calibration, job.pairs, job.vergence)
     if isinstance(refined, RefinementRefusal):
         raise CalibrationError(refined.reason)
-    facts = {
-        name: None if value is None else float(value)
-        for name, value in vars(refined).items()
-        if name != "calibration"
-    }
-    return Refined(calibration_text(refined.calibration), facts)
+    return Refined(calibration_text(refined.calibration), refined)
 
 
 def _find(job: FindBoards, progress: Report) -> BoardsFound:
