@@ -199,12 +199,14 @@ def _completed(
 def _near_most(places: Float64Array) -> NDArray[np.bool_]:
     """(N,) which places (N, 3) are near enough to most of them to be on the body.
 
-    Judged by the spread along the axis where it is largest: most may lie on one flat face.
+    Judged by the spread along the axis where it is largest: most may lie on one flat face. All are
+    if none is near along every axis, as when each of a few strays along another one.
     """
     half = len(places) // 2
     apart = np.abs(places - np.partition(places, half, axis=0)[half])
     spread = MAD_TO_SIGMA * float(np.partition(apart, half, axis=0)[half].max())
-    return np.asarray((apart <= _STRAY * spread + _LEAST_SPREAD_M).all(axis=1))
+    near = (apart <= _STRAY * spread + _LEAST_SPREAD_M).all(axis=1)
+    return np.asarray(near if near.any() else ~near)
 
 
 def _without_outermost(places: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -184,6 +184,13 @@ def test_a_few_wrong_points_do_not_stretch_the_box() -> None:
     np.testing.assert_allclose(box.size, SIZE, rtol=0.15)
 
 
+def test_a_few_points_that_each_stray_along_another_axis_still_have_a_box() -> None:
+    points = np.diag([1.0, 2.0, 3.0])
+    box = BodyShape().box(points, np.array([0.0, 0.0, 1.0]), LONG)
+    assert np.isfinite(box.size).all()
+    assert box.contains(points.mean(axis=0, keepdims=True), 0.0).all()
+
+
 def test_shift_moves_the_origin_of_remembered_positions() -> None:
     rng = np.random.default_rng(4)
     view, offset = np.array([1.0, 0.0, 1.0]), np.array([0.2, -0.1, 0.3])
