@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -44,27 +45,92 @@ def obstacle_color(state: str, motion: str) -> Color:
     return _MOVING if motion == MotionState.MOVING else _STOPPED
 
 
-def draw_obstacle(
-    canvas: Image,
-    box_px: Sequence[float],
-    silhouette: Sequence[ArrayLike] | None,
-    text: str,
-    color: Color,
-    scale: float = TEXT_SCALE,
+class DrawnObstacle(NamedTuple):
+    """What is drawn of an obstacle; ``box_px`` and ``silhouette`` as of ``Obstacle``."""
+
+    box_px: Sequence[float]
+    silhouette: Sequence[ArrayLike] | None
+    text: str
+    color: Color
+
+
+class _Area(NamedTuple):
+    """Pixels of a text: u from ``left`` to ``right``, v from ``top`` to ``bottom``."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    def at_row(self, top: int) -> _Area:
+        return self._replace(top=top, bottom=top + self.bottom - self.top)
+
+    def overlaps(self, other: _Area) -> bool:
+        return (
+            self.left < other.right
+            and other.left < self.right
+            and self.top < other.bottom
+            and other.top < self.bottom
+        )
+
+
+def draw_obstacles(
+    canvas: Image, obstacles: Iterable[DrawnObstacle], scale: float = TEXT_SCALE
 ) -> None:
-    """Draw an obstacle's tinted silhouette, its box, and a text above it, if it is in view.
+    """Draw each obstacle's tinted silhouette, its box, and a text above it, if it is in view.
+
+    No text covers another, as far as there is room.
 
     Args:
-        canvas: (H, W, 3). box_px, silhouette: as of ``Obstacle``. scale: of the text.
+        canvas: (H, W, 3). scale: of the texts.
     """
+    taken: list[_Area] = []
+    texts: list[tuple[DrawnObstacle, _Area, int]] = []
+    for each in obstacles:
+        if not _draw_shape(canvas, each):
+            continue
+        wanted, baseline = _text_area(each, scale)
+        area = _free_area(wanted, taken, canvas.shape[0])
+        taken.append(area)
+        texts.append((each, area, baseline))
+    for each, area, baseline in texts:
+        draw_text(canvas, each.text, (area.left, area.bottom - baseline), each.color, scale)
+
+
+def _draw_shape(canvas: Image, obstacle: DrawnObstacle) -> bool:
+    """Draw silhouette and box; return whether the box is in view."""
+    box_px, silhouette, _, color = obstacle
     if silhouette:
         tint(canvas, silhouette_mask(silhouette, canvas.shape[:2]), color, _TINT)
         cv2.polylines(canvas, _corners(silhouette), True, color, 1, cv2.LINE_AA)
     u0, v0, u1, v1 = (round(value) for value in box_px)
     if u1 < 0 or v1 < 0 or u0 >= canvas.shape[1] or v0 >= canvas.shape[0]:
-        return
+        return False
     cv2.rectangle(canvas, (u0, v0), (u1, v1), color, 2, cv2.LINE_AA)
-    draw_text(canvas, text, (u0, max(v0 - _ABOVE_PX, round(_LETTER_PX * scale))), color, scale)
+    return True
+
+
+def _text_area(obstacle: DrawnObstacle, scale: float) -> tuple[_Area, int]:
+    """Return where an obstacle's text belongs, and how far its baseline is above the bottom."""
+    u0, v0 = (round(value) for value in obstacle.box_px[:2])
+    (width, height), below = cv2.getTextSize(obstacle.text, _FONT, scale, 3)
+    baseline = max(v0 - _ABOVE_PX, round(_LETTER_PX * scale))
+    return _Area(u0, baseline - height, u0 + width, baseline + below), below
+
+
+def _free_area(wanted: _Area, taken: Sequence[_Area], height: int) -> _Area:
+    """Return the wanted area in the nearest row that the taken ones leave free.
+
+    Where there is none, the wanted one.
+    """
+    size = wanted.bottom - wanted.top
+    rows = [wanted.top, *(row for other in taken for row in (other.top - size, other.bottom))]
+    for row in sorted(rows, key=lambda row: abs(row - wanted.top)):
+        area = wanted.at_row(row)
+        inside = row == wanted.top or (row >= 0 and area.bottom <= height)
+        if inside and not any(area.overlaps(other) for other in taken):
+            return area
+    return wanted
 
 
 def draw_text(

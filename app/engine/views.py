@@ -18,8 +18,9 @@ from app.engine.dense_stereo import DensePair, DenseStereo
 from app.engine.observed import Observed
 from observer.drawing import (
     TEXT_SCALE,
+    DrawnObstacle,
     color_copy,
-    draw_obstacle,
+    draw_obstacles,
     draw_text,
     hatch_unseen,
     obstacle_color,
@@ -216,6 +217,15 @@ def _arrow_heads(canvas: Image, arrows: NDArray[Any], color: tuple[int, int, int
 
 
 def _obstacles(canvas: Image, obstacles: Iterable[Obstacle]) -> None:
-    for one in obstacles:
-        text, color = f"#{one.id}  {one.speed:.2f} m/s", obstacle_color(one.state, one.motion)
-        draw_obstacle(canvas, one.box_px, one.silhouette, text, color)
+    draw_obstacles(
+        canvas,
+        (
+            DrawnObstacle(
+                one.box_px,
+                one.silhouette,
+                f"#{one.id}  {one.speed:.2f} m/s",
+                obstacle_color(one.state, one.motion),
+            )
+            for one in obstacles
+        ),
+    )

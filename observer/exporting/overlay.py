@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from observer.drawing import color_copy, draw_obstacle, draw_text, obstacle_color
+from observer.drawing import DrawnObstacle, color_copy, draw_obstacles, draw_text, obstacle_color
 from observer.intervals import half_95
 from observer.types import Image
 
@@ -23,13 +23,15 @@ def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
     """
     canvas = color_copy(left)
     scale = max(0.35, left.shape[1] * _LETTERS_PER_WIDTH)
+    drawn: list[DrawnObstacle] = []
     for entry in line["obstacles"]:
         std = entry["speed_std"]
         sure = "" if std is None else f" ± {half_95(std):.2f}"
         text = f"#{entry['id']}  {entry['speed']:.2f}{sure} m/s"
         color = obstacle_color(entry["state"], entry["motion"])
         # Older recordings have no silhouettes.
-        draw_obstacle(canvas, entry["box_px"], entry.get("silhouette"), text, color, scale)
+        drawn.append(DrawnObstacle(entry["box_px"], entry.get("silhouette"), text, color))
+    draw_obstacles(canvas, drawn, scale)
     status = "" if line["status"] == "ok" else f"  {line['status']}"
     text = f"frame {line['frame']}  {line['time']:.3f} s{status}"
     draw_text(canvas, text, (6, left.shape[0] - 8), _TEXT, scale)

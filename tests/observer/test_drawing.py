@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from observer.drawing import (
+    DrawnObstacle,
     color_copy,
-    draw_obstacle,
+    draw_obstacles,
     draw_text,
     obstacle_color,
     silhouette_mask,
@@ -28,7 +29,7 @@ def canvas() -> np.ndarray:
 
 def drawn(*silhouette: np.ndarray) -> np.ndarray:
     image = canvas()
-    draw_obstacle(image, BOX, silhouette or None, "", COLOR)
+    draw_obstacles(image, [DrawnObstacle(BOX, silhouette or None, "", COLOR)])
     return image
 
 
@@ -63,7 +64,9 @@ def test_an_obstacle_beyond_the_image_border_is_clipped(reach: int) -> None:
     outline = np.array(
         [[250.0, 50.0], [290.0 + reach, 50.0], [290.0 + reach, 100.0], [250.0, 100.0]]
     )
-    draw_obstacle(image, (250.0, 50.0, 290.0 + reach, 100.0), [outline], "#1", COLOR)
+    draw_obstacles(
+        image, [DrawnObstacle((250.0, 50.0, 290.0 + reach, 100.0), [outline], "#1", COLOR)]
+    )
     assert image[75, 270].tolist() != [GREY] * 3
 
 
@@ -110,7 +113,7 @@ def test_a_grey_image_is_copied_to_color() -> None:
 @pytest.mark.parametrize("box", [(-90, 50, -10, 99), (310, 50, 390, 99), (10, 210, 60, 300)])
 def test_an_obstacle_out_of_view_is_not_drawn(box: tuple[float, ...]) -> None:
     image = canvas()
-    draw_obstacle(image, box, None, "#1", COLOR)
+    draw_obstacles(image, [DrawnObstacle(box, None, "#1", COLOR)])
     assert (image == GREY).all()
 
 
@@ -123,3 +126,23 @@ def test_a_plus_minus_sign_is_a_plus_above_a_line() -> None:
     assert len(rows) > 0, "the font alone writes question marks"
     assert rows.min() >= 100, "nothing but a line below the plus"
     assert columns.max() - columns.min() < 25
+
+
+@pytest.mark.parametrize("top", [100.0, 2.0])
+def test_the_texts_of_neighbours_do_not_cover_each_other(top: float) -> None:
+    """The text of the first reaches over the box of the second, also at the upper edge."""
+    colors = [(0, 0, 255), (0, 255, 0)]
+    neighbours = [
+        DrawnObstacle((left, top, left + 20.0, top + 60.0), None, "#1  0.40 m/s", color)
+        for left, color in zip((20.0, 60.0), colors, strict=True)
+    ]
+    together = canvas()
+    draw_obstacles(together, neighbours)
+    for each in neighbours:
+        alone = canvas()
+        draw_obstacles(alone, [each])
+        # Anti-aliased letters are darker than their colour.
+        strongest = np.argmax(each.color)
+        inks = [(image[:, 84:, strongest] > 120).sum() for image in (alone, together)]
+        assert inks[0] > 20
+        assert inks[1] == inks[0]
