@@ -11,14 +11,10 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.parameters import StereoParameters
+from observer.vision.epipolar_error import epipolar_error, epipolar_reason
 from observer.vision.flicker import FLICKER_WINDOW_S, flicker_reason
-from observer.vision.image_checks import (
-    exposure_reason,
-    frozen_reason,
-    mismatch_reason,
-    rectification_reason,
-    vertical_error,
-)
+from observer.vision.image_checks import exposure_reason, frozen_reason
+from observer.vision.mismatch import mismatch_reason
 from observer.vision.swapped import says_swapped
 from observer.vision.view import StereoRows, View
 
@@ -110,8 +106,8 @@ class ImageHealth:
         else:
             self._mismatch, self._doubtful_frames = None, 0
         if rows is not None and self._frames % _ROWS_EVERY == 0:
-            error = vertical_error(rows.px, rows.offset_px, self._camera)
-            self._rows = None if error is None else rectification_reason(error)
+            error = epipolar_error(rows.px, rows.offset_px, self._camera)
+            self._rows = None if error is None else epipolar_reason(error)
 
 
 def _matched(

@@ -15,7 +15,7 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.robust import MAD_TO_SIGMA
-from observer.vision.image_checks import VerticalError, vertical_error
+from observer.vision.epipolar_error import EpipolarError, epipolar_error
 
 # The warning starts when rows are further apart than the first and ends below the second.
 WARN_PX = 0.5
@@ -124,13 +124,13 @@ class RowDriftWatch:
             return self._found
         self._looked_s = self._clock_s
         if px is not None and offset_px is not None:
-            error = vertical_error(px, offset_px, self._camera)
+            error = epipolar_error(px, offset_px, self._camera)
             if error is not None:
                 self._keep(error)
         self._found = self._tell()
         return self._found
 
-    def _keep(self, error: VerticalError) -> None:
+    def _keep(self, error: EpipolarError) -> None:
         roll_px = error.roll_rad * self._px_per_roll
         rows = _Rows(self._clock_s, error.centre_px, roll_px, error.typical_std_px)
         self._recent.append(rows)

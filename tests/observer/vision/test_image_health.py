@@ -19,16 +19,11 @@ from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario, scenario_names
 from observer.simulation.world import World
 from observer.types import StereoFrame
+from observer.vision.epipolar_error import EpipolarError, epipolar_error, epipolar_reason
 from observer.vision.features import detect_features
-from observer.vision.image_checks import (
-    VerticalError,
-    exposure_reason,
-    frozen_reason,
-    mismatch_reason,
-    rectification_reason,
-    vertical_error,
-)
+from observer.vision.image_checks import exposure_reason, frozen_reason
 from observer.vision.image_health import ImageHealth
+from observer.vision.mismatch import mismatch_reason
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map, sample_disparity
 from observer.vision.view import StereoRows, View
@@ -81,7 +76,7 @@ def with_gamma(image: np.ndarray, gamma: float) -> np.ndarray:
     return (255 * (image / 255.0) ** gamma).astype(np.uint8)
 
 
-def measured_rows(pair: Pair, camera: StereoCamera) -> VerticalError | None:
+def measured_rows(pair: Pair, camera: StereoCamera) -> EpipolarError | None:
     """Row errors of features as sparse stereo finds them, by Lucas-Kanade from left to right."""
     left, right = pair
     px = detect_features(left, FeaturesParameters(max_count=300)).px
@@ -92,7 +87,7 @@ def measured_rows(pair: Pair, camera: StereoCamera) -> VerticalError | None:
         left, right, px, guess, winSize=(15, 15), maxLevel=1, flags=cv2.OPTFLOW_USE_INITIAL_FLOW
     )
     kept = status[:, 0] > 0
-    return vertical_error(px[kept], px[kept, 1] - found[kept, 1], camera)
+    return epipolar_error(px[kept], px[kept, 1] - found[kept, 1], camera)
 
 
 # --- no false alarm ------------------------------------------------------------------------
@@ -107,7 +102,7 @@ def test_built_in_scenes_raise_no_false_alarm(name: str) -> None:
         assert mismatch_reason(left, right, MAX_DISPARITY_PX) is None or name in WRONG_ROWS
         rows = measured_rows((left, right), camera)
         assert rows is not None
-        reported = rectification_reason(rows)
+        reported = epipolar_reason(rows)
         assert (reported is not None) == (name in WRONG_ROWS), reported
     for before, now in itertools.pairwise(pairs):
         assert frozen_reason(*before, *now) is None
@@ -131,7 +126,7 @@ def test_road_raises_no_alarm_unless_swapped(shared_data: Path, name: str) -> No
         assert exposure_reason(left, right) is None
         assert mismatch_reason(left, right, 128) is None
         assert mismatch_reason(right, left, 128) is not None
-        assert rectification_reason(measured_rows((left, right), rectification.camera)) is None
+        assert epipolar_reason(measured_rows((left, right), rectification.camera)) is None
 
 
 # --- exposure ------------------------------------------------------------------------------
@@ -266,7 +261,7 @@ def places() -> np.ndarray:
 def test_shift_roll_and_stretch_are_separated_despite_outliers(places: np.ndarray) -> None:
     wrong = rows_of(places, 0.8, 0.4, 0.006, 0.2)
     wrong[:50] = np.random.default_rng(1).uniform(-20, 20, 50)
-    error = vertical_error(places, wrong, CAMERA)
+    error = epipolar_error(places, wrong, CAMERA)
     assert error is not None
     assert error.median_px == pytest.approx(-0.8, abs=0.25)
     assert np.degrees(error.roll_rad) == pytest.approx(0.4, abs=0.03)
@@ -282,7 +277,7 @@ def test_stated_deviation_matches_the_scatter() -> None:
     found, stated = [], []
     for _ in range(200):
         px = rng.uniform((0, 0), (511, 255), (60, 2))
-        error = vertical_error(px, 1.0 + rng.normal(0, 0.5, 60), CAMERA)
+        error = epipolar_error(px, 1.0 + rng.normal(0, 0.5, 60), CAMERA)
         assert error is not None
         found.append(error.typical_px)
         stated.append(error.typical_std_px)
@@ -290,12 +285,12 @@ def test_stated_deviation_matches_the_scatter() -> None:
 
 
 def test_too_few_rows_give_no_error(places: np.ndarray) -> None:
-    assert vertical_error(places[:19], np.full(19, 5.0), CAMERA) is None
+    assert epipolar_error(places[:19], np.full(19, 5.0), CAMERA) is None
     unknown = np.full(len(places), np.nan)
     unknown[:19] = 5.0
-    assert vertical_error(places, unknown, CAMERA) is None
-    assert rectification_reason(None) is None
-    assert vertical_error(places[:20], np.full(20, 5.0), CAMERA) is not None
+    assert epipolar_error(places, unknown, CAMERA) is None
+    assert epipolar_reason(None) is None
+    assert epipolar_error(places[:20], np.full(20, 5.0), CAMERA) is not None
 
 
 def test_few_noisy_rows_raise_no_alarm() -> None:
@@ -303,8 +298,8 @@ def test_few_noisy_rows_raise_no_alarm() -> None:
     alarms = 0
     for _ in range(200):
         px = rng.uniform((0, 0), (511, 255), (25, 2))
-        alarms += rectification_reason(
-            vertical_error(px, 0.8 + rng.normal(0, 1.0, 25), CAMERA)
+        alarms += epipolar_reason(
+            epipolar_error(px, 0.8 + rng.normal(0, 1.0, 25), CAMERA)
         ) is not None  # fmt: skip
     assert alarms <= 4
 
@@ -312,10 +307,10 @@ def test_few_noisy_rows_raise_no_alarm() -> None:
 def test_collinear_points_give_a_finite_error_and_no_alarm() -> None:
     px = np.stack([np.linspace(10, 500, 60), np.full(60, 40.0)], axis=1)
     noise = np.random.default_rng(0).normal(0, 0.2, 60)
-    error = vertical_error(px, noise, CAMERA)
+    error = epipolar_error(px, noise, CAMERA)
     assert error is not None
     assert np.isfinite([error.typical_px, error.typical_std_px, error.roll_rad]).all()
-    assert rectification_reason(error) is None
+    assert epipolar_reason(error) is None
 
 
 @pytest.mark.parametrize(
@@ -337,12 +332,12 @@ def test_row_errors_of_images_are_reported_with_numbers(
     # Rotation shifts features off the centre, so the median depends on how they are distributed.
     assert error.median_px == pytest.approx(median_px, abs=0.25 if roll_deg == 0 else 0.8)
     assert np.degrees(error.roll_rad) == pytest.approx(roll_deg, abs=0.06)
-    reported = rectification_reason(error)
+    reported = epipolar_reason(error)
     assert reported is not None
     assert f"median {error.median_px:+.1f} px" in reported
     assert f"rotation {np.degrees(error.roll_rad):+.2f} deg" in reported
     assert "the limit is 1 px" in reported
-    assert rectification_reason(error, warn_px=4.0) is None
+    assert epipolar_reason(error, warn_px=4.0) is None
 
 
 # --- swapped -------------------------------------------------------------------------------
