@@ -29,9 +29,9 @@ from observer.recording.payloads import Incident, LocalMapPayload, ParameterRevi
 from observer.recording.ring import Ring
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame
-from observer.truth.csv_file import TruthSample
 from observer.truth.matching import TrueBodyEntry
 from observer.truth.motion_capture import BodySample
+from observer.truth.sampled import TruthSample
 
 _log = logging.getLogger(__name__)
 

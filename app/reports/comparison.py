@@ -28,11 +28,12 @@ from observer.truth.alignment.aligned import DEFAULT_SIZE, AlignedTruth
 from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.alignment.observed import TrackKey
 from observer.truth.alignment.result import Alignment
-from observer.truth.csv_file import CsvTruth, SampledTruth
+from observer.truth.csv_file import CsvTruth
 from observer.truth.files.angles import AngleReading
 from observer.truth.files.recognition import file_kind, read_capture
 from observer.truth.matching import entry
 from observer.truth.motion_capture import Capture
+from observer.truth.sampled import SampledTruth
 
 ALIGNED_ALREADY = "truth.csv"
 _RECORDING = ".mcap"

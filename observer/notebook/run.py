@@ -24,7 +24,7 @@ from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
 from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
-from observer.truth.csv_file import SampledTruth
+from observer.truth.sampled import SampledTruth
 from observer.types import Image
 from observer.vision.rectification import Rectification
 

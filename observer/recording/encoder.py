@@ -28,8 +28,8 @@ from observer.recording.payloads import (
 )
 from observer.recording.topics import Topic
 from observer.sources.contract import SkippedFrame
-from observer.truth.csv_file import TruthSample
 from observer.truth.motion_capture import BodySample
+from observer.truth.sampled import TruthSample
 from observer.types import Image, StereoFrame
 
 JPEG_QUALITY = 95

@@ -41,7 +41,6 @@ from observer.recording.payloads import (
 )
 from observer.recording.topics import Topic
 from observer.truth.contract import TrueBody
-from observer.truth.csv_file import SampledTruth, TruthSample
 from observer.truth.motion_capture import (
     BodySample,
     Capture,
@@ -49,6 +48,7 @@ from observer.truth.motion_capture import (
     rising_samples,
     trajectory_of,
 )
+from observer.truth.sampled import SampledTruth, TruthSample
 from observer.types import Image
 
 _Payload = TypeVar("_Payload", bound=msgspec.Struct)

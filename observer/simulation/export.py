@@ -13,7 +13,8 @@ from observer.simulation.scenarios import load_scenario
 from observer.simulation.source import SimulatedSource
 from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
-from observer.truth.csv_file import TruthSample, write_truth_csv
+from observer.truth.csv_file import write_truth_csv
+from observer.truth.sampled import TruthSample
 from observer.types import Image
 
 # PNG is lossless; on noisy images low compression levels give files as small as high ones.

@@ -12,7 +12,7 @@ from typing_extensions import TypedDict
 
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody, Truth
-from observer.truth.csv_file import TruthSample
+from observer.truth.sampled import TruthSample
 from observer.types import Observation
 
 # An obstacle further than this from a body's surface (its half length) is not matched to it.

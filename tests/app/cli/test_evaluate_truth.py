@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from observer.geometry import Pose
 from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.contract import TrueBody
-from observer.truth.csv_file import TruthSample, write_truth_csv
+from observer.truth.csv_file import write_truth_csv
+from observer.truth.sampled import TruthSample
 
 from ...observer.truth.alignment.conftest import Room, make_room
 from ..peer_engine import rectified_calibration

@@ -18,7 +18,8 @@ import pytest
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.geometry import Pose
-from observer.truth.csv_file import TruthSample, write_truth_csv
+from observer.truth.csv_file import write_truth_csv
+from observer.truth.sampled import TruthSample
 
 from .shell import Shell
 

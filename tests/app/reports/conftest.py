@@ -24,7 +24,7 @@ from observer.recording.payloads import (
     RunFacts,
 )
 from observer.recording.writer import RecordingWriter
-from observer.truth.csv_file import TruthSample
+from observer.truth.sampled import TruthSample
 from observer.types import StereoFrame
 
 FRAMES = 12

@@ -18,7 +18,7 @@ from observer.evaluation.speed_errors import SeenMotion, TrueMotion
 from observer.figures import INK, figure_bytes, themed_svg
 from observer.jsonl import ObservationLine
 from observer.truth.contract import TrueBody
-from observer.truth.csv_file import SampledTruth, TruthSample
+from observer.truth.sampled import SampledTruth, TruthSample
 
 TIMES = np.arange(40) / 10
 

@@ -16,7 +16,7 @@ from observer.recording.payloads import Anchor, Images, RunFacts
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import Source
 from observer.truth.contract import Truth
-from observer.truth.csv_file import TruthSample
+from observer.truth.sampled import TruthSample
 from observer.types import StereoFrame
 
 FRAMES = 24

@@ -16,8 +16,9 @@ from observer.errors import TruthError
 from observer.geometry import Pose
 from observer.truth import csv_file
 from observer.truth.contract import KINDS, Kind, TrueBody
-from observer.truth.csv_file import CsvTruth, TruthSample, write_truth_csv
+from observer.truth.csv_file import CsvTruth, write_truth_csv
 from observer.truth.files.recognition import file_kind
+from observer.truth.sampled import TruthSample
 from observer.types import BoxPx
 
 HEADER = "frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw"

@@ -14,8 +14,9 @@ from observer.errors import TruthError
 from observer.geometry import Pose
 from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.contract import TrueBody
-from observer.truth.csv_file import CsvTruth, TruthSample, write_truth_csv
+from observer.truth.csv_file import CsvTruth, write_truth_csv
 from observer.truth.live.opening import check_live
+from observer.truth.sampled import TruthSample
 
 from ...damage import damaged, damaged_text, examples, hostile_text, read_or_refused
 

@@ -14,7 +14,7 @@ from observer.opening import open_source
 from observer.recording.payloads import Anchor, RunFacts
 from observer.recording.writer import RecordingWriter
 from observer.simulation.export import export_stereo_folder
-from observer.truth.csv_file import TruthSample
+from observer.truth.sampled import TruthSample
 from observer.types import StereoFrame
 
 # Seconds: long enough to find obstacles, which count from 0.6 s on, at 15 frames a second.

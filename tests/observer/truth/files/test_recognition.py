@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.errors import TruthError
-from observer.truth.csv_file import TruthSample, write_truth_csv
+from observer.truth.csv_file import write_truth_csv
 from observer.truth.files.recognition import file_kind, read_capture
+from observer.truth.sampled import TruthSample
 
 from .conftest import DEVICES, Read, nexus_csv, places, tracker_csv
 
