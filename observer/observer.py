@@ -58,7 +58,8 @@ from observer.methods.rigid.method import RigidMethod
 from observer.methods.rigid.stereo_drift import StereoDrift
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, Trace, Unseen
+from observer.trace import NoTrace, Trace
+from observer.types import Observation, Obstacle, Status, StereoFrame, Unseen
 from observer.vision.image_health import ImageHealth
 from observer.vision.lifecycle import TrackIds
 from observer.vision.rectification import Rectification

@@ -36,8 +36,9 @@ from observer.guard.sight import REAL_WORLD, Sight
 from observer.jsonl import ObservationLine, observation_line
 from observer.occupancy import OccupancyMap
 from observer.recording.payloads import LocalMapPayload
+from observer.trace import FullTrace
 from observer.truth.matching import TrueBodyEntry
-from observer.types import FullTrace, Observation, StereoFrame
+from observer.types import Observation, StereoFrame
 
 # Twice the promised rate, so that a small delay still keeps the promise.
 BEAT_INTERVAL_S = 0.05

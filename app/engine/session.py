@@ -43,8 +43,9 @@ from observer.rig.applied import mount_for
 from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
 from observer.sources.contract import SkippedFrame, Source
+from observer.trace import Trace
 from observer.truth.matching import TruthMatcher
-from observer.types import Observation, StereoFrame, Trace
+from observer.types import Observation, StereoFrame
 
 _log = logging.getLogger(__name__)
 

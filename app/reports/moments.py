@@ -26,8 +26,9 @@ from observer.recording.payloads import MatchedTruth
 from observer.recording.replay import replay_revisions
 from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
+from observer.trace import FullTrace, NoTrace
 from observer.truth.counting import MOVING_MPS
-from observer.types import FullTrace, NoTrace, StereoFrame
+from observer.types import StereoFrame
 
 # Long enough for tracks to be confirmed again.
 _WARM_UP_FRAMES = 30

@@ -9,7 +9,8 @@ from typing import Protocol
 
 from observer.geometry import Pose
 from observer.parameters import Parameters
-from observer.types import EgoMotion, Obstacle, Trace, Unseen
+from observer.trace import Trace
+from observer.types import EgoMotion, Obstacle, Unseen
 from observer.vision.view import StereoRows, View
 
 # Times a stage by name: ``with timer("features"): ...``.

@@ -17,8 +17,9 @@ from observer.observer import Observer
 from observer.opening import OpenedSource
 from observer.parameters import Parameters, effective
 from observer.sources.contract import NoFrame, SkippedFrame, SourceInfo
+from observer.trace import FullTrace, NoTrace
 from observer.truth.contract import TrueBody, Truth
-from observer.types import FullTrace, Image, NoTrace, Observation, Obstacle, StereoFrame
+from observer.types import Image, Observation, Obstacle, StereoFrame
 from observer.vision.rectification import Rectification
 
 

@@ -14,9 +14,10 @@ from observer.parameters import Parameters
 from observer.parameters.fields import PLANAR
 from observer.recording.source import RecordingSource
 from observer.sources.contract import SeekableSource, SkippingSource, Source
+from observer.trace import FullTrace, NoTrace
 from observer.truth.contract import Truth
 from observer.truth.matching import TruthMatcher
-from observer.types import FullTrace, NoTrace, Observation, StereoFrame
+from observer.types import Observation, StereoFrame
 
 # Frames beyond those that a track needs to be confirmed: it may be missed in some.
 _SPARE_FRAMES = 2

@@ -17,7 +17,8 @@ from observer.errors import CalibrationError
 from observer.jsonl import observation_line
 from observer.observer import Observer
 from observer.parameters import Parameters, preset
-from observer.types import FullTrace, Status, StereoFrame, TrackState
+from observer.trace import FullTrace
+from observer.types import Status, StereoFrame, TrackState
 
 from .rendered_board import (
     BOARD_M,

@@ -11,16 +11,7 @@ import pytest
 from observer.evaluation.lines import checked_lines
 from observer.jsonl import observation_line
 from observer.methods.planar.results import ResidualFlow
-from observer.types import (
-    FullTrace,
-    NoTrace,
-    Observation,
-    Obstacle,
-    Status,
-    StereoFrame,
-    TrackState,
-    Unseen,
-)
+from observer.types import Observation, Obstacle, Status, StereoFrame, TrackState, Unseen
 
 from .builders import an_obstacle
 
@@ -77,13 +68,6 @@ def test_the_residual_is_observed_minus_predicted() -> None:
     assert len(flow.px) == 1
 
 
-def test_only_a_full_trace_keeps_values() -> None:
-    full = FullTrace()
-    for trace in (full, NoTrace()):
-        trace.keep("left", 1)
-    assert full == {"left": 1}
-
-
 UNSEEN = Unseen(0.5, {"plain": 0.25, "dark": 0.25}, 16, ("p.", ".d"), hides_person=True)
 
 
@@ -120,23 +104,6 @@ def test_possible_new_motion_is_a_separate_reason() -> None:
     )
     (reason,) = replace(unseen, hides_person=False).reasons
     assert reason.startswith("something may have started to move")
-
-
-def test_deferred_trace_values_are_made_once_and_only_on_request() -> None:
-    made: list[str] = []
-
-    def make() -> int:
-        made.append("made")
-        return 7
-
-    trace = FullTrace()
-    trace.keep_later("seven", make)
-    NoTrace().keep_later("seven", make)
-    assert "seven" in trace
-    assert made == []
-    assert trace["seven"] == trace.get("seven") == dict(trace)["seven"] == 7
-    assert made == ["made"]
-    assert trace.get("eight") is None
 
 
 def test_evaluation_reads_unseen_regions_from_a_json_line() -> None:

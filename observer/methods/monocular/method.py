@@ -34,7 +34,8 @@ from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.methods.monocular.two_views import turned_between
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import Matches, Status, Trace
+from observer.trace import Trace
+from observer.types import Matches, Status
 from observer.vision.keypoints import (
     attention,
     density_weights,

@@ -30,7 +30,8 @@ from observer.methods.planar.residual_flow import residual_flow
 from observer.methods.planar.results import Detection, PointMotions, ResidualFlow
 from observer.methods.planar.tracking import Tracker
 from observer.parameters import Parameters
-from observer.types import EgoMotion, Image, Matches, Obstacle, Trace
+from observer.trace import Trace
+from observer.types import EgoMotion, Image, Matches, Obstacle
 from observer.vision.features import Features, detect_features
 from observer.vision.lifecycle import TrackIds
 from observer.vision.motion_gate import ImageReach, MotionGate

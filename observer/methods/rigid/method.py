@@ -36,7 +36,8 @@ from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.methods.rigid.unseen import UnseenRegions
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import Obstacle, Trace, Unseen
+from observer.trace import Trace
+from observer.types import Obstacle, Unseen
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights, has_corner
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS

@@ -16,7 +16,7 @@ from observer.methods.rigid.point_tracking import LEAST_DISPARITY_PX
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.parameters import Parameters
 from observer.robust import median
-from observer.types import Trace
+from observer.trace import Trace
 from observer.vision.disparity_bias import DisparityBias
 from observer.vision.exposure_skew import DisparityStep, ExposureSkew
 from observer.vision.vergence_fit import SeenTwice

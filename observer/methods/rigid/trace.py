@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.methods.rigid.point_motion import PointEvidence, PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
-from observer.types import EgoMotion, Matches, Trace
+from observer.trace import Trace
+from observer.types import EgoMotion, Matches
 from observer.vision.disparity_bias import bias_profile
 from observer.vision.klt_tracking import Sightings
 from observer.vision.rigid_ego_motion import RigidEgoMotion

@@ -23,8 +23,9 @@ from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
+from observer.trace import NoTrace, Trace
 from observer.truth.contract import TrueBody
-from observer.types import NoTrace, Observation, Status, StereoFrame, Trace
+from observer.types import Observation, Status, StereoFrame
 
 PATIENCE_S = 20.0
 Numbered = Callable[..., Any]

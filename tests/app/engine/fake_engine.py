@@ -24,7 +24,8 @@ from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.processes import die_with_parent
 from observer.sources.contract import SourceInfo
-from observer.types import Observation, Status, StereoFrame, Trace
+from observer.trace import Trace
+from observer.types import Observation, Status, StereoFrame
 
 WIDTH, HEIGHT, RATE = 160, 120, 50.0
 

@@ -16,7 +16,8 @@ from observer.errors import InputError
 from observer.observer import Observer
 from observer.opening import open_source
 from observer.parameters import Parameters
-from observer.types import FullTrace, Observation, StereoFrame
+from observer.trace import FullTrace
+from observer.types import Observation, StereoFrame
 
 FRAMES = 14
 

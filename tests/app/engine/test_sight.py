@@ -27,7 +27,8 @@ from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
 from observer.robots.contract import RobotPort
-from observer.types import FullTrace, Status, StereoFrame
+from observer.trace import FullTrace
+from observer.types import Status, StereoFrame
 
 WORLD = "simulated:drive:x"
 

@@ -19,7 +19,8 @@ from observer.methods.planar.motion import measure_motion
 from observer.methods.planar.results import ResidualFlow
 from observer.observer import Observer
 from observer.parameters import Parameters
-from observer.types import FullTrace, Status, StereoFrame
+from observer.trace import FullTrace
+from observer.types import Status, StereoFrame
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 DT = 2 / 15

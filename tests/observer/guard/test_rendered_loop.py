@@ -21,7 +21,7 @@ from observer.simulation.robots.floor import Outline, Surroundings
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.source import SimulatedSource
 from observer.simulation.world import Body, World
-from observer.types import FullTrace
+from observer.trace import FullTrace
 
 from .closed_loop import AMIGO, SEEDS, TICK_S, Lab, drive, steady
 

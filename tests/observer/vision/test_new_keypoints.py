@@ -10,7 +10,8 @@ import pytest
 from observer.errors import ParameterError
 from observer.observer import Observer
 from observer.parameters import KltTrackingParameters, Parameters
-from observer.types import FullTrace, Status
+from observer.trace import FullTrace
+from observer.types import Status
 from observer.vision.features import strongest_first
 from observer.vision.keypoints import grid_cells, new_keypoints, strongest_corners
 

@@ -17,7 +17,8 @@ from observer.observer import Observer
 from observer.simulation.scenarios import scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
-from observer.types import FullTrace, Odometry
+from observer.trace import FullTrace
+from observer.types import Odometry
 from observer.vision.vergence_fit import SeenTwice, distance_equation
 from observer.vision.view import StereoRows
 

@@ -15,7 +15,8 @@ from observer.parameters import Parameters
 from observer.simulation.scenarios import load_scenario, scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
-from observer.types import FullTrace, StereoFrame
+from observer.trace import FullTrace
+from observer.types import StereoFrame
 
 
 def test_run_with_row_drift_warns_and_can_be_refined(clip: Callable[[str, int], Any]) -> None:

@@ -21,7 +21,8 @@ from observer.simulation.scenarios import load_scenario, scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
-from observer.types import FullTrace, Observation, Status, StereoFrame, TrackState
+from observer.trace import FullTrace
+from observer.types import Observation, Status, StereoFrame, TrackState
 
 ONE_CAMERA = Parameters().changed({"ego_motion.model": "monocular"})
 LATERAL = World(load_scenario("lateral"), 3)

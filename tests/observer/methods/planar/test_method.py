@@ -9,7 +9,8 @@ import pytest
 
 from observer.observer import Observer
 from observer.parameters import Parameters, preset
-from observer.types import FullTrace, Status, TrackState
+from observer.trace import FullTrace
+from observer.types import Status, TrackState
 
 from ...rendered_board import BOARD_M, CALIBRATION, DT, F, black, frames, observe_all
 

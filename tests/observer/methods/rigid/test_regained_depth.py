@@ -11,7 +11,7 @@ import pytest
 from observer.camera import StereoCamera
 from observer.methods.rigid.method import RigidMethod
 from observer.parameters import Parameters
-from observer.types import NoTrace
+from observer.trace import NoTrace
 from observer.vision.view import View
 
 from ...builders import Texture, as_image
