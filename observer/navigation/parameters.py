@@ -28,7 +28,7 @@ class NavigationParameters(Stage):
     foresight_s: Real = number(1.5, unit="s", ge=0.1, le=10.0, step=0.1, title="Discount time")
     """Time constant for discounting predicted contacts: later plans can still avoid them."""
     refused_m: Real = number(1.0, unit="m", ge=0.0, le=10.0, step=0.1, title="Guard slow-down cost")
-    """Cost, as path length, of a velocity that the guard would reduce, by how much it would."""
+    """Cost, as path length, of a velocity that the guard would reduce to zero; proportional."""
     memory_s: Real = number(2.5, unit="s", ge=0.0, le=30.0, step=0.1, title="Track memory")
     """Time for which an obstacle that is out of view is predicted from its last velocity."""
     acceleration_noise: Real = number(
