@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,6 +20,7 @@ from app.cli.running_server import (
     ended_by_signals,
     summarized,
 )
+from app.contract.values import JsonObject
 from observer.errors import InputError
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ def _shown(duration_s: float, repeat: int, roles: Sequence[str]) -> Iterator[Wat
     with drawn_progress() as progress:
         task = progress.add_task("starting", total=duration_s)
 
-        def watch(playing: dict[str, Any], robots: dict[str, Any]) -> None:
+        def watch(playing: JsonObject, robots: JsonObject) -> None:
             words = ["gesture"] if playing["phase"] == "gesture" else []
             if repeat > 1:
                 words.append(f"round {playing['round']} of {repeat}")

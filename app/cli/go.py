@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +18,7 @@ from app.cli.running_server import (
     ended_by_signals,
     summarized,
 )
+from app.contract.values import JsonObject
 
 if TYPE_CHECKING:
     from app.client.goal_drive import Watch
@@ -74,7 +75,7 @@ def _shown() -> Iterator[Watch]:
     with drawn_progress() as progress:
         task = progress.add_task("starting", total=None)
 
-        def watch(goal: dict[str, Any]) -> None:
+        def watch(goal: JsonObject) -> None:
             nonlocal shown
             distance, sentence = goal["distance_m"], goal["sentence"]
             if _without_numbers(sentence) != shown:

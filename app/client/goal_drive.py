@@ -6,11 +6,12 @@ import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from app.client.operator_socket import OperatorSocket
 from app.client.server_api import DrivingFailed, ServerApi
 from app.client.travelled import Travelled
+from app.contract.values import JsonObject
 from observer.errors import DynamicObserverError
 from observer.rig.rig import Role
 
@@ -36,7 +37,7 @@ class GoalRequest:
 
 
 # Called with the server's facts of ``goal`` during the drive.
-Watch = Callable[[dict[str, Any]], None]
+Watch = Callable[[JsonObject], None]
 
 
 class GoalDrive:
@@ -47,7 +48,7 @@ class GoalDrive:
         self._request = request
         self._watch = watch
         self._travelled = Travelled()
-        self._goal: dict[str, Any] = {}
+        self._goal: JsonObject = {}
 
     def run(self) -> None:
         """Drive until the goal is reached.
@@ -70,7 +71,7 @@ class GoalDrive:
                     with contextlib.suppress(DynamicObserverError):
                         self._api.post("robots", _ROLE, "disarm")
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> JsonObject:
         """Return how far the robot has come; ready for JSON."""
         return {
             "ahead_m": self._request.ahead_m,

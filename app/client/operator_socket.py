@@ -7,13 +7,13 @@ import json
 import queue
 import threading
 import time
-from typing import Any
 from urllib.parse import quote
 
 from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 from app.client.server_api import DrivingFailed, ServerApi, why
+from app.contract.values import JsonObject
 from observer.errors import InputError
 from observer.rig.rig import Role
 
@@ -39,7 +39,7 @@ class OperatorSocket:
         self._connection = _connected(api)
         self._lock = threading.Lock()
         self._sequence: dict[Role, int] = {}
-        self._leases: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._leases: queue.SimpleQueue[JsonObject] = queue.SimpleQueue()
         # Reason why driving cannot go on; the first one counts.
         self._over: str | None = None
         self._ending = threading.Event()
@@ -156,7 +156,7 @@ class OperatorSocket:
         elif kind == "lease":
             self._take_lease(message)
 
-    def _take_lease(self, message: dict[str, Any]) -> None:
+    def _take_lease(self, message: JsonObject) -> None:
         role: Role = message["role"]
         if message.get("state") == "yours":
             with self._lock:
@@ -172,7 +172,7 @@ class OperatorSocket:
             return
         self._leases.put(message)
 
-    def _send(self, message: dict[str, Any]) -> None:
+    def _send(self, message: JsonObject) -> None:
         try:
             self._connection.send(json.dumps(message))
         except (WebSocketException, OSError):

@@ -6,11 +6,11 @@ import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from app.client.operator_socket import OperatorSocket
 from app.client.server_api import DrivingFailed, ServerApi
 from app.client.travelled import Travelled
+from app.contract.values import JsonObject
 from observer.errors import DynamicObserverError
 from observer.rig.rig import Role
 
@@ -41,7 +41,7 @@ class PlayRequest:
 
 
 # Called with the server's facts of ``programme`` and ``robots`` during the drive.
-Watch = Callable[[dict[str, Any], dict[str, Any]], None]
+Watch = Callable[[JsonObject, JsonObject], None]
 
 
 class ProfileDrive:
@@ -81,7 +81,7 @@ class ProfileDrive:
                 # that somebody else drives, from the beginning or by now, are left alone.
                 self._disarm(socket.release(), asked)
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> JsonObject:
         """Return how far each role has come; ready for JSON."""
         return {
             "programme": self._request.name,
@@ -122,7 +122,7 @@ class ProfileDrive:
                 return
             time.sleep(max(0.0, now + _POLL_S - time.monotonic()))
 
-    def _judge_end(self, facts: dict[str, Any], since_start_s: float) -> None:
+    def _judge_end(self, facts: JsonObject, since_start_s: float) -> None:
         """Check that the programme ended by itself.
 
         Raises:

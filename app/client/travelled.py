@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+
+from app.contract.values import JsonObject
 
 
 class Travelled:
@@ -17,7 +18,7 @@ class Travelled:
         self._place: tuple[float, float] | None = None
         self._driven_m: float | None = None
 
-    def add(self, facts: dict[str, Any], now: float) -> None:
+    def add(self, facts: JsonObject, now: float) -> None:
         """Add the state at ``now``, in seconds on any monotonic clock."""
         dt = 0.0 if self._time is None else now - self._time
         self._time = now

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from app.contract.values import means
+from app.contract.values import JsonObject, means
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class CalibratingStatus:
 @dataclass(frozen=True)
 class CalibrationResult:
     views: Sequence[str]
-    report: Mapping[str, Any]
+    report: JsonObject
 
 
 @dataclass(frozen=True)
@@ -117,5 +117,5 @@ class Calibration:
     devices: Annotated[Sequence[str], means("The cameras it belongs to.")] = field(
         default_factory=list
     )
-    report: Annotated[Mapping[str, Any] | None, means("Its accuracy, if known.")] = None
+    report: Annotated[JsonObject | None, means("Its accuracy, if known.")] = None
     tape_checks: Sequence[TapeCheck] = field(default_factory=list)

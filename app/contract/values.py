@@ -14,6 +14,9 @@ from pydantic_core import PydanticSerializationError
 
 Fact = TypeVar("Fact")
 
+# Object of JSON whose content is declared elsewhere or free, and is not checked.
+JsonObject = dict[str, Any]
+
 # Maximum number of characters in what a person calls something.
 LONGEST_NAME = 100
 

@@ -16,8 +16,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import IO, Any
+from typing import IO
 
+from app.contract.values import JsonObject
 from observer.errors import InputError
 from observer.whole_files import whole_file
 
@@ -205,7 +206,7 @@ class Bundle:
             raise BackupError(f"{self._path} is not a backup made by {_COMMAND}")
         try:
             with self._open(_MANIFEST) as opened:
-                content: dict[str, Any] = json.loads(opened.read(_LARGEST_MANIFEST))
+                content: JsonObject = json.loads(opened.read(_LARGEST_MANIFEST))
             kind, version = content.pop("kind"), content.pop("version")
             if kind == KIND and version != VERSION:
                 raise BackupError(

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.contract.values import filled
+from app.contract.values import JsonObject, filled
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Calibration, Run
@@ -22,7 +20,7 @@ class CalibrationTables(Database):
     """Tables of calibrations. Texts are stored unchanged; this package does not parse them."""
 
     def save_calibration(
-        self, text: str, *, name: str, info: dict[str, Any] | None = None, listed: bool = True
+        self, text: str, *, name: str, info: JsonObject | None = None, listed: bool = True
     ) -> CalibrationRecord:
         """Store a calibration; an existing one with the same text takes the new name.
 
@@ -63,7 +61,7 @@ class CalibrationTables(Database):
             return [_record(row) for row in session.scalars(query)]
 
     def change_calibration(
-        self, id: str, *, name: str | None = None, info: dict[str, Any] | None = None
+        self, id: str, *, name: str | None = None, info: JsonObject | None = None
     ) -> CalibrationRecord:
         """Rename a calibration or extend its ``info``; existing keys are replaced.
 

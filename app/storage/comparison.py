@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from app.contract.truths import TruthReading
+from app.contract.values import JsonObject
 from app.storage.errors import StorageMissing
 from app.storage.records import RunRecord
 from app.storage.truths import TruthTables
@@ -23,12 +23,12 @@ class StoredTruth:
     name: str
     reading: TruthReading
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Return the plain values of an ``app.reports.comparison.TruthFile``."""
         return {"path": str(self.path.absolute()), "name": self.name, **vars(self.reading)}
 
 
-def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
+def kept_comparison(record: RunRecord, storage: TruthTables) -> JsonObject:
     """Return the ground truth that a run is aligned with; the run must have one.
 
     The result fits ``app.reports.comparison.Comparison.of_dict``.
@@ -47,7 +47,7 @@ def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
 
 
 def comparison_truth(
-    storage: TruthTables, truth_id: str | None, kept: dict[str, Any]
+    storage: TruthTables, truth_id: str | None, kept: JsonObject
 ) -> StoredTruth | None:
     """Return a truth file and the options to read it; None for truth received live by the run
     itself.

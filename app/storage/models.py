@@ -7,6 +7,8 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Float, ForeignKey, Index, MetaData, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
+from app.contract.values import JsonObject
+
 _ISO_TIME = String(32)
 _ID = String(64)
 
@@ -21,7 +23,7 @@ class Base(DeclarativeBase):
             "pk": "pk_%(table_name)s",
         }
     )
-    type_annotation_map = {dict[str, Any]: JSON, dict[str, str]: JSON}  # noqa: RUF012
+    type_annotation_map = {JsonObject: JSON, dict[str, str]: JSON}  # noqa: RUF012
 
 
 class Calibration(Base):
@@ -31,7 +33,7 @@ class Calibration(Base):
     name: Mapped[str] = mapped_column(String(200))
     text: Mapped[str] = mapped_column(Text)
     created_at: Mapped[str] = mapped_column(_ISO_TIME)
-    info: Mapped[dict[str, Any]]
+    info: Mapped[JsonObject]
     listed: Mapped[bool]
 
 
@@ -42,7 +44,7 @@ class Truth(Base):
     name: Mapped[str] = mapped_column(String(200))
     format: Mapped[str] = mapped_column(String(40))
     file: Mapped[str] = mapped_column(String(200))
-    info: Mapped[dict[str, Any]]
+    info: Mapped[JsonObject]
     created_at: Mapped[str] = mapped_column(_ISO_TIME)
     listed: Mapped[bool]
 
@@ -63,7 +65,7 @@ class Run(Base):
     source: Mapped[str] = mapped_column(Text)
     calibration_id: Mapped[str | None] = mapped_column(ForeignKey(Calibration.id), index=True)
     preset: Mapped[str | None] = mapped_column(String(200))
-    parameters: Mapped[dict[str, Any]]
+    parameters: Mapped[JsonObject]
     started_at: Mapped[str] = mapped_column(_ISO_TIME, index=True)
     updated_at: Mapped[str] = mapped_column(_ISO_TIME)
     ended_at: Mapped[str | None] = mapped_column(_ISO_TIME)
@@ -79,7 +81,7 @@ class Run(Base):
     rig: Mapped[str | None] = mapped_column(Text)
     record: Mapped[str | None] = mapped_column(String(20))
     recording_bytes: Mapped[int | None] = mapped_column(BigInteger)
-    alignment: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    alignment: Mapped[JsonObject | None] = mapped_column(JSON(none_as_null=True))
     truth_id: Mapped[str | None] = mapped_column(ForeignKey(Truth.id), index=True)
     rerun_of: Mapped[str | None] = mapped_column(_ID)
     begin_s: Mapped[float | None] = mapped_column(Float(53))
@@ -141,7 +143,7 @@ class Revision(Base):
     run_id: Mapped[str | None] = mapped_column(ForeignKey(Run.id, ondelete="CASCADE"), index=True)
     frame: Mapped[int | None]
     revision: Mapped[int]
-    difference: Mapped[dict[str, Any]]
+    difference: Mapped[JsonObject]
     created_at: Mapped[str] = mapped_column(_ISO_TIME)
 
 
@@ -149,7 +151,7 @@ class Preset(Base):
     __tablename__ = "presets"
 
     name: Mapped[str] = mapped_column(String(200), primary_key=True)
-    values: Mapped[dict[str, Any]]
+    values: Mapped[JsonObject]
     help: Mapped[str] = mapped_column(Text)
     created_at: Mapped[str] = mapped_column(_ISO_TIME)
 

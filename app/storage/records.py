@@ -16,6 +16,7 @@ from typing import Any
 from app.contract.parameters import StoredValues
 from app.contract.robots import StopMeasured
 from app.contract.runs import SpeedSource
+from app.contract.values import JsonObject
 from observer.recording.payloads import Images
 
 
@@ -24,7 +25,7 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
 
-def mapping(stored: Any) -> dict[str, Any]:
+def mapping(stored: Any) -> JsonObject:
     """Return a stored map; an empty one where the row was damaged by hand."""
     return stored if isinstance(stored, dict) else {}
 
@@ -82,7 +83,7 @@ class RunRecord:
     rig: str | None = None
     record: Images | None = None
     recording_bytes: int | None = None
-    alignment: dict[str, Any] | None = None
+    alignment: JsonObject | None = None
     truth_id: str | None = None
     rerun_of: str | None = None
     begin_s: float | None = None
@@ -124,7 +125,7 @@ class TruthRecord:
     name: str
     format: str
     file: str
-    info: dict[str, Any]
+    info: JsonObject
     created_at: str
     listed: bool = True
 
@@ -231,5 +232,5 @@ class CalibrationRecord:
     name: str
     text: str
     created_at: str
-    info: dict[str, Any] = field(default_factory=dict)
+    info: JsonObject = field(default_factory=dict)
     listed: bool = True

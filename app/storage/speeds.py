@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, fields
-from typing import Any
 
 from sqlalchemy import delete, insert, select
 
 from app.contract.robots import StopMeasured
-from app.contract.values import filled
+from app.contract.values import JsonObject, filled
 from app.storage.database import Database
 from app.storage.models import Incident, IncidentStop, Speed
 from app.storage.records import IncidentRecord, SpeedRow
@@ -43,7 +42,7 @@ class SpeedTables(Database):
     def align_run(
         self,
         run_id: str,
-        alignment: dict[str, Any] | None,
+        alignment: JsonObject | None,
         *,
         truth_id: str | None = None,
         rows: Iterable[SpeedRow] = (),

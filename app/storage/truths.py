@@ -7,11 +7,10 @@ import hashlib
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import select
 
-from app.contract.values import filled, known
+from app.contract.values import JsonObject, filled, known
 from app.storage.database import Database
 from app.storage.errors import StorageError, StorageFull, StorageMissing
 from app.storage.models import Run, Truth
@@ -26,7 +25,7 @@ class TruthTables(Database):
     """Table of truth files. Their format is not known here: ``observer.truth.files`` reads them."""
 
     def save_truth(
-        self, file: Path, *, name: str, format: str, info: dict[str, Any] | None = None
+        self, file: Path, *, name: str, format: str, info: JsonObject | None = None
     ) -> TruthRecord:
         """Store a copy of a truth file; an existing one with the same content takes the new name
         and facts.

@@ -10,6 +10,8 @@ from typing import Any
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect, WebSocketState
 
+from app.contract.values import JsonObject
+
 INVALID_DATA = 1007
 GOING_AWAY = 1001
 TRY_LATER = 1013
@@ -38,7 +40,7 @@ async def receive_text(socket: WebSocket) -> str:
     return text
 
 
-def json_object(text: str, expected: str) -> dict[str, Any]:
+def json_object(text: str, expected: str) -> JsonObject:
     """Parse the JSON object that a client sent.
 
     Args:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from app.contract.values import JsonObject
 from app.http.sockets.connections import BadMessage, json_object
 from observer.rig.rig import ROLES, Role
 
@@ -89,7 +90,7 @@ def read_message(text: str) -> Message:
     raise BadMessage(expected)
 
 
-def _command(data: dict[str, Any], role: Role | None, *, moves: bool) -> Command | Unusable:
+def _command(data: JsonObject, role: Role | None, *, moves: bool) -> Command | Unusable:
     sequence, stamp = _count(data.get("sequence")), _number(data.get("time"))
     if role is None:
         return Unusable(None, sequence, f"role must be {' or '.join(ROLES)}")

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from app.contract.calibrating import TapeCheck
 from app.contract.commands import MeasureDepth, TakeScenePairs
-from app.contract.values import LONGEST_NAME, filled, of_plain, plain
+from app.contract.values import LONGEST_NAME, JsonObject, filled, of_plain, plain
 from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -39,7 +39,7 @@ _FILE_FIELD, _UNIT_FIELD = ("body", "file"), ("body", "unit")
 _MOST_CHECKS = 50
 
 
-def calibration_facts(calibration: StereoCalibration) -> dict[str, Any]:
+def calibration_facts(calibration: StereoCalibration) -> JsonObject:
     """Return the facts of a calibration for a list."""
     half_width = calibration.width / 2
     return {

@@ -14,7 +14,7 @@ import structlog
 from app.contract.commands import LiveTruthOrder
 from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, AlignmentFacts
 from app.contract.truths import TruthEntry, TruthInfo, TruthReading
-from app.contract.values import filled, of_plain, plain
+from app.contract.values import JsonObject, filled, of_plain, plain
 from app.server.errors import FieldError, NotThere
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
@@ -125,7 +125,7 @@ class TruthFiles:
             NotAvailable: the command failed.
         """
         path = await self._archive.recording(run_id)
-        kept: dict[str, Any] = {"choices": plain(choices), "heard_by": heard_by}
+        kept: JsonObject = {"choices": plain(choices), "heard_by": heard_by}
         try:
             truth = await asyncio.to_thread(comparison_truth, self._storage, truth_id, kept)
         except StorageMissing as error:

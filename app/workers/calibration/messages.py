@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from app.contract.values import JsonObject
 from observer.calibration.ageing.row_refinement import RowRefinement
 from observer.calibration.ageing.vergence import VergenceCheck
 from observer.calibration.board import Board, BoardView
@@ -64,11 +64,11 @@ class Fitted:
 
     Attributes:
         calibration_yaml: OpenCV FileStorage.
-        report: plain JSON, see ``observer.calibration.report.fit_report``.
+        report: see ``observer.calibration.report.fit_report``.
     """
 
     calibration_yaml: str
-    report: dict[str, Any]
+    report: JsonObject
 
 
 @dataclass(frozen=True)
