@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from app.contract.events import EngineState, ObservationEvent, StateEvent
 from app.contract.robots import RobotsNow
 from app.contract.status import STALE_AFTER_S
+from app.contract.views import CloudHeader
 from app.runtime.latest import Latest
 from app.viewer.robot_marks import USUAL_GUARD, RobotMarks, robot_marks
 from app.viewer.shapes import box_edges, rig_edges, upright_rotation, uprighted
@@ -127,10 +129,10 @@ def make_picture(
 
 def read_cloud(value: Latest) -> Cloud:
     """Read the cloud as the engine writes it: points float32 (N, 3), then colours uint8 (N, 3)."""
-    count = int(value.header["count"])
+    header = cast(CloudHeader, value.header)
+    count, matrix = header["count"], header["T_world_camera"]
     points = np.frombuffer(value.payload, np.float32, count * 3).reshape(-1, 3)
     colors = np.frombuffer(value.payload, np.uint8, count * 3, offset=points.nbytes)
-    matrix = value.header["T_world_camera"]
     pose = None if matrix is None else Pose.from_matrix(np.reshape(matrix, (4, 4)))
     return Cloud(pose, points, colors.reshape(-1, 3))
 
