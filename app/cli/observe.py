@@ -68,7 +68,7 @@ def observe(
 ) -> None:
     """Process a source, one JSON line per frame.
 
-    It is processed from its first to its last frame.
+    Every frame is processed, as fast as the computer can.
     """
     if unit is not None and not calibration:
         raise InputError("--unit applies to --calibration FILE; give the file, or omit --unit")

@@ -141,7 +141,7 @@ class DriveLoop:
         key = (type(error), f"{frame.f_code.co_filename}:{line}")
         if now - self._logged.get(key, -_LOG_AGAIN_S) >= _LOG_AGAIN_S:
             self._logged[key] = now
-            _log.error("a tick failed", exc_info=error)
+            _log.error("a tick of the drive loop failed", exc_info=error)
 
     def _answer_after_failure(self) -> None:
         """Answer what was taken before the tick failed: its senders would wait in vain."""

@@ -28,7 +28,7 @@ class Preparing:
 
     def start(self) -> None:
         """Start the work in a thread; use ``wait`` to wait for it."""
-        threading.Thread(target=self._run, name="preparing the vision", daemon=True).start()
+        threading.Thread(target=self._run, name="compiling the vision code", daemon=True).start()
 
     def wait(self) -> None:
         """Wait until it is done."""
@@ -43,7 +43,7 @@ class Preparing:
             self._prepare(self._tell)
         except Exception:  # noqa: BLE001
             # The caller that needs it retries and reports the error.
-            _log.exception("preparing the vision failed")
+            _log.exception("compiling the vision code failed")
         finally:
             # The compiler's modules hold most of the process's objects.
             keep_for_good()

@@ -134,7 +134,7 @@ class Writer:
             except StorageBusy as error:
                 self.trouble = str(error)
                 if self._stopping.is_set() or time.monotonic() > deadline:
-                    log.error("write_given_up", reason=str(error))
+                    log.error("write_abandoned", reason=str(error))
                     return None, error
                 self._stopping.wait(_RETRY_S)
             except StorageError as error:
@@ -144,7 +144,7 @@ class Writer:
                 return None, error
             except Exception as error:
                 # A bug in one write must not prevent all later ones.
-                log.exception("write_raised")
+                log.exception("write_crashed")
                 return None, error
             else:
                 self.trouble = None

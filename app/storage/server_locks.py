@@ -134,7 +134,7 @@ class ServedDatabase:
                 self._let_go()
             except Exception:
                 # Whatever is wrong, the lock must not stay lost unnoticed.
-                log.exception("database_lock_not_looked_after")
+                log.exception("database_lock_check_failed")
                 self._let_go()
 
     def _look(self) -> None:

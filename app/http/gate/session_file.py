@@ -137,7 +137,7 @@ class SessionFile:
         try:
             write_whole(path, text)
         except DynamicObserverError as error:
-            log.warning("sessions_not_kept", reason=str(error))
+            log.warning("sessions_not_saved", reason=str(error))
             return False
         return True
 

@@ -166,7 +166,7 @@ class CheckManager:
                 raise
             else:
                 self._trouble = None
-                log.info("guard_check_kept", name=self._saved, outcome=check.outcome)
+                log.info("guard_check_saved", name=self._saved, outcome=check.outcome)
             finally:
                 self._changed()
 
@@ -174,4 +174,4 @@ class CheckManager:
         try:
             await self._save()
         except (Conflict, FieldError, StorageError) as error:
-            log.error("guard_check_not_kept", reason=str(error))
+            log.error("guard_check_not_saved", reason=str(error))

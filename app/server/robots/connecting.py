@@ -190,7 +190,7 @@ async def _keep(due: asyncio.Event, tell: Callable[[], Awaitable[None]]) -> None
         try:
             await tell()
         except NotAvailable as error:
-            log.warning("drive_not_told", reason=str(error))
+            log.warning("drive_not_notified", reason=str(error))
             again = True
         else:
             again = False

@@ -71,6 +71,6 @@ class Watching:
                 # The next engine is notified once it has started.
                 self._requested = None
             except ProcessRefused as error:
-                log.error("watching_refused", names=names, reason=str(error))
+                log.error("watched_views_refused", names=names, reason=str(error))
             else:
                 self._requested = names

@@ -149,7 +149,7 @@ def test_the_lock_is_looked_after_whatever_fails(
         assert again.wait(10)
         with pytest.raises(StorageError, match=HERE), ServedDatabase(url):
             pytest.fail("held twice")
-    assert [each["event"] for each in said].count("database_lock_not_looked_after") == 1
+    assert [each["event"] for each in said].count("database_lock_check_failed") == 1
 
 
 def test_a_missing_database_server_is_reported_and_a_lost_one_awaited(
