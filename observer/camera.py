@@ -261,13 +261,17 @@ class StereoCamera:
         v = self.fy * p[..., 1] / z + self.cy
         return np.stack([u, v], axis=-1), self.fb / z
 
+    def depth_sigma(self, depth: float, sigma_disparity: float) -> float:
+        """Standard deviation of a depth Z by that of its disparity: Z^2 sigma_d / (f B), metres."""
+        return depth**2 * sigma_disparity / self.fb
+
     def point_covariance(
         self, px: ArrayLike, disparity: ArrayLike, sigma_px: float, sigma_disparity: float
     ) -> Float64Array:
         """Covariance (N, 3, 3), m^2, of triangulated points, to first order.
 
         J diag(sigma_px^2, sigma_px^2, sigma_disparity^2) J^T with the Jacobian J of
-        ``triangulate``; at depth Z its depth part is (Z^2 sigma_d / (f B))^2
+        ``triangulate``; its depth part is that of ``depth_sigma``, squared
         (Franke et al., 6D-Vision, DAGM 2005).
         """
         uv = np.asarray(px, dtype=np.float64).reshape(-1, 2)

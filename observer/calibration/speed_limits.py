@@ -172,15 +172,10 @@ def report_delay(
     return None
 
 
-def depth_noise_m(camera: StereoCamera, depth: float, disparity_px: float) -> float:
-    """One standard deviation of the depth of one point in one frame: Z^2 sigma_d / (f B)."""
-    return depth**2 * disparity_px / camera.fb
-
-
 def _point_deviations(camera: StereoCamera, depth: float, thing: Thing) -> Float64Array:
     """(3,) metres, x y z: standard deviations of a point's position from one sighting."""
     across, down = depth * thing.sigma_px / camera.fx, depth * thing.sigma_px / camera.fy
-    by_disparity = 1 / depth_noise_m(camera, depth, thing.disparity_px)
+    by_disparity = 1 / camera.depth_sigma(depth, thing.disparity_px)
     by_growth = thing.spread_m(camera, depth) / (depth * across)
     return np.array([across, down, 1 / math.hypot(by_disparity, by_growth)])
 
@@ -192,7 +187,7 @@ def _own_velocity(sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Ar
     velocity = cov @ vector[0]
     # By how much a straight course misses the bend, beyond the noise
     # (as PositionVelocityFilter.excess, which expects noisy sightings).
-    position, _ = sums.moving_position(velocity[None])
+    position = sums.moving_position(velocity[None])
     explained = (position - sums.origin)[0] @ sums.b0[0] + velocity @ sums.b1[0]
     freedom = max(3 * float(sums.count[0]) - 6, 1.0)
     return velocity, cov * (1 + max(0.0, float(sums.c0[0] - explained)) / freedom)

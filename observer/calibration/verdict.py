@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from observer.calibration.speed_limits import Detectable, Thing, depth_noise_m, slowest_reported
+from observer.calibration.speed_limits import Detectable, Thing, slowest_reported
 from observer.calibration.stereo_fit import DepthBias, StereoFit
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
@@ -87,7 +87,7 @@ def judge(fit: StereoFit, frame_rate: float) -> CalibrationVerdict:
     nearest = camera.fb / parameters.stereo.max_disparity_px
     rows = []
     for distance in DISTANCES_M:
-        noise = depth_noise_m(camera, distance, thing.disparity_px)
+        noise = camera.depth_sigma(distance, thing.disparity_px)
         lasting = distance * depth_bias_share(calibration, distance, bias, lasting_px)
         across, towards = (
             slowest_reported(camera, distance, way, frame_rate, WITHIN_S, thing, parameters)

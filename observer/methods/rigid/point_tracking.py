@@ -144,7 +144,7 @@ def world_sightings(
     points: TrackedPoints, sigma: Float64Array, T_world_camera: Pose, camera: StereoCamera
 ) -> WorldSightings:
     """Return the world positions of points seen with noise sigma (N, 3) px."""
-    believed, _ = points.sums.moving_position(points.velocity)
+    believed = points.sums.moving_position(points.velocity)
     return sightings_at(points.px, points.disparity, sigma, believed, T_world_camera, camera)
 
 

@@ -97,9 +97,7 @@ class PositionVelocityFilter:
             c0=keep * self.c0,
             count=keep * self.count,
         )
-        return (
-            moved._with_cov(self.position_cov / keep) if "position_cov" in self.__dict__ else moved
-        )
+        return moved._with_cov(self.position_cov / keep) if self._has_cov else moved
 
     def with_sightings(
         self, position: Float64Array, information: Float64Array
@@ -148,24 +146,15 @@ class PositionVelocityFilter:
         vector = self.b1 - np.einsum("nij,nj->ni", gain, self.b0)
         return (information + np.swapaxes(information, 1, 2)) / 2, vector
 
-    def moving_position(
-        self, velocity: Float64Array, velocity_cov: Float64Array | None = None
-    ) -> tuple[Float64Array, Float64Array]:
-        """Return the position of each point now if it moves at (N, 3) m/s, and its covariance.
+    def moving_position(self, velocity: Float64Array) -> Float64Array:
+        """Return where each point is now, (N, 3) metres, if it moves at (N, 3) m/s.
 
         If a moving point were assumed static, its depth would be wrong, because its lines of sight
         would intersect where it never was.
-
-        Args:
-            velocity_cov: (N, 3, 3), by which the covariance (N, 3, 3) m^2 grows.
         """
-        cov = self.position_cov
         inner = self.b0 - np.einsum("nij,nj->ni", self.a1, velocity)
-        position = self.origin + np.einsum("nij,nj->ni", cov, inner)
-        if velocity_cov is not None:
-            lever = cov @ self.a1
-            cov = cov + lever @ velocity_cov @ np.swapaxes(lever, 1, 2)
-        return position, cov
+        position = self.origin + np.einsum("nij,nj->ni", self.position_cov, inner)
+        return np.asarray(position, dtype=np.float64)
 
     def window_s(self) -> Float64Array:
         """Return the effective time span of the sightings, (N,) seconds.
@@ -186,11 +175,7 @@ class PositionVelocityFilter:
         # For rows, take() is several times as fast as indexing; it does not accept a mask.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which
         taken = PositionVelocityFilter(*(getattr(self, name).take(at, axis=0) for name in _NAMES))
-        return (
-            taken._with_cov(self.position_cov.take(at, axis=0))
-            if "position_cov" in self.__dict__
-            else taken
-        )
+        return taken._with_cov(self.position_cov.take(at, axis=0)) if self._has_cov else taken
 
     def joined(self, other: PositionVelocityFilter) -> PositionVelocityFilter:
         """Return these points and then the others."""

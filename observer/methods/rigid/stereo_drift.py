@@ -199,7 +199,7 @@ class StereoDrift:
 
 def with_bias(points: TrackedPoints, bias_px: float, now: CameraStep) -> TrackedPoints:
     """Return the points as if all their disparities had been larger by a bias, pixels."""
-    place, _ = points.sums.moving_position(points.velocity)
+    place = points.sums.moving_position(points.velocity)
     shift, drift, disparity = shift_by_bias(place, points.velocity, bias_px, now)
     return points.but(
         sums=points.sums.shifted(shift, drift),

@@ -49,6 +49,20 @@ class OwnMotion:
     position_cov: Float64Array
 
 
+def moving_position(
+    sums: PositionVelocityFilter, velocity: Float64Array, velocity_cov: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Return where each point is now if it moves at (N, 3) m/s, and its covariance (N, 3, 3).
+
+    Args:
+        velocity_cov: (N, 3, 3), by which the covariance of the position grows.
+    """
+    cov = sums.position_cov
+    lever = cov @ sums.a1
+    cov = cov + lever @ velocity_cov @ np.swapaxes(lever, 1, 2)
+    return sums.moving_position(velocity), cov
+
+
 def own_motion(points: TrackedPoints, parameters: EvidenceParameters) -> OwnMotion:
     """Motion of each point by itself, its covariance inflated by scatter beyond the noise."""
     information, vector = points.sums.velocity_information()
@@ -64,7 +78,7 @@ def own_motion(points: TrackedPoints, parameters: EvidenceParameters) -> OwnMoti
     cov = inverse_3x3(np.where(ready[:, None, None], information, np.eye(3)))
     velocity = np.einsum("nij,nj->ni", cov, vector)
     velocity[~ready] = 0.0
-    position, position_cov = points.sums.moving_position(velocity, cov * ready[:, None, None])
+    position, position_cov = moving_position(points.sums, velocity, cov * ready[:, None, None])
     excess = _excess(points.sums, position, velocity)
     return OwnMotion(
         ready=ready,
