@@ -3,7 +3,7 @@
 import { GLOSSARY } from "../elements/glossary.js";
 import { h, swatch } from "../elements/dom.js";
 
-/** @typedef {"band" | "start" | "change" | "gap"} Mark */
+/** @typedef {"band" | "start" | "change" | "segment" | "gap"} Mark */
 
 /** @type {Record<Mark, {label: string, colour: string, help: string}>} */
 export const MARKS = {
@@ -14,6 +14,11 @@ export const MARKS = {
     help: GLOSSARY["track"],
   },
   change: { label: "Identity switch", colour: "--muted", help: GLOSSARY["identity switch"] },
+  segment: {
+    label: "New segment, with new tracks",
+    colour: "--text",
+    help: GLOSSARY["segment"],
+  },
   gap: {
     label: "No ground truth",
     colour: "--warn",

@@ -7,7 +7,7 @@ import { request } from "../shell/api.js";
 import { chartMenu, runOffer } from "./chart-files.js";
 import { asPicture, speedsAsCsv } from "./live-speed-files.js";
 import { MARKS, markLegend } from "./mark-legend.js";
-import { gapsIn, speedAt, withBand } from "./speed-curves.js";
+import { gapsIn, legendEntries, speedAt, withBand } from "./speed-curves.js";
 import { SpeedHistory } from "./speed-history.js";
 import { DASHES, SpeedPlot } from "./speed-plot.js";
 
@@ -21,6 +21,8 @@ const HEIGHT_PX = 172;
 const MIN_TOP_MPS = 0.5;
 // A value measured longer ago than this is not current.
 const READ_PAST_END_S = 0.3;
+// Observations of the previous source that may arrive after it was left.
+const LATE = 20;
 const ORDER = { estimate: 0, stray: 0, truth: 1, commanded: 2, sent: 3, encoder: 4 };
 
 class SpeedChart extends Part {
@@ -87,7 +89,7 @@ class SpeedChart extends Part {
   #followSource() {
     const source = this.hub.status?.source?.spec ?? this.#source;
     if (source !== this.#source && this.#source !== null) {
-      this.#history = new SpeedHistory(SPAN_S);
+      this.#history = new SpeedHistory(SPAN_S, LATE);
       this.#draw();
     }
     this.#source = source;
@@ -113,6 +115,7 @@ class SpeedChart extends Part {
     this.#plot.draw(this.#curves, {
       starts: starts.map((start) => ({ ...start, time: ago(start.time) })),
       changes: changes.map((change) => ({ ...change, time: ago(change.time) })),
+      segments: [],
       gaps: this.#curves.filter(({ kind }) => kind === "truth").flatMap(gapsUntilNow),
     });
     this.#renderLegend();
@@ -123,14 +126,15 @@ class SpeedChart extends Part {
     const shown = this.#curves.filter(
       (curve) => curve.kind !== "estimate" || this.#measured(curve, this.#at),
     );
-    while (this.#legend.childElementCount > shown.length) this.#legend.lastElementChild?.remove();
-    shown.forEach((curve, index) => {
+    const entries = legendEntries(shown, (curve) => withBand(this.#measured(curve, this.#at)));
+    while (this.#legend.childElementCount > entries.length) this.#legend.lastElementChild?.remove();
+    entries.forEach(({ curve, words: text }, index) => {
       const item = this.#legend.children[index] ?? this.#legend.appendChild(makeLegendItem());
       const [swatch, words] = item.children;
       if (!swatch || !words) return;
       setAttribute(swatch, "data-kind", curve.kind);
       if (swatch instanceof HTMLElement) tint(swatch, curve.colour);
-      setText(words, `${curve.label} ${withBand(this.#measured(curve, this.#at))}`);
+      setText(words, text);
     });
     // The same marks regardless of what is visible now, so the layout stays still.
     const truth = this.#curves.some(({ kind }) => kind === "truth");

@@ -126,3 +126,27 @@ export function firstFrom(rising, value) {
   }
   return low;
 }
+
+/** What the labels of curves that look alike begin with. @type {Partial<Record<Kind, string>>} */
+const SHARED_LABELS = { truth: "Ground truth ", commanded: "Commanded " };
+
+/**
+ * Return the entries of a legend: curves that look alike share one.
+ *
+ * @param {Curve[]} curves
+ * @param {(curve: Curve) => string} value what is read from it
+ * @returns {{curve: Curve, words: string}[]} the first curve of each
+ */
+export function legendEntries(curves, value) {
+  /** @type {{curve: Curve, words: string}[]} */
+  const entries = [];
+  for (const curve of curves) {
+    const shared = SHARED_LABELS[curve.kind];
+    const same = entries.find(
+      (entry) => shared && entry.curve.kind === curve.kind && entry.curve.colour === curve.colour,
+    );
+    if (shared && same) same.words += `, ${curve.label.slice(shared.length)} ${value(curve)}`;
+    else entries.push({ curve, words: `${curve.label} ${value(curve)}` });
+  }
+  return entries;
+}

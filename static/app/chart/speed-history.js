@@ -28,6 +28,7 @@ export class SpeedHistory {
   starts = [];
 
   #began = false;
+  #late = 0;
   #playedFrom = 0;
   #offset = 0;
   #epoch = 0;
@@ -37,9 +38,14 @@ export class SpeedHistory {
   /** The track last assigned to each body. @type {Map<number, number>} */
   #identity = new Map();
 
-  /** @param {number} span_s seconds of history to keep */
-  constructor(span_s) {
+  /**
+   * @param {number} span_s seconds of history to keep
+   * @param {number} late number of first observations that are forgotten if the source starts over:
+   *   they were of the previous source
+   */
+  constructor(span_s, late = 0) {
     this.span_s = span_s;
+    this.#late = late;
   }
 
   /**
@@ -127,6 +133,8 @@ export class SpeedHistory {
   #continue(time, segment, sequence) {
     const ahead = time - this.#lastTime;
     const restarted = segment !== this.#lastSegment || sequence <= this.#lastSequence || ahead <= 0;
+    if (restarted && this.#late > 0) this.#forget();
+    this.#late -= 1;
     if (!this.#began) {
       this.#playedFrom = time;
     } else if (restarted) {
@@ -141,6 +149,15 @@ export class SpeedHistory {
     this.#lastTime = time;
     this.#lastSegment = segment;
     this.#lastSequence = sequence;
+  }
+
+  #forget() {
+    this.#began = false;
+    this.#offset = 0;
+    this.curves.clear();
+    this.changes = [];
+    this.starts = [];
+    this.#identity.clear();
   }
 
   /**

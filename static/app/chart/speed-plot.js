@@ -12,6 +12,7 @@ import { joined } from "./speed-curves.js";
  * @typedef {object} Marks
  * @property {{time: number, speed: number, words: string, colour: string}[]} starts of tracks
  * @property {{time: number, words: string, colour: string}[]} changes of a body's identity
+ * @property {{time: number}[]} segments where all tracks begin anew
  * @property {{begin: number, end: number}[]} gaps in truth, drawn as bars below the chart
  */
 
@@ -29,7 +30,7 @@ import { joined } from "./speed-curves.js";
  */
 
 /** @type {Marks} */
-const NO_MARKS = { starts: [], changes: [], gaps: [] };
+const NO_MARKS = { starts: [], changes: [], segments: [], gaps: [] };
 
 /** Dashes of the curves that the observer did not measure. @type {Partial<Record<import("./speed-curves.js").Kind, number[]>>} */
 export const DASHES = { truth: [6, 4], commanded: [2, 3], sent: [2, 3], encoder: [9, 3, 2, 3] };
@@ -299,7 +300,7 @@ function bandsOf(curves, colour) {
  * @param {Marks} marks
  * @param {(name: string) => string} colour
  */
-function drawMarks({ ctx, bbox, valToPos }, { starts, changes, gaps }, colour) {
+function drawMarks({ ctx, bbox, valToPos }, { starts, changes, segments, gaps }, colour) {
   const dpr = devicePixelRatio;
   const { left, top, width, height } = bbox;
   const seen = (/** @type {number} */ x) => x >= left && x <= left + width;
@@ -325,18 +326,27 @@ function drawMarks({ ctx, bbox, valToPos }, { starts, changes, gaps }, colour) {
       ctx.fillRect(from, top + height + dpr, Math.max(to - from, dpr), GAP_BAR_PX * dpr);
   }
 
+  const line = (/** @type {number} */ x, /** @type {number[]} */ dashes) => {
+    ctx.lineWidth = dpr;
+    ctx.setLineDash(dashes.map((length) => length * dpr));
+    ctx.beginPath();
+    ctx.moveTo(x, top);
+    ctx.lineTo(x, top + height);
+    ctx.stroke();
+  };
+  ctx.strokeStyle = colour("--text");
+  for (const { time } of segments) {
+    const x = Math.round(valToPos(time, "x", true));
+    if (seen(x)) line(x, [1, 3]);
+  }
+
   // Where the label of each row of labels ends.
   const rows = new Array(LABEL_ROWS).fill(-Infinity);
   for (const { time, words, colour: name } of changes) {
     const x = Math.round(valToPos(time, "x", true));
     if (!seen(x)) continue;
     ctx.strokeStyle = ctx.fillStyle = colour(name);
-    ctx.lineWidth = dpr;
-    ctx.setLineDash([3 * dpr, 3 * dpr]);
-    ctx.beginPath();
-    ctx.moveTo(x, top);
-    ctx.lineTo(x, top + height);
-    ctx.stroke();
+    line(x, [3, 3]);
     const row = rows.findIndex((end) => end < x);
     if (row < 0) continue;
     write(words, x + 3 * dpr, top + (row + 1) * (LABEL_PX + 1) * dpr);

@@ -22,6 +22,7 @@ import { trackColour } from "../elements/words.js";
  * @property {ChosenCurve[]} curves
  * @property {{time: number, speed: number, words: string, colour: string, choice: Choice}[]} starts
  * @property {{time: number, words: string, colour: string, body: string, run: string}[]} changes
+ * @property {{time: number, run: string}[]} segments first track of each segment after the first
  * @property {{begin: number, end: number, run: string}[]} gaps in truth
  */
 
@@ -46,6 +47,7 @@ export function panelsOf(charts, overlaid) {
         curves: inOrder(assignLanes(curves)),
         starts: startsOf(curves),
         changes: changesOf(chart, Number(origins[run]), "--muted"),
+        segments: segmentsOf(chart, Number(origins[run])),
         gaps: gapsOf(curves),
       };
     });
@@ -66,6 +68,7 @@ export function panelsOf(charts, overlaid) {
       changes: charts.flatMap((chart, run) =>
         changesOf(chart, Number(origins[run]), trackColour(run)),
       ),
+      segments: charts.flatMap((chart, run) => segmentsOf(chart, Number(origins[run]))),
       gaps: gapsOf(curves),
     },
   ];
@@ -285,6 +288,19 @@ function changesOf({ run, changes }, origin, colour) {
     body,
     run: run.name,
   }));
+}
+
+/** Return where tracks begin anew, as after a rewind. @param {RunChart} chart @param {number} origin */
+function segmentsOf({ run, curves }, origin) {
+  /** @type {Map<number, number>} */
+  const begins = new Map();
+  for (const { segment, times } of curves) {
+    const [time] = times;
+    if (segment === null || time === undefined) continue;
+    begins.set(segment, Math.min(time, begins.get(segment) ?? Infinity));
+  }
+  const [, ...later] = [...begins.values()].sort((a, b) => a - b);
+  return later.map((time) => ({ time: time - origin, run: run.name }));
 }
 
 /** @param {ChosenCurve[]} curves */

@@ -90,13 +90,14 @@ export class ChartPanel {
 
   /** @param {Set<Choice>} choices what to show */
   draw(choices) {
-    const { curves, starts, changes, gaps } = this.panel;
+    const { curves, starts, changes, segments, gaps } = this.panel;
     this.#shown = curves
       .filter(({ choice }) => choices.has(choice))
       .map((curve) => ({ ...curve, banded: curve.banded && choices.has("band") }));
     this.#plot.draw(this.#shown, {
       starts: starts.filter(({ choice }) => choices.has(choice)),
       changes: choices.has("matched") ? changes : [],
+      segments,
       gaps: choices.has("truth") ? gaps : [],
     });
     this.renderReading(this.#time);
@@ -194,8 +195,8 @@ function noteOf({ run, aligned, sentence: reason }, named) {
   return h("p.chart-note", named ? `${run.name}: ${sentence(reason)}` : sentence(reason));
 }
 
-/** Describe identity switches and gaps in ground truth. @param {Panel} panel */
-function factsOf({ charts, changes, gaps }) {
+/** Describe identity switches, new segments and gaps in ground truth. @param {Panel} panel */
+function factsOf({ charts, changes, segments, gaps }) {
   const of = (/** @type {string} */ run) => (charts.length > 1 ? ` in ${run}` : "");
   const changed = changes.map(
     ({ time, body, words, run }) => `${fixed(time, 1)} s (${body}: ${words}${of(run)})`,
@@ -203,8 +204,12 @@ function factsOf({ charts, changes, gaps }) {
   const missing = gaps.map(
     ({ begin, end, run }) => `${fixed(begin, 1)} to ${fixed(end, 1)} s${of(run)}`,
   );
+  const begun = segments.map(({ time, run }) => `${fixed(time, 1)} s${of(run)}`);
   return h(
     "ul.chart-facts.hint",
+    begun.length
+      ? h("li", { "data-fact": "segments" }, `New segments, with new tracks: ${listed(begun)}.`)
+      : null,
     changed.length
       ? h("li", { "data-fact": "changes" }, `Identity switches: ${listed(changed)}.`)
       : null,

@@ -273,7 +273,7 @@ export class RunChart extends HTMLElement {
       : [];
     // Marks are visible only with their curves, so they have no toggle of their own.
     const marks = markLegend(
-      /** @type {const} */ (["start", "change", "gap"]).filter((mark) =>
+      /** @type {const} */ (["start", "change", "segment", "gap"]).filter((mark) =>
         this.#panels.some(({ panel }) => panel[`${mark}s`].length > 0),
       ),
     );

@@ -5,6 +5,7 @@ import {
   firstFrom,
   gapsIn,
   joined,
+  legendEntries,
   speedAt,
   withBand,
 } from "../../../static/app/chart/speed-curves.js";
@@ -92,5 +93,22 @@ test("the first that is not below is found, at the ends too", () => {
   assert.deepEqual(
     [0, 2, 3, 4, 5].map((value) => firstFrom(rising, value)),
     [0, 1, 3, 3, 4],
+  );
+});
+
+test("in a legend, curves of truth share an entry, and each track has its own", () => {
+  const entries = legendEntries(
+    [
+      curve([], [], { kind: "estimate", label: "Obstacle 1", colour: "--track-1" }),
+      curve([], [], { kind: "estimate", label: "Obstacle 9", colour: "--track-1" }),
+      curve([], [], { label: "Ground truth Ada" }),
+      curve([], [], { kind: "commanded", label: "Commanded Ada" }),
+      curve([], [], { label: "Ground truth Ben" }),
+    ],
+    ({ kind }) => (kind === "truth" ? "1.10" : "1.00"),
+  );
+  assert.deepEqual(
+    entries.map(({ words }) => words),
+    ["Obstacle 1 1.00", "Obstacle 9 1.00", "Ground truth Ada 1.10, Ben 1.10", "Commanded Ada 1.00"],
   );
 });

@@ -107,3 +107,24 @@ test("wheels are drawn by size, and only those of the source that plays", () => 
   assert.deepEqual([...history.curves.keys()], ["sent/obstacle"]);
   assert.deepEqual(curveOf(history, "sent/obstacle").speeds, [0.2]);
 });
+
+test("late observations of the previous source are forgotten once the next one begins", () => {
+  const history = new SpeedHistory(60, 2);
+  tell(history, 7, 40, [{ id: 9 }], [{ id: 5, name: "cart" }]);
+  tell(history, 8, 0.1, [{ id: 1 }]);
+  assert.deepEqual(
+    [...history.curves.values()].map(({ label }) => label),
+    ["Obstacle 1"],
+  );
+  assert.deepEqual(
+    history.starts.map(({ words }) => words),
+    ["1"],
+  );
+  assert.equal(history.newest, 0.1);
+  // Later, starting over is the source's own.
+  tell(history, 9, 0, [{ id: 2 }]);
+  assert.deepEqual(
+    [...history.curves.values()].map(({ label }) => label),
+    ["Obstacle 1", "Obstacle 2"],
+  );
+});

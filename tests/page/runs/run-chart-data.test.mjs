@@ -153,3 +153,21 @@ test("runs of several recordings begin together and end when they end", () => {
   assert.deepEqual(data.originsOf([first, other]), [10, 50]);
   assert.deepEqual(data.extentOf([first, other]), [0, 9]);
 });
+
+test("a new segment, as after a rewind, is marked where its first track begins", () => {
+  const { segments } = onlyPanel(
+    [
+      chart([
+        track([0, 1]),
+        track([5, 6], { segment: 1, track_id: 2 }),
+        track([4, 6], { segment: 1, track_id: 1 }),
+        truth([0, 6], { segment: null }),
+      ]),
+    ],
+    false,
+  );
+  assert.deepEqual(
+    segments.map(({ time }) => time),
+    [4],
+  );
+});
