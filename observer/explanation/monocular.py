@@ -9,8 +9,9 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.explanation.answer import PixelAnswer, PixelVerdict, count_of, known, look_around
 from observer.methods.monocular.motion_test import RayEvidence
-from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.rays import RayPoints
 from observer.parameters import Parameters
+from observer.vision.lifecycle import NO_OBSTACLE
 
 _RATE = "evidence.false_alarms_per_frame"
 

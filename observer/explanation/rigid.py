@@ -23,10 +23,9 @@ from observer.explanation.answer import (
 )
 from observer.explanation.texture import texture_around
 from observer.methods.rigid.point_motion import PointEvidence
-from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import Parameters
 from observer.types import UNSEEN_BECAUSE, Image, Unseen
-from observer.vision.lifecycle import is_provisional
+from observer.vision.lifecycle import NO_OBSTACLE, is_provisional
 
 # 99 of 100 static points stay below this Mahalanobis length (chi, 3 degrees of freedom).
 _STANDING_LENGTH = 3.37

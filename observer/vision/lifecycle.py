@@ -14,8 +14,9 @@ from itertools import count
 from observer.types import Obstacle, TrackState
 from observer.vision.kinematics import out_of_sight
 
-# -1 stands for no obstacle at all.
-_FIRST_PROVISIONAL = -2
+# In place of an id: not part of any obstacle.
+NO_OBSTACLE = -1
+_FIRST_PROVISIONAL = NO_OBSTACLE - 1
 
 
 def next_state(state: TrackState, *, seen: bool, confirmed: bool) -> TrackState:
@@ -52,7 +53,7 @@ class TrackIds:
         self._provisional = count(_FIRST_PROVISIONAL, -1)
 
     def provisional(self) -> int:
-        """Return an id for a tentative track: below -1, which stands for no obstacle."""
+        """Return an id for a tentative track: below ``NO_OBSTACLE``."""
         return next(self._provisional)
 
     def confirmed(self, number: int) -> int:

@@ -19,9 +19,10 @@ from observer.methods.monocular.ground_contact import (
     lower_edge,
     lowest_row,
 )
-from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.rays import RayPoints
 from observer.parameters import MonocularParameters
 from observer.types import Image
+from observer.vision.lifecycle import NO_OBSTACLE
 
 # Tracked for this long, seconds, and this many times nearer than the ground on the same line of
 # sight.

@@ -11,11 +11,11 @@ from observer.methods.monocular.ground import GroundPlane, GroundView
 from observer.methods.monocular.ground_tracking import GroundTracker
 from observer.methods.monocular.inverse_depth import expected_sightings
 from observer.methods.monocular.motion_test import RayEvidence
-from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.reporting import describe_ground_track
 from observer.parameters import Parameters
 from observer.types import Image, Obstacle
-from observer.vision.lifecycle import TrackIds, while_lost
+from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, while_lost
 from observer.vision.neighbourhoods import grouped
 
 # A floating group has at least this many points.

@@ -14,10 +14,10 @@ from observer.methods.monocular.ground_contact import (
     lowest_row,
 )
 from observer.methods.monocular.ground_track import GroundTrack
-from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.rays import RayPoints
 from observer.parameters import MonocularParameters, ObstacleParameters
 from observer.types import BoxPx, Image, MotionState, TrackState
-from observer.vision.lifecycle import TrackIds, expired, next_state
+from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, expired, next_state
 
 # Pixels per frame: a member moves with the others to within this.
 _TOGETHER_PX = 0.7

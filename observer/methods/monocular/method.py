@@ -30,7 +30,7 @@ from observer.methods.monocular.inverse_depth import (
 from observer.methods.monocular.map_scale import MapScale
 from observer.methods.monocular.motion_test import ray_evidence
 from observer.methods.monocular.pose import PoseEstimate, estimate_pose
-from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.two_views import turned_between
 from observer.mount import CameraMount
 from observer.parameters import Parameters
@@ -49,7 +49,7 @@ from observer.vision.klt_tracking import (
     as_bright_as,
     track_stereo_points,
 )
-from observer.vision.lifecycle import TrackIds
+from observer.vision.lifecycle import NO_OBSTACLE, TrackIds
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import View
 from observer.vision.wheel_odometry import driven_distance, driven_step

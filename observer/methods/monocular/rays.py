@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
+from observer.vision.lifecycle import NO_OBSTACLE
 
-NO_OBSTACLE = -1
 # Factor on the depth variance: depths come from the same poses, so their errors are correlated.
 DEPTH_SHARED = 9.0
 

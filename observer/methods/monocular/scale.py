@@ -6,7 +6,8 @@ import numpy as np
 
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
-from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
+from observer.methods.monocular.rays import RayPoints
+from observer.vision.lifecycle import NO_OBSTACLE
 
 # Sine of the angle below the horizon: points above this say little about the height.
 _LEAST_SLOPE = 0.06

@@ -13,12 +13,13 @@ from observer.methods.rigid.point_tracking import (
     sightings_at,
 )
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
 from observer.vision.camera_rate import CameraRate
 from observer.vision.disparity_bias import bias_profile
 from observer.vision.keypoints import attention, grid_cells, new_keypoints, one_per_cell
 from observer.vision.klt_tracking import TYPICAL_SIGMA_PX, match_right
+from observer.vision.lifecycle import NO_OBSTACLE
 from observer.vision.sparse_stereo import coarse_disparity
 from observer.vision.view import View
 

@@ -13,12 +13,13 @@ from observer.geometry import Float64Array, Pose
 from observer.intervals import half_95
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.point_tracking import LEAST_DISPARITY_PX
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
 from observer.robust import median
 from observer.trace import Trace
 from observer.vision.disparity_bias import DisparityBias
 from observer.vision.exposure_skew import DisparityStep, ExposureSkew
+from observer.vision.lifecycle import NO_OBSTACLE
 from observer.vision.vergence_fit import SeenTwice
 from observer.vision.view import StereoRows, View
 

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.methods.rigid.point_motion import PointEvidence, PooledMotion
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.trace import Trace
 from observer.types import EgoMotion, Matches
 from observer.vision.disparity_bias import bias_profile
 from observer.vision.klt_tracking import Sightings
+from observer.vision.lifecycle import NO_OBSTACLE
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import StereoRows, View
 

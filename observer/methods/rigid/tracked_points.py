@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.vision.lifecycle import NO_OBSTACLE as NO_OBSTACLE
 
-NO_OBSTACLE = -1
 # Frames: how long a point that did not fit its body, or was about to be occluded, may not join one.
 BANISHED_FRAMES = 5
 # Weight of the sightings below which nothing useful is left of them.
