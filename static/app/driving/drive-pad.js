@@ -9,7 +9,7 @@ import { storeOf } from "../parameters/parameter-store.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
 import { applyDeadZone } from "./hold.js";
-import { degrees, turnInWords } from "./robot-words.js";
+import { degrees, velocityInWords } from "./robot-words.js";
 import { sonarInWords, SonarRing } from "./sonar-ring.js";
 
 /** @import { RobotNow } from "../contract" */
@@ -187,12 +187,7 @@ export class DrivePad extends Part {
     const robot = driver.robot();
     const reply = driver.hold.isActive ? driver.link.sent.get(driver.role) : null;
     const sent = reply ?? robot?.sent;
-    setText(
-      this.#sent,
-      sent
-        ? `Sent: ${fixed(sent.speed_mps, 2)} m/s, ${turnInWords(sent.turn_rate_radps)}`
-        : "Sent: –",
-    );
+    setText(this.#sent, `Sent: ${sent ? velocityInWords(sent) : "–"}`);
     const limit = reply?.limited_by;
     setText(this.#limit, limit ? `Limited: ${limit}` : "");
     this.#limit.hidden = !limit;
@@ -201,9 +196,10 @@ export class DrivePad extends Part {
   #renderLink() {
     const { connection, quality, operator } = this.hub.driver.link;
     const open = connection === "open";
-    // The link is opened only when the user first wants to drive.
+    // The link is opened only when the user first wants to drive; until then it says nothing.
     const state = open ? (quality?.quality ?? "good") : operator ? "lost" : "none";
-    setText(this.#link, LINKS[state] ?? "No link yet");
+    this.#link.hidden = state === "none";
+    setText(this.#link, LINKS[state] ?? "");
     setAttribute(this.#link, "data-state", LINK_CHIPS[state] ?? "idle");
     const parts = [];
     if (open && quality?.rtt_ms != null) parts.push(`${fixed(quality.rtt_ms, 0)} ms round trip`);
@@ -227,13 +223,14 @@ export class DrivePad extends Part {
     );
     this.#guard.hidden = !robot;
     const sight = this.hub.robots?.sight;
+    const degraded = sight?.status && sight.status !== "ok" ? `, ${sight.status}` : "";
     const parts = [];
-    if (guard && guard.limit_mps !== null) parts.push(`limit ${fixed(guard.limit_mps, 2)} m/s`);
+    if (guard && guard.limit_mps !== null) parts.push(`Limit ${fixed(guard.limit_mps, 2)} m/s`);
     if (this.hub.driver.role === "observer" && sight) {
       parts.push(
         sight.age_s === null
-          ? "no vision data"
-          : `vision data ${fixed(1000 * sight.age_s, 0)} ms old${sight.status ? `, ${sight.status}` : ""}`,
+          ? "No vision data"
+          : `Vision data ${fixed(1000 * sight.age_s, 0)} ms old${degraded}`,
       );
     }
     setText(this.#guardNumbers, parts.join(" · "));

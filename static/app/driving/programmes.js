@@ -14,10 +14,9 @@ import {
 } from "../elements/dom.js";
 import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
-import { sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
 import { attemptIn, askConfirmation, notify, exclusiveRunner } from "../shell/notice.js";
-import { clock, incidentInWords, durationInWords } from "./robot-words.js";
+import { clock, durationInWords, firstSteps, incidentInWords } from "./robot-words.js";
 import { isArmed, ROLE_WORDS } from "./roles.js";
 
 /** @import { ProgrammeEntry, ProgrammeNow } from "../contract" */
@@ -163,14 +162,15 @@ class Programmes extends Part {
     if (robots?.stopped) return "All robots are stopped: reset the stop first.";
     if (roles.includes("observer") && robots?.goal?.state === "driving")
       return "The observer is driving to a goal: cancel it first.";
-    const missing = roles.flatMap((role) => {
-      const robot = driver.robot(role);
-      if (!robot) return [`connect the ${role}`];
-      const ours = driver.link.leases.has(role);
-      if (robot.operator && !ours) return [`take control of the ${role}`];
-      return ours && isArmed(robot) ? [] : [`arm the ${role}`];
-    });
-    return missing.length ? sentence(`${missing.join(" and ")} first`) : "";
+    return firstSteps(
+      roles.flatMap((role) => {
+        const robot = driver.robot(role);
+        if (!robot) return [["connect", role]];
+        const ours = driver.link.leases.has(role);
+        if (robot.operator && !ours) return [["take control of", role]];
+        return ours && isArmed(robot) ? [] : [["arm", role]];
+      }),
+    );
   }
 
   /** @param {ProgrammeEntry} entry */

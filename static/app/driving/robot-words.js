@@ -181,6 +181,31 @@ export function turnInWords(radps) {
   return whole === 0 ? "straight" : `${whole} °/s to the ${radps > 0 ? "left" : "right"}`;
 }
 
+/**
+ * Say how fast a robot drives and turns.
+ *
+ * @param {{speed_mps: number, turn_rate_radps: number}} velocity
+ */
+export function velocityInWords({ speed_mps: speed, turn_rate_radps: turn }) {
+  const words = turnInWords(turn);
+  const still = Number(speed.toFixed(2)) === 0 && words === "straight";
+  return still ? "standstill" : `${fixed(speed, 2)} m/s, ${words}`;
+}
+
+/**
+ * Say what must be done first.
+ *
+ * @param {[act: string, role: string][]} steps as in "arm" the "observer"
+ * @returns {string} one sentence, empty if nothing
+ */
+export function firstSteps(steps) {
+  /** @type {Map<string, string[]>} */
+  const roles = new Map();
+  for (const [act, role] of steps) roles.set(act, [...(roles.get(act) ?? []), `the ${role}`]);
+  const words = [...roles].map(([act, those]) => `${act} ${those.join(" and ")}`);
+  return words.length ? sentence(`${words.join(" and ")} first`) : "";
+}
+
 /** @param {boolean | null} value */
 function onOff(value) {
   return value === null ? "–" : value ? "on" : "off";

@@ -139,6 +139,32 @@ test("turns have a side, times have minutes", () => {
   assert.deepEqual([59, 65].map(words.durationInWords), ["59 s", "1 min 5 s"]);
 });
 
+test("a robot that stands still does not also go straight", () => {
+  const at = (/** @type {number} */ speed_mps, /** @type {number} */ turn_rate_radps) =>
+    words.velocityInWords({ speed_mps, turn_rate_radps });
+  assert.equal(at(0, 0), "standstill");
+  assert.equal(at(0.2, 0), "0.20 m/s, straight");
+  assert.equal(at(0, 0.2), "0.00 m/s, 11 °/s to the left");
+});
+
+test("what must be done first is said once for both robots", () => {
+  assert.equal(words.firstSteps([]), "");
+  assert.equal(
+    words.firstSteps([
+      ["arm", "observer"],
+      ["arm", "obstacle"],
+    ]),
+    "Arm the observer and the obstacle first.",
+  );
+  assert.equal(
+    words.firstSteps([
+      ["arm", "observer"],
+      ["connect", "obstacle"],
+    ]),
+    "Arm the observer and connect the obstacle first.",
+  );
+});
+
 test("sonars tell the nearest echo and how old the oldest word is", () => {
   const reading = { index: 0, x: 0, y: 0, heading: 0 };
   const sonars = [
