@@ -48,7 +48,7 @@ _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
 # Otherwise the guard holds nothing back, so its reason would be noise.
-_DRIVEN = ("armed", "moving", "waiting")
+_DRIVEN = ("armed", "moving")
 # An echo from farther away reveals nothing of the robot's surroundings.
 _SONAR_REACH_M = 4.0
 _SONAR_OLD_S = 1.0

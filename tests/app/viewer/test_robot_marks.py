@@ -167,7 +167,7 @@ def test_no_reason_is_shown_for_a_robot_that_nobody_may_drive() -> None:
         if (marks := robot_marks(replace(stopped, state=state), MOUNT, Pose.identity()))
         and marks.text is not None
     }
-    assert shown == {"armed", "moving", "waiting"}
+    assert shown == {"armed", "moving"}
 
 
 def test_the_robot_comes_from_the_drive_process(observed: Any) -> None:
