@@ -135,10 +135,10 @@ def load(run: Path | str, data: Path | str | None = None) -> LoadedRun:
         with observer.load("recording.mcap") as run:
             for track in run.tracks:
                 plt.plot(track.times, track.speeds, label=f"track {track.id}")
-            for pair in run.speeds_beside_truth():
+            for pair in run.speed_comparisons():
                 print(pair.body, pair.rmse)
             plt.imshow(run.picture(10))
-            again = run.observe_again({"ego_motion.model": "affine"})
+            rerun = run.rerun({"ego_motion.model": "affine"})
     """
     from observer.notebook.run import LoadedRun
     from observer.recording.run_folder import find_recording

@@ -64,7 +64,7 @@ class Track:
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedsBesideTruth:
+class SpeedComparison:
     """Speeds of a track and of the body matched to it, at the same N instants.
 
     Attributes:
@@ -147,7 +147,7 @@ class LoadedRun:
         """Parameters that the run began with, by dotted name."""
         return dict(replay_revisions(self.recording)[0][0].flat())
 
-    def speeds_beside_truth(self) -> tuple[SpeedsBesideTruth, ...]:
+    def speed_comparisons(self) -> tuple[SpeedComparison, ...]:
         """Return each track's speed next to ground truth, as matched during the run.
 
         True speeds are interpolated to the instants of the estimated ones; they are NaN unless the
@@ -175,7 +175,7 @@ class LoadedRun:
             instants, speeds = np.array(sorted(true[track.segment, name])).T
             known = np.interp(track.velocity_times, instants, speeds, left=np.nan, right=np.nan)
             found.append(
-                SpeedsBesideTruth(
+                SpeedComparison(
                     body=name,
                     segment=track.segment,
                     id=track.id,
@@ -260,9 +260,7 @@ class LoadedRun:
         """
         return cloud_at(self.recording, position, frame)
 
-    def observe_again(
-        self, changes: Mapping[str, Any] | None = None
-    ) -> tuple[ObservationLine, ...]:
+    def rerun(self, changes: Mapping[str, Any] | None = None) -> tuple[ObservationLine, ...]:
         """Re-run the recorded images, and return the JSON lines.
 
         Without changes and with lossless images they equal the run's except for the timings.

@@ -89,11 +89,11 @@ def test_a_run_is_analysed_against_truth(
     monkeypatch.chdir(tmp_path)
     defined = run_notebook("analyse_a_run.ipynb")
     assert "RMSE" in capsys.readouterr().out
-    assert len(defined["again"]) == len(defined["run"])
+    assert len(defined["rerun"]) == len(defined["run"])
     assert len(figures.get_fignums()) == 2
 
 
-def test_tracks_match_the_lines_and_observing_again_reproduces_them(recorded_run: Path) -> None:
+def test_tracks_match_the_lines_and_a_rerun_reproduces_them(recorded_run: Path) -> None:
     with observer.load(recorded_run) as run:
         rows = [(line, entry) for line in run for entry in line["obstacles"]]
         assert rows
@@ -103,13 +103,13 @@ def test_tracks_match_the_lines_and_observing_again_reproduces_them(recorded_run
         assert track.positions.tolist() == [entry["position"] for entry in entries]
         assert track.speeds.tolist() == [entry["speed"] for entry in entries]
         assert run.table("obstacles")["speed_mps"].tolist() == [e["speed"] for _, e in rows]
-        pairs = run.speeds_beside_truth()
+        pairs = run.speed_comparisons()
         assert pairs
         assert all(pair.rmse < 0.4 for pair in pairs)
         timeless = [{**line, "timings_ms": {}} for line in run]
-        assert [{**line, "timings_ms": {}} for line in run.observe_again()] == timeless
+        assert [{**line, "timings_ms": {}} for line in run.rerun()] == timeless
         with pytest.raises(ParameterError, match="has no effect"):
-            run.observe_again({"tracking.gate": 4.0})
+            run.rerun({"tracking.gate": 4.0})
 
 
 def test_truth_is_matched_to_the_frames_of_its_own_engine(
@@ -132,7 +132,7 @@ def test_truth_is_matched_to_the_frames_of_its_own_engine(
                 writer.observation(line, received, truth=truth)
         writer.finish()
     with observer.load(tmp_path / "twice.mcap") as run:
-        first, second = run.speeds_beside_truth()
+        first, second = run.speed_comparisons()
     assert (first.segment, second.segment) == (0, 1)
     np.testing.assert_allclose(second.true, first.true + 1.0)
     assert np.isfinite(first.true).any()
