@@ -15,8 +15,8 @@ from observer.errors import InputError
 from observer.intervals import half_95
 
 if TYPE_CHECKING:
-    from observer.calibration.board_images import FoundBoards
-    from observer.calibration.stereo_fit import StereoFit
+    from observer.calibration.boards.board_images import FoundBoards
+    from observer.calibration.fitting.stereo_fit import StereoFit
     from observer.calibration.verdict import CalibrationVerdict
 
 # Detection uses both cores; the fit takes roughly the remaining share of the steps.
@@ -55,9 +55,9 @@ def calibrate(
     Also states what the camera can detect.
     """
     # Importing them loads OpenCV and SciPy, which takes seconds.
-    from observer.calibration.board import Board, parse_board_size
-    from observer.calibration.board_images import find_boards, read_board_pairs
-    from observer.calibration.fit import fit_stereo
+    from observer.calibration.boards.board import Board, parse_board_size
+    from observer.calibration.boards.board_images import find_boards, read_board_pairs
+    from observer.calibration.fitting.fit import fit_stereo
     from observer.calibration.formats.opencv_file import calibration_text
     from observer.calibration.report import fit_report
     from observer.calibration.verdict import judge

@@ -11,7 +11,7 @@ from app.contract.live_truth import LiveTruthStatus
 from app.contract.parameters import ParameterValues
 from app.contract.pixel import Pixel
 from app.contract.status import PlaybackStatus, RecordingStatus
-from observer.calibration.board import Board, BoardView
+from observer.calibration.boards.board import Board, BoardView
 from observer.recording.payloads import Images, Incident, RobotRow
 
 # Limits of the playback rate, relative to the recorded pace.

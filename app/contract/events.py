@@ -16,7 +16,7 @@ from app.contract.status import (
     RecordingStatus,
     SkippedFrame,
 )
-from observer.calibration.board import BoardView
+from observer.calibration.boards.board import BoardView
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.jsonl import FrameLine, ObservationLine, ObstacleEntry

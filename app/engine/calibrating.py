@@ -13,10 +13,10 @@ from app.contract.views import CAMERA_NAMES
 from app.engine.errors import NotNow, unexpected
 from app.engine.playback import Player
 from app.engine.played_source import PlayedSource, SourceOpener, close_opened, read_first
-from observer.calibration.board import Board, BoardSighting, BoardView
-from observer.calibration.board_pictures import draw_board, small_picture
-from observer.calibration.collecting import Look, ViewCollector
-from observer.calibration.detection import detect_board
+from observer.calibration.boards.board import Board, BoardSighting, BoardView
+from observer.calibration.boards.board_pictures import draw_board, small_picture
+from observer.calibration.boards.collecting import Look, ViewCollector
+from observer.calibration.boards.detection import detect_board
 from observer.camera import as_gray
 from observer.errors import InputError
 from observer.opening import OpenedSource

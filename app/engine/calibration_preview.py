@@ -10,8 +10,8 @@ import numpy as np
 from app.contract.answers import CalibrationPreview
 from app.engine.views import encode_jpeg
 from observer.calibration.ageing.row_refinement import matched_points
-from observer.calibration.board import Board
-from observer.calibration.detection import detect_board, same_numbering
+from observer.calibration.boards.board import Board
+from observer.calibration.boards.detection import detect_board, same_numbering
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.drawing import color_copy

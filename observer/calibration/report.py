@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from observer.calibration.stereo_fit import DepthBias, StereoFit
+from observer.calibration.fitting.stereo_fit import DepthBias, StereoFit
 from observer.calibration.verdict import CalibrationVerdict
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from observer.calibration.stereo_fit import DepthBias
+from observer.calibration.fitting.stereo_fit import DepthBias
 from observer.calibration.verdict import depth_bias_share, length_words
 from observer.camera import StereoCalibration
 from observer.errors import InputError

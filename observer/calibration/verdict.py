@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from observer.calibration.fitting.stereo_fit import DepthBias, StereoFit
 from observer.calibration.speed_limits import Detectable, Thing, slowest_reported
-from observer.calibration.stereo_fit import DepthBias, StereoFit
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.intervals import half_95

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from observer.calibration.board import BoardView
-from observer.calibration.detection import detect_board, same_numbering
-from observer.calibration.fit import fit_stereo
-from observer.calibration.held_out import vertical_errors
-from observer.calibration.lens import directions
-from observer.calibration.uncertainty import view_angles_deg
+from observer.calibration.boards.board import BoardView
+from observer.calibration.boards.detection import detect_board, same_numbering
+from observer.calibration.fitting.fit import fit_stereo
+from observer.calibration.fitting.held_out import vertical_errors
+from observer.calibration.fitting.lens import directions
+from observer.calibration.fitting.uncertainty import view_angles_deg
 from observer.camera import StereoCalibration, as_gray
 from observer.errors import ScenarioError
 from observer.evaluation.targets import Target

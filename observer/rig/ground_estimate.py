@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from observer.calibration.uncertainty import numeric_jacobian
+from observer.calibration.fitting.uncertainty import numeric_jacobian
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.intervals import half_95

@@ -1,7 +1,7 @@
 """A calibration board in a person's hands: its texture, its motion, its corners in the images.
 
-Poses are ``T_left_board``: from the board's frame (``observer.calibration.board.Board``: x along
-a row, y along a column, z into the board, the origin at corner 0) to the left camera's.
+Poses are ``T_left_board``: from the board's frame (``observer.calibration.boards.board.Board``: x
+along a row, y along a column, z into the board, the origin at corner 0) to the left camera's.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from observer.calibration.board import Board
+from observer.calibration.boards.board import Board
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
 from observer.simulation.facets import Material, Part, rectangle

@@ -264,7 +264,7 @@ class World:
         return self.T_room_left(0.0) @ self.board.motion.pose(time)
 
     def board_pose(self, time: float) -> Pose:
-        """Return ``T_left_board``, see ``observer.calibration.board.Board`` for its frame.
+        """Return ``T_left_board``, see ``observer.calibration.boards.board.Board`` for its frame.
 
         Raises:
             ScenarioError: the scenario has no board.

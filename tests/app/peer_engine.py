@@ -49,7 +49,7 @@ from app.engine.truth_facts import truth_facts
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from app.runtime.supervisor import ProcessHealth
-from observer.calibration.board import Board, BoardSighting, BoardView
+from observer.calibration.boards.board import Board, BoardSighting, BoardView
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
 from observer.mount import CameraMount

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from observer.calibration.board import Board, parse_board_size
+from observer.calibration.boards.board import Board, parse_board_size
 from observer.coppeliasim.address import parse_address
 from observer.errors import DynamicObserverError, InputError
 from observer.opening import (

@@ -20,7 +20,7 @@ from app.contract.values import LONGEST_NAME
 from app.http.gate.access import WATCHING_ONLY
 from app.http.gate.security import SESSION_OVER
 from observer.calibration.ageing.row_drift import WARN_PX
-from observer.calibration.board import (
+from observer.calibration.boards.board import (
     A4_COLUMNS,
     A4_ROWS,
     A4_SQUARE_MM,
@@ -29,7 +29,7 @@ from observer.calibration.board import (
     MIN_SIDE_CORNERS,
     MIN_SQUARE_MM,
 )
-from observer.calibration.printing import BAR_MM
+from observer.calibration.boards.printing import BAR_MM
 from observer.evaluation.gaps import GAP_STEPS
 from observer.guard.parameters import GuardParameters
 from observer.intervals import SIGMAS_95

@@ -11,8 +11,8 @@ from app.http.api.refusals import refusals
 from app.http.api.values import Corners, SquareMm
 from app.server import FieldError
 from app.server.calibrating.session import board_of
-from observer.calibration.board import A4_COLUMNS, A4_ROWS, A4_SQUARE_MM, BoardKind
-from observer.calibration.printing import board_pdf, board_svg
+from observer.calibration.boards.board import A4_COLUMNS, A4_ROWS, A4_SQUARE_MM, BoardKind
+from observer.calibration.boards.printing import board_pdf, board_svg
 from observer.errors import CalibrationError
 
 router = APIRouter(tags=["calibrating"])

@@ -22,7 +22,7 @@ from app.server import FieldError, Server
 from app.server.calibrating.session import board_of
 from app.server.status import status
 from app.storage import StorageFull
-from observer.calibration.board import A4_COLUMNS, A4_ROWS, A4_SQUARE_MM, BoardKind
+from observer.calibration.boards.board import A4_COLUMNS, A4_ROWS, A4_SQUARE_MM, BoardKind
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, Stri
 
 from app.contract.parameters import ParameterValues
 from app.contract.values import LONGEST_NAME
-from observer.calibration.board import (
+from observer.calibration.boards.board import (
     MAX_SIDE_CORNERS,
     MAX_SQUARE_MM,
     MIN_SIDE_CORNERS,

@@ -21,7 +21,7 @@ from app.server.source.manager import SourceManager
 from app.storage import CalibrationRecord
 from app.workers.calibration.image_archive import check_archive
 from app.workers.calibration.messages import FindBoards
-from observer.calibration.board import Board
+from observer.calibration.boards.board import Board
 from observer.calibration.formats.opencv_file import read_calibration
 
 

@@ -25,7 +25,7 @@ from app.server.calibrating.computation import Computation
 from app.server.errors import Conflict, FieldError, NotThere
 from app.server.shared import Shared
 from app.workers.calibration.messages import BoardsFound, FitViews
-from observer.calibration.board import Board, BoardKind, BoardView
+from observer.calibration.boards.board import Board, BoardKind, BoardView
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError, SourceError
 from observer.sources.cameras.spec import swapped_spec

@@ -8,7 +8,7 @@ from pathlib import Path
 from app.contract.values import JsonObject
 from observer.calibration.ageing.row_refinement import RowRefinement
 from observer.calibration.ageing.vergence import VergenceCheck
-from observer.calibration.board import Board, BoardView
+from observer.calibration.boards.board import Board, BoardView
 from observer.camera import DistortionModel
 from observer.types import Image
 

@@ -17,10 +17,10 @@ from app.workers.calibration.messages import (
     Result,
 )
 from observer.calibration.ageing.row_refinement import RefinementRefusal, refine_from_scene
-from observer.calibration.board import BoardSighting
-from observer.calibration.board_images import BoardPair, find_boards
-from observer.calibration.board_pictures import small_picture
-from observer.calibration.fit import fit_stereo
+from observer.calibration.boards.board import BoardSighting
+from observer.calibration.boards.board_images import BoardPair, find_boards
+from observer.calibration.boards.board_pictures import small_picture
+from observer.calibration.fitting.fit import fit_stereo
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.report import fit_report
 from observer.calibration.verdict import judge

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.board import CHARUCO_DICTIONARY, MARKER_SHARE
+from observer.calibration.boards.board import CHARUCO_DICTIONARY, MARKER_SHARE
 from observer.simulation.painting.canvas import Canvas
 
 # Grey values of paper and ink, chosen so that noise and light do not clip at black or white.

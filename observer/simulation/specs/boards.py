@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from observer.calibration.board import Board, BoardKind
+from observer.calibration.boards.board import Board, BoardKind
 from observer.errors import CalibrationError
 from observer.simulation.specs.base import Spec
 
@@ -29,7 +29,7 @@ class BoardPoseSpec(Spec):
 
 
 class BoardSpec(Spec):
-    """The board, see ``observer.calibration.board.Board``, and its motion.
+    """The board, see ``observer.calibration.boards.board.Board``, and its motion.
 
     Attributes:
         columns, rows: numbers of inner corners.

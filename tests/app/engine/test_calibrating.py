@@ -30,9 +30,9 @@ from app.contract.events import (
     StateEvent,
 )
 from app.engine import calibrating
-from observer.calibration.board import Board, BoardSighting
-from observer.calibration.board_pictures import draw_board, small_picture
-from observer.calibration.detection import detect_board
+from observer.calibration.boards.board import Board, BoardSighting
+from observer.calibration.boards.board_pictures import draw_board, small_picture
+from observer.calibration.boards.detection import detect_board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.sources.contract import SourceInfo

@@ -17,7 +17,7 @@ from app.engine.calibrating import BoardPublisher
 from app.engine.current_source import CurrentSource, Opening
 from app.engine.live_truth import LiveTruth, ObservedSource
 from app.runtime.requests import Reply, Request
-from observer.calibration.board import Board
+from observer.calibration.boards.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import SourceError

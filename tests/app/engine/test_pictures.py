@@ -14,7 +14,7 @@ from app.engine.calibration_preview import preview_calibration, vertical_error
 from app.engine.dense_stereo import PairKeeper, dense_stereo
 from app.engine.observed import Observed
 from app.engine.views import MAX_WIDTH, draw_disparity, draw_view
-from observer.calibration.board import Board
+from observer.calibration.boards.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from observer.calibration.board import Board, BoardSighting, BoardView
+from observer.calibration.boards.board import Board, BoardSighting, BoardView
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer.calibration.fit import fit_stereo
+from observer.calibration.fitting.fit import fit_stereo
+from observer.calibration.fitting.stereo_fit import DepthBias, StereoFit
+from observer.calibration.fitting.uncertainty import depth_change
 from observer.calibration.report import depth_bias_of, fit_report
 from observer.calibration.speed_limits import Thing, report_delay, slowest_reported
-from observer.calibration.stereo_fit import DepthBias, StereoFit
 from observer.calibration.tape import tape_check
-from observer.calibration.uncertainty import depth_change
 from observer.calibration.verdict import (
     TOWARDS,
     WITHIN_S,

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.calibration.board import CHARUCO_DICTIONARY, MARKER_SHARE, Board
+from observer.calibration.boards.board import CHARUCO_DICTIONARY, MARKER_SHARE, Board
 from observer.errors import ScenarioError
 from observer.geometry import Pose
 from observer.simulation.held_board import HandMotion, corners_px, whole_in_view

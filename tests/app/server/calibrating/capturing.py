@@ -10,7 +10,7 @@ from app.contract.commands import BeginCalibration, ChangeCalibration
 from app.runtime.jobs import Progress
 from app.server import Server
 from app.workers.calibration.messages import BoardsFound, Fitted, FitViews
-from observer.calibration.board import Board, BoardView
+from observer.calibration.boards.board import Board, BoardView
 
 from ....waiting import until_async
 

@@ -15,7 +15,7 @@ from app.runtime.errors import ProcessRefused
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage
-from observer.calibration.board import Board, BoardSighting, BoardView
+from observer.calibration.boards.board import Board, BoardSighting, BoardView
 
 from ....waiting import until_async
 from ...peer_engine import sighting_of

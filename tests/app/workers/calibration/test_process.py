@@ -30,7 +30,7 @@ from app.workers.calibration.messages import (
 )
 from app.workers.calibration.process import work
 from app.workers.calibration.work import do_job
-from observer.calibration.board import Board, BoardSighting, BoardView
+from observer.calibration.boards.board import Board, BoardSighting, BoardView
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
@@ -203,7 +203,7 @@ async def test_a_worker_ends_with_its_server(repository: Path, tmp_path: Path) -
         "import asyncio, sys\n"
         "from app.workers.calibration.process import work\n"
         "from app.workers.calibration.messages import FindBoards\n"
-        "from observer.calibration.board import Board\n"
+        "from observer.calibration.boards.board import Board\n"
         "from pathlib import Path\n"
         "asyncio.run(work(FindBoards(Path(sys.argv[1]), Board()), lambda _: None))\n"
     )
