@@ -74,15 +74,18 @@ class FirstLine extends Part {
     if (!status) return;
     const { source, run, calibration } = status;
     const calibrating = status.engine.state === "calibrating";
+    const { freshness } = this.hub;
+    const held = freshness.reason.replace(/\.$/, "");
+    // What needs attention comes first: a narrow window cuts off the end.
     const words = source
       ? [
           source.name,
-          `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
+          freshness.state === "held" ? held.charAt(0).toLowerCase() + held.slice(1) : null,
+          paceWarning(status),
+          run ? `run ${run.name}` : calibrating ? "observation paused" : "preview, not recorded",
           calibration && !calibrating ? `calibration ${calibration.name}` : null,
           calibrating ? null : status.has_truth ? "with ground truth" : "no ground truth",
-          paceWarning(status),
-          this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
-          run ? `run ${run.name}` : calibrating ? "observation paused" : "preview, not recorded",
+          `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
         ]
       : [
           status.engine.reason
