@@ -1,6 +1,7 @@
 /** Presets: choose one, save the current values as one, share and compare them. */
 
 import { button, download, h, icon, input, offer, onSubmit, setText } from "../elements/dom.js";
+import { moveFocus } from "../elements/focus.js";
 import { attempt, attemptIn, askConfirmation, notify, showError } from "../shell/notice.js";
 import { helpButton, openBeside } from "./help-button.js";
 import { comparePresets } from "./preset-compare.js";
@@ -53,6 +54,12 @@ export class PresetPicker extends HTMLElement {
       h("button.button", { type: "submit" }, "Save preset"),
     );
     onSubmit(this.#form, () => this.#save());
+    this.#form.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape") return;
+      event.preventDefault();
+      moveFocus(this.#form, this.#saveAs);
+      this.#openForm(false);
+    });
     this.#file.addEventListener("change", () => void this.#import());
     this.#select.addEventListener("change", () => void this.#choose(this.#select.value));
     this.append(

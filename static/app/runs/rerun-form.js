@@ -54,7 +54,7 @@ class Draft extends Emitter {
 export class RerunForm extends Part {
   #draft = new Draft();
   #groups = new ParameterGroups("rerun");
-  #name = input("text", "rerun-name", { maxlength: 100, placeholder: "optional" });
+  #name = input("text", "rerun-name", { maxlength: 100, placeholder: "Optional" });
   #preset = h("select", { id: "rerun-preset" });
   #search = input("search", "rerun-search", { placeholder: "Find parameters" });
   #differing = h("ul.plain-list");

@@ -36,7 +36,7 @@ function showKeys() {
     "question",
     "Keyboard",
     [h("div.key-lists", { tabindex: 0, role: "group", "aria-label": "Keys" }, ...places.flat())],
-    h("button.button.primary", { value: "", autofocus: true }, "Close"),
+    h("button.button", { value: "", autofocus: true }, "Close"),
   );
 }
 

@@ -54,7 +54,7 @@ class Share extends HTMLElement {
       "question",
       "Share this page",
       content,
-      h("button.button.primary", { value: "" }, "Close"),
+      h("button.button", { value: "" }, "Close"),
     );
     revoking?.end();
   }
