@@ -46,7 +46,7 @@ def obstacle_color(state: str, motion: str) -> Color:
 
 
 class DrawnObstacle(NamedTuple):
-    """What is drawn of an obstacle; ``box_px`` and ``silhouette`` as of ``Obstacle``."""
+    """Drawing of an obstacle: ``box_px`` and ``silhouette`` are those of ``Obstacle``."""
 
     box_px: Sequence[float]
     silhouette: Sequence[ArrayLike] | None

@@ -1,4 +1,4 @@
-"""Why so little of a pair matches: left and right swapped, or rows too far apart."""
+"""Cause of few matches in a pair: left and right swapped, or rows too far apart."""
 
 from __future__ import annotations
 
