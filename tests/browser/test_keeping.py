@@ -22,8 +22,8 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     page = open_panel()
     page.get_by_role("button", name="Run options").click()
     page.get_by_label("Run name").fill("crossing")
-    page.get_by_role("button", name="Start run").click()
-    expect(page.get_by_role("button", name="Stop run")).to_be_visible(timeout=10_000)
+    page.get_by_role("button", name="Start run").press("Enter")
+    expect(page.get_by_role("button", name="Stop run")).to_be_focused(timeout=10_000)
     run = eventually(lambda: server.get("/status")["run"])
     assert run["name"] == "crossing"
     eventually(lambda: server.get("/status")["engine"]["state"] == "running")
@@ -31,8 +31,8 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     page.get_by_role("tab", name="Runs").click()
     page.get_by_role("button", name="Save last 30 s").click()
     expect(page.locator("#notices")).to_contain_text("listed under All runs")
-    page.get_by_role("button", name="Stop run").click()
-    expect(page.get_by_role("button", name="Start run")).to_be_visible(timeout=10_000)
+    page.get_by_role("button", name="Stop run").press("Enter")
+    expect(page.get_by_role("button", name="Start run")).to_be_focused(timeout=10_000)
     assert server.get(f"/runs/{run['id']}")["state"] == "finished"
 
     page.get_by_role("link", name="All runs").click()

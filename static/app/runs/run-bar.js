@@ -18,7 +18,7 @@ import { request } from "../shell/api.js";
 import { notify, exclusiveRunner } from "../shell/notice.js";
 import { runHref, size } from "./run-words.js";
 
-/** @import { RecordingStatus, Run, Status } from "../contract" */
+/** @import { RecordingStatus, Status } from "../contract" */
 
 /** @type {Record<string, string>} */
 const STATES = {
@@ -67,6 +67,8 @@ class RunBar extends Part {
   #runName = h("span.run-name");
   #running = h("span.run-clock.figure", { hidden: true }, this.#time, this.#runName);
   #busy = false;
+  /** Whether a button that is disabled or hidden meanwhile had the focus. */
+  #focused = false;
   #do = exclusiveRunner((busy) => void this.#changed(busy));
   /** @type {number | null} */
   #restarts = null;
@@ -138,13 +140,11 @@ class RunBar extends Part {
 
   async #begin() {
     const name = this.#name.value.trim();
-    /** @type {Run} */
-    const run = await request("POST", "/runs", {
+    await request("POST", "/runs", {
       ...(name ? { name } : {}),
       record: this.#record.value,
     });
     this.#name.value = "";
-    notify(`Run “${run.name}” started.`);
     this.hub.emit("runs");
   }
 
@@ -161,11 +161,14 @@ class RunBar extends Part {
 
   /** @param {boolean} busy */
   async #changed(busy) {
+    if (busy) this.#focused = this.contains(document.activeElement);
     this.#busy = busy;
     this.#render();
     if (busy) return;
     const status = await request("GET", "/status").catch(() => null);
     if (status) this.hub.applyStatus(/** @type {Status} */ (status));
+    if (this.#focused && document.activeElement === document.body)
+      (this.#stop.hidden ? this.#start : this.#stop).focus();
   }
 }
 
