@@ -36,6 +36,10 @@ class TruthError(InputError):
     """A file of true poses cannot be read or does not match the run."""
 
 
+class NotObservable(TruthError):
+    """The recordings do not determine the requested value; the sentence says what would help."""
+
+
 class ParameterError(InputError):
     """Parameter values were refused; nothing was changed.
 

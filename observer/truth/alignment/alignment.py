@@ -8,6 +8,7 @@ from itertools import islice
 
 import numpy as np
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array
 from observer.truth.alignment.body_camera import BodyCamera
 from observer.truth.alignment.choices import AlignmentChoices
@@ -21,7 +22,6 @@ from observer.truth.alignment.curves import (
     turn_rate,
 )
 from observer.truth.alignment.matching import Match, match_tracks
-from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.observed import ObservedRun, TrackKey
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.rooms import Rooms, body_centre, place_rooms, track_distances

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array, Pose, rotation_matrix
 from observer.truth.alignment.frame_alignment import upright
-from observer.truth.alignment.observability import NotObservable
 
 # One standard deviation of each pose, visual odometry and motion capture combined.
 _POSITION_M, _ANGLE_RAD = 0.01, 0.005

@@ -10,9 +10,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array
 from observer.truth.alignment.curves import SpeedCurve
-from observer.truth.alignment.observability import NotObservable
 
 _MEDIAN_SAMPLES = 5
 Spectrum = NDArray[np.complex128]

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array, Pose
-from observer.truth.alignment.observability import NotObservable
 
 # Points with a smaller RMS spread do not determine a direction.
 MIN_SPREAD_M = 0.15

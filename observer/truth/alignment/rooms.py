@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array, Pose
 from observer.truth.alignment.body_camera import BodyCamera, find_body_camera
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.curves import between
 from observer.truth.alignment.frame_alignment import align_planar
 from observer.truth.alignment.matching import Match, median_distance
-from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.observed import ObservedRun, ObservedTrack, TrackKey
 from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.motion_capture import Capture, Trajectory

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array
 from observer.intervals import half_95
 from observer.truth.alignment.correlation import Correlation, correlation, informative
 from observer.truth.alignment.curves import SpeedCurve
-from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.offset_fit import OffsetFit
 
 MIN_OVERLAP_S = 4.0

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer.errors import TruthError
+from observer.errors import NotObservable, TruthError
 from observer.mount import CameraMount
 from observer.truth.alignment.aligned import AlignedTruth
 from observer.truth.alignment.alignment import align
 from observer.truth.alignment.choices import AlignmentChoices
-from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.observed import ObservedRun, TrackKey
 from observer.truth.alignment.online import OnlineAlignment, pieces
 from observer.truth.alignment.result import Alignment

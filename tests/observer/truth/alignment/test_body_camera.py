@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array, Pose
 from observer.truth.alignment.body_camera import Assumed, find_body_camera
-from observer.truth.alignment.observability import NotObservable
 
 T_BODY_CAMERA = Pose.from_rotvec([0, 0, 0.4], [0.15, -0.1, 0.25]) @ Pose(
     np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.zeros(3)

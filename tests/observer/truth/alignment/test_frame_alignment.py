@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from observer.errors import NotObservable
 from observer.geometry import Pose
 from observer.truth.alignment.frame_alignment import align_planar, upright
-from observer.truth.alignment.observability import NotObservable
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from observer.errors import NotObservable
 from observer.geometry import Float64Array
 from observer.truth.alignment.curves import SpeedCurve, between
-from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.time_offset import TimeOffset, find_time_offset
 
 from .conftest import to_source
