@@ -399,6 +399,8 @@ def test_stopping_twice_in_a_row_stays_stopped_and_moves_nothing_in_the_header(
     expect(page.locator(".stop-state")).to_contain_text("Stopped by")
     reset.click()
     expect(page.locator(".stop-latched")).to_be_hidden()
+    # The hidden button does not take the keyboard's place with it.
+    expect(page.locator("#stop-robots")).to_be_focused()
     assert page.evaluate(_HEADER_PLACES) == before
 
 

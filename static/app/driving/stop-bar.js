@@ -1,6 +1,7 @@
 /** The stop button, always visible wherever the user is on the page, and its outcome. */
 
 import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
+import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
@@ -106,6 +107,8 @@ class StopLine extends Part {
     const stopped = robots?.stopped ?? null;
     setAttribute(document.documentElement, "data-stopped", stopped ? "" : null);
     if (stopped && this.#latched.hidden) this.#delayReset();
+    // Nothing that the focus could move to is safer to press.
+    if (!stopped) moveFocus(this.#latched, document.getElementById("stop-robots"));
     this.#latched.hidden = !stopped;
     this.#armed.hidden = stopped !== null || !driver.anyArmed;
     setText(this.#stopped, stopped ? `Stopped by ${stopped.by}` : "");
