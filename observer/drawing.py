@@ -89,7 +89,7 @@ def draw_obstacles(
     for each in obstacles:
         if not _draw_shape(canvas, each):
             continue
-        wanted, baseline = _text_area(each, scale)
+        wanted, baseline = _text_area(each, scale, canvas.shape[1])
         area = _free_area(wanted, taken, canvas.shape[0])
         taken.append(area)
         texts.append((each, area, baseline))
@@ -110,12 +110,16 @@ def _draw_shape(canvas: Image, obstacle: DrawnObstacle) -> bool:
     return True
 
 
-def _text_area(obstacle: DrawnObstacle, scale: float) -> tuple[_Area, int]:
-    """Return where an obstacle's text belongs, and how far its baseline is above the bottom."""
+def _text_area(obstacle: DrawnObstacle, scale: float, image_width: int) -> tuple[_Area, int]:
+    """Return where an obstacle's text belongs, and how far its baseline is above the bottom.
+
+    Its ends are within the image, if it is wide enough.
+    """
     u0, v0 = (round(value) for value in obstacle.box_px[:2])
     (width, height), below = cv2.getTextSize(obstacle.text, _FONT, scale, 3)
     baseline = max(v0 - _ABOVE_PX, round(_LETTER_PX * scale))
-    return _Area(u0, baseline - height, u0 + width, baseline + below), below
+    left = max(0, min(u0, image_width - width))
+    return _Area(left, baseline - height, left + width, baseline + below), below
 
 
 def _free_area(wanted: _Area, taken: Sequence[_Area], height: int) -> _Area:

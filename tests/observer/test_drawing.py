@@ -146,3 +146,14 @@ def test_the_texts_of_neighbours_do_not_cover_each_other(top: float) -> None:
         inks = [(image[:, 84:, strongest] > 120).sum() for image in (alone, together)]
         assert inks[0] > 20
         assert inks[1] == inks[0]
+
+
+@pytest.mark.parametrize("left", [-30.0, 290.0])
+def test_the_text_of_an_obstacle_at_the_border_is_whole(left: float) -> None:
+    box = (left, 100.0, left + 40.0, 150.0)
+    inks = []
+    for each in (box, (100.0, 100.0, 140.0, 150.0)):
+        image = canvas()
+        draw_obstacles(image, [DrawnObstacle(each, None, "#1  0.40 m/s", COLOR)])
+        inks.append((image[:95, ..., 2] > 120).sum())
+    assert inks[0] == inks[1] > 20
