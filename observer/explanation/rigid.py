@@ -179,6 +179,13 @@ def _judge(
             "evidence of motion.",
             "Texture across the edge would change this; no threshold affects it.",
         )
+    if evidence.recurs[speaker]:
+        return (
+            PixelVerdict.UNDECIDED,
+            "The texture here repeats along the row, so the match in the other camera, and with "
+            "it the depth, may be wrong: this is not evidence of motion.",
+            "Texture that does not repeat would change this; no threshold affects it.",
+        )
     if middle == 0:
         return (
             PixelVerdict.UNDECIDED,

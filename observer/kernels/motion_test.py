@@ -49,13 +49,13 @@ def _trace(A: Reals) -> float:
     WHOLES1, FLAGS1, REALS2, REALS3, REALS3, REALS3, REALS3, REALS2, REALS2, REALS1, REALS1, WHOLE
 )  # fmt: skip
 def own_motion(
-    sightings: Indices, cornered: Flags, origin: Reals, a0: Reals, place_cov: Reals, a1: Reals,
+    sightings: Indices, telling: Flags, origin: Reals, a0: Reals, place_cov: Reals, a1: Reals,
     a2: Reals, b0: Reals, b1: Reals, c0: Reals, count: Reals, min_sightings: int,
 ) -> tuple[Flags, Reals, Reals, Reals, Reals, Reals, Reals, Reals, Reals]:  # fmt: skip
     """Fit the motion of N points, each alone, from its sums of ``PositionVelocityFilter``.
 
     Args:
-        sightings: (N,). cornered: (N,), as of ``TrackedPoints``.
+        sightings: (N,). telling: (N,), as of ``TrackedPoints``.
         origin ... count: the sums. place_cov: (N, 3, 3) m^2, the inverse of a0.
 
     Returns:
@@ -85,12 +85,11 @@ def own_motion(
                 information[i, r, c] = a2[i, r, c] - (inner[r, c] + inner[c, r]) / 2
                 vector[i, r] -= gain[r, c] * b0[i, c]
             known = known and math.isfinite(vector[i, r])
-        # If a point is seen along one line only, or always at one instant, its velocity is unknown;
-        # and along a straight edge a match may slide, which is no evidence of motion.
+        # If a point is seen along one line only, or always at one instant, its velocity is unknown.
         scale = _trace(information[i]) / 3
         ready[i] = (
             known
-            and cornered[i]
+            and telling[i]
             and sightings[i] >= min_sightings
             and scale > _LEAST_REMAINDER * _trace(a2[i])
             and determinant(information[i]) > _LEAST_RANK * scale**3

@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 from observer.kernels.compiled import (
     BYTES2,
     SINGLE,
+    SINGLES1,
     SINGLES2,
     WHOLE,
     Bytes,
+    Flags,
     Singles,
     kernel,
     part,
@@ -26,13 +28,20 @@ _ONE = np.uint64(1)
 
 
 @part
-def _costs(first: Bytes, second: Bytes, row: int, column: int, side: int, cost: _Shorts) -> None:
-    """Write the SADs of a block against K blocks of the second image, left to right, to cost."""
+def _costs(
+    first: Bytes, row: int, column: int, second: Bytes, begin: int, side: int, cost: _Shorts
+) -> None:
+    """Write to cost (K,) the SADs of a block of the first image against K blocks of the second.
+
+    Args:
+        row, column: where the block begins, ``begin``: where the first of the K does, the others
+            follow to the right.
+    """
     for k in range(len(cost)):
         cost[k] = 0
-    begin = np.uint64(column)
+    start = np.uint64(begin)
     for i in range(row, row + side):
-        at = begin
+        at = start
         for j in range(column, column + side):
             grey = first[i, j]
             there = at
@@ -45,21 +54,35 @@ def _costs(first: Bytes, second: Bytes, row: int, column: int, side: int, cost: 
 
 
 @part
+def _least(cost: _Shorts) -> int:
+    """Return the number of the least of the costs (K,)."""
+    best = 0
+    for k in range(1, len(cost)):
+        if cost[k] < cost[best]:
+            best = k
+    return best
+
+
+@part
+def _clearly_less(
+    least: np.float32, cost: np.float32, uniqueness: np.float32, least_gap: np.float32
+) -> bool:
+    return bool(cost - least >= max(uniqueness * cost, least_gap))
+
+
+@part
 def _best(
     cost: _Shorts, u: np.float32, reduction: int, uniqueness: np.float32, least_gap: np.float32
 ) -> np.float32:
     """Return the disparity, px, of least cost (K,), by a parabola; NaN if ambiguous or outside."""
     last = len(cost) - 1
-    best = 0
-    for k in range(1, last + 1):
-        if cost[k] < cost[best]:
-            best = k
+    best = _least(cost)
     rest = _MOST
     for k in range(last + 1):
         if (k < best - 1 or k > best + 1) and cost[k] < rest:
             rest = int(cost[k])
     least, second = np.float32(cost[best]), np.float32(rest)
-    if not second - least >= max(uniqueness * second, least_gap):
+    if not _clearly_less(least, second, uniqueness, least_gap):
         return np.float32(np.nan)
     between = np.float32(0.0)
     # The first and the last have only one neighbour, so no parabola.
@@ -71,7 +94,33 @@ def _best(
     return np.float32(disparity) if disparity <= u else np.float32(np.nan)
 
 
-@kernel(BYTES2, BYTES2, SINGLES2, WHOLE, WHOLE, WHOLE, SINGLE, SINGLE)
+@part
+def _recurs(cost: _Shorts, own: int, share: np.float32) -> bool:
+    """Return whether a block recurs on its row, by its SADs (K,) against blocks of its own image.
+
+    Args:
+        own: number of the block itself. share: of the mean, below which another local minimum
+            shows the same texture.
+    """
+    least, total = _MOST, 0
+    for k in range(len(cost)):
+        total += int(cost[k])
+    for k in range(1, len(cost) - 1):
+        minimum = cost[k] <= cost[k - 1] and cost[k] <= cost[k + 1]
+        if minimum and (k < own - 1 or k > own + 1) and cost[k] < least:
+            least = int(cost[k])
+    return bool(np.float32(least) * np.float32(len(cost)) < share * np.float32(total))
+
+
+@part
+def _block(px: Singles, reduction: int, side: int, shape: tuple[int, int]) -> tuple[int, int]:
+    """Return row and column at which the block around a point (2,) px begins."""
+    column = min(int(np.rint(px[0] / reduction)), shape[1] - side)
+    row = min(int(np.rint(px[1] / reduction)), shape[0] - side)
+    return row, column
+
+
+@kernel(BYTES2, BYTES2, SINGLES2, WHOLE, WHOLE, WHOLE, SINGLE, SINGLE, SINGLE)
 def search_rows(
     first: Bytes,
     second: Bytes,
@@ -81,8 +130,13 @@ def search_rows(
     count: int,
     uniqueness: np.float32,
     least_gap: np.float32,
-) -> Singles:
-    """Find the disparities (N,) px, NaN unknown, at which the blocks around N points match best.
+    recurrence: np.float32,
+) -> tuple[Singles, Flags]:
+    """Find the disparities at which the blocks around N points match best.
+
+    A block that recurs on its own row also matches the other image at several disparities, and
+    what is seen between the repetitions may make a wrong one the best (Manduchi and Tomasi:
+    Distinctiveness Maps for Image Matching, ICIAP 1999).
 
     Args:
         first, second: (h, w), (h, w + count) left and right image, reduced, each padded by half a
@@ -91,13 +145,76 @@ def search_rows(
         side: of a block. count: the largest disparity, both in pixels of the reduced images.
         uniqueness: share, and least_gap: sum of differences, by which the best cost must be below
             those of all disparities but its neighbours.
+        recurrence: share of the mean cost within its own row below which a block recurs there.
+
+    Returns:
+        The disparities (N,) px, NaN unknown, and which of the blocks recur, (N,).
     """
     found = np.empty(len(px), np.float32)
+    recurs = np.zeros(len(px), np.bool_)
     # Number k has the disparity count - k.
     cost = np.empty(count + 1, np.uint16)
+    own = np.empty(2 * count + 1, np.uint16)
     for n in range(len(px)):
-        column = min(int(np.rint(px[n, 0] / reduction)), first.shape[1] - side)
-        row = min(int(np.rint(px[n, 1] / reduction)), first.shape[0] - side)
-        _costs(first, second, row, column, side, cost)
+        row, column = _block(px[n], reduction, side, first.shape)
+        _costs(first, row, column, second, column, side, cost)
         found[n] = _best(cost, px[n, 0], reduction, uniqueness, least_gap)
-    return found
+        if np.isnan(found[n]):
+            continue
+        begin = max(column - count, 0)
+        around = own[: min(column + count, first.shape[1] - side) - begin + 1]
+        _costs(first, row, column, first, begin, side, around)
+        recurs[n] = _recurs(around, column - begin, recurrence)
+    return found, recurs
+
+
+@part
+def _contradicts(
+    cost: _Shorts,
+    held: np.float32,
+    found: np.float32,
+    reduction: int,
+    uniqueness: np.float32,
+    least_gap: np.float32,
+    near_px: np.float32,
+) -> bool:
+    """Return whether costs (K,) contradict a disparity, px; ``found`` is the unique one, or NaN."""
+    if not np.isnan(found):
+        return bool(abs(found - held) > near_px)
+    last, best, own = len(cost) - 1, _least(cost), _MOST
+    for k in range(last + 1):
+        if abs(reduction * (last - k) - held) <= near_px and cost[k] < own:
+            own = int(cost[k])
+    return _clearly_less(np.float32(cost[best]), np.float32(own), uniqueness, least_gap)
+
+
+@kernel(BYTES2, BYTES2, SINGLES2, SINGLES1, WHOLE, WHOLE, WHOLE, SINGLE, SINGLE, SINGLE)
+def contradicted_by_rows(
+    first: Bytes,
+    second: Bytes,
+    px: Singles,
+    held: Singles,
+    reduction: int,
+    side: int,
+    count: int,
+    uniqueness: np.float32,
+    least_gap: np.float32,
+    near_px: np.float32,
+) -> Flags:
+    """(N,) for which of N points another disparity matches clearly better than the one they have.
+
+    Args:
+        held: (N,) px, the disparities; what has none, NaN, is not contradicted.
+        near_px: pixels, by which disparities differ that belong to different surfaces.
+        Others: as for ``search_rows``.
+    """
+    wrong = np.zeros(len(px), np.bool_)
+    cost = np.empty(count + 1, np.uint16)
+    for n in range(len(px)):
+        if np.isnan(held[n]):
+            continue
+        row, column = _block(px[n], reduction, side, first.shape)
+        _costs(first, row, column, second, column, side, cost)
+        found = _best(cost, px[n, 0], reduction, uniqueness, least_gap)
+        wrong[n] = _contradicts(cost, held[n], found, reduction, uniqueness, least_gap, near_px)
+    return wrong

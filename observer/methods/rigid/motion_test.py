@@ -34,7 +34,7 @@ def pooled_motion(
     sums = points.sums
     ready, own_velocity, own_cov, information, vector, position, position_cov, window, _ = (
         own_motion(
-            points.sightings, points.cornered, sums.origin, sums.a0, sums.position_cov, sums.a1,
+            points.sightings, points.telling, sums.origin, sums.a0, sums.position_cov, sums.a1,
             sums.a2, sums.b0, sums.b1, sums.c0, sums.count, parameters.min_sightings,
         )
     )  # fmt: skip

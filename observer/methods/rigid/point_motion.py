@@ -63,6 +63,8 @@ class PointEvidence:
             are obstacles not confirmed yet.
         cornered: (N,) whether its texture varies in more than one direction; along a straight
             edge a match may slide and is no evidence.
+        recurs: (N,) whether its texture recurs along the row: its depth may be wrong, and is no
+            evidence of motion.
         on_outline: (N,) whether it is seen on the outline of its obstacle.
     """
 
@@ -77,4 +79,5 @@ class PointEvidence:
     neighbours: NDArray[np.int_]
     obstacle_id: NDArray[np.int_]
     cornered: NDArray[np.bool_]
+    recurs: NDArray[np.bool_]
     on_outline: NDArray[np.bool_]

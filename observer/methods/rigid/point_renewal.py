@@ -20,12 +20,8 @@ from observer.vision.disparity_bias import bias_profile
 from observer.vision.keypoints import attention, grid_cells, new_keypoints, one_per_cell
 from observer.vision.klt_tracking import TYPICAL_SIGMA_PX, match_right
 from observer.vision.lifecycle import NO_OBSTACLE
-from observer.vision.sparse_stereo import coarse_disparity
+from observer.vision.sparse_stereo import RowMatches, RowSearch
 from observer.vision.view import View
-
-# Pixels: disparities that differ more belong to different surfaces; the coarse one is accurate to
-# about 1 px.
-_ANOTHER_DISPARITY_PX = 2.5
 
 
 class PointRenewal:
@@ -65,12 +61,14 @@ class PointRenewal:
         due = np.flatnonzero(points.sightings == parameters.evidence.min_sightings)
         if len(px) == 0 and len(due) == 0:
             return points
-        searched = np.concatenate([points.px[due], px])
-        coarse = coarse_disparity(view.left, view.right, searched, parameters.stereo)
-        wrong = due[_contradicted(points, due, coarse[: len(due)])]
+        rows = RowSearch.of(view.left, view.right, parameters.stereo)
+        # By the time a point is about to be judged, its surroundings have shifted.
+        judged = points.px[due]
+        wrong = due[rows.contradicts(judged, judged[:, 0] - points.right_px[due, 0])]
         if len(wrong):
             points = points.take(np.delete(np.arange(len(points)), wrong))
-        new = self._spawned(view, px, coarse[len(due) :], T_camera_world, rate, parameters, bias_px)
+        matches = rows.matches(px)
+        new = self._spawned(view, px, matches, T_camera_world, rate, parameters, bias_px)
         return points.joined(new)
 
     def restarted(
@@ -82,24 +80,21 @@ class PointRenewal:
         points, disparity = points.take(known), disparity[known]
         disparity = disparity + _skew_s(view) * points.flow[:, 0]
         started = self._start_points(points.px, points.right_px, disparity, T_camera_world, bias_px)
-        return started.but(number=points.number, flow=points.flow)
+        return started.but(number=points.number, flow=points.flow, recurs=points.recurs)
 
     def _spawned(
         self,
         view: View,
         px: NDArray[np.float32],
-        coarse: NDArray[np.float32],
+        matches: RowMatches,
         T_camera_world: Pose,
         rate: CameraRate | None,
         parameters: Parameters,
         bias_px: float,
     ) -> TrackedPoints:
-        """Return new points at those of (N, 2) px that are found in the right image.
-
-        Args:
-            coarse: (N,) disparity to within a few pixels, NaN unknown.
-        """
-        right, _ = match_right((view.left, view.right), px, coarse, parameters.klt_tracking)
+        """Return new points at those of (N, 2) px that are found in the right image."""
+        images, coarse = (view.left, view.right), matches.disparity
+        right, _ = match_right(images, px, coarse, parameters.klt_tracking)
         disparity = (px[:, 0] - right[:, 0]).astype(np.float64)
         known = np.asarray(disparity > MOST_NEGATIVE_PX)
         px, right = px[known], right[known]
@@ -109,7 +104,7 @@ class PointRenewal:
             disparity = disparity + skew_s * self._static_flow(px, disparity, rate)
         started = self._start_points(px, right, disparity, T_camera_world, bias_px)
         self._next_number += len(px)
-        return started
+        return started.but(recurs=matches.recurs[known])
 
     def _start_points(
         self,
@@ -142,16 +137,3 @@ class PointRenewal:
 def _skew_s(view: View) -> float:
     """Return the seconds by which the right camera exposes later; 0 if unknown."""
     return 0.0 if view.right_time is None else view.right_time - view.time
-
-
-def _contradicted(
-    points: TrackedPoints, due: NDArray[np.intp], coarse: NDArray[np.float32]
-) -> NDArray[np.bool_]:
-    """(K,) which points (K,) differ in disparity from a fresh search of the whole row (K,).
-
-    Beside a depth edge a point may get, and keep, the disparity of the surface across the edge,
-    because left and right look alike there. By the time it is about to be judged, the surroundings
-    have shifted, so the row is searched again.
-    """
-    own = points.px[due, 0] - points.right_px[due, 0]
-    return np.asarray(np.abs(coarse - own) > _ANOTHER_DISPARITY_PX)

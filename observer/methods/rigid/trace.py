@@ -89,6 +89,7 @@ def _evidence(points: TrackedPoints, ego: RigidEgoMotion, motion: PooledMotion) 
         neighbours=motion.neighbours,
         obstacle_id=_obstacle(points),
         cornered=points.cornered,
+        recurs=points.recurs,
         on_outline=points.within != NO_OBSTACLE,
     )
 

@@ -45,6 +45,7 @@ class TrackedPoints:
         age: (N,) seconds since it was first seen.
         sums: position and velocity of each point, world frame.
         cornered: (N,) whether the texture there varies in more than one direction.
+        recurs: (N,) whether its texture recurs along the row, so that its depth may be wrong.
         velocity: (N, 3) m/s, world, of the point alone at the last frame; 0 while unknown.
         dynamic: (N,) whether it counted as dynamic at the last frame.
         obstacle: (N,) number of the obstacle it belongs to, or ``NO_OBSTACLE``.
@@ -63,6 +64,7 @@ class TrackedPoints:
     age: Float64Array
     sums: PositionVelocityFilter
     cornered: NDArray[np.bool_]
+    recurs: NDArray[np.bool_]
     velocity: Float64Array
     dynamic: NDArray[np.bool_]
     obstacle: NDArray[np.int64]
@@ -98,6 +100,7 @@ class TrackedPoints:
             age=np.zeros(count),
             sums=sums,
             cornered=np.ones(count, np.bool_),
+            recurs=np.zeros(count, np.bool_),
             velocity=np.zeros((count, 3)),
             dynamic=np.zeros(count, np.bool_),
             obstacle=np.full(count, NO_OBSTACLE, np.int64),
@@ -127,6 +130,15 @@ class TrackedPoints:
         """Return the points with one more sighting each, ``dt`` seconds after the last ones."""
         sums = self.sums.advanced(dt, memory_s)
         return self.but(sums=sums.with_sightings(sightings.position, sightings.information))
+
+    @property
+    def telling(self) -> NDArray[np.bool_]:
+        """(N,) which points would be evidence of motion if they moved.
+
+        Along a straight edge a match may slide, and among repetitions it may be another one's:
+        then a point that stands appears to move. That it appears to stand is evidence still.
+        """
+        return self.cornered & ~self.recurs
 
     @property
     def stereo_share(self) -> float:

@@ -145,7 +145,7 @@ def _known(
         static = _shares(depth & (~scene.standing | (evidence == STATIC)))
         moves = _shares((evidence == ARRIVED) | (evidence == UNCOVERED))
     # A point seen only once, or by one camera only, is no evidence of motion.
-    tells = (points.sightings > 1) & np.isfinite(points.disparity) & points.cornered
+    tells = (points.sightings > 1) & np.isfinite(points.disparity) & points.telling
     side_px, least = np.float32(_SIDE * grid.reduction), np.float32(_SEEN_SHARE)
     px, dynamic = points.px[tells], points.dynamic[tells]
     return told_by_points(known, static, moves, px, dynamic, side_px, least)

@@ -47,6 +47,7 @@ def evidence(significance: Any, **changes: Any) -> PointEvidence:
         neighbours=np.full(count, 12),
         obstacle_id=np.where(length > THRESHOLD, 3, -1),
         cornered=np.ones(count, np.bool_),
+        recurs=np.zeros(count, np.bool_),
         on_outline=np.zeros(count, np.bool_),
     )
     return replace(made, **changes)
@@ -254,6 +255,12 @@ def test_features_on_a_straight_edge_are_undecided() -> None:
     answer = ask(evidence([0.0] * 4, cornered=np.zeros(4, np.bool_)))
     assert answer.verdict is PixelVerdict.UNDECIDED
     assert "straight edge" in answer.sentence
+
+
+def test_features_whose_texture_repeats_are_undecided() -> None:
+    answer = ask(evidence([0.0] * 4, recurs=np.ones(4, np.bool_)))
+    assert answer.verdict is PixelVerdict.UNDECIDED
+    assert "repeats along the row" in answer.sentence
 
 
 def test_features_on_an_outline_belong_to_its_obstacle() -> None:

@@ -47,7 +47,8 @@ def tracked(seed: int, now: CameraStep, count: int = 250) -> TrackedPoints:
     px, disparity = CAMERA.project(now.T_camera_world.apply(place))
     single = px.astype(np.float32)
     points = TrackedPoints.begin(0, single, single, disparity, sums)
-    return points.but(sightings=sightings, cornered=rng.random(count) < 0.9)
+    cornered, recurs = rng.random((2, count)) < [[0.9], [0.1]]
+    return points.but(sightings=sightings, cornered=cornered, recurs=recurs)
 
 
 @pytest.mark.parametrize("seed", range(12))

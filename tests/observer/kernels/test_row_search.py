@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.kernels.row_search import search_rows
+from observer.kernels.row_search import contradicted_by_rows, search_rows
 
 from .oracles import row_search as oracle
 
 HEIGHT, WIDTH, SIDE, REDUCTION = 40, 60, 9, 2
-UNIQUENESS, LEAST_GAP = np.float32(0.1), np.float32(40.5)
+UNIQUENESS, LEAST_GAP, RECURRENCE = np.float32(0.1), np.float32(40.5), np.float32(0.25)
+NEAR_PX = np.float32(2.5)
 
 
 def pair(seed: int, count: int, levels: int, period: int) -> tuple[np.ndarray, np.ndarray]:
@@ -38,8 +39,15 @@ def test_the_row_search_matches_numpy(seed: int, count: int, levels: int, period
     # Half pixels of the smaller image round to even; the last ones lie at and beyond its edge.
     px[:20] = np.rint(px[:20])
     px[-3:] = [[0, 0], [2 * WIDTH - 1, 2 * HEIGHT - 1], [2 * WIDTH + 5, 2 * HEIGHT + 5]]
-    arguments = first, second, px, REDUCTION, SIDE, count, UNIQUENESS, LEAST_GAP
-    np.testing.assert_array_equal(search_rows(*arguments), oracle.search_rows(*arguments))
+    how = REDUCTION, SIDE, count, UNIQUENESS, LEAST_GAP
+    arguments = first, second, px, *how, RECURRENCE
+    for mine, its in zip(search_rows(*arguments), oracle.search_rows(*arguments), strict=True):
+        np.testing.assert_array_equal(mine, its)
+    held = rng.uniform(0, 2 * count, len(px)).astype(np.float32)
+    held[:15] = search_rows(first, second, px[:15], *how, RECURRENCE)[0]
+    known = first, second, px, held, *how, NEAR_PX
+    expected = oracle.contradicted_by_rows(*known)
+    np.testing.assert_array_equal(contradicted_by_rows(*known), expected)
 
 
 def test_flat_images_and_empty_input_give_no_disparity() -> None:
@@ -47,7 +55,11 @@ def test_flat_images_and_empty_input_give_no_disparity() -> None:
     wide = np.full((HEIGHT + SIDE - 1, WIDTH + SIDE - 1 + 24), 31, np.uint8)
     px = np.array([[50.0, 20.0], [119.0, 79.0]], np.float32)
     for some in (px, px[:0]):
-        found = search_rows(flat, wide, some, REDUCTION, SIDE, 24, UNIQUENESS, LEAST_GAP)
+        how = REDUCTION, SIDE, 24, UNIQUENESS, LEAST_GAP
+        found, recurs = search_rows(flat, wide, some, *how, RECURRENCE)
         assert found.dtype == np.float32
         assert found.shape == (len(some),)
         assert np.isnan(found).all()
+        assert not recurs.any()
+        held = np.full(len(some), 8.0, np.float32)
+        assert not contradicted_by_rows(flat, wide, some, held, *how, NEAR_PX).any()

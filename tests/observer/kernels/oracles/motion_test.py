@@ -67,8 +67,7 @@ def own_motion(points: TrackedPoints, parameters: EvidenceParameters) -> OwnMoti
     """Motion of each point by itself, its covariance inflated by scatter beyond the noise."""
     information, vector = points.sums.velocity_information()
     ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
-    # A match may slide along a straight edge: that is no evidence of motion.
-    ready &= points.cornered
+    ready &= points.telling
     # Seen along one line only, or always at one instant, a point's velocity is unknown.
     scale = np.trace(information, axis1=1, axis2=2) / 3
     ready &= scale > _LEAST_REMAINDER * np.trace(points.sums.a2, axis1=1, axis2=2)

@@ -15,20 +15,78 @@ def search_rows(
     count: int,
     uniqueness: np.float32,
     least_gap: np.float32,
-) -> NDArray[np.float32]:
-    """(N,) px disparities, NaN unknown; the arguments are those of the kernel."""
+    recurrence: np.float32,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """(N,) px disparities, NaN unknown, and which recur; the arguments are those of the kernel."""
+    column, row = _blocks(px, reduction, side, first.shape)
+    cost = _costs(first, second, row, column, side, count)
+    found = _best(cost, px[:, 0], reduction, uniqueness, least_gap)
+    recurs = np.zeros(len(px), np.bool_)
+    for n in np.flatnonzero(np.isfinite(found)):
+        begin, last = max(column[n] - count, 0), min(column[n] + count, first.shape[1] - side)
+        strip = first[row[n] : row[n] + side, begin : last + side].astype(np.int64)
+        own = np.lib.stride_tricks.sliding_window_view(strip, (side, side))[0]
+        block = strip[:, column[n] - begin : column[n] - begin + side]
+        recurs[n] = _recurs(np.abs(own - block).sum(axis=(1, 2)), column[n] - begin, recurrence)
+    return found, recurs
+
+
+def contradicted_by_rows(
+    first: NDArray[np.uint8],
+    second: NDArray[np.uint8],
+    px: NDArray[np.float32],
+    held: NDArray[np.float32],
+    reduction: int,
+    side: int,
+    count: int,
+    uniqueness: np.float32,
+    least_gap: np.float32,
+    near_px: np.float32,
+) -> NDArray[np.bool_]:
+    """(N,) which disparities are contradicted; the arguments are those of the kernel."""
+    column, row = _blocks(px, reduction, side, first.shape)
+    cost = _costs(first, second, row, column, side, count)
+    found = _best(cost, px[:, 0], reduction, uniqueness, least_gap)
+    apart = np.abs(reduction * np.arange(count, -1, -1) - held[:, None])
+    near = np.where(apart <= near_px, cost, np.iinfo(np.uint16).max)
+    least, own = cost.min(axis=1).astype(np.float32), near.min(axis=1).astype(np.float32)
+    ambiguous = np.isnan(found) & (own - least >= np.maximum(uniqueness * own, least_gap))
+    return (ambiguous | (np.abs(found - held) > near_px)) & np.isfinite(held)
+
+
+def _blocks(
+    px: NDArray[np.float32], reduction: int, side: int, shape: tuple[int, ...]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(N,) columns and rows at which the blocks around pixels (N, 2) begin."""
     column = np.rint(px[:, 0] / reduction).astype(np.intp)
     row = np.rint(px[:, 1] / reduction).astype(np.intp)
-    column = np.minimum(column, first.shape[1] - side)
-    row = np.minimum(row, first.shape[0] - side)
+    return np.minimum(column, shape[1] - side), np.minimum(row, shape[0] - side)
+
+
+def _costs(
+    first: NDArray[np.uint8],
+    second: NDArray[np.uint8],
+    row: NDArray[np.intp],
+    column: NDArray[np.intp],
+    side: int,
+    count: int,
+) -> NDArray[np.uint16]:
+    """(N, count + 1) SADs of the blocks against those of the second image, left to right."""
     block = _windows(first, row, column, side, side).astype(np.int64)
     # Block d of the strip has the disparity count - d.
     strip = _windows(second, row, column, side, side + count).astype(np.int64)
-    cost = np.stack(
+    return np.stack(
         [np.abs(block - strip[:, :, d : d + side]).sum(axis=(1, 2)) for d in range(count + 1)],
         axis=1,
-    )
-    return _best(cost.astype(np.uint16), px[:, 0], reduction, uniqueness, least_gap)
+    ).astype(np.uint16)
+
+
+def _recurs(cost: NDArray[np.int64], own: int, share: np.float32) -> bool:
+    """Return whether costs (K,) within a row have a low local minimum besides that at ``own``."""
+    number = np.arange(1, len(cost) - 1)
+    minimum = (cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:]) & (np.abs(number - own) > 1)
+    least = cost[1:-1][minimum].min(initial=np.iinfo(np.uint16).max)
+    return bool(np.float32(least) * np.float32(len(cost)) < share * np.float32(cost.sum()))
 
 
 def _windows(

@@ -261,6 +261,16 @@ def test_a_stretched_edge_of_the_image_is_not_motion() -> None:
     assert pooled(points, camera=ROAD, rate=rate).dynamic.mean() > 0.8
 
 
+@pytest.mark.parametrize("untold", ["recurs", "cornered"])
+def test_texture_that_recurs_or_is_only_an_edge_is_no_evidence_of_motion(untold: str) -> None:
+    rng = np.random.default_rng(4)
+    points = watched(LAB, board(rng, side_px=20, count=40), np.array([0.2, 0, 0]), rng)
+    assert pooled(points).dynamic.all()
+    points = points.but(**{untold: np.full(len(points), untold == "recurs")})
+    assert not pooled(points).dynamic.any()
+    assert not pooled(points).judged.any()
+
+
 def test_shared_errors_of_neighbours_lower_the_significance() -> None:
     rng = np.random.default_rng(4)
     points = watched(LAB, board(rng, side_px=20, count=40), np.array([0.2, 0, 0]), rng)
