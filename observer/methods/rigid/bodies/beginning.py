@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.filter import BodyFilter
+from observer.methods.rigid.bodies.filter import POSITION, BodyFilter
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, measured_anchor
 from observer.methods.rigid.bodies.segment_gate import leaps, misfit
 from observer.methods.rigid.bodies.shape import BodyShape
+from observer.methods.rigid.dense.height import bottom_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment
 from observer.types import TrackState
@@ -19,6 +20,9 @@ from observer.types import TrackState
 _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 # A segment is a body's if this share of its members lies on it.
 OWN_SHARE = 0.5
+# Metres: a small body stands no higher above the ground, and this far from larger ones, whose parts
+# move on their own.
+_STANDS_M, _PART_M = 0.15, 1.2
 
 
 def start_track(
@@ -55,6 +59,20 @@ def motion_at(
     """
     spread = np.diag([sigma_mps, _FIRST_UP_MPS, sigma_mps]) ** 2
     return BodyFilter.begin(place, velocity, cov, spread, 0.0).straightened()
+
+
+def stands_alone(segment: Segment, tracks: list[BodyTrack], scene: DenseScene) -> bool:
+    """Return whether a small segment stands on the ground and is no part of a larger body.
+
+    Limbs, wheels and reflections are small and move, too; where the ground is unknown it may be
+    any of these.
+    """
+    if scene.ground is None or bottom_height(segment, scene, scene.ground) > _STANDS_M:
+        return False
+    place, _ = measured_anchor(segment, "middle", scene)
+    larger = [t for t in tracks if t.outline is None or not t.outline.is_small]
+    away = [t.mean[POSITION] - place for t in larger]
+    return all(np.hypot(x, z) >= _PART_M for x, _, z in away)
 
 
 def bodies_of(

@@ -18,6 +18,7 @@ from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.height import bottom_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
+    SEGMENT_M2,
     Expected,
     Mask,
     Segment,
@@ -149,6 +150,11 @@ class Outline:
         A body that is cut off at the top may be a person.
         """
         return self.height > _UPRIGHT * self.width or self.segment.cut[2]
+
+    @property
+    def is_small(self) -> bool:
+        """True if it was always smaller than a part of a person, like a ball."""
+        return self.moving_area < SEGMENT_M2 * self.grid.per_metre(1.0) ** 2
 
     @property
     def is_high(self) -> bool:

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.methods.rigid.bodies.beginning import OWN_SHARE, bodies_of, motion_at, start_track
+from observer.methods.rigid.bodies.beginning import (
+    OWN_SHARE,
+    bodies_of,
+    motion_at,
+    stands_alone,
+    start_track,
+)
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.cells_around import cells_around
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
@@ -28,6 +34,7 @@ from observer.methods.rigid.dense.segments import (
     Segment,
     followed_segment,
     fresh_segments,
+    is_small,
     owners,
     widened,
 )
@@ -78,7 +85,12 @@ def track_segments(
         if any(t.seen_outline.take(segment, scene) for t in tracks if t.seen_outline is not None):
             continue
         inside = segment.mask[cells]
-        found = bodies_of(segment, inside, tracks, obstacle, scene, min_points)
+        small = is_small(scene, segment)
+        if small and not stands_alone(segment, tracks, scene):
+            continue
+        # A small segment is no larger body that comes back.
+        likely = [t for t in tracks if not small or t.outline is None or t.outline.is_small]
+        found = bodies_of(segment, inside, likely, obstacle, scene, min_points)
         if not found:
             pair = spanning(segment, inside, tracks, obstacle, scene)
             if pair is not None:
@@ -200,7 +212,9 @@ def _follow(
     for number, (track, where) in enumerate(expected):
         core = owner == number
         grows = track.outline is None or not track.outline.is_static
-        segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
+        small = track.outline is not None and track.outline.is_small
+        mine = free & (core | (owner < 0))
+        segment = followed_segment(scene, where, core, mine, grows=grows, small=small)
         if segment is None:
             continue
         if track.outline is None and (segment.is_separate or track.crosses):

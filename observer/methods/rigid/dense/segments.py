@@ -21,8 +21,8 @@ Window = tuple[slice, slice]
 
 # The trunk is in this upper share of the rows; legs swing below it.
 TRUNK_SHARE = 0.6
-# Least area of a seed and of a segment, m^2, and of either, cells.
-_SEED_M2, SEGMENT_M2, LEAST_CELLS = 0.03, 0.08, 12
+# Least area of a seed, of a segment and of one that is clear-cut, m^2, and of all three, cells.
+_SEED_M2, SEGMENT_M2, _SMALL_M2, LEAST_CELLS = 0.03, 0.08, 0.03, 12
 _MOST_SEEDS = 12
 # Metres by which a segment may grow from a seed into what is static, or beyond where it was
 # expected: two things that touch are not to become one.
@@ -35,6 +35,9 @@ _STEP_CELLS = 0.5
 # so much of it has arrived, or was uncovered while its border stands apart this clearly.
 _APART, _CLEAR, _CLEAR_UNCOVERED, _CLEAR_NEAR = 0.6, 0.2, 0.35, 0.1
 _NEAR_SHARE, _MOVED_SHARE, _APART_AWAY = 0.05, 0.7, 0.8
+# Shares of the cells that arrived, of the comparable and of all border cells that stand apart, and
+# of the box that is filled, from which a segment is clear-cut.
+_ARRIVED_CUT, _APART_CUT, _CLEAR_CUT, _FILLED_CUT = 0.5, 0.95, 0.5, 0.5
 # A cell may belong to an expected body up to so many tolerances from its disparity.
 _OWN_TOLERANCES = 1.5
 # Metres, and share of the view's height: a segment as high as either is no patch of noise.
@@ -82,6 +85,14 @@ class Segment:
         if moved and self.area > _NEAR_SHARE * self.mask.size:
             least = _CLEAR_NEAR
         return self.apart >= _APART and self.clear >= least
+
+    @property
+    def is_clear_cut(self) -> bool:
+        """True if it is compact, and arrived apart from all around it: no noise, however small."""
+        left, top, right, bottom = self.box
+        filled = self.area / ((right - left) * (bottom - top))
+        apart = self.apart >= _APART_CUT and self.clear >= _CLEAR_CUT
+        return apart and self.arrived >= _ARRIVED_CUT and filled >= _FILLED_CUT
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +146,8 @@ def segment_of(scene: DenseScene, mask: Mask, trunk_share: float = TRUNK_SHARE) 
 def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
     """List segments grown from what arrived in free space or was uncovered, largest seed first.
 
+    Small ones come last, and only if they are clear-cut.
+
     Args:
         free: (h, w) cells that belong to nothing yet.
     """
@@ -143,7 +156,7 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(seeds.view(np.uint8), connectivity=8)
     areas = stats[1:, cv2.CC_STAT_AREA]
     left = scene.standing & free
-    found = []
+    found, small = [], []
     for label in np.argsort(-areas, kind="stable")[:_MOST_SEEDS] + 1:
         column, row, width, height, area = stats[label].tolist()
         if area < LEAST_CELLS:
@@ -159,30 +172,35 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
         seed = np.zeros_like(left)
         seed[window] = part
         mask = grown_mask(scene, left, seed, _widened(scene, seed, d), d)
-        if mask is None or np.count_nonzero(mask) < least_cells(scene, SEGMENT_M2, d):
+        if mask is None or np.count_nonzero(mask) < least_cells(scene, _SMALL_M2, d):
             continue
         segment = segment_of(scene, mask)
-        if segment.is_separate:
+        if is_small(scene, segment):
+            if segment.is_clear_cut:
+                small.append(segment)
+        elif segment.is_separate:
             left &= ~mask
             found.append(segment)
-    return found
+    return found + [segment for segment in small if left[segment.mask].all()]
 
 
 def followed_segment(
-    scene: DenseScene, expected: Expected, core: Mask, free: Mask, *, grows: bool
+    scene: DenseScene, expected: Expected, core: Mask, free: Mask, *, grows: bool, small: bool
 ) -> Segment | None:
     """Return the segment at which a body was expected, grown from its core; None if it is gone.
 
     Args:
         core: (h, w) the cells that are most likely its own. free: those that it may take.
         grows: whether it may grow beyond where it was expected; a body that stands may not.
+        small: whether the body is.
     """
     if np.count_nonzero(core) < LEAST_CELLS:
         return None
     d = median(scene.disparity[core])
     near = _widened(scene, expected.mask, d) if grows else expected.mask
     mask = grown_mask(scene, scene.standing & free & near, core, expected.mask, d)
-    if mask is None or np.count_nonzero(mask) < least_cells(scene, SEGMENT_M2 / 2, d):
+    least_m2 = (_SMALL_M2 if small else SEGMENT_M2) / 2
+    if mask is None or np.count_nonzero(mask) < least_cells(scene, least_m2, d):
         return None
     return segment_of(scene, mask)
 
@@ -261,6 +279,11 @@ def _gap(scene: DenseScene, part: Segment, body: Segment) -> float:
 def least_cells(scene: DenseScene, area_m2: float, disparity: float) -> float:
     """Return how many cells an area, m^2, covers at a disparity, px; at least ``LEAST_CELLS``."""
     return max(LEAST_CELLS, area_m2 * scene.grid.per_metre(disparity) ** 2)
+
+
+def is_small(scene: DenseScene, segment: Segment) -> bool:
+    """Return whether a segment is smaller than a part of a person."""
+    return segment.area < least_cells(scene, SEGMENT_M2, segment.disparity)
 
 
 def _widened(scene: DenseScene, mask: Mask, disparity: float) -> Mask:

@@ -23,6 +23,7 @@ from ..solid_worlds import (
     DT,
     ROOM,
     Shape,
+    Solid,
     SolidView,
     arrived,
     on_floor,
@@ -81,6 +82,32 @@ def test_a_person_walking_in_is_confirmed_and_measured_without_points() -> None:
     np.testing.assert_allclose(track.centre_velocity()[0][[0, 2]], [0.8, 0.0], atol=0.15)
     assert track.box is not None
     assert track.box.size[0] == pytest.approx(0.45, abs=0.1)
+
+
+def test_a_ball_rolling_in_is_confirmed_and_measured_without_points() -> None:
+    view = watching()
+    for k in range(20):
+        view.step([*ROOM, on_floor(-0.8 + 0.08 * k, 3.0, (0.25, 0.25, 0.25))])
+    track = confirmed(view)
+    assert track.motion is MotionState.MOVING
+    np.testing.assert_allclose(track.centre[[0, 2]], [-0.8 + 0.08 * 19, 3.0], atol=0.12)
+    np.testing.assert_allclose(track.centre_velocity()[0][[0, 2]], [0.8, 0.0], atol=0.2)
+
+
+def test_something_small_that_moves_above_the_ground_starts_no_track() -> None:
+    view = watching()
+    for k in range(20):
+        hanging = Solid((-0.8 + 0.08 * k, 0.2, 3.0), (0.25, 0.25, 0.25))
+        view.step([*ROOM, hanging])
+        assert view.tracks == []
+
+
+def test_something_small_that_moves_beside_a_person_is_no_other_obstacle() -> None:
+    view = watching()
+    for k in range(20):
+        x = -0.8 + 0.08 * k
+        view.step([*ROOM, person(x, 4.0), on_floor(x + 0.7, 4.0, (0.25, 0.25, 0.25))])
+    assert len([t for t in view.tracks if t.state is TrackState.CONFIRMED]) == 1
 
 
 def test_a_person_walking_towards_a_moving_camera_is_measured() -> None:

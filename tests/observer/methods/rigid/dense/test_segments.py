@@ -19,6 +19,7 @@ from observer.methods.rigid.dense.segments import (
     box_px,
     followed_segment,
     fresh_segments,
+    is_small,
     owners,
     segment_of,
     window_of,
@@ -88,6 +89,28 @@ def test_an_uncovered_person_is_a_segment() -> None:
     segment = only(world(uncovered=[thing]))
     assert segment.uncovered == 1.0
     assert segment.is_separate
+
+
+def ball(x: float, z: float, size: float = 0.25) -> Solid:
+    return on_floor(x, z, (size, size, size))
+
+
+def test_a_ball_that_arrived_is_a_small_segment() -> None:
+    scene = world(arrived=[ball(0.4, 3.0)])
+    segment = only(scene)
+    assert is_small(scene, segment)
+    assert segment.is_clear_cut
+
+
+def test_something_small_is_no_segment_if_it_does_not_stand_apart() -> None:
+    assert fresh_segments(world(arrived=[ball(0.4, 3.0, 0.12)]), ALL) == []
+    beside = on_floor(0.85, 3.0, (0.6, 0.6, 0.25))
+    assert fresh_segments(world(beside, arrived=[ball(0.4, 3.0)]), ALL) == []
+
+
+def test_larger_segments_come_before_small_ones() -> None:
+    scene = world(arrived=[ball(-0.6, 2.5), person(0.5, 5.5)])
+    assert [is_small(scene, segment) for segment in fresh_segments(scene, ALL)] == [False, True]
 
 
 def test_static_objects_give_no_segments() -> None:
@@ -289,7 +312,7 @@ def expected_at(thing: Shape) -> Expected:
 
 def followed(scene: DenseScene, where: Expected, free: Mask = ALL, grows: bool = True) -> Segment:
     core = owners(scene, [where]) == 0
-    segment = followed_segment(scene, where, core, free, grows=grows)
+    segment = followed_segment(scene, where, core, free, grows=grows, small=False)
     assert segment is not None
     return segment
 
@@ -321,11 +344,21 @@ def test_a_stopped_body_does_not_grow_over_a_crate_placed_beside_it() -> None:
     assert (followed(scene, expected_at(newcomer)).mask & on_crate).any()
 
 
+def test_only_a_small_body_is_followed_as_a_small_segment() -> None:
+    now = ball(0.4, 3.0, 0.17)
+    scene, where = world(arrived=[now]), expected_at(now)
+    core = owners(scene, [where]) == 0
+    assert followed_segment(scene, where, core, ALL, grows=True, small=False) is None
+    segment = followed_segment(scene, where, core, ALL, grows=True, small=True)
+    assert segment is not None
+    assert overlap(segment.mask, cells(scene, now)) > 0.9
+
+
 def test_nothing_is_found_where_a_body_is_gone() -> None:
     where = expected_at(person(0.2, 4.0))
     scene = world()
     core = owners(scene, [where]) == 0
-    assert followed_segment(scene, where, core, ALL, grows=True) is None
+    assert followed_segment(scene, where, core, ALL, grows=True, small=False) is None
 
 
 def test_a_body_takes_only_free_cells() -> None:
