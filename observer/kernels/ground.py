@@ -26,7 +26,8 @@ from observer.kernels.compiled import (
 
 # Share of the cells that must lie on the ground if no plane is expected.
 _FOUND_SHARE = 0.5
-_LEAST_SAMPLES = 150
+# Cells: fewer are no ground.
+LEAST_SAMPLES = 150
 _REFITS = 2
 # Plausible camera: between these heights above the ground, metres, about level sideways, and
 # looking neither straight up nor, unless a mount says so, straight down.
@@ -104,7 +105,7 @@ def _refit(u: Reals, v: Reals, seen: Reals, tolerance: Reals, plane: Reals) -> b
             else:
                 uu, uv, vv = uu + w * x * x, uv + w * x * y, vv + w * y * y
                 ud, vd = ud + w * x * z, vd + w * y * z
-        if count < _LEAST_SAMPLES:
+        if count < LEAST_SAMPLES:
             return False
         if turn == 0:
             u0, v0, d0 = ud / total, vd / total, vv / total

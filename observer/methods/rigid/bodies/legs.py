@@ -37,7 +37,7 @@ def shows_only_legs(segment: Segment, scene: DenseScene) -> bool:
 def is_other_leg(scene: DenseScene, part: Segment, leg: Segment) -> bool:
     """Return whether a segment is the other leg of a person, one leg of whom is known."""
     camera = scene.grid.camera
-    one, other = (camera.fx * camera.baseline / each.disparity for each in (part, leg))
+    one, other = (camera.fb / each.disparity for each in (part, leg))
     if not (part.cut[2] and leg.cut[2]) or abs(one - other) > _AHEAD_M:
         return False
     left, right = min(part.box[0], leg.box[0]), max(part.box[2], leg.box[2])

@@ -111,7 +111,7 @@ def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
     )
     area = stats[:, cv2.CC_STAT_AREA]
     counts = (area >= _LEAST_CELLS) & (area >= _LEAST_M2 * grid.per_metre(1.0) ** 2 * disparity**2)
-    counts &= disparity >= camera.fx * camera.baseline / _FARTHEST_M
+    counts &= disparity >= camera.fb / _FARTHEST_M
     # Label 0 is what did not change.
     counts[0] = False
     found = []

@@ -40,6 +40,6 @@ def at_one_time(
     (turn_x, turn_y, turn_z), (shift_x, _, shift_z) = (
         a.astype(np.float32) * np.float32(camera.fx * delay_s) for a in (rate.turn, rate.shift)
     )
-    nearness = disparity / np.float32(camera.fx * camera.baseline)
+    nearness = disparity / np.float32(camera.fb)
     turned = turn_y * (1 + x * x) - turn_z * y - turn_x * (x * y)
     return np.asarray(disparity + turned + nearness * (shift_x - x * shift_z), np.float32)

@@ -12,13 +12,12 @@ from observer.methods.rigid.dense.grid import Grid
 from observer.parameters import StereoParameters
 from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
+from observer.vision.stereo import FIXED_POINT
 
 _BLOCK = 3
 _UNIQUENESS_PERCENT = 5
 _SPECKLE_CELLS = 40
 _SPECKLE_RANGE = 2
-# OpenCV's matchers return sixteenths.
-_FIXED_POINT = 16
 # Texture is a horizontal step of so many grey levels, and of so many deviations of the noise.
 _TEXTURE = 4.0
 _TEXTURE_SIGMAS = 4.0
@@ -81,8 +80,8 @@ def depth_image(
     )
     fixed = np.asarray(matcher.compute(*wide))[:, count:]
     # A match beyond the right image's left edge was made in the added columns.
-    inside = fixed <= _FIXED_POINT * np.arange(grid.width, dtype=np.int16)
-    disparity = np.asarray(fixed * np.float32(grid.reduction / _FIXED_POINT), np.float32)
+    inside = fixed <= FIXED_POINT * np.arange(grid.width, dtype=np.int16)
+    disparity = np.asarray(fixed * np.float32(grid.reduction / FIXED_POINT), np.float32)
     disparity[~((fixed > 0) & inside & texture.near)] = np.nan
     return disparity
 

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
-from observer.kernels.ground import fit_ground, nearer_downwards, stands_out
+from observer.kernels.ground import LEAST_SAMPLES, fit_ground, nearer_downwards, stands_out
 from observer.methods.rigid.dense.grid import Grid
 from observer.mount import CameraMount
 
 # Samples that are fitted, and triples of them that are tried for a first plane.
 _SAMPLES = 700
 _TRIES = 60
-_LEAST_SAMPLES = 150
 # Half the rows over which the ground must come nearer downwards: walls do not.
 _HALF_ROWS = 4
 _SAMPLE_STEP = 2
@@ -85,7 +84,7 @@ class Ground:
     def __init__(self, grid: Grid, mount: CameraMount | None) -> None:
         """``mount`` gives the ground below the camera in the segment's first frame."""
         self._grid = grid
-        self._focal = grid.camera.fx * grid.camera.baseline
+        self._fb = grid.camera.fb
         self.in_world = None if mount is None else GroundPlane(mount.down, mount.height_m, True)
 
     def plane(self, T_camera_world: Pose) -> Float64Array | None:
@@ -95,13 +94,13 @@ class Ground:
         below = self.in_world.mapped(T_camera_world)
         if below.depth < _HEIGHT_M[0]:
             return None
-        return np.asarray(self._focal / below.depth * (below.down @ self._grid.rays))
+        return np.asarray(self._fb / below.depth * (below.down @ self._grid.rays))
 
     def update(self, disparity: NDArray[np.float32], T_camera_world: Pose, seed: int) -> None:
         """Fit it to disparities (h, w) px seen from a pose; ``seed`` fixes the random choices."""
         rng = np.random.default_rng(seed)
         at, seen = self._samples(disparity, rng)
-        if len(seen) < _LEAST_SAMPLES:
+        if len(seen) < LEAST_SAMPLES:
             return
         plane = self.plane(T_camera_world)
         normal = fit_ground(
@@ -113,7 +112,7 @@ class Ground:
             rng.integers(0, len(seen), (_TRIES if plane is None else 0, 3)),
             np.zeros(3) if plane is None else plane,
             self._grid.rays,
-            self._focal,
+            self._fb,
         )
         if np.isfinite(normal[0]):
             self._keep(normal, T_camera_world)
@@ -127,7 +126,7 @@ class Ground:
         rise = np.float32(_HALF_ROWS * slope)
         top = disparity.shape[0] // 4
         found = nearer_downwards(disparity, top, _HALF_ROWS, _SAMPLE_STEP, rise)
-        if len(found) < _LEAST_SAMPLES:
+        if len(found) < LEAST_SAMPLES:
             return found[:0], np.zeros(0)
         at = found[rng.integers(0, len(found), _SAMPLES)]
         seen = disparity.ravel()[at].astype(np.float64)
@@ -170,7 +169,7 @@ def near_enough(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.bool_]
     """
     camera = grid.camera
     least, most = _LEAST_CELLS * grid.reduction, _PRECISE_CELLS * grid.reduction
-    near = min(max(least, camera.fx * camera.baseline / _NEAR_M), most)
+    near = min(max(least, camera.fb / _NEAR_M), most)
     return np.asarray(disparity > np.float32(near), np.bool_)
 
 

@@ -25,6 +25,6 @@ def reprojection(
     c = grid.camera
     rotation = T_other_camera.rotation.astype(np.float32)
     # Places are divided by their depth f B / d: the ray plus the translation times d / (f B).
-    translation = (T_other_camera.translation / (c.fx * c.baseline)).astype(np.float32)
+    translation = (T_other_camera.translation / c.fb).astype(np.float32)
     lens = np.array([c.fx, c.fy, c.cx + 0.5, c.cy + 0.5, grid.reduction], np.float32)
     return (*grid.cell_rays, rotation, translation, lens, *grid.shape)

@@ -71,7 +71,7 @@ class DenseScene:
     def tolerances(self) -> tuple[float, float]:
         """Least ``tolerance`` of disparity, px, and its ratio to the squared disparity, 1/px."""
         camera = self.grid.camera
-        thickness = _THICKNESS_M / (camera.fx * camera.baseline)
+        thickness = _THICKNESS_M / camera.fb
         return _LEAST_TOLERANCE_CELLS * self.grid.reduction, thickness
 
     def tolerance(self, disparity: float) -> float:
