@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -192,7 +192,7 @@ def gather_compared(
 
 def true_speeds(recording: Recording) -> list[dict[str, Any]]:
     """Return each body's true speed at each frame, as the database stores them."""
-    lines = cast(list[ObservationLine], list(recording.lines()))
+    lines = list(recording.lines())
     matched = tuple(recording.matched_truth())
     truth = recording.truth()
     if not matched and truth is not None:
@@ -253,7 +253,7 @@ class ComparedRecording(Recording):
             return
         truth = AlignedTruth(capture, alignment)
         names = [name for name, role in alignment.roles.items() if role == OBSTACLE]
-        for line in cast(Iterator[ObservationLine], self.lines()):
+        for line in self.lines():
             time = line["time"]
             bodies = [
                 MatchedBody.of(entry(body, Pose.identity(), None)) for body in truth.bodies(time)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
@@ -77,14 +76,14 @@ def gather(
     """
     matched = tuple(recording.matched_truth()) if lines is None else ()
     if lines is None:
-        lines = cast(Iterable[ObservationLine], recording.lines())
+        lines = recording.lines()
     lines = tuple(lines)
     words = "Ground truth was recorded with the run."
     if not matched:
         truth, alignment, words = _truth(recording, lines, alignment)
         matched = () if truth is None else pair_with_truth(lines, truth)
     times = RunTimes(recording.frames)
-    lines = cast(tuple[ObservationLine, ...], times.lines(lines))
+    lines = times.lines(lines)
     matched = times.matched(matched)
     true = _true_motions(lines, matched)
     seen, unmatched = seen_motions(lines, matched)

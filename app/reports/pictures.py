@@ -6,9 +6,8 @@ the picture says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import cast
 
 from matplotlib.figure import Figure
 
@@ -231,8 +230,7 @@ def _recorded_cloud(path: Path, reason: str) -> _Made:
     """
     found: list[tuple[Cloud, ObservationLine, ObstacleEntry]] = []
     with Recording(path) as recording:
-        recorded = cast(Iterator[ObservationLine], recording.lines())
-        lines = {(line["frame"], line["time"]): line for line in recorded}
+        lines = {(line["frame"], line["time"]): line for line in recording.lines()}
         for _, cloud in recorded_clouds(recording):
             line = lines.get((cloud.index, cloud.time))
             obstacle = None if line is None else most_significant(line)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from observer.exporting.errors import ExportError
+from observer.jsonl import OutlinedEntry
 from observer.recording.reader import Recording
 
 _UPRIGHT_WXYZ = (1.0, 0.0, 0.0, 0.0)
@@ -42,10 +43,9 @@ def write_tum(recording: Recording, file: TextIO, track: int | None = None) -> W
     """
     poses: dict[int, list[str]] = defaultdict(list)
     for line in recording.lines():
-        for each in [line["pose"]] if track is None else line["obstacles"]:
-            if each is None or (track is not None and each["id"] != track):
-                continue
-            if each["position"] is not None:
+        described: list[OutlinedEntry] = [o for o in line["obstacles"] if o["id"] == track]
+        for each in [line["pose"]] if track is None else described:
+            if each is not None and each["position"] is not None:
                 wxyz = each["orientation_wxyz"] or _UPRIGHT_WXYZ
                 numbers = (line["time"], *each["position"], *wxyz[1:], wxyz[0])
                 poses[line["segment"]].append(" ".join(repr(float(n)) for n in numbers))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from observer.exporting.errors import ExportError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.tables import TABLES, find_table
 from observer.geometry import Float64Array
-from observer.jsonl import ObservationLine, observation_line
+from observer.jsonl import ObservationLine, OutlinedEntry, observation_line
 from observer.parameters import effective
 from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
@@ -116,11 +116,11 @@ class LoadedRun:
         return len(self.recording.frames)
 
     @cached_property
-    def lines(self) -> tuple[dict[str, Any], ...]:
+    def lines(self) -> tuple[ObservationLine, ...]:
         """JSON lines as ``observe`` writes them, one dictionary per frame."""
         return tuple(self.recording.lines())
 
-    def __iter__(self) -> Iterator[dict[str, Any]]:
+    def __iter__(self) -> Iterator[ObservationLine]:
         return iter(self.lines)
 
     @cached_property
@@ -131,7 +131,7 @@ class LoadedRun:
     @cached_property
     def tracks(self) -> tuple[Track, ...]:
         """Tracks of all obstacles, by segment and id."""
-        seen: dict[tuple[int, int], list[tuple[dict[str, Any], dict[str, Any]]]] = defaultdict(list)
+        seen: dict[tuple[int, int], list[tuple[ObservationLine, OutlinedEntry]]] = defaultdict(list)
         for line in self.lines:
             for entry in line["obstacles"]:
                 seen[line["segment"], entry["id"]].append((line, entry))
@@ -285,26 +285,26 @@ class LoadedRun:
         self.recording.close()
 
 
-def _track(segment: int, id_: int, rows: list[tuple[dict[str, Any], dict[str, Any]]]) -> Track:
-    def of_entries(name: str) -> Float64Array:
-        return np.array([entry[name] for _, entry in rows], dtype=np.float64)
+def _track(segment: int, id_: int, rows: list[tuple[ObservationLine, OutlinedEntry]]) -> Track:
+    entries = [entry for _, entry in rows]
 
-    def vectors(name: str) -> Float64Array:
-        return np.array(
-            [_UNKNOWN3 if entry[name] is None else entry[name] for _, entry in rows],
-            dtype=np.float64,
-        )
+    def numbers(values: Iterable[float | None]) -> Float64Array:
+        return np.array(list(values), dtype=np.float64)
+
+    def vectors(values: Iterable[Sequence[float] | None]) -> Float64Array:
+        known = [_UNKNOWN3 if value is None else value for value in values]
+        return np.array(known, dtype=np.float64)
 
     return Track(
         segment=segment,
         id=id_,
         frames=np.array([line["frame"] for line, _ in rows], dtype=np.int64),
         times=np.array([line["time"] for line, _ in rows], dtype=np.float64),
-        positions=vectors("position"),
-        velocities=vectors("velocity"),
-        velocity_times=of_entries("velocity_time"),
-        speeds=of_entries("speed"),
-        speed_stds=of_entries("speed_std"),
-        ranges=of_entries("range"),
-        coasting=np.array([entry["state"] == "coasting" for _, entry in rows], dtype=np.bool_),
+        positions=vectors(entry["position"] for entry in entries),
+        velocities=vectors(entry["velocity"] for entry in entries),
+        velocity_times=numbers(entry["velocity_time"] for entry in entries),
+        speeds=numbers(entry["speed"] for entry in entries),
+        speed_stds=numbers(entry["speed_std"] for entry in entries),
+        ranges=numbers(entry["range"] for entry in entries),
+        coasting=np.array([entry["state"] == "coasting" for entry in entries], dtype=np.bool_),
     )

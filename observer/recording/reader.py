@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import msgspec
 import numpy as np
@@ -14,6 +14,7 @@ from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import StereoCalibration
 from observer.errors import SourceError, TruthError
 from observer.geometry import Pose
+from observer.jsonl import ObservationLine
 from observer.parameters import translated
 from observer.recording import topics
 from observer.recording.contents import (
@@ -112,11 +113,11 @@ class Recording:
         """Frames, in order."""
         return tuple(self._payloads(topics.FRAME, RecordedFrame))
 
-    def lines(self) -> Iterator[dict[str, Any]]:
-        """Yield the observations' JSON lines, in order."""
+    def lines(self) -> Iterator[ObservationLine]:
+        """Yield the observations' JSON lines, in order; their fields are not checked."""
         decoder = msgspec.json.Decoder(dict[str, Any])
         for topic, message in self.messages(topics.OBSERVATION.name):
-            yield self._decoded(decoder, topic, message)
+            yield cast(ObservationLine, self._decoded(decoder, topic, message))
 
     @cached_property
     def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from observer.jsonl import ObservationLine, OutlinedEntry
 from observer.recording.payloads import MatchedTruth, RecordedFrame, RobotRow
 from observer.recording.run_time import RunTime
-
-Line = Mapping[str, Any]
 
 
 class RunTimes:
@@ -38,14 +36,15 @@ class RunTimes:
         if clock.begin_s is not None and clock.duration_s is not None:
             self.span = clock.begin_s, clock.begin_s + clock.duration_s
 
-    def lines(self, lines: Iterable[Line]) -> tuple[Line, ...]:
+    def lines(self, lines: Iterable[ObservationLine]) -> tuple[ObservationLine, ...]:
         """Return observations of these frames, in order."""
         if self._same:
             return tuple(lines)
-        found, after = [], _Offsets(self._frames, self._offsets)
+        found: list[ObservationLine] = []
+        after = _Offsets(self._frames, self._offsets)
         for line in lines:
             offset = after.of(line["frame"], line["time"])
-            obstacles = [
+            obstacles: list[OutlinedEntry] = [
                 {**entry, "velocity_time": entry["velocity_time"] + offset}
                 for entry in line["obstacles"]
             ]

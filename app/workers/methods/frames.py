@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import cast
 
 import numpy as np
 
@@ -46,7 +45,7 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         CalibrationError: the recorded calibration cannot be used.
     """
     camera = Rectification(recording.calibration()).camera
-    lines = cast(list[ObservationLine], list(recording.lines()))
+    lines = list(recording.lines())
     scores = None
     if truth is not None:
         size = camera.width, camera.height

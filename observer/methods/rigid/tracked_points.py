@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
-from observer.vision.lifecycle import NO_OBSTACLE as NO_OBSTACLE
+from observer.vision.lifecycle import NO_OBSTACLE
 
 # Frames: how long a point that did not fit its body, or was about to be occluded, may not join one.
 BANISHED_FRAMES = 5

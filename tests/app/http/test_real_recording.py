@@ -8,7 +8,7 @@ import io
 import os
 import signal
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -17,7 +17,7 @@ from app.http.server import create_app
 from app.reports.page import report_html
 from app.reports.report import make_report
 from app.settings import Settings
-from observer.jsonl import ObservationLine, observation_line
+from observer.jsonl import observation_line
 from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
 from observer.recording.source import RecordingSource
@@ -120,7 +120,7 @@ async def test_a_recorded_run_opened_as_a_source_gives_the_same_obstacles(
         assert len(known) >= 20
         # Pages get the silhouettes drawn into their views instead.
         for line in known:
-            shown = live_line(cast(ObservationLine, line))
+            shown = live_line(line)
             assert shown == by_number[line["segment"], line["frame"]]
     with Recording(file_again) as recording:
         once_more = list(recording.lines())

@@ -96,7 +96,7 @@ def test_truth_is_matched_to_the_frame_of_its_own_engine() -> None:
             )  # fmt: skip
             matched.append(MatchedTruth(frame=k, time=k * STEP, bodies=[body]))
     times = RunTimes(frames)
-    placed = cast(tuple[ObservationLine, ...], times.lines(lines))
+    placed = times.lines(cast(list[ObservationLine], lines))
     true = times.matched(matched)
     seen, unmatched = seen_motions(placed, true)
     assert [(each.track, each.body, len(each.times)) for each in seen] == [

@@ -16,9 +16,11 @@ from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.dense.people import is_person, standing_segment
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Mask, Segment, opened, widened
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.methods.rigid.tracked_points import (
+    TrackedPoints,
+)
 from observer.types import MotionState, TrackState
-from observer.vision.lifecycle import TrackIds
+from observer.vision.lifecycle import NO_OBSTACLE, TrackIds
 
 # m^2 and cells: a smaller change is noise. Beyond so many metres it is lost in noise.
 _LEAST_M2, _LEAST_CELLS, _FARTHEST_M = 0.003, 7, 6.0

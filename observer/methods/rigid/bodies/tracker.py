@@ -51,13 +51,12 @@ from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.stereo_drift import shift_by_bias
 from observer.methods.rigid.tracked_points import (
     BANISHED_FRAMES,
-    NO_OBSTACLE,
     TrackedPoints,
     WorldSightings,
 )
 from observer.parameters import ObstacleParameters, Parameters
 from observer.types import TrackState
-from observer.vision.lifecycle import TrackIds, is_provisional
+from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, is_provisional
 
 # rad/s, one standard deviation: yaw rate of a body that was just found.
 YAW_RATE_SIGMA = 0.6

@@ -120,7 +120,7 @@ def test_time_continues_after_a_source_restart_and_lost_frames_have_plans(
 ) -> None:
     with Recording(plant_run(tmp_path)) as recording:
         plans = Plans(recording, None)
-        lines = cast(list[ObservationLine], list(recording.lines()))
+        lines = list(recording.lines())
         first = plans.of(recording.frames[0], lines[0])
         lost = plans.of(recording.frames[1], None)
         assert (lost.camera, lost.obstacles, lost.truth) == (None, [], [])

@@ -78,7 +78,7 @@ def test_every_frame_is_processed_by_both_methods(compared: tuple[Path, Compared
                 each["id"] for each in line["obstacles"]
             ]
             assert told["obstacles"] == [
-                {name: each[name] for name in KEPT} for each in line["obstacles"]
+                {name: dict(each)[name] for name in KEPT} for each in line["obstacles"]
             ]
             assert len(entry["truth"]) == 3
     picture = cv2.imread(str(folder / "picture.jpg"))

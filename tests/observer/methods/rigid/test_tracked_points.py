@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.methods.rigid.tracked_points import (
+    TrackedPoints,
+)
+from observer.vision.lifecycle import NO_OBSTACLE
 
 
 def some(count: int, first_number: int = 0) -> TrackedPoints:

@@ -17,10 +17,12 @@ from observer.methods.rigid.bodies.moving_in_place import MovingInPlace
 from observer.methods.rigid.dense.free_space import STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.methods.rigid.tracked_points import (
+    TrackedPoints,
+)
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
-from observer.vision.lifecycle import TrackIds
+from observer.vision.lifecycle import NO_OBSTACLE, TrackIds
 
 from .... import builders
 from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, on_floor, person, seen

@@ -8,7 +8,7 @@ import numpy as np
 
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.occlusion import without_hidden
-from observer.methods.rigid.tracked_points import NO_OBSTACLE
+from observer.vision.lifecycle import NO_OBSTACLE
 
 from ..solid_worlds import ROOM, Solid, patch, points_on, seen
 from ..solid_worlds import step_to as now_at

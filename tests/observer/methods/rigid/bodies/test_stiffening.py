@@ -10,8 +10,8 @@ import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.tracker import BodyTracker
-from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import ObstacleParameters
+from observer.vision.lifecycle import NO_OBSTACLE
 
 from ..moving_points import motion
 from ..solid_worlds import Solid, outline_of, patch, points_on
