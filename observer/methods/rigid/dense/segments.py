@@ -162,26 +162,33 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
         if area < LEAST_CELLS:
             break
         window = (slice(row, row + height), slice(column, column + width))
-        part = (labels[window] == label) & left[window]
-        area = np.count_nonzero(part)
-        if area < LEAST_CELLS:
+        segment = _grown_from(scene, window, labels[window] == label, left)
+        if segment is None:
             continue
-        d = median(scene.disparity[window][part])
-        if area < least_cells(scene, _SEED_M2, d):
-            continue
-        seed = np.zeros_like(left)
-        seed[window] = part
-        mask = grown_mask(scene, left, seed, _widened(scene, seed, d), d)
-        if mask is None or np.count_nonzero(mask) < least_cells(scene, _SMALL_M2, d):
-            continue
-        segment = segment_of(scene, mask)
         if is_small(scene, segment):
             if segment.is_clear_cut:
                 small.append(segment)
         elif segment.is_separate:
-            left &= ~mask
+            left &= ~segment.mask
             found.append(segment)
     return found + [segment for segment in small if left[segment.mask].all()]
+
+
+def _grown_from(scene: DenseScene, window: Window, part: Mask, free: Mask) -> Segment | None:
+    """Return the segment grown from a seed, a part of a window; None if either is too small."""
+    part = part & free[window]
+    area = np.count_nonzero(part)
+    if area < LEAST_CELLS:
+        return None
+    d = median(scene.disparity[window][part])
+    if area < least_cells(scene, _SEED_M2, d):
+        return None
+    seed = np.zeros_like(free)
+    seed[window] = part
+    mask = grown_mask(scene, free, seed, _widened(scene, seed, d), d)
+    if mask is None or np.count_nonzero(mask) < least_cells(scene, _SMALL_M2, d):
+        return None
+    return segment_of(scene, mask)
 
 
 def followed_segment(
