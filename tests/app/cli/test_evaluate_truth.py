@@ -120,7 +120,7 @@ def test_the_size_of_the_images_is_that_of_the_calibration_beside_the_truth(
     tracks.write_text("".join(json.dumps(line) + "\n" for line in lines))
     words = ("evaluate", str(tracks), "--truth", str(tmp_path / "truth.csv"), "--json")
     without = shell(*words)
-    assert "the size of the images is unknown" in without.err
+    assert "the image size is unknown" in without.err
     assert json.loads(without.out)["truth_count"] == 0
     (tmp_path / "calibration.yaml").write_text(rectified_calibration())
     done = shell(*words)

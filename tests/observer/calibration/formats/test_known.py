@@ -27,7 +27,7 @@ def test_every_file_kind_is_declared_once() -> None:
 @pytest.mark.parametrize(
     ("place", "paragraph"),
     [
-        ("docs/pages/calibration.md", r"## Bring your own\n\n.*?\n\n"),
+        ("docs/pages/calibration.md", r"## From other tools\n\n.*?\n\n"),
         (
             "static/app/calibration/calibration-panel.js",
             r'"[^"\n]*the format is detected automatically\.[^"\n]*"',
