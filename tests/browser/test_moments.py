@@ -176,7 +176,7 @@ def test_a_robot_yields_to_a_pedestrian_and_states_why(
     page.keyboard.up("w")
     with Witness(server, "observer") as witness:
         witness.stays_zero(0.4)
-    expect(page.locator(".drive-sent")).to_contain_text("0.00 m/s")
+    expect(page.locator(".drive-sent")).to_contain_text("Sent: standstill")
     keep_picture(page, "moment-walker-released")
 
 
