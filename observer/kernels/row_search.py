@@ -34,8 +34,8 @@ def _costs(
     """Write to cost (K,) the SADs of a block of the first image against K blocks of the second.
 
     Args:
-        row, column: where the block begins, ``begin``: where the first of the K does, the others
-            follow to the right.
+        row, column: first row and column of the block. begin: first column of the first of the K
+            blocks; each of the others is one column further to the right.
     """
     for k in range(len(cost)):
         cost[k] = 0
@@ -205,8 +205,8 @@ def contradicted_by_rows(
 
     Args:
         held: (N,) px, the disparities; what has none, NaN, is not contradicted.
-        near_px: pixels, by which disparities differ that belong to different surfaces.
-        Others: as for ``search_rows``.
+        near_px: pixels; disparities that differ by more belong to different surfaces.
+        The rest are as for ``search_rows``.
     """
     wrong = np.zeros(len(px), np.bool_)
     cost = np.empty(count + 1, np.uint16)

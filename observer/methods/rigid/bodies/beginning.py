@@ -20,8 +20,8 @@ from observer.types import TrackState
 _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 # A segment is a body's if this share of its members lies on it.
 OWN_SHARE = 0.5
-# Metres: a small body stands no higher above the ground, and this far from larger ones, whose parts
-# move on their own.
+# Metres: highest lower end, above the ground, of a small body, and least distance from larger ones,
+# whose parts move on their own.
 _STANDS_M, _PART_M = 0.15, 1.2
 
 

@@ -199,7 +199,7 @@ def followed_segment(
     Args:
         core: (h, w) the cells that are most likely its own. free: those that it may take.
         grows: whether it may grow beyond where it was expected; a body that stands may not.
-        small: whether the body is.
+        small: whether the body is small, so that less of it may be left.
     """
     if np.count_nonzero(core) < LEAST_CELLS:
         return None
