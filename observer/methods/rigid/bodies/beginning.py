@@ -13,7 +13,7 @@ from observer.methods.rigid.bodies.segment_gate import leaps, misfit
 from observer.methods.rigid.bodies.shape import BodyShape
 from observer.methods.rigid.dense.height import bottom_height
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import Segment
+from observer.methods.rigid.dense.segments import SEGMENT_M2, Segment, is_small, least_cells
 from observer.types import TrackState
 
 # m/s, one standard deviation: horizontal and vertical speed of a body that was just found.
@@ -23,6 +23,9 @@ OWN_SHARE = 0.5
 # Metres: highest lower end, above the ground, of a small body, and least distance from larger ones,
 # whose parts move on their own.
 _STANDS_M, _PART_M = 0.15, 1.2
+# Metres around and above a small body, and tolerances of its disparity, within which nothing larger
+# may stand, whether it moves or not.
+_BESIDE_M, _ABOVE_M, _BESIDE_TOLERANCES = 0.6, 1.5, 1.5
 
 
 def start_track(
@@ -44,6 +47,7 @@ def start_track(
         rigidity=0.0,
     )
     assert track.outline is not None
+    track.outline.found_small = is_small(scene, segment)
     track.outline.offsets[anchor] = np.zeros(3)
     track.outline.note(segment, place, scene, track.age_s)
     return track
@@ -62,17 +66,31 @@ def motion_at(
 
 
 def stands_alone(segment: Segment, tracks: list[BodyTrack], scene: DenseScene) -> bool:
-    """Return whether a small segment stands on the ground and is no part of a larger body.
+    """Return whether a small segment stands on the ground and is no part of something larger.
 
-    Limbs, wheels and reflections are small and move, too; where the ground is unknown it may be
-    any of these.
+    Limbs, wheels and reflections are small and move, too, even those of a person who stands; where
+    the ground is unknown it may be any of these.
     """
     if scene.ground is None or bottom_height(segment, scene, scene.ground) > _STANDS_M:
+        return False
+    if _stands_beside_larger(segment, scene):
         return False
     place, _ = measured_anchor(segment, "middle", scene)
     larger = [t for t in tracks if t.outline is None or not t.outline.is_small]
     away = [t.mean[POSITION] - place for t in larger]
     return all(np.hypot(x, z) >= _PART_M for x, _, z in away)
+
+
+def _stands_beside_larger(segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a small segment may be a part of something larger at its distance."""
+    left, top, right, bottom = segment.box
+    per_metre = scene.grid.per_metre(segment.disparity)
+    reach, above = round(_BESIDE_M * per_metre), round(_ABOVE_M * per_metre)
+    window = slice(max(0, top - above), bottom + 1), slice(max(0, left - reach), right + reach)
+    off = np.abs(scene.disparity[window] - np.float32(segment.disparity))
+    same = off <= _BESIDE_TOLERANCES * scene.tolerance(segment.disparity)
+    other = scene.standing[window] & ~segment.mask[window]
+    return bool(np.count_nonzero(same & other) >= least_cells(scene, SEGMENT_M2, segment.disparity))
 
 
 def bodies_of(

@@ -99,6 +99,7 @@ class Outline:
         idle_frames: frames in a row in which it idled, see ``count_idle``.
         gap_frames: frames in a row in which there was a gap between two parts of it.
         hangs: nothing between it and the ground was seen to belong to it.
+        found_small: it began as a small segment that stands alone.
         moving_area: largest while it moved, cells per px^2 of disparity, so at any distance.
     """
 
@@ -122,6 +123,7 @@ class Outline:
     depths: TrunkDepths = field(default_factory=TrunkDepths)
     depth_by_points: bool = False
     only_legs: bool = False
+    found_small: bool = False
     legs_seen: bool = False
     _silhouette: _Silhouette | None = None
     _silhouette_s: float = 0.0
@@ -153,8 +155,8 @@ class Outline:
 
     @property
     def is_small(self) -> bool:
-        """True if it was always smaller than a part of a person, like a ball."""
-        return self.moving_area < SEGMENT_M2 * self.grid.per_metre(1.0) ** 2
+        """True if it was found, and has stayed, smaller than a part of a person, like a ball."""
+        return self.found_small and self.moving_area < SEGMENT_M2 * self.grid.per_metre(1.0) ** 2
 
     @property
     def is_high(self) -> bool:

@@ -85,12 +85,12 @@ def track_segments(
     obstacle = points.obstacle.copy()
     free = free_cells([t.outline for t in tracks if t.outline is not None], scene.grid)
     for segment in separated(fresh_segments(scene, free), scene):
-        if any(t.seen_outline.take(segment, scene) for t in tracks if t.seen_outline is not None):
-            continue
-        inside = segment.mask[cells]
         small = is_small(scene, segment)
         if small and not stands_alone(segment, tracks, scene):
             continue
+        if any(t.seen_outline.take(segment, scene) for t in tracks if t.seen_outline is not None):
+            continue
+        inside = segment.mask[cells]
         # A small segment is no larger body that comes back.
         likely = [t for t in tracks if not small or t.outline is None or t.outline.is_small]
         found = bodies_of(segment, inside, likely, obstacle, scene, min_points)

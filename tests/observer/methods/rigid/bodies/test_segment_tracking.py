@@ -105,6 +105,15 @@ def test_something_small_that_moves_above_the_ground_starts_no_track() -> None:
         assert view.tracks == []
 
 
+def test_something_small_that_moves_beside_something_larger_starts_no_track() -> None:
+    """As the foot of a person who stands."""
+    crate = on_floor(0.0, 3.3, (0.5, 0.6, 0.3))
+    view = watching(crate)
+    for k in range(8):
+        view.step([*ROOM, crate, on_floor(0.65 - 0.01 * k, 3.0, (0.25, 0.25, 0.25))])
+        assert view.tracks == []
+
+
 def test_something_small_that_moves_beside_a_person_is_no_other_obstacle() -> None:
     view = watching()
     for k in range(20):
