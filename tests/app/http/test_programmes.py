@@ -30,6 +30,22 @@ steps:
 """
 
 
+async def arm_with_programme(http: Any, drive: Any) -> None:
+    """Save the programme and arm the observer for Anna."""
+    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
+    drive.leases["observer"] = ("lease", "Anna")
+    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+
+
+async def start_held_run(http: Any, peer: Any) -> tuple[asyncio.Task[Any], asyncio.Event]:
+    """Start a run with the programme; its source opens only once the event is set."""
+    opening, go_on = hold_opening(peer)
+    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
+    starting = asyncio.create_task(http.post("/api/runs", json=wanted))
+    await opening.wait()
+    return starting, go_on
+
+
 @pytest.mark.usefixtures("connected")
 async def test_programmes_are_listed_stored_driven_and_deleted(
     http: Any, drive: Any, tmp_path: Path
@@ -120,9 +136,7 @@ async def test_a_run_starts_and_ends_with_its_programme(http: Any, served: Any, 
 async def test_a_run_restarts_a_simulated_world_and_rearms_its_robots(
     http: Any, served: Any, drive: Any, peer: Any
 ) -> None:
-    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
-    drive.leases["observer"] = ("lease", "Anna")
-    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+    await arm_with_programme(http, drive)
     peer.world = "simulated:lab/2"
     peer.robots = (RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "the same again"),)
     wanted = {"name": "to_and_fro", "leases": {"observer": "lease"}}
@@ -148,17 +162,12 @@ async def test_a_run_restarts_a_simulated_world_and_rearms_its_robots(
 async def test_a_robot_disarmed_while_a_run_starts_stays_disarmed(
     http: Any, served: Any, drive: Any, peer: Any, requests: tuple[str, ...], *, replaced: bool
 ) -> None:
-    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
-    drive.leases["observer"] = ("lease", "Anna")
-    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
+    await arm_with_programme(http, drive)
     armings = len(drive.of(ArmRobot))
     if replaced:
         peer.world = "simulated:lab/2"
         peer.robots = (RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "x"),)
-    opening, go_on = hold_opening(peer)
-    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
-    starting = asyncio.create_task(http.post("/api/runs", json=wanted))
-    await opening.wait()
+    starting, go_on = await start_held_run(http, peer)
     for request in requests:
         assert (await http.post(f"/api/robots/{request}")).status_code == 200
     go_on.set()
@@ -177,13 +186,8 @@ async def test_a_robot_disarmed_while_a_run_starts_stays_disarmed(
 async def test_a_robot_that_disarms_itself_while_a_run_starts_stays_disarmed(
     http: Any, drive: Any, peer: Any
 ) -> None:
-    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
-    drive.leases["observer"] = ("lease", "Anna")
-    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
-    opening, go_on = hold_opening(peer)
-    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
-    starting = asyncio.create_task(http.post("/api/runs", json=wanted))
-    await opening.wait()
+    await arm_with_programme(http, drive)
+    starting, go_on = await start_held_run(http, peer)
     # As after a fault; its connection stays.
     drive.armed.clear()
     drive.tell()
@@ -198,13 +202,8 @@ async def test_a_robot_that_disarms_itself_while_a_run_starts_stays_disarmed(
 async def test_a_robot_that_reopening_the_source_reconnected_is_rearmed(
     http: Any, drive: Any, peer: Any, eventually: Any
 ) -> None:
-    assert (await http.post("/api/programmes", json={"text": OWN})).status_code == 201
-    drive.leases["observer"] = ("lease", "Anna")
-    await http.post("/api/robots/observer/arm", json={"lease": "lease"})
-    opening, go_on = hold_opening(peer)
-    wanted = {"programme": {"name": "to_and_fro", "leases": {"observer": "lease"}}}
-    starting = asyncio.create_task(http.post("/api/runs", json=wanted))
-    await opening.wait()
+    await arm_with_programme(http, drive)
+    starting, go_on = await start_held_run(http, peer)
     # As for a source of which only one can be open: it is closed first, then opened again.
     peer.publish(StateEvent(EngineState.IDLE, None))
     await eventually(lambda: not drive.robots)
