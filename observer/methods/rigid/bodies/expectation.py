@@ -9,9 +9,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, yaw_matrix
 from observer.methods.rigid.bodies.membership import shape_position
 from observer.methods.rigid.camera_step import CameraStep
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import EvidenceParameters, ObstacleParameters
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE

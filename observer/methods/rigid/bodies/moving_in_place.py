@@ -16,9 +16,7 @@ from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.dense.people import is_person, standing_segment
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Mask, Segment, opened, widened
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds
 

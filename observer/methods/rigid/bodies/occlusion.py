@@ -9,10 +9,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.cells_around import cells_around
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.tracked_points import (
-    BANISHED_FRAMES,
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import BANISHED_FRAMES, TrackedPoints
 from observer.vision.lifecycle import NO_OBSTACLE
 
 

@@ -39,10 +39,7 @@ from observer.methods.rigid.dense.segments import (
     widened,
 )
 from observer.methods.rigid.point_motion import PooledMotion
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-    WorldSightings,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.robust import median
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, is_provisional

@@ -49,11 +49,7 @@ from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.stereo_drift import shift_by_bias
-from observer.methods.rigid.tracked_points import (
-    BANISHED_FRAMES,
-    TrackedPoints,
-    WorldSightings,
-)
+from observer.methods.rigid.tracked_points import BANISHED_FRAMES, TrackedPoints, WorldSightings
 from observer.parameters import ObstacleParameters, Parameters
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, is_provisional

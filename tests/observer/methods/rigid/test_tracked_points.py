@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.vision.lifecycle import NO_OBSTACLE
 
 

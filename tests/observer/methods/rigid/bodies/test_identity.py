@@ -12,9 +12,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.shape import Box
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds

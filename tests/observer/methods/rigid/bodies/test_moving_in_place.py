@@ -17,9 +17,7 @@ from observer.methods.rigid.bodies.moving_in_place import MovingInPlace
 from observer.methods.rigid.dense.free_space import STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds

@@ -12,9 +12,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
 from observer.methods.rigid.bodies.segment_tracking import without_segments
 from observer.methods.rigid.dense.free_space import STATIC
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds
 

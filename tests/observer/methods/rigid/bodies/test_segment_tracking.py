@@ -13,10 +13,7 @@ from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, YAW_RATE
 from observer.methods.rigid.bodies.segment_tracking import learn_box, measure_limbs
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import pooled_motion
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-    WorldSightings,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds

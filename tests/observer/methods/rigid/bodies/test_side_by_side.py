@@ -17,9 +17,7 @@ from observer.methods.rigid.bodies.side_by_side import parted, separated
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, segment_of
-from observer.methods.rigid.tracked_points import (
-    TrackedPoints,
-)
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds
