@@ -36,7 +36,8 @@ _LATE_S = 0.05
 _LATE_FOR_S = 3.0
 # Seconds: stamps of several bodies, or of reordered datagrams, may be this much out of order.
 _DISORDER_S = 0.25
-# A clock was set if this many arrivals in a row agree on it; fewer just have wrong stamps.
+# A clock was set if this many stamps in a row agree on it; fewer are just wrong. Arrivals with the
+# same stamp, such as the bodies of one frame, count once.
 _AGREEING = 5
 _JUMP_STEPS = 20.0
 _MEMORY_BINS = 10
@@ -78,6 +79,8 @@ class StampReader(Generic[_Item]):
         self._least_late = 0.0
         # Consecutive arrivals whose stamps do not fit the clock, each with its lateness.
         self._strange: list[tuple[float, float, float, _Item]] = []
+        # The last different stamps of these, each with its lateness.
+        self._strange_lately: deque[tuple[float, float]] = deque(maxlen=_AGREEING)
         self._last_stamp: float | None = None
         self._stampless = False
         # Lateness assumed when arrival times stand in for stamps.
@@ -103,12 +106,14 @@ class StampReader(Generic[_Item]):
             return self._anew("the server's timestamps advance again", [(stamp, received, item)])
         late = received - self._time(stamp, received)
         if self._fits(stamp, late):
-            self._strange.clear()
+            self._forget_strange()
             jump = self._late_jump(received, late)
             if jump is not None:
                 return self._anew(_jump_sentence(jump), [(stamp, received, item)])
             return [self._timed(stamp, received, item)]
         self._strange.append((late, stamp, received, item))
+        if not self._strange_lately or self._strange_lately[-1][0] != stamp:
+            self._strange_lately.append((stamp, late))
         if not self._is_set():
             return []
         jump = self._least_usual - late
@@ -131,7 +136,11 @@ class StampReader(Generic[_Item]):
         self._unit = None
         self._last_stamp = None
         self._late_since = None
+        self._forget_strange()
+
+    def _forget_strange(self) -> None:
         self._strange.clear()
+        self._strange_lately.clear()
 
     def _timed(self, stamp: float, received: float, item: _Item) -> Timed[_Item]:
         time = self._time(stamp, received)
@@ -232,8 +241,8 @@ class StampReader(Generic[_Item]):
         return late >= self._least_usual - _EARLY_S and back * (self._unit or 1.0) <= _DISORDER_S
 
     def _is_set(self) -> bool:
-        """True if consecutive arrivals agree on a new clock, or have not fitted for long."""
-        lately = [each[0] for each in self._strange[-_AGREEING:]]
+        """True if consecutive stamps agree on a new clock, or have not fitted for long."""
+        lately = [late for _, late in self._strange_lately]
         alike = max(lately) - min(lately) < _LATE_S
         waited = self._strange[-1][2] - self._strange[0][2]
         return (len(lately) == _AGREEING and alike) or waited > _LATE_FOR_S
@@ -272,9 +281,15 @@ def _slope(stamps: Float64Array, received: Float64Array) -> float:
 
 
 def _jumps(stamps: Float64Array) -> NDArray[np.intp]:
-    """Return the steps at which a clock of unknown unit was set: those far above the mean."""
+    """Return the steps at which a clock of unknown unit was set: those far above the mean.
+
+    The mean is that of the steps between different stamps: all bodies of a frame have the same.
+    """
     steps = np.abs(np.diff(stamps))
-    return np.flatnonzero(steps > _JUMP_STEPS * steps.mean())
+    moved = steps > 0
+    if not moved.any():
+        return np.flatnonzero(moved)
+    return np.flatnonzero(steps > _JUMP_STEPS * steps[moved].mean())
 
 
 def _nominal(slope: float) -> float:

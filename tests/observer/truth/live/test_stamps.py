@@ -191,6 +191,38 @@ def test_stamps_of_several_bodies_may_be_slightly_out_of_order() -> None:
     assert (read.times == disordered).all()
 
 
+@pytest.mark.parametrize("counts", [False, True])
+def test_many_bodies_with_one_stamp_are_no_clock_jumps(counts: bool) -> None:
+    stamps, received = arrivals(13, 10.0)
+    if counts:
+        stamps = 500 + np.arange(1000.0)
+    read = Read(counts=counts)
+    read.feed(np.repeat(stamps, 40), np.repeat(received, 40))
+    assert not read.notices
+    assert len(read.timed) == 40_000
+
+
+@pytest.mark.parametrize("wrong_s", [-3600.0, -0.5, 0.5, 3600.0])
+def test_one_wrong_stamp_of_many_bodies_is_no_clock_jump(wrong_s: float) -> None:
+    stamps, received = arrivals(14, 10.0)
+    stamps[600] += wrong_s
+    read = Read()
+    read.feed(np.repeat(stamps, 8), np.repeat(received, 8))
+    assert not read.notices
+    assert len(read.timed) == 8 * 999
+
+
+def test_a_clock_step_with_many_bodies_is_noticed_and_followed() -> None:
+    stamps, received = arrivals(15, 10.0)
+    stamps[500:] += 3600.0
+    read = Read()
+    read.feed(np.repeat(stamps, 40), np.repeat(received, 40))
+    assert read.kinds == ["clock"]
+    assert "ahead" in read.notices[0][1]
+    assert len(read.timed) == 40_000
+    assert (np.diff(read.times) >= 0).all()
+
+
 def test_reconnecting_to_the_same_clock_gives_no_notice() -> None:
     stamps, received = arrivals(9, 20.0)
     read = Read()
