@@ -11,12 +11,13 @@ from observer.kernels.pose_fit import fit_pose
 from observer.parameters import EgoMotionParameters
 
 from .oracles import pose_fit as oracle
+from .oracles.pose_residuals import SeenPoints
 
 CAMERA = StereoCamera(512, 256, 300.0, 301.0, 255.0, 127.0, 0.12)
 EXPECTED = Pose.from_rotvec([0.01, -0.03, 0.005], [0.02, 0.01, -0.1])
 
 
-def seen_points(seed: int, *, moving: float, deep: float, count: int = 150) -> oracle.SeenPoints:
+def seen_points(seed: int, *, moving: float, deep: float, count: int = 150) -> SeenPoints:
     """Points in front of a moving camera, some on a mover, some without disparity."""
     rng = np.random.default_rng(seed)
     place = rng.uniform([-3, -1, 1], [3, 1, 8], (count, 3))
@@ -29,11 +30,11 @@ def seen_points(seed: int, *, moving: float, deep: float, count: int = 150) -> o
     disparity = np.where(rng.random(count) < deep, disparity + rng.normal(0, 0.2, count), np.nan)
     spread = rng.normal(0, 0.01, (count, 3, 3))
     covariance = spread @ spread.transpose(0, 2, 1)
-    return oracle.SeenPoints.of(place, covariance, px, disparity, rng.uniform(0.1, 0.5, (count, 3)))
+    return SeenPoints.of(place, covariance, px, disparity, rng.uniform(0.1, 0.5, (count, 3)))
 
 
 def by_kernel(
-    points: oracle.SeenPoints, share: np.ndarray, parameters: EgoMotionParameters, seed: int
+    points: SeenPoints, share: np.ndarray, parameters: EgoMotionParameters, seed: int
 ) -> tuple[np.ndarray, ...]:
     return fit_pose(
         np.ascontiguousarray(points.place.T),
