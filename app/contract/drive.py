@@ -274,7 +274,7 @@ class StoppedEvent:
             if it drove on or was not seen to stand within 4 s.
         speed_mps: at the cause, by its encoders. before_mps: the same when the guard began to
             slow it, for ``guard``; otherwise as ``speed_mps``.
-        distance_m: by odometry from cause to standing; None without odometry.
+        distance_m: by odometry from cause to standing; None without odometry, or with a gap in it.
         separation_m: after a stop by the guard, the clearance to the nearest object seen or
             echoing ahead; None if unknown, or if the obstacle itself approached.
     """

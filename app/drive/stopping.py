@@ -28,15 +28,23 @@ _FOLLOWED_S = 4.0
 # Waiting time for a frame and sonar readings of the robot at rest, for the separation.
 _LOOK_S = 0.5
 _KEPT_S = 6.0
+# Counters of a robot that rise where its odometry left out a motion: it was not connected, or its
+# own numbers were reset.
+_GAPS = ("reconnects", "odometry_jumps")
 
 
 @dataclass(frozen=True)
 class _Packet:
-    """Status packet's content; metres in the odometry's frame, m/s."""
+    """Status packet's content; metres in the odometry's frame, m/s.
+
+    Attributes:
+        gaps: number of gaps in the odometry so far.
+    """
 
     received: float
     place: tuple[float, float] | None
     speed_mps: float | None
+    gaps: int
 
 
 @dataclass
@@ -112,6 +120,7 @@ class StopWatch:
                     report.received,
                     None if place is None else (place.x, place.y),
                     report.speed_mps,
+                    sum(report.counters.get(name, 0) for name in _GAPS),
                 )
             )
         while now - packets[0].received > _KEPT_S and len(packets) > 1:
@@ -241,11 +250,14 @@ class StopWatch:
         )
 
     def _driven_m(self, start: float, end: float) -> float | None:
-        """Return the odometry's path length between two moments, at even speed between packets."""
+        """Return the odometry's path length between two moments, at even speed between packets.
+
+        Return None if it is not known, as after a gap in the odometry.
+        """
         packets = [each for each in self._packets if each.received <= end]
         within = [each for each in packets if each.received > start]
         before = packets[: len(packets) - len(within)]
-        if not before or not within:
+        if not before or not within or before[-1].gaps != within[-1].gaps:
             return None
         places = [each.place for each in (before[-1], *within)]
         known = [place for place in places if place is not None]

@@ -256,6 +256,26 @@ def test_a_lost_port_is_measured_from_its_last_packet_and_given_up(
     assert (stop.stood_time, stop.speed_mps) == (None, pytest.approx(0.3))
 
 
+@pytest.mark.parametrize("counter", ["reconnects", "odometry_jumps"])
+def test_a_stop_over_a_gap_in_the_odometry_has_no_distance(rolling: Rolling, counter: str) -> None:
+    bench = rolling.bench
+    rolling.ready("obstacle")
+    robot = bench.robots["obstacle"]
+    robot.change(sent=Sent(0.3, 0.0, bench.now))
+    last = robot.state.received
+    rolling.silent = True
+    rolling.hold("obstacle", 0.3, 0.4)
+    # It drove on unheard; its odometry continues where the last packet left it.
+    rolling.run(1.5)
+    robot.change(received=bench.now, speed_mps=0.0, sent=Sent(0.0, 0.0, bench.now))
+    robot.change(counters={**robot.state.counters, counter: 1})
+    back = bench.now
+    rolling.run(1.0)
+    stop = rolling.only()
+    assert (stop.kind, stop.cause_time, stop.stood_time) == ("fault", last, back)
+    assert stop.distance_m is None
+
+
 def test_a_stop_is_measured_for_each_moving_robot(rolling: Rolling) -> None:
     bench = rolling.bench
     rolling.ready("observer")
