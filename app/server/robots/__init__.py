@@ -5,6 +5,7 @@ and which robots it gets, and it shows and stores what happens.
 """
 
 from app.server.robots.absent import AbsentDrive
-from app.server.robots.manager import ArmedRobot, RobotManager
+from app.server.robots.manager import RobotManager
+from app.server.robots.rearming import ArmedRobot
 
 __all__ = ["AbsentDrive", "ArmedRobot", "RobotManager"]

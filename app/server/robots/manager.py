@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -12,7 +11,6 @@ import structlog
 
 from app.contract.commands import Answer
 from app.contract.drive import (
-    ArmRobot,
     DisarmRobot,
     DriveLostEvent,
     DriveStartedEvent,
@@ -20,7 +18,6 @@ from app.contract.drive import (
     FromDrive,
     IncidentEvent,
     ResetStop,
-    StartProgramme,
     StoppedEvent,
     StopRobots,
     ToDrive,
@@ -47,6 +44,7 @@ from app.server.robots.circumstances import Circumstances
 from app.server.robots.connecting import Connecting
 from app.server.robots.incidents import IncidentKeeper, Incidents
 from app.server.robots.operators import Operators
+from app.server.robots.rearming import Rearming
 from app.server.robots.wheels import WheelLog, WheelSample
 from app.server.source_time import SourceTime
 from observer.rig.rig import ROLES, Rig, Role
@@ -55,23 +53,8 @@ from observer.robots.ports import shown_port
 
 log = structlog.get_logger(__name__)
 
-# A reconnected simulated robot reports within a second or two.
-_ARM_WITHIN_S = 8.0
-_ARM_AGAIN_S = 0.1
 _NO_PROCESS = "the drive process has not started yet"
 _NOTHING_KNOWN = DriveFacts(None, None, None, None, None, dict.fromkeys(ROLES))
-
-
-@dataclass(frozen=True)
-class ArmedRobot:
-    """A programme's robot as it was when the programme was requested: armed.
-
-    Attributes:
-        connections, disarmings: the role's counts of assigned robots and of requests to disarm.
-    """
-
-    connections: int
-    disarmings: int
 
 
 class RunKeeper(IncidentKeeper, Protocol):
@@ -90,8 +73,8 @@ class RobotManager:
     Runs in the event loop's thread and takes no lock of the server, so a stop never waits.
 
     Attributes:
-        operators: who drives. wheels: speeds sent and measured. incidents: the newest ones.
-        checks: guided checks of stops.
+        operators: who drives. rearming: of a programme's robots. wheels: speeds sent and measured.
+        incidents: the newest ones. checks: guided checks of stops.
     """
 
     def __init__(
@@ -122,17 +105,15 @@ class RobotManager:
         self._changed = changed
         self._run = run
         self._source_time = source_time
-        self._clock = clock
         self._background = Background()
         self._unsubscribe: Callable[[], None] = lambda: None
         self._connecting = Connecting(drive, guard)
         self._facts = _NOTHING_KNOWN
         self._trouble: str | None = None
         self._generation = 0
-        # Per role: requests after which the robot must stay disarmed until somebody arms it.
-        self._disarmings = dict.fromkeys(ROLES, 0)
         self._world: str | None = None
         self.operators = Operators(self.ask, self._background.start)
+        self.rearming = Rearming(self._connecting, lambda: self._facts, self.ask, clock)
         self.wheels = WheelLog()
         self.incidents = Incidents(clock, run)
         self.checks = CheckManager(
@@ -226,7 +207,7 @@ class RobotManager:
         log.error("drive_lost", reason=event.reason)
         # Robots without a drive process must not be shown as connected.
         self._facts = replace(_NOTHING_KNOWN, stopped=self._facts.stopped)
-        self._count_disarming(ROLES)
+        self.rearming.count_disarming(ROLES)
         self._connecting.drive_lost()
         self.operators.drive_lost(event.reason)
         self._changed()
@@ -311,16 +292,12 @@ class RobotManager:
         """
         match command:
             case DisarmRobot():
-                self._count_disarming((command.role,))
+                self.rearming.count_disarming((command.role,))
             case StopRobots() | ResetStop():
-                self._count_disarming(ROLES)
+                self.rearming.count_disarming(ROLES)
             case _:
                 pass
         return await ask_drive(self._drive, command)
-
-    def _count_disarming(self, roles: Iterable[Role]) -> None:
-        for role in roles:
-            self._disarmings[role] += 1
 
     async def stop_robots(self, by: str) -> None:
         """Stop all robots until ``reset``. Waits only for the drive process.
@@ -354,76 +331,3 @@ class RobotManager:
         except (Conflict, NotAvailable):
             self._connecting.stop_due = self._connecting.stop_due or due
             raise
-
-    def check_programme(self, start: StartProgramme) -> dict[Role, ArmedRobot]:
-        """Check that the programme's robots are armed; call it before opening anything for it.
-
-        Returns:
-            These robots, for ``arm_again``.
-
-        Raises:
-            Conflict: a robot is not armed.
-        """
-        for role in start.programme.roles:
-            if not self.is_driven(role):
-                raise Conflict(f"the {role} is not armed; arm it first")
-        return {
-            role: ArmedRobot(self._connecting.connections[role], self._disarmings[role])
-            for role in start.programme.roles
-        }
-
-    async def arm_again(self, start: StartProgramme, before: Mapping[Role, ArmedRobot]) -> None:
-        """Re-arm those of the programme's robots that reopening the source has reconnected.
-
-        Do this only for the operator who has just requested the programme, and who holds the leases
-        of robots that were armed. A robot that anything else disarmed meanwhile stays disarmed.
-
-        Args:
-            before: from ``check_programme``.
-
-        Raises:
-            Conflict: they cannot be armed, or not in time, or were disarmed or stopped meanwhile.
-        """
-        deadline = self._clock() + _ARM_WITHIN_S
-        for role in before:
-            while not await self._armed(role, before, start.leases.get(role), deadline):
-                await asyncio.sleep(_ARM_AGAIN_S)
-
-    def _refuse_disarmed(self, before: Mapping[Role, ArmedRobot]) -> None:
-        if self._facts.stopped is not None:
-            raise Conflict("all robots were stopped; reset the stop first")
-        for role, armed in before.items():
-            if self._disarmings[role] != armed.disarmings:
-                raise _disarmed(role)
-
-    async def _armed(
-        self, role: Role, before: Mapping[Role, ArmedRobot], lease: str | None, deadline: float
-    ) -> bool:
-        late = self._clock() > deadline
-        self._refuse_disarmed(before)
-        given, robot = self._connecting.given(role), self.robot(role)
-        if given is None or robot is None:
-            if late:
-                raise Conflict(f"the {role} was not reconnected in time")
-            return False
-        if (robot.port, robot.world) != (shown_port(given.port), given.world):
-            # The last report is about the previous robot.
-            return False
-        if self.is_driven(role):
-            return True
-        if self._connecting.connections[role] == before[role].connections:
-            # Still connected as before, so it was not the reopening that disarmed it.
-            raise _disarmed(role)
-        try:
-            await self.ask(ArmRobot(role, lease))
-        except Conflict:
-            if late:
-                raise
-            return False
-        return True
-
-
-def _disarmed(role: Role) -> Conflict:
-    return Conflict(
-        f"the {role} was disarmed while the run was starting; arm it, then start the run again"
-    )

@@ -176,7 +176,7 @@ class RunManager:
             self._shared.refuse_calibrating()
             armed: dict[Role, ArmedRobot] = {}
             if programme is not None:
-                armed = self._robots.check_programme(programme)
+                armed = self._robots.rearming.armed_robots(programme)
             if source is None and calibration_id is None:
                 self._refuse_swapped()
             revision = self._parameters.plan(preset, parameters)
@@ -260,7 +260,7 @@ class RunManager:
     ) -> None:
         """Start a run's programme; if that fails, the run does not start."""
         try:
-            await self._robots.arm_again(programme, armed)
+            await self._robots.rearming.arm_again(programme, armed)
             await self._robots.ask(programme)
         except BaseException:
             await self.close(RunState.FAILED, "its programme could not be run")
