@@ -10,8 +10,15 @@ from app.contract.commands import OpenSource
 from app.contract.events import EngineState
 from app.server import Server
 from app.storage import Storage
+from observer.robots.contract import RobotPort
 
 from ...waiting import until_async
+
+# The robots of a simulated lab.
+LAB_ROBOTS = tuple(
+    RobotPort(role, f"socket://127.0.0.1:{port}", model, f"the {role}")  # type: ignore[arg-type]
+    for role, port, model in (("observer", 5001, "amigo-sh"), ("obstacle", 5002, "p3dx-sh"))
+)
 
 
 @asynccontextmanager
