@@ -270,17 +270,20 @@ class Pioneer:
             self._take(payload, writer)
         now = self._clock()
         with self._lock:
-            bad = self._watch.tick(now)
-            if writer.frozen:
-                writer.frozen = False
-                if self._watch.switched_on:
-                    self._watch.blame("this computer was too busy to serve it for a second or more")
-                    bad = True
+            bad, frozen = self._watch.tick(now), writer.frozen
+            if frozen and self._watch.switched_on:
+                self._watch.blame(
+                    "this computer was suspended, or too busy to serve it, for a second or more"
+                )
+                bad = True
             writer.in_outage(self._watch.in_outage(now, self._watchdog_s))
             if bad:
                 writer.halt(*_STOP)
             elif again := self._watch.due_command(now):
                 writer.send(again)
+            if frozen:
+                # Not before the velocity asked for was dropped.
+                writer.frozen = False
             silence = self._watch.silence_s(now)
         if writer.broken is not None:
             raise PortLost(writer.broken)

@@ -21,8 +21,8 @@ RESEND_S = 0.1
 # busy when a zero is due: two commands take 19 ms at 9600 baud.
 _SLOW_BAUD = 19200
 _RISING_S = 0.04
-# A process that has not written for this long was suspended; the robot's watchdog has expired
-# or is about to.
+# A process that has not written for this long was suspended, perhaps with the whole computer; the
+# robot's watchdog has expired or is about to.
 _FROZEN_S = 1.0
 
 # Whole mm/s and deg/s, as sent.
@@ -31,25 +31,40 @@ _ZERO: Setpoint = (0, 0)
 _E_STOP = command(Command.E_STOP)
 
 
+def since_boot() -> float:
+    """Return a monotonic clock, seconds, that goes on while the computer is suspended (Linux)."""
+    if hasattr(time, "CLOCK_BOOTTIME"):
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.monotonic()
+
+
 class SetpointWriter:
     """Writes commands and velocities, each when it is due; no method waits for the port.
 
     Args:
         port: written to by nothing else. clock: of ``Sent.time`` and of freshness.
+        since_boot: as ``since_boot``.
 
     Attributes:
         sent: the velocity that was sent last.
         broken: one sentence once the port is lost; nothing is written from then on.
-        frozen: whether this process was suspended for ``_FROZEN_S`` or more.
+        frozen: whether this process was suspended for ``_FROZEN_S`` or more; only zero is sent
+            until the owner resets it.
     """
 
-    def __init__(self, port: Port, clock: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        port: Port,
+        clock: Callable[[], float],
+        since_boot: Callable[[], float] = since_boot,
+    ) -> None:
         self.sent: Sent | None = None
         self.broken: str | None = None
         self.frozen = False
         self._outage = False
         self._port = port
         self._clock = clock
+        self._since_boot = since_boot
         self._rising_s = _RISING_S if (port.baud or math.inf) <= _SLOW_BAUD else 0.0
         self._changed = threading.Condition()
         self._commands: deque[bytes] = deque()
@@ -59,7 +74,8 @@ class SetpointWriter:
         self._whole = False
         self._asked, self._asked_at = _ZERO, -math.inf
         self._queued, self._queued_at = _ZERO, -math.inf
-        self._wrote_at = clock()
+        # On the clock ``since_boot``.
+        self._wrote_at = since_boot()
         self._finishing = False
         self._thread = threading.Thread(target=self._run, name="robot writer", daemon=True)
         self._thread.start()
@@ -111,7 +127,7 @@ class SetpointWriter:
         try:
             while (each := self._next()) is not None:
                 self._port.write(each)
-                self._wrote_at = self._clock()
+                self._wrote_at = self._since_boot()
                 time.sleep(COMMAND_GAP_S)
             failed = None
         except PortLost as error:
@@ -142,12 +158,12 @@ class SetpointWriter:
         if self._pair and self._whole:
             # A robot that has received only half of a standstill may continue the other motion.
             return 0.0
-        if now - self._wrote_at > _FROZEN_S:
+        if self._since_boot() - self._wrote_at > _FROZEN_S:
             self.frozen = True
             self._asked_at = -math.inf
             self._tell(_ZERO, now, with_stop=True)
             return 0.0
-        fresh = now - self._asked_at <= SETPOINT_FRESH_S and not self._outage
+        fresh = now - self._asked_at <= SETPOINT_FRESH_S and not (self._outage or self.frozen)
         target = self._asked if fresh else _ZERO
         resend = self._queued_at + RESEND_S
         if target != self._queued:

@@ -14,7 +14,7 @@ import pytest
 from observer.robots.arcos import Command, PacketParser, command, decode_command
 from observer.robots.contract import SETPOINT_FRESH_S
 from observer.robots.serial_port import PortLost, open_port
-from observer.robots.setpoint_writer import RESEND_S, SetpointWriter
+from observer.robots.setpoint_writer import RESEND_S, SetpointWriter, since_boot
 
 VEL, RVEL, STOP = int(Command.VEL), int(Command.RVEL), int(Command.STOP)
 
@@ -67,10 +67,12 @@ def writing() -> Iterator[Callable[..., tuple[Wire, SetpointWriter]]]:
     made = []
 
     def make(
-        baud: int | None = 38400, clock: Callable[[], float] = time.monotonic
+        baud: int | None = 38400,
+        clock: Callable[[], float] = time.monotonic,
+        since_boot: Callable[[], float] = since_boot,
     ) -> tuple[Wire, SetpointWriter]:
         wire = Wire(baud)
-        writer = SetpointWriter(wire, clock)
+        writer = SetpointWriter(wire, clock, since_boot)
         made.append(writer)
         return wire, writer
 
@@ -201,7 +203,8 @@ def test_every_velocity_is_a_standstill_during_an_outage(writing: Writing) -> No
 
 def test_a_suspended_process_resumes_with_a_standstill(writing: Writing) -> None:
     ahead = [0.0]
-    wire, writer = writing(clock=lambda: time.monotonic() + ahead[0])
+    late = lambda: time.monotonic() + ahead[0]  # noqa: E731
+    wire, writer = writing(clock=late, since_boot=late)
     hold(writer, (300, 0), 0.15)
     # As if the process had been stopped for 3 s: it notices only by the clock.
     ahead[0] = 3.0
@@ -213,6 +216,27 @@ def test_a_suspended_process_resumes_with_a_standstill(writing: Writing) -> None
     assert at <= 1
     assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
     assert (VEL, 300) not in told[at:]
+
+
+def test_a_suspended_computer_resumes_with_a_standstill(writing: Writing) -> None:
+    asleep = [0.0]
+    # The monotonic clock stands still meanwhile, so the last velocity still looks fresh.
+    wire, writer = writing(since_boot=lambda: time.monotonic() + asleep[0])
+    hold(writer, (300, 0), 0.15)
+    asleep[0] = 3600.0
+    since = time.monotonic()
+    hold(writer, (300, 0), 0.3)
+    told = wire.commands(since)
+    assert writer.frozen
+    at = told.index((STOP, None))
+    assert at <= 1
+    assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
+    assert (VEL, 300) not in told[at:]
+    # Its owner decides when the robot may move again.
+    writer.frozen = False
+    since = time.monotonic()
+    hold(writer, (300, 0), 0.15)
+    assert (VEL, 300) in wire.commands(since)
 
 
 def test_a_lost_port_ends_the_writer_with_the_reason(writing: Writing) -> None:
