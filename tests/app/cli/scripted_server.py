@@ -60,6 +60,9 @@ class ScriptedServer:
         # Sentences of the goal's facts, one per request; the last one ends the goal.
         self.way_to_goal = ["Driving to the goal, 1.0 m away.", "The goal is reached."]
         self.goal: dict[str, Any] | None = None
+        # The goal before, which this many requests after the new one still get.
+        self.goal_before: dict[str, Any] | None = None
+        self.late_facts = 0
         self.stopped: dict[str, Any] | None = None
         self.why: dict[str, str | None] = {"observer": None, "obstacle": None}
         self.driven_m = {"observer": 0.0, "obstacle": 0.0}
@@ -133,7 +136,10 @@ class ScriptedServer:
         }
 
     def _gone_on(self) -> dict[str, Any] | None:
-        if self.goal is not None and self.goal["state"] == "driving":
+        if self.goal is None or self.late_facts > 0:
+            self.late_facts -= self.goal is not None
+            return self.goal_before
+        if self.goal["state"] == "driving":
             sentence = self.way_to_goal.pop(0)
             reached = "reached" in sentence
             over = "reached" if reached else "driving" if self.way_to_goal else "ended"

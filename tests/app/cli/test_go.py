@@ -66,6 +66,24 @@ def test_an_early_end_reports_its_reason_as_the_error(
     assert not server.armed
 
 
+@pytest.mark.parametrize("before", ["reached", "ended", None])
+def test_the_end_of_the_goal_before_is_not_taken_for_its_own(
+    server: ScriptedServer, capsys: pytest.CaptureFixture[str], before: str | None
+) -> None:
+    if before is not None:
+        server.goal_before = {
+            "state": before, "sentence": "It is over.", "distance_m": 0.1, "elapsed_s": 7.5,
+            "risk_per_metre": 0.001,
+        }  # fmt: skip
+    server.late_facts = 2
+    code, out, err = go(server, capsys, "--json", "2.0")
+    assert code == 0, err
+    told = json.loads(out)
+    assert (told["reached"], told["elapsed_s"]) == (True, 0.5)
+    assert "Driving to the goal, 1.0 m away." in err
+    assert "It is over." not in err
+
+
 def test_an_invalid_goal_is_refused_before_anything_moves(
     server: ScriptedServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
