@@ -42,6 +42,8 @@ OUTLINE = {"radius_m": 0.3, "width_m": 0.4, "length_m": 0.5}
 _ANSWER_WITHIN_S = 3.0
 # Until the first permit says otherwise.
 _EXPIRES_S = 0.25
+# What a line of another protocol raises: JSON may be nested too deeply, and numbers be too large.
+_UNREADABLE = (ValueError, KeyError, TypeError, OverflowError, RecursionError)
 # Window for the lowest permit delay: the last one or two of these.
 _BUCKET_S = 10.0
 
@@ -127,7 +129,7 @@ class ExternalClient:
             connection.sendall(_line(self._hello))
             lines = _Lines(connection)
             answer = lines.next(patient=False)
-        except (OSError, ValueError) as error:
+        except (OSError, *_UNREADABLE) as error:
             connection.close()
             raise ExternalClientError(f"the answer is not from this protocol ({error})") from None
         if answer is None or answer.get("type") != "welcome":
@@ -251,7 +253,7 @@ class ExternalClient:
                     self._take(message)
                 elif message.get("type") == "refused":
                     reason = str(message.get("sentence"))
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, *_UNREADABLE) as error:
             reason = f"the connection was lost ({error})"
         # A newer connection keeps its own reason.
         if self._socket is connection:

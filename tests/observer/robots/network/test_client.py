@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 import threading
@@ -58,3 +59,30 @@ def test_the_reference_client_needs_only_python(robot: ExternalRobot, free_port:
     )
     assert refused.returncode == 2
     assert "no is not a port" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"type":"permit","sequence":1e999,"time":1,"speed_mps":1,"turn_rate_radps":0,'
+        b'"stop":false,"expires_ms":250}',
+        b'{"type":"permit","sequence":1,"time":1,"speed_mps":' + b"9" * 400 + b',"turn_rate_radps":'
+        b'0,"stop":false,"expires_ms":250}',
+        b"[" * 3000,
+    ],
+)
+def test_a_permit_that_cannot_be_read_ends_the_connection(line: bytes) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        client = ExternalClient("127.0.0.1", listener.getsockname()[1])
+        connecting = threading.Thread(target=client.connect)
+        connecting.start()
+        server, _ = listener.accept()
+        with server:
+            server.sendall(b'{"type":"welcome"}\n')
+            connecting.join()
+            server.sendall(line + b"\n")
+            # A robot reconnects when it is not connected any more.
+            until(lambda: not client.connected)
+            assert client.permitted().stop
+            assert "the connection was lost" in str(client.permitted().reason)
+        client.close()
