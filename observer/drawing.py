@@ -9,17 +9,15 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from observer.types import Image, MotionState, TrackState, Unseen
+from observer.obstacle_colors import obstacle_rgb
+from observer.types import Image, Unseen
 
 Color = tuple[int, int, int]
 
-# Colours of obstacles that are moving, moving in place, stopped, and coasting.
-_MOVING: Color = (0, 235, 255)
-_IN_PLACE: Color = (120, 220, 120)
-_STOPPED: Color = (255, 170, 80)
-_COASTING: Color = (160, 160, 160)
 # Share of an obstacle's colour within its silhouette.
 _TINT = 0.25
+# Colour of the texts: small letters in the darker colours of obstacles are hard to read.
+_LETTERS: Color = (255, 255, 255)
 TEXT_SCALE = 0.45
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 # Pixels between an obstacle's box and the text above it, and least distance of the text's baseline
@@ -38,15 +36,15 @@ def color_copy(image: Image) -> Image:
 
 def obstacle_color(state: str, motion: str) -> Color:
     """Return the colour of an obstacle in this ``TrackState`` and ``MotionState``."""
-    if state == TrackState.COASTING:
-        return _COASTING
-    if motion == MotionState.IN_PLACE:
-        return _IN_PLACE
-    return _MOVING if motion == MotionState.MOVING else _STOPPED
+    red, green, blue = obstacle_rgb(state, motion)
+    return blue, green, red
 
 
 class DrawnObstacle(NamedTuple):
-    """Drawing of an obstacle: ``box_px`` and ``silhouette`` are those of ``Obstacle``."""
+    """Drawing of an obstacle.
+
+    ``box_px`` and ``silhouette`` are those of ``Obstacle``; ``color`` is that of both.
+    """
 
     box_px: Sequence[float]
     silhouette: Sequence[ArrayLike] | None
@@ -94,7 +92,7 @@ def draw_obstacles(
         taken.append(area)
         texts.append((each, area, baseline))
     for each, area, baseline in texts:
-        draw_text(canvas, each.text, (area.left, area.bottom - baseline), each.color, scale)
+        draw_text(canvas, each.text, (area.left, area.bottom - baseline), _LETTERS, scale)
 
 
 def _draw_shape(canvas: Image, obstacle: DrawnObstacle) -> bool:

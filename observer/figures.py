@@ -18,13 +18,14 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
+from observer.obstacle_colors import MOVING_HEX
 from observer.types import Image
 
 INK = "#1b1d21"
 GRID = "#dfe2e6"
 # The same for a dark background.
 _LIGHT_INK, _DARK_GRID = "#e5efeb", "#33413d"
-GREEN, YELLOW, RED, GREY = "#2bd42b", "#ffd800", "#e5261f", "#9aa0a6"
+GREEN, RED, GREY = "#2bd42b", MOVING_HEX, "#9aa0a6"
 # Of notes in a figure: grey as well, but dark enough to be read.
 DARK_GREY = "#5a5a5a"
 # After Okabe and Ito: distinguishable to colour-blind people, and on a dark background.

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from app.contract.values import means
-from app.contract.views import OBSTACLE_RGB
+from observer.obstacle_colors import OBSTACLE_RGB, Rgb
 
-Rgb = tuple[int, int, int]
 Vector = tuple[float, float, float]
 LayerName = Literal["cloud", "boxes", "arrows", "trails", "guard", "path", "map", "truth"]
 
@@ -62,12 +61,13 @@ class SceneFacts:
 
 _LAYERS = (
     SceneLayer(
-        "cloud", "Point cloud", "What dense stereo measures, in the colours of the image; red on "
-        "moving obstacles.", f"{WORLD_NODE}/cloud", (),
+        "cloud", "Point cloud", "What dense stereo measures, in the colours of the image; "
+        "obstacles are tinted like their boxes.", f"{WORLD_NODE}/cloud", (),
     ),
     SceneLayer(
-        "boxes", "Boxes", "Moving and stopped obstacles, each with its speed and 95 % interval.",
-        f"{WORLD_NODE}/boxes", (OBSTACLE_RGB,),
+        "boxes", "Boxes", "Obstacles, each with its speed and 95 % interval: moving (red), moving "
+        "in place (orange), stopped (blue), out of view (grey).", f"{WORLD_NODE}/boxes",
+        tuple(OBSTACLE_RGB.values()),
     ),
     SceneLayer(
         "arrows", "Arrows", "Velocity: the arrow ends where the obstacle will be in one second.",

@@ -25,8 +25,6 @@ VIEW_NAMES: tuple[str, ...] = (
 DISPARITY_NAME = "disparity"
 # The slot of the dense cloud; watched like a view.
 CLOUD_NAME = "cloud"
-# Colour of obstacles in the 3D scene: of their boxes, and of what is seen of them in the cloud.
-OBSTACLE_RGB: tuple[int, int, int] = (226, 44, 44)
 
 
 class ViewHeader(TypedDict):
@@ -53,7 +51,7 @@ class CloudHeader(FrameInstant):
     """Facts of the cloud's frame, the number of points, and the downscaling factor for matching.
 
     The payload is points (N, 3) float32, metres, in the camera frame, then colours (N, 3) uint8
-    RGB: those of the image, with ``OBSTACLE_RGB`` mixed in on obstacles.
+    RGB: those of the image, mixed on obstacles with the colours of their states.
     """
 
     count: int

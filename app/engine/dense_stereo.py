@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.contract.views import OBSTACLE_RGB, CloudHeader, FrameInstant
+from app.contract.views import CloudHeader, FrameInstant
 from app.engine.observed import Observed
 from observer.camera import StereoCamera, as_gray
-from observer.drawing import color_copy, silhouette_mask, tint
+from observer.drawing import color_copy, obstacle_color, silhouette_mask, tint
 from observer.parameters import StereoParameters
 from observer.types import Image, Observation, Obstacle
 from observer.vision.stereo import disparity_map, point_cloud
@@ -144,7 +144,7 @@ class Cloud:
 
 
 def cloud_of(pair: DensePair, dense: DenseStereo) -> Cloud:
-    """Return the cloud of a pair, with bodies tinted in the obstacle colour."""
+    """Return the cloud of a pair, with bodies tinted in the colours of their states."""
     image = _with_bodies(pair.obstacles, dense)
     return Cloud(*point_cloud(dense.disparity, image, dense.camera, dense.parameters, MAX_POINTS))
 
@@ -174,7 +174,7 @@ def _with_bodies(obstacles: tuple[Obstacle, ...], dense: DenseStereo) -> Image:
         on_body &= silhouette_mask(one.silhouette, on_body.shape, dense.coarseness)
         if image is dense.image:
             image = color_copy(image)
-        tint(image, on_body, OBSTACLE_RGB[::-1], _TINT)
+        tint(image, on_body, obstacle_color(one.state, one.motion), _TINT)
     return image
 
 

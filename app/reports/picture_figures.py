@@ -18,7 +18,6 @@ from observer.figures import (
     INK,
     RED,
     SKY,
-    YELLOW,
     darkened,
     picture_axes,
     plain_axes,
@@ -75,7 +74,7 @@ def _flow(axes: Axes, moment: Moment) -> None:
 def detection_figure(moment: Moment) -> Figure:
     """Draw the points that tell the obstacle from the static scene, and its box.
 
-    The points are green stars, the box is yellow.
+    The points are green stars, the box is red.
     """
     figure, (axes,) = picture_axes((_title(moment),), _size(moment), 6.4)
     show_image(axes, moment.trace["left"])
@@ -111,7 +110,7 @@ def cloud_figure(moment: Moment, obstacle: ObstacleEntry) -> Figure:
     figure = Figure(figsize=(10.8, 3.5), layout="constrained", facecolor="white")
     image, above, aside = figure.subplots(1, 3, width_ratios=(1.15, 1, 1))
     show_image(image, moment.trace["left"])
-    _boxes(image, moment.line, color=RED)
+    _boxes(image, moment.line)
     image.set_xticks([])
     image.set_yticks([])
     image.set_title("(a) detected obstacle in the image", fontsize=9)
@@ -170,17 +169,17 @@ def box_corners(line: ObservationLine, obstacle: ObstacleEntry) -> Float64Array:
     return T_camera_world.apply(corners)
 
 
-def _boxes(axes: Axes, line: ObservationLine, color: str = YELLOW) -> None:
+def _boxes(axes: Axes, line: ObservationLine) -> None:
     for entry in line["obstacles"]:
         if not is_moving(entry):
             continue
         # Older recordings contain no silhouettes.
         for polygon in entry.get("silhouette") or ():
-            axes.add_patch(Polygon(polygon, facecolor=(color, _TINT), edgecolor=color, lw=0.9))
+            axes.add_patch(Polygon(polygon, facecolor=(RED, _TINT), edgecolor=RED, lw=0.9))
         u0, v0, u1, v1 = entry["box_px"]
-        axes.add_patch(Rectangle((u0, v0), u1 - u0, v1 - v0, fill=False, edgecolor=color, lw=1.8))
+        axes.add_patch(Rectangle((u0, v0), u1 - u0, v1 - v0, fill=False, edgecolor=RED, lw=1.8))
         axes.text(
-            u0, v0 - 4, f"#{entry['id']}  {entry['speed']:.2f} m/s", color=color, fontsize=8,
+            u0, v0 - 4, f"#{entry['id']}  {entry['speed']:.2f} m/s", color=RED, fontsize=8,
             va="bottom", bbox={"facecolor": "#000000", "alpha": 0.55, "lw": 0, "pad": 1.5},
         )  # fmt: skip
 

@@ -181,7 +181,7 @@ def _detection(own: Moment | None) -> _Made:
     if own is None:
         return "", None, _NOT_OBSERVED
     return (
-        f"{_chosen(own)} Green stars are the feature points that move, the yellow box is the "
+        f"{_chosen(own)} Green stars are the feature points that move, the red box is the "
         f"detected obstacle with its number and speed, as the run reported it.",
         detection_figure(own), "",
     )  # fmt: skip

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.contract.scene import LAYERS, LayerName, Rgb
+from app.contract.scene import LAYERS, LayerName
 from app.viewer.shapes import padded
 from observer.geometry import Float64Array, Pose
+from observer.obstacle_colors import Rgb
 
 
 def in_layer(layer: LayerName, name: str) -> str:

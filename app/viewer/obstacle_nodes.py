@@ -8,11 +8,14 @@ import viser
 from app.contract.scene import LAYERS
 from app.viewer.nodes import hidden_lines, in_layer, show_lines
 from app.viewer.picture import Picture, Tag
-from app.viewer.shapes import EDGES_OF_A_BOX
+from app.viewer.shapes import EDGES_OF_A_BOX, linear_rgb, padded
+from observer.obstacle_colors import OBSTACLE_RGB
 
 _MOST_OBSTACLES = 16
 _MOST_BODIES = 16
-(_BOX,), (_ARROW,), (_TRUTH,) = (LAYERS[name].colors for name in ("boxes", "arrows", "truth"))
+(_ARROW,), (_TRUTH,) = (LAYERS[name].colors for name in ("arrows", "truth"))
+# Replaced by each obstacle's own.
+_BOX = OBSTACLE_RGB["moving"]
 
 
 class ObstacleNodes:
@@ -44,10 +47,21 @@ class ObstacleNodes:
 
     def show(self, picture: Picture) -> None:
         """Draw the obstacles and true bodies of a picture, and nothing else of it."""
+        self._color_boxes(picture)
         show_lines(self.boxes, picture.boxes.reshape(-1, 2, 3))
         show_lines(self.truth, picture.truth.reshape(-1, 2, 3))
         show_lines(self.arrows, picture.arrows)
         self._label(picture.tags)
+
+    def _color_boxes(self, picture: Picture) -> None:
+        if not len(picture.boxes):
+            return
+        edges = np.repeat(picture.box_colors, EDGES_OF_A_BOX, axis=0)
+        # Both ends of each edge.
+        ends = np.repeat(linear_rgb(edges)[:, None], 2, axis=1)
+        colors = padded(ends, len(self.boxes.points))
+        if not np.array_equal(self.boxes.colors, colors):
+            self.boxes.colors = colors
 
     def _label(self, tags: tuple[Tag, ...]) -> None:
         for k, label in enumerate(self.labels):

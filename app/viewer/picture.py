@@ -22,6 +22,7 @@ from observer.guard.parameters import GuardParameters
 from observer.intervals import half_95
 from observer.jsonl import ObstacleEntry, line_pose
 from observer.mount import level_pose
+from observer.obstacle_colors import obstacle_rgb
 from observer.truth.matching import TrueBodyEntry
 
 # An arrow shows the obstacle's place after this time.
@@ -55,7 +56,7 @@ class Picture:
 
     Attributes:
         segment: (engine's generation, segment): another value means another world frame.
-        boxes, truth: (N, 12, 2, 3) edges.
+        boxes, truth: (N, 12, 2, 3) edges. box_colors: (N, 3) RGB, one per box.
         arrows: (N, 2, 3) start and end.
         rig: (N, 2, 3) lines from the camera to its robot.
         tags: one per obstacle.
@@ -74,6 +75,7 @@ class Picture:
     rig: Float64Array
     optics: tuple[float, float] | None
     boxes: Float64Array
+    box_colors: NDArray[np.uint8]
     truth: Float64Array
     arrows: Float64Array
     tags: tuple[Tag, ...]
@@ -112,6 +114,9 @@ def make_picture(
         boxes=_stacked(
             [_obstacle_edges(o, T_display_world, mount is not None) for o in placed], 12
         ),
+        box_colors=np.array(
+            [obstacle_rgb(o["state"], o["motion"]) for o in placed], np.uint8
+        ).reshape(-1, 3),
         truth=_stacked([_true_edges(b, up) for b in (event.truth if event else [])], 12),
         arrows=_stacked([a for o in placed if (a := _arrow(o)) is not None], None),
         tags=tuple(_tag(o, up) for o in placed),

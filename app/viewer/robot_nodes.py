@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.contract.scene import BASE_NODE, LAYERS, WORLD_NODE, Rgb
+from app.contract.scene import BASE_NODE, LAYERS, WORLD_NODE
 from app.viewer.nodes import hidden_lines, in_layer, move, show_lines
 from app.viewer.robot_marks import (
     GOAL_LINES,
@@ -20,6 +20,7 @@ from app.viewer.robot_marks import (
     Level,
     RobotMarks,
 )
+from observer.obstacle_colors import Rgb
 
 _PATH, _REFUSED, _MEETING = LAYERS["path"].colors
 _STOP, _SLOW, _SONAR = LAYERS["guard"].colors

@@ -108,6 +108,16 @@ def padded(rows: NDArray[Any], count: int) -> NDArray[Any]:
     return np.concatenate([rows, np.repeat(rows[-1:], count - len(rows), axis=0)])
 
 
+def linear_rgb(colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return sRGB colours (N, 3) without their gamma.
+
+    Viser's client applies it to colours of single vertices, but not to a node's only colour.
+    """
+    part = colors / 255
+    linear = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
+    return np.round(255 * linear).astype(np.uint8)
+
+
 def thinned(count: int, most: int) -> slice:
     """Return every k-th of ``count`` rows, evenly spread, so that at most ``most`` remain."""
     return slice(None, None, max(1, -(-count // most)))

@@ -20,7 +20,6 @@ from observer.figures import (
     ORANGE,
     RED,
     SKY,
-    YELLOW,
     bare_axes,
     darkened,
     picture_axes,
@@ -227,7 +226,7 @@ def _obstacles(pair: ObservedPair) -> Figure:
 
 def _box(axes: Axes, one: Obstacle, true: float | None) -> None:
     new = one.state is TrackState.TENTATIVE
-    color = "white" if new else YELLOW
+    color = "white" if new else RED
     u0, v0, u1, v1 = one.box_px
     axes.add_patch(
         Rectangle((u0, v0), u1 - u0, v1 - v0, fill=False, edgecolor=color, lw=1.8,

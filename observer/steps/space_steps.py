@@ -117,7 +117,7 @@ def obstacles_step(pair: ObservedPair) -> PaperStep:
         "Obstacles: cluster, speed, identity",
         "Dynamic points closer together than r form one obstacle; its speed is the magnitude of "
         "their mean velocity. It is reported once it has been seen in several frames.",
-        "Yellow: obstacles with their speed. Green stars: their points. White, dashed: too new to "
+        "Red: obstacles with their speed. Green stars: their points. White, dashed: too new to "
         "be reported.",
         row(
             size(sub("P", "i"), "−", sub("P", "j")), "≤ r", gap(),

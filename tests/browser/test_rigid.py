@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from observer.obstacle_colors import OBSTACLE_RGB
+
 from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
 
 Confirmed = Callable[..., tuple[Page, int]]
@@ -57,8 +59,8 @@ def test_a_confirmed_obstacle_has_a_box_and_a_row(
     why = page.locator("observer-obstacles tr.why").first
     reason = r"Moving, [a-z ]+\. \d+ feature points on one rigid body"
     expect(why).to_contain_text(re.compile(reason))
-    # The rectangle in the picture is pure yellow, the arrows of moving points are red.
-    for view, colour in (("left", (0, 235, 255)), ("residual", (60, 60, 255))):
+    # The rectangle in the picture is in the colour of what moves, arrows of moving points are red.
+    for view, colour in (("left", OBSTACLE_RGB["moving"][::-1]), ("residual", (60, 60, 255))):
         canvas = page.locator(f'observer-live-view[data-view="{view}"] canvas')
         near = abs(pixels(canvas).astype(int) - colour).max(axis=2) < 70
         assert near.sum() > 20, view

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from observer.drawing import (
     silhouette_mask,
     tint,
 )
+from observer.obstacle_colors import OBSTACLE_RGB
 from observer.types import MotionState, TrackState
 
 GREY = 80
@@ -70,17 +73,27 @@ def test_an_obstacle_beyond_the_image_border_is_clipped(reach: int) -> None:
     assert image[75, 270].tolist() != [GREY] * 3
 
 
-def test_colors_distinguish_moving_stopped_and_coasting() -> None:
-    colors = {
-        obstacle_color(state, motion)
-        for state, motion in (
-            ("confirmed", "moving"),
-            ("confirmed", "stopped"),
-            ("coasting", "moving"),
-        )
-    }
-    assert len(colors) == 3
-    assert obstacle_color("coasting", "moving") == obstacle_color("coasting", "stopped")
+def test_each_state_has_a_colour_of_its_own_and_motion_out_of_view_has_none() -> None:
+    colors = {obstacle_color("confirmed", motion) for motion in MotionState}
+    assert len(colors) == len(MotionState)
+    coasting = {obstacle_color("coasting", motion) for motion in MotionState}
+    assert len(coasting) == 1
+    assert not coasting & colors
+
+
+@pytest.mark.parametrize("background", ["#f4f7f5", "#0d1413"])
+def test_each_state_stands_out_from_the_scene(background: str) -> None:
+    def luminance(rgb: Sequence[int]) -> float:
+        linear = [
+            part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4
+            for part in (channel / 255 for channel in rgb)
+        ]
+        return float(np.dot(linear, (0.2126, 0.7152, 0.0722))) + 0.05
+
+    ground = luminance(bytes.fromhex(background[1:]))
+    for state, rgb in OBSTACLE_RGB.items():
+        lower, higher = sorted((luminance(rgb), ground))
+        assert higher / lower >= 3.0, state
 
 
 def test_a_mask_on_a_coarser_grid_covers_the_same_area() -> None:
@@ -131,21 +144,20 @@ def test_a_plus_minus_sign_is_a_plus_above_a_line() -> None:
 @pytest.mark.parametrize("top", [100.0, 2.0])
 def test_the_texts_of_neighbours_do_not_cover_each_other(top: float) -> None:
     """The text of the first reaches over the box of the second, also at the upper edge."""
-    colors = [(0, 0, 255), (0, 255, 0)]
     neighbours = [
-        DrawnObstacle((left, top, left + 20.0, top + 60.0), None, "#1  0.40 m/s", color)
-        for left, color in zip((20.0, 60.0), colors, strict=True)
+        DrawnObstacle((left, top, left + 20.0, top + 60.0), None, "#1  0.40 m/s", (0, 0, 0))
+        for left in (20.0, 60.0)
     ]
-    together = canvas()
-    draw_obstacles(together, neighbours)
-    for each in neighbours:
-        alone = canvas()
-        draw_obstacles(alone, [each])
+
+    def letters(obstacles: list[DrawnObstacle]) -> int:
+        image = canvas()
+        draw_obstacles(image, obstacles)
         # Anti-aliased letters are darker than their colour.
-        strongest = np.argmax(each.color)
-        inks = [(image[:, 84:, strongest] > 120).sum() for image in (alone, together)]
-        assert inks[0] > 20
-        assert inks[1] == inks[0]
+        return int((image.min(axis=2) > 120).sum())
+
+    alone = [letters([each]) for each in neighbours]
+    assert min(alone) > 20
+    assert letters(neighbours) == sum(alone)
 
 
 @pytest.mark.parametrize("left", [-30.0, 290.0])

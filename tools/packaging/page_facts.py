@@ -33,6 +33,7 @@ from observer.calibration.boards.printing import BAR_MM
 from observer.evaluation.gaps import GAP_STEPS
 from observer.guard.parameters import GuardParameters
 from observer.intervals import SIGMAS_95
+from observer.obstacle_colors import OBSTACLE_RGB
 from observer.occupancy import BLOCKED, FREE, STATES
 from observer.robots.models import SPECS
 from observer.truth.counting import MOVING_MPS, VISIBLE_SHARE
@@ -56,6 +57,10 @@ FACTS: dict[str, tuple[float | str | dict[str, str], str]] = {
     "HEARTBEAT_S": (HEARTBEAT_S, "The server sends something on a socket at least this often, s."),
     "STALE_AFTER_S": (STALE_AFTER_S, "What is shown is stale after this time, s."),
     "LOG_LENGTH": (LOG_LENGTH, "Number of entries of the log that the server keeps."),
+    "OBSTACLE_COLOURS": (
+        {state: "#" + bytes(rgb).hex() for state, rgb in OBSTACLE_RGB.items()},
+        "Colour of an obstacle by its state, in every image and view of the scene.",
+    ),
     "ROBOT_MODELS": (
         {model: f"{spec.title}, {spec.variant}" for model, spec in SPECS.items()},
         "Robot models whose constants are known, and their names for people.",

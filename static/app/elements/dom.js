@@ -216,10 +216,10 @@ export function swatch(kind, colour) {
  *
  * @template {HTMLElement} E
  * @param {E} element
- * @param {string | null} colour its name in tokens.css; null: none of its own
+ * @param {string | null} colour its name in tokens.css, or #rrggbb; null: none of its own
  */
 export function tint(element, colour) {
-  element.style.setProperty("--swatch", colour && `var(${colour})`);
+  element.style.setProperty("--swatch", colour?.startsWith("--") ? `var(${colour})` : colour);
   return element;
 }
 

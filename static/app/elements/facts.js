@@ -24,6 +24,14 @@ export const STALE_AFTER_S = 1;
 /** Number of entries of the log that the server keeps. */
 export const LOG_LENGTH = 500;
 
+/** Colour of an obstacle by its state, in every image and view of the scene. */
+export const OBSTACLE_COLOURS = {
+  "moving": "#e22c2c",
+  "in_place": "#cd7000",
+  "stopped": "#0085c8",
+  "coasting": "#808080",
+};
+
 /** Robot models whose constants are known, and their names for people. */
 export const ROBOT_MODELS = {
   "p3dx-sh": "Pioneer P3-DX, SH controller",

@@ -1,6 +1,6 @@
 /** Numbers and observations in words. Pure functions. */
 
-import { MOVING_MPS, SIGMAS_95, VISIBLE_SHARE } from "./facts.js";
+import { MOVING_MPS, OBSTACLE_COLOURS, SIGMAS_95, VISIBLE_SHARE } from "./facts.js";
 
 /** @import { LiveLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
 /** @import { LastSeen, Sighting } from "./last-seen.js" */
@@ -186,7 +186,12 @@ export function when(iso) {
     : date.toLocaleString(undefined, { dateStyle: "short", timeStyle: "medium" });
 }
 
-/** @param {number} id @returns {string} name of one of the eight colours of tracks in tokens.css */
+/** @param {Pick<ObstacleEntry, "state" | "motion">} obstacle @returns {string} its colour in images and in the scene */
+export function stateColour({ state, motion }) {
+  return OBSTACLE_COLOURS[state === "coasting" ? state : motion];
+}
+
+/** @param {number} id @returns {string} name of one of the eight colours of tracks in tokens.css, for charts and tables */
 export function trackColour(id) {
   return `--track-${((id % 8) + 8) % 8}`;
 }

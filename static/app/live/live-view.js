@@ -16,8 +16,8 @@ export const VIEWS = {
   left: {
     title: "Left",
     help:
-      "Green stars are features, lines their flow. A yellow box is a moving obstacle, a blue one " +
-      "has stopped, a grey one is out of view; the shading covers its visible part. " +
+      "Green stars are features, lines their flow. Obstacles: red moves, orange moves in place, " +
+      "blue has stopped, grey is out of view; the visible part is shaded. " +
       "Click any point to ask why it counts as moving or not.",
   },
   warped: {

@@ -2,7 +2,7 @@
 
 import { h, setAttribute } from "../elements/dom.js";
 import { placeLabels } from "../elements/label-places.js";
-import { counted, fixed, speedWithBand, trackColour } from "../elements/words.js";
+import { counted, fixed, speedWithBand, stateColour } from "../elements/words.js";
 
 /** @import { FrameEntry, FrameObstacle } from "../contract" */
 /** @import { Area } from "../elements/label-places.js" */
@@ -104,9 +104,11 @@ class Pen {
   }
 
   /** @param {FrameObstacle} obstacle */
-  obstacle({ id, state, box_px, arrow_px }) {
-    this.box(box_px, this.colour(trackColour(id)), state === "confirmed" ? [] : [4, 4]);
-    if (arrow_px) this.#arrow(arrow_px, this.colour(trackColour(id)));
+  obstacle(obstacle) {
+    const { state, box_px, arrow_px } = obstacle;
+    const colour = stateColour(obstacle);
+    this.box(box_px, colour, state === "confirmed" ? [] : [4, 4]);
+    if (arrow_px) this.#arrow(arrow_px, colour);
   }
 
   /**
@@ -145,7 +147,7 @@ class Pen {
     const { context } = this;
     context.fillStyle = this.colour("--surface");
     context.fillRect(x, y, width, height);
-    context.fillStyle = this.colour(trackColour(obstacle.id));
+    context.fillStyle = stateColour(obstacle);
     context.fillRect(x, y, 4, height);
     context.fillStyle = this.colour("--text");
     context.fillText(labelOf(obstacle), x + 8, y + height / 2);

@@ -2,7 +2,7 @@
 
 import { h, setAttribute, svg } from "../elements/dom.js";
 import { placeLabels } from "../elements/label-places.js";
-import { speedWithBand } from "../elements/words.js";
+import { speedWithBand, stateColour } from "../elements/words.js";
 
 /** @import { FrameBody, FrameEntry, FrameObstacle } from "../contract" */
 
@@ -66,7 +66,7 @@ export class OverlaidPicture {
       svg(
         "text",
         {
-          "data-kind": kindOf(/** @type {FrameObstacle} */ (obstacles[at])),
+          ...look(/** @type {FrameObstacle} */ (obstacles[at])),
           x,
           y: y + size,
           "font-size": size,
@@ -82,7 +82,7 @@ export class OverlaidPicture {
 function found(obstacle, scale) {
   return svg(
     "g",
-    { "data-kind": kindOf(obstacle) },
+    look(obstacle),
     ...(obstacle.silhouette ?? []).map((polygon) =>
       svg("polygon", { points: polygon.map((point) => point.join(",")).join(" ") }),
     ),
@@ -97,10 +97,10 @@ function labelOf(obstacle) {
   return obstacle.false ? `false, ${speed}` : speed;
 }
 
-/** @param {FrameObstacle} obstacle */
-function kindOf({ false: wrong, state, motion }) {
-  if (wrong) return "false";
-  return state === "coasting" ? "coasting" : motion;
+/** Return the attributes of a drawing; the style sheet colours a false one. @param {FrameObstacle} obstacle */
+function look(obstacle) {
+  if (obstacle.false) return { "data-kind": "false" };
+  return { "data-kind": "true", color: stateColour(obstacle) };
 }
 
 /** @param {FrameBody} body */

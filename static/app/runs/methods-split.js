@@ -1,6 +1,7 @@
 /** Two methods side by side on the same frames, one slider for both. */
 
 import { h, iconButton, input, offerPlayback, setAttribute, setText } from "../elements/dom.js";
+import { OBSTACLE_COLOURS } from "../elements/facts.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { declareKeys, playOnSpace } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
@@ -25,6 +26,7 @@ const ADDRESS_AFTER_MS = 400;
 const LEGEND = [
   ["moving", "moving obstacle; arrow: motion in 1 s"],
   ["false", "false obstacle"],
+  ["in_place", "moves in place"],
   ["stopped", "stopped"],
   ["coasting", "not visible now"],
   ["truth", "ground truth"],
@@ -53,6 +55,13 @@ class Pane {
     fillFigures(this.#figures, figuresAt(found, position));
     this.#figures.firstElementChild?.setAttribute("data-first", "");
   }
+}
+
+/** @param {string} kind */
+function key(kind) {
+  const mark = h("span.methods-key", { "data-kind": kind });
+  mark.style.color = /** @type {Record<string, string>} */ (OBSTACLE_COLOURS)[kind] ?? "";
+  return mark;
 }
 
 export class MethodsSplit extends Part {
@@ -124,7 +133,7 @@ export class MethodsSplit extends Part {
     this.#truthLabel.hidden = !known;
     this.#legend.replaceChildren(
       ...LEGEND.filter(([kind]) => known || !["false", "truth"].includes(kind)).map(
-        ([kind, words]) => h("li", h("span.methods-key", { "data-kind": kind }), words),
+        ([kind, words]) => h("li", key(kind), words),
       ),
     );
     this.#position = this.#within(position ?? 0);

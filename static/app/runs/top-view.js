@@ -1,7 +1,8 @@
 /** A recorded frame from above, to scale: camera and its trail, obstacles, ground truth. */
 
 import { h, setAttribute, setText, svg, tint } from "../elements/dom.js";
-import { fixed, trackColour } from "../elements/words.js";
+import { OBSTACLE_COLOURS } from "../elements/facts.js";
+import { fixed, stateColour } from "../elements/words.js";
 import { matrixOf, outlinesOf } from "./map-cells.js";
 import { boundsOf, gridOf } from "./top-view-bounds.js";
 
@@ -13,6 +14,13 @@ const DOT_PX = 4;
 const GOAL_PX = 7;
 const HEAD_PX = 7;
 const TRAIL_POINTS = 300;
+/** @type {[keyof typeof OBSTACLE_COLOURS, string][]} */
+const STATES = [
+  ["moving", "Red: moving."],
+  ["in_place", "Orange: moving in place."],
+  ["stopped", "Blue: stopped."],
+  ["coasting", "Grey: out of view."],
+];
 
 /** Fills its container. Ahead is up; the scale is constant over a segment. */
 export class TopView extends HTMLElement {
@@ -80,7 +88,7 @@ export class TopView extends HTMLElement {
     );
     setText(
       this.#scale,
-      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${plan.truth.length > 0 ? " Dashed: ground truth." : ""}${plan.goal ? " Violet: goal and planned path." : ""}${this.#map ? " Local map: green is free, brown is obstructed." : ""}`,
+      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${this.#states()}${plan.truth.length > 0 ? " Dashed: ground truth." : ""}${plan.goal ? " Violet: goal and planned path." : ""}${this.#map ? " Local map: green is free, brown is obstructed." : ""}`,
     );
   }
 
@@ -96,6 +104,15 @@ export class TopView extends HTMLElement {
       this.#kept = { of, bounds: boundsOf(frames, wide, high) };
     }
     return this.#kept.bounds;
+  }
+
+  /** Name the colours of the states that occur in the run. */
+  #states() {
+    const found = new Set(
+      this.#frames.flatMap(({ plan }) => plan.obstacles.map((obstacle) => stateColour(obstacle))),
+    );
+    const named = STATES.filter(([state]) => found.has(OBSTACLE_COLOURS[state]));
+    return named.map(([, words]) => ` ${words}`).join("");
   }
 
   /** Return the camera's positions so far in this segment. @param {FramePlan} now */
@@ -169,7 +186,8 @@ class Brush {
   }
 
   /** @param {PlanObstacle} obstacle */
-  obstacle({ id, at, velocity, ellipse, state, motion }) {
+  obstacle(obstacle) {
+    const { id, at, velocity, ellipse, state, motion } = obstacle;
     const [x, y] = this.place(at);
     const [along = 0, across = 0, angle = 0] = ellipse ?? [];
     const moves = velocity && motion === "moving" ? velocity : null;
@@ -186,7 +204,7 @@ class Brush {
       ...(moves ? [this.#arrow(at, moves)] : []),
       svg("text", { x: x + 8, y: y - 7, "font-size": LABEL_PX }, String(id)),
     );
-    return tint(/** @type {any} */ (group), trackColour(id));
+    return tint(/** @type {any} */ (group), stateColour(obstacle));
   }
 
   /** @param {PlanBody} body */

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.contract.views import OBSTACLE_RGB
 from app.engine.dense_stereo import PairKeeper, cloud_of, cloud_value, coarseness, dense_stereo
 from app.engine.observed import Observed
 from observer.camera import StereoCamera
 from observer.geometry import Pose
+from observer.obstacle_colors import OBSTACLE_RGB
 from observer.parameters import Parameters, StereoParameters
 from observer.types import Observation, Status, StereoFrame
 
@@ -150,7 +150,7 @@ def test_only_points_on_a_body_have_its_colour(width: int, height: int) -> None:
     without = (u < u0 - 3) | (u > u1 + 3) | (v < v0 - 3) | (v > v1 + 3)
     on_it = np.abs(places[:, 2] - z) < 0.05
     assert np.count_nonzero(within & on_it) > 50
-    half = (grey + OBSTACLE_RGB) / 2
+    half = (grey + OBSTACLE_RGB["moving"]) / 2
     assert np.abs(colors - half)[within & on_it].max() <= 1
     assert np.array_equal(colors[without], grey[without])
     # A body nearer than the points behind its polygon does not colour them.

@@ -13,6 +13,7 @@ from app.contract.events import EngineState
 from app.runtime.latest import Latest
 from app.viewer.picture import make_picture, read_cloud
 from observer.mount import CameraMount, level_pose
+from observer.obstacle_colors import OBSTACLE_RGB
 
 
 def test_a_picture_contains_one_obstacle(observed: Any) -> None:
@@ -20,6 +21,7 @@ def test_a_picture_contains_one_obstacle(observed: Any) -> None:
     picture = make_picture(event, observed.state(), 1, event.received + 0.1)
     assert picture.segment == (1, 0)
     assert picture.boxes.shape == (1, 12, 2, 3)
+    assert picture.box_colors.tolist() == [list(OBSTACLE_RGB["moving"])]
     assert picture.truth.shape == (1, 12, 2, 3)
     np.testing.assert_allclose(picture.arrows[0, 1] - picture.arrows[0, 0], [0.4, 0, 0])
     assert [tag.text for tag in picture.tags] == ["#7  0.40 ± 0.10 m/s"]

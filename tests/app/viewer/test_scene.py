@@ -42,6 +42,8 @@ async def test_the_scene_reuses_its_nodes_and_hides_a_stale_robot_pose(
             assert scene._cloud.points.shape == (300, 3)
             assert scene._obstacles.boxes.visible
             assert scene._obstacles.boxes.points.shape == (16 * 12, 2, 3)
+            # Without gamma, which the viewer's client adds.
+            assert (scene._obstacles.boxes.colors == (194, 6, 6)).all()
             assert scene._obstacles.labels[0].visible
             assert scene._obstacles.labels[0].text.startswith("#7  0.40")
             assert not scene._obstacles.labels[1].visible

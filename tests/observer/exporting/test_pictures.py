@@ -21,6 +21,7 @@ from observer.exporting.overlay import draw_overlay
 from observer.exporting.run_video import write_run_video
 from observer.exporting.video import OverlayVideo
 from observer.jsonl import line_pose
+from observer.obstacle_colors import OBSTACLE_RGB
 from observer.recording.reader import Recording
 
 from .conftest import FRAMES
@@ -92,7 +93,7 @@ def test_the_video_of_a_run_shows_each_frame_with_its_obstacles(
         drawn = draw_overlay(left, line)
         assert np.array_equal(left, before)
         u0, v0, _, v1 = (round(value) for value in line["obstacles"][0]["box_px"])
-        assert drawn[(v0 + v1) // 2, u0].tolist() == [0, 235, 255]
+        assert drawn[(v0 + v1) // 2, u0].tolist() == list(OBSTACLE_RGB["moving"][::-1])
         # First as a recording made before silhouettes existed, then with one: its inside is tinted.
         older = dict(line["obstacles"][0])
         older.pop("silhouette")
@@ -103,9 +104,9 @@ def test_the_video_of_a_run_shows_each_frame_with_its_obstacles(
         assert changed[v0 + 10, u0 + 10]
         assert not changed[: v0 + 3].any()
         assert not changed[:, : u0 + 3].any()
-        # The same place in the encoded video is yellow too: blue is far below green.
+        # The same place in the encoded video is red too: green and blue are far below.
         blue, green, red = found[-1][(v0 + v1) // 2, u0].astype(int)
-        assert min(green, red) > blue + 60
+        assert red > max(green, blue) + 60
     with (
         Recording(recorded["none"]) as recording,
         pytest.raises(ExportError, match="without images"),

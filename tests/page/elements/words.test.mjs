@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { MOVING_MPS, VISIBLE_SHARE } from "../../../static/app/elements/facts.js";
+import { MOVING_MPS, OBSTACLE_COLOURS, VISIBLE_SHARE } from "../../../static/app/elements/facts.js";
 import * as words from "../../../static/app/elements/words.js";
 import { body, line, obstacle } from "../made.mjs";
 
@@ -150,4 +150,15 @@ test("only what is in view is said to move; a prediction is not", () => {
     words.outOfViewInWords(seen.of()),
     "Not visible now. Last measured at 0.40 ± 0.10 m/s, 1.4 s ago.",
   );
+});
+
+test("the state of an obstacle decides its colour, whatever its number", () => {
+  const { moving, in_place, stopped, coasting } = OBSTACLE_COLOURS;
+  const colour = (/** @type {Parameters<typeof obstacle>[0]} */ changes) =>
+    words.stateColour(obstacle(changes));
+  assert.equal(colour({ id: 1, motion: "moving" }), moving);
+  assert.equal(colour({ id: 2, motion: "moving" }), moving);
+  assert.equal(colour({ motion: "in_place" }), in_place);
+  assert.equal(colour({ motion: "stopped" }), stopped);
+  assert.equal(colour({ motion: "moving", state: "coasting" }), coasting);
 });
