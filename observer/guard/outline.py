@@ -99,7 +99,7 @@ def swept(
         radius = max(outline.radius_m, math.hypot(outline.length_m, outline.width_m) / 2)
         ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         return Way(ring, np.zeros(_RING), np.zeros(_RING, np.bool_), 0.0)
-    body, margin = _edge(outline, margin_m, speed_mps)
+    body, margin, turns = _edge(outline, margin_m, speed_mps)
     reach = math.hypot(*body[0])
     longest = (abs(speed_mps) + abs(turn_rate_radps) * reach) * seconds
     count = min(_MOST_STEPS, max(2, math.ceil(longest / _STEP_M) + 1))
@@ -110,7 +110,8 @@ def swept(
     own = (np.abs(x) <= outline.length_m / 2 + margin_m + 1e-6) & (
         np.abs(y) <= outline.width_m / 2 + margin_m + 1e-6
     )
-    own |= np.hypot(x, y) <= outline.radius_m
+    # The leading edge is left out: nothing may hide from it in a circle larger than the body.
+    own |= (np.hypot(x, y) <= outline.radius_m) & turns
     rows, columns = np.nonzero(~own)
     return Way(points[rows, columns], times[rows], margin[columns], float(times[1]))
 
@@ -125,8 +126,12 @@ def placed(body: Float64Array, poses: Float64Array) -> Float64Array:
 
 def _edge(
     outline: Outline, margin_m: float, speed_mps: float
-) -> tuple[Float64Array, NDArray[np.bool_]]:
-    """Points (P, 2) of a body that sweep all its ground, and whether each lies beside it (P,)."""
+) -> tuple[Float64Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return points (P, 2) of a body that sweep all its ground.
+
+    Also return whether each lies beside it (P,), and whether it is one of the sides and trailing
+    corners (P,), which move within the turning circle.
+    """
     front = math.copysign(outline.length_m / 2 + margin_m, speed_mps)
     half = outline.width_m / 2
     count = max(3, math.ceil(2 * half / _EDGE_M) + 1)
@@ -135,6 +140,8 @@ def _edge(
     tail = math.copysign(outline.length_m / 2, -speed_mps)
     rest = [(0.0, half), (0.0, -half), (tail, half), (tail, -half)]
     beside = [(front, half + margin_m), (front, -half - margin_m)]
-    margin = np.zeros(len(leading) + len(rest) + len(beside), np.bool_)
+    points = np.array(leading + rest + beside)
+    margin, turns = (np.zeros(len(points), np.bool_) for _ in range(2))
     margin[-len(beside) :] = True
-    return np.array(leading + rest + beside), margin
+    turns[len(leading) : -len(beside)] = True
+    return points, margin, turns

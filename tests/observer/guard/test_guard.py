@@ -100,6 +100,27 @@ def test_a_sight_survives_conversion_to_plain_values() -> None:
     assert sight_of(one.facts()) == one
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("role", ["observer", "obstacle"])
+def test_a_declared_turning_circle_hides_nothing_ahead(role: Role, direction: float) -> None:
+    # Length 0.8 m: its end is 0.1 m from a wall, well within the circle that it declares.
+    length_m, width_m, wall_m, now = 0.8, 0.4, 0.5, 100.0
+    away = 0.0 if direction > 0 else math.pi
+    for radius_m in (0.45, 0.7, 1.2):
+        for heard in (False, True):
+            guard, readings = Guard(P), ()
+            echo = wall_m - 0.4 if heard else None
+            if heard or role == "obstacle":
+                readings = (SonarReading(0, 0.4 * direction, 0.0, away, echo, now),)
+            seen = scan(wall_m if direction > 0 and not heard else None, begins=0.0)
+            verdict = guard.limit(
+                role, (0.3 * direction, 0.0), (0.0, 0.0), sight(now, seen), "real", readings,
+                radius_m, width_m, length_m, now,
+            )  # fmt: skip
+            is_there = heard or role == "observer"
+            assert (verdict.level == "stop") == is_there, (radius_m, heard, verdict)
+
+
 def test_a_blind_observer_is_stopped_and_never_clear() -> None:
     guard = Guard(P)
     for wanted in ((0.3, 0.0), (0.0, 0.0), (-0.3, 0.0)):
