@@ -29,6 +29,8 @@ class Consent:
         self._issued = -math.inf
         self._velocity = ZERO
         self._velocity_issued = -math.inf
+        # The newest command asked for motion, even if that velocity has been dropped since.
+        self._held = False
         self._quiet_since: float | None = None
         self.present = False
         self.released = True
@@ -81,6 +83,7 @@ class Consent:
         self.present = True
         if velocity is not None:
             self._velocity, self._velocity_issued = velocity, issued
+            self._held = velocity != ZERO
             if velocity == ZERO:
                 self.released = True
         if self._velocity != ZERO:
@@ -88,7 +91,7 @@ class Consent:
         elif self._quiet_since is None:
             self._quiet_since = now
         elif now - self._quiet_since >= COMMAND_FRESH_S:
-            self.released = True
+            self._held, self.released = False, True
         return age
 
     def expire(self, now: float) -> bool:
@@ -108,5 +111,8 @@ class Consent:
         self.released = False
 
     def arm(self) -> None:
-        """Note the arming: an operator who requests no velocity need not let go first."""
-        self.released = self._velocity == ZERO
+        """Note the arming: only an operator who has not let go since the last velocity must do so.
+
+        A held key repeats its velocity only now and then, and not at all over a link that is down.
+        """
+        self.released = not self._held

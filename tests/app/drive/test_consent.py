@@ -115,3 +115,38 @@ def test_arming_requires_release_only_of_a_held_key() -> None:
     consent.take(1, 10.0, AHEAD, 10.0)
     consent.arm()
     assert not consent.released
+
+
+@pytest.mark.parametrize("interruption", ["withdrawn", "expired"])
+def test_arming_after_an_interruption_requires_release_of_a_key_held_before(
+    interruption: str,
+) -> None:
+    consent = Consent()
+    consent.take(1, 10.0, AHEAD, 10.0)
+    if interruption == "withdrawn":
+        consent.withdraw()
+    else:
+        consent.expire(10.4)
+    # Between two commands of a held key, or before its link has recovered.
+    consent.arm()
+    consent.take(2, 10.5, AHEAD, 10.5)
+    assert not consent.released
+    consent.take(3, 10.6, ZERO, 10.6)
+    assert consent.released
+
+
+def test_arming_after_an_interruption_requires_nothing_of_who_let_go_meanwhile() -> None:
+    consent = Consent()
+    consent.take(1, 10.0, AHEAD, 10.0)
+    consent.withdraw()
+    consent.take(2, 10.1, ZERO, 10.1)
+    consent.withdraw()
+    consent.arm()
+    assert consent.released
+    consent.take(3, 10.2, AHEAD, 10.2)
+    consent.withdraw()
+    for number in range(4):
+        consent.take(4 + number, 10.3 + 0.1 * number, None, 10.3 + 0.1 * number)
+    consent.withdraw()
+    consent.arm()
+    assert consent.released
