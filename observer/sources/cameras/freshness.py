@@ -66,14 +66,26 @@ class Backlog:
 
     After a stall, and at the start, a network delivers all queued frames at once, faster than a
     camera makes them. Only their pace shows this, so the first frame after a stall counts as old
-    too.
+    too. As many may be queued as the camera made during the stall, and a busy computer decodes them
+    hardly faster than it makes others: they are old until as many have come, or until some come at
+    the camera's pace, because the network has lost the rest.
+
+    Attributes:
+        drains: whether the last frame was an old one that followed another one.
     """
 
     _LONGEST_S = 1.0
+    # What may still be queued behind a frame that counts as new.
+    _MOST_QUEUED_S = 0.1
+    # Frames of which the mean interval tells the pace, and its share of the period.
+    _PACED, _AT_PACE = 6, 0.9
 
     def __init__(self) -> None:
+        self.drains = False
         self._last: float | None = None
         self._draining_since: float | None = None
+        self._queued_s = 0.0
+        self._arrivals: deque[float] = deque(maxlen=self._PACED)
 
     def holds(self, arrival: float, period: float) -> bool:
         """Return whether the frame that arrived at this moment is an old one.
@@ -83,17 +95,31 @@ class Backlog:
             period: of the camera, seconds.
         """
         interval = None if self._last is None else arrival - self._last
-        self._last = arrival
+        self._last, self.drains = arrival, False
         if interval is None or interval > 2.5 * period:
             self._draining_since = arrival
+            self._queued_s = max(self._queued_s, 0.0) + (0.0 if interval is None else interval)
+            self._arrivals.clear()
+            self._arrivals.append(arrival)
             return True
         if self._draining_since is None:
             return False
-        # A camera whose frames come in bursts is accepted after a while.
-        if interval >= 0.5 * period or arrival - self._draining_since > self._LONGEST_S:
-            self._draining_since = None
+        self._queued_s += interval - period
+        self._arrivals.append(arrival)
+        self.drains = not self._is_drained(interval, period, arrival - self._draining_since)
+        if not self.drains:
+            self._draining_since, self._queued_s = None, 0.0
+        return self.drains
+
+    def _is_drained(self, interval: float, period: float, passed_s: float) -> bool:
+        arrivals = self._arrivals
+        mean = (arrivals[-1] - arrivals[0]) / (self._PACED - 1)
+        if len(arrivals) == self._PACED and mean >= self._AT_PACE * period:
+            return True
+        if self._queued_s > max(self._MOST_QUEUED_S, 2 * period):
             return False
-        return True
+        # A camera whose frames come in bursts is accepted after a while.
+        return interval >= 0.5 * period or passed_s > self._LONGEST_S
 
 
 class Waiting:

@@ -150,12 +150,17 @@ class Grabber:
             arrival = time.monotonic()
             stamp = self._capture.stamp()
             exposed = arrival if stamp is None else stamp
-            period.add(exposed)
             # A stamp gives a frame's age; without stamps only the pace shows it.
-            received, is_old = arrival, False
+            received, is_old, held = arrival, False, False
+            if stamp is None:
+                held = backlog.holds(arrival, period.seconds)
+                if backlog.drains:
+                    # The pace of a queue is not the camera's.
+                    period.interrupt()
+            period.add(exposed)
             if stamp is not None:
                 received, is_old = waiting.add(arrival, stamp, period.seconds)
-            elif backlog.holds(arrival, period.seconds):
+            elif held:
                 continue
             seq += 1
             # An old frame gives way at once, but the source learns of it, to count dropped pairs.

@@ -74,6 +74,45 @@ def test_frames_delayed_by_a_stall_are_old() -> None:
     assert not backlog.holds(burst + 0.003 + 0.9 * T, T)
 
 
+@pytest.mark.parametrize("decoded_hz", [40.0, 60.0, 90.0, 200.0])
+@pytest.mark.parametrize("stall_s", [0.5, 0.8, 2.0, 5.0])
+def test_a_queue_that_drains_slowly_is_old_to_its_end(decoded_hz: float, stall_s: float) -> None:
+    backlog, period, free, fresh = Backlog(), Period(), 0.0, []
+    for index in range(900):
+        made = index * T
+        arrival = max(5.0 + stall_s if 5.0 <= made < 5.0 + stall_s else made, free)
+        free = arrival + 1 / decoded_hz
+        if not backlog.holds(arrival, period.seconds):
+            fresh.append(arrival - made)
+        if backlog.drains:
+            period.interrupt()
+        period.add(arrival)
+    assert max(fresh) < 0.12
+    # At the camera's pace again, every frame is accepted.
+    assert len(fresh) > 900 - 30 * stall_s * decoded_hz / (decoded_hz - 30) - 10
+
+
+def test_frames_at_pace_are_new_although_a_stall_may_have_queued_more() -> None:
+    backlog = Backlog()
+    for index in range(30):
+        backlog.holds(T * index, T)
+    # The network lost what came in two seconds.
+    held = [backlog.holds(3.0 + T * index, T) for index in range(30)]
+    assert held[0]
+    assert not any(held[6:])
+
+
+def test_a_camera_slower_than_assumed_is_accepted_once_its_period_is_measured() -> None:
+    backlog, period, held = Backlog(), Period(), []
+    for index in range(40):
+        held.append(backlog.holds(0.1 * index, period.seconds))
+        if backlog.drains:
+            period.interrupt()
+        period.add(0.1 * index)
+    assert period.seconds == pytest.approx(0.1)
+    assert not any(held[20:])
+
+
 def test_a_constantly_bursty_stream_is_eventually_accepted() -> None:
     backlog = Backlog()
     held = [backlog.holds(0.01 * index, T) for index in range(300)]
