@@ -134,9 +134,9 @@ def test_every_label_named_is_on_the_page(document: str) -> None:
 
 
 def test_a_label_that_is_not_on_the_page_would_be_found() -> None:
-    right = "*Start run*, *Min. points* in the *Left* view; *stressed*, **Not\na label**"
+    right = "*Start run*, *Min. stereo depth* in the *Left* view; *stressed*, **Not\na label**"
     assert _wrong_labels(right) == []
-    wrong = ["Start runs", "Nothing like it", "left", "Min.\npoint"]
+    wrong = ["Start runs", "Nothing like it", "left", "Min. stereo\ndepths"]
     for label in wrong:
         assert _wrong_labels(f"Press *{label}* there.") == [" ".join(label.split())]
 

@@ -8,37 +8,41 @@ from observer.parameters.fields import Real, Stage, number
 class GuardParameters(Stage):
     """Speed limits of the robots, from vision and sonar; no observation depends on them."""
 
-    speed_max_mps: Real = number(0.5, unit="m/s", ge=0.05, le=2.0, step=0.05, title="Max. speed")
+    speed_max_mps: Real = number(
+        0.5, unit="m/s", ge=0.05, le=2.0, step=0.05, title="Max. robot speed"
+    )
     """Upper limit for both robots, whoever drives."""
     turn_rate_max_radps: Real = number(
-        1.0, unit="rad/s", ge=0.1, le=5.0, step=0.1, title="Max. turn rate"
+        1.0, unit="rad/s", ge=0.1, le=5.0, step=0.1, title="Max. robot turn rate"
     )
     """Upper limit for both robots, whoever drives."""
     acceleration_mps2: Real = number(
-        0.3, unit="m/s^2", ge=0.05, le=3.0, step=0.05, title="Acceleration"
+        0.3, unit="m/s^2", ge=0.05, le=3.0, step=0.05, title="Robot acceleration"
     )
     """Limit on how fast the speed rises; braking is not limited."""
     turn_acceleration_radps2: Real = number(
-        1.5, unit="rad/s^2", ge=0.1, le=10.0, step=0.1, title="Turn acceleration"
+        1.5, unit="rad/s^2", ge=0.1, le=10.0, step=0.1, title="Robot turn acceleration"
     )
     """Limit on how fast the turn rate rises, and the rate at which it is assumed to fall."""
     deceleration_mps2: Real = number(
         0.5, unit="m/s^2", ge=0.05, le=5.0, step=0.05, title="Braking deceleration"
     )
     """Deceleration that is assumed; measure that of your robot."""
-    reaction_s: Real = number(0.3, unit="s", ge=0.05, le=2.0, step=0.05, title="Reaction time")
+    reaction_s: Real = number(
+        0.3, unit="s", ge=0.05, le=2.0, step=0.05, title="Robot reaction time"
+    )
     """Time from an event in front of the cameras until the robot starts to brake."""
-    margin_m: Real = number(0.08, unit="m", ge=0.0, le=1.0, step=0.01, title="Margin")
+    margin_m: Real = number(0.08, unit="m", ge=0.0, le=1.0, step=0.01, title="Guard margin")
     """Clearance to every obstacle at which the robot must have stopped."""
     sigmas: Real = number(
-        2.0, unit="standard deviations", ge=0.0, le=5.0, step=0.5, title="Uncertainty factor"
+        2.0, unit="standard deviations", ge=0.0, le=5.0, step=0.5, title="Guard uncertainty factor"
     )
     """Standard deviations of the measurements that are added to every distance."""
     slow_time_s: Real = number(2.0, unit="s", ge=0.1, le=10.0, step=0.1, title="Slow-down time")
     """A shorter time to contact slows the robot down in proportion."""
-    creep_mps: Real = number(0.03, unit="m/s", ge=0.0, le=0.5, step=0.01, title="Min. speed")
+    creep_mps: Real = number(0.03, unit="m/s", ge=0.0, le=0.5, step=0.01, title="Min. robot speed")
     """If only a lower speed is permitted, the robot stops."""
-    release_s: Real = number(0.4, unit="s", ge=0.0, le=5.0, step=0.1, title="Release time")
+    release_s: Real = number(0.4, unit="s", ge=0.0, le=5.0, step=0.1, title="Guard release time")
     """A limit is relaxed only after a looser one has sufficed for this long, to keep the speed from
     oscillating."""
     robot_height_m: Real = number(0.5, unit="m", ge=0.05, le=3.0, step=0.05, title="Robot height")

@@ -17,27 +17,33 @@ class NavigationParameters(Stage):
     )
     """Accepted probability of a contact with tracked obstacles per metre driven, for goals sent
     without their own."""
-    detour_m: Real = number(3.0, unit="m", ge=0.0, le=20.0, step=0.1, title="Detour")
+    detour_m: Real = number(3.0, unit="m", ge=0.0, le=20.0, step=0.1, title="Max. detour")
     """Extra path length accepted to avoid a certain contact; less for improbable or later ones."""
-    berth_m: Real = number(0.2, unit="m", ge=0.0, le=2.0, step=0.05, title="Obstacle clearance")
+    berth_m: Real = number(0.2, unit="m", ge=0.0, le=2.0, step=0.05, title="Path clearance")
     """Clearance to moving obstacles that a path should keep beyond the guard's margin."""
     near_m: Real = number(0.8, unit="m", ge=0.0, le=3.0, step=0.05, title="Proximity distance")
     """Clearance to moving obstacles below which driving has a proximity cost."""
     near_cost_mps: Real = number(0.4, unit="m/s", ge=0.0, le=5.0, step=0.05, title="Proximity cost")
     """Cost, as path length, of each second within the proximity distance at full speed."""
-    foresight_s: Real = number(1.5, unit="s", ge=0.1, le=10.0, step=0.1, title="Discount time")
+    foresight_s: Real = number(
+        1.5, unit="s", ge=0.1, le=10.0, step=0.1, title="Contact discount time"
+    )
     """Time constant for discounting predicted contacts: later plans can still avoid them."""
     refused_m: Real = number(1.0, unit="m", ge=0.0, le=10.0, step=0.1, title="Guard slow-down cost")
     """Cost, as path length, of a velocity that the guard would reduce to zero; proportional."""
     memory_s: Real = number(2.5, unit="s", ge=0.0, le=30.0, step=0.1, title="Track memory")
     """Time for which an obstacle that is out of view is predicted from its last velocity."""
     acceleration_noise: Real = number(
-        0.55, unit="m/s^2/sqrt(Hz)", ge=0.0, le=5.0, step=0.05, title="Acceleration noise"
+        0.55, unit="m/s^2/sqrt(Hz)", ge=0.0, le=5.0, step=0.05, title="Predicted acceleration noise"
     )
     """Spectral density of the random acceleration that widens the predictions."""
-    stop_probability: Real = number(0.08, ge=0.0, le=0.5, step=0.01, title="Stop probability")
+    stop_probability: Real = number(
+        0.08, ge=0.0, le=0.5, step=0.01, title="Obstacle stop probability"
+    )
     """Prior probability that a moving obstacle comes to a stop."""
-    turn_probability: Real = number(0.1, ge=0.0, le=0.45, step=0.01, title="Turn probability")
+    turn_probability: Real = number(
+        0.1, ge=0.0, le=0.45, step=0.01, title="Obstacle turn probability"
+    )
     """Prior probability that a moving obstacle turns, half of it to either side."""
 
     @property

@@ -35,10 +35,12 @@ class EgoMotionParameters(Stage):
     min_inliers: Whole = number(12, unit="matches", ge=4, le=500, step=1, title="Min. inliers")
     """With fewer inliers the ego-motion counts as lost."""
     noise_correlation: Real = number(
-        0.02, ge=0.0, le=1.0, step=0.01, title="Noise correlation", models=KLT
+        0.02, ge=0.0, le=1.0, step=0.01, title="Ego-motion noise correlation", models=KLT
     )
     """Share of the measurement noise that all points have in common."""
-    recover_frames: Whole = number(5, unit="frames", ge=0, le=60, step=1, title="Recovery time")
+    recover_frames: Whole = number(
+        5, unit="frames", ge=0, le=60, step=1, title="Ego-motion recovery time"
+    )
     """While the ego-motion is lost, frames are compared with the last good one; after this many
     frames all tracks end and a new segment starts."""
 
@@ -48,7 +50,7 @@ class FeaturesParameters(Stage):
     square (klt_tracking.spacing_px) in which no point is tracked."""
 
     detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"] = (
-        choice("shi_tomasi", title="Detector", basic=True)
+        choice("shi_tomasi", title="Feature detector", basic=True)
     )
     """shi_tomasi is the minimum eigenvalue, whose points can be tracked best, harris is
     Harris-Stephens; the paper uses FAST. surf is installed by: pip install
@@ -58,7 +60,7 @@ class FeaturesParameters(Stage):
     )
     """Number of the strongest features that are kept, spread over the grid."""
     grid_cells: Whole = number(
-        8, unit="cells", ge=1, le=32, step=1, title="Grid columns", models=PLANAR
+        8, unit="cells", ge=1, le=32, step=1, title="Feature grid columns", models=PLANAR
     )
     """Columns of square cells that get an equal share of the features; 1 keeps the strongest
     anywhere in the image."""
@@ -79,17 +81,21 @@ class StereoParameters(Stage):
     models = PLANAR
     cloud = True
 
-    matcher: Literal["bm", "sgbm"] = choice("sgbm", title="Matcher")
+    matcher: Literal["bm", "sgbm"] = choice("sgbm", title="Stereo matcher")
     """bm is block matching, fast and sparse; sgbm is semi-global matching, denser."""
     max_disparity_px: Whole = number(
         96, unit="px", ge=16, le=256, step=16, title="Max. disparity", models=STEREO
     )
     """Limits the nearest depth that can be measured; rounded up to a multiple of 16."""
-    block_px: Whole = number(7, unit="px", ge=5, le=31, step=2, title="Block size")
+    block_px: Whole = number(7, unit="px", ge=5, le=31, step=2, title="Stereo block size")
     """Side of the matched block; even values are rounded up."""
-    uniqueness_percent: Whole = number(8, unit="%", ge=0, le=50, step=1, title="Uniqueness")
+    uniqueness_percent: Whole = number(8, unit="%", ge=0, le=50, step=1, title="Stereo uniqueness")
     """Margin by which the best disparity must beat the second best."""
-    min_depth_m: Real = number(0.2, unit="m", ge=0.05, le=10.0, step=0.05, title="Min. depth")
+    min_depth_m: Real = number(
+        0.2, unit="m", ge=0.05, le=10.0, step=0.05, title="Min. stereo depth"
+    )
     """Nearer points are ignored."""
-    max_depth_m: Real = number(30.0, unit="m", ge=0.5, le=200.0, step=0.5, title="Max. depth")
+    max_depth_m: Real = number(
+        30.0, unit="m", ge=0.5, le=200.0, step=0.5, title="Max. stereo depth"
+    )
     """Farther points are ignored."""

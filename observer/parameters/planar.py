@@ -24,15 +24,15 @@ class MatchingParameters(Stage):
 
     models = PLANAR
 
-    method: Literal["descriptor", "klt"] = choice("klt", title="Matching", basic=True)
+    method: Literal["descriptor", "klt"] = choice("klt", title="Matching method", basic=True)
     """descriptor compares feature descriptors (ORB, or the detector's own); klt tracks each feature
     by Lucas-Kanade."""
-    ratio: Real = number(0.85, ge=0.3, le=1.0, step=0.01, title="Ratio test")
+    ratio: Real = number(0.85, ge=0.3, le=1.0, step=0.01, title="Descriptor ratio test")
     """Max. distance of the best descriptor match, relative to the second best."""
-    cross_check: Flag = choice(True, title="Cross check")
+    cross_check: Flag = choice(True, title="Match cross check")
     """Keep only mutual best matches; with klt, track back."""
     max_shift: Real = number(
-        0.25, unit="image widths", ge=0.01, le=1.0, step=0.01, title="Max. shift"
+        0.25, unit="image widths", ge=0.01, le=1.0, step=0.01, title="Max. match shift"
     )
     """Matches that move farther between the two images are rejected."""
 
@@ -42,28 +42,30 @@ class FlowParameters(Stage):
 
     models = PLANAR
 
-    window_px: Whole = number(15, unit="px", ge=5, le=51, step=2, title="Window size")
+    window_px: Whole = number(15, unit="px", ge=5, le=51, step=2, title="Flow window size")
     """Side of the Lucas-Kanade window."""
-    pyramid_levels: Whole = number(3, unit="levels", ge=0, le=6, step=1, title="Pyramid levels")
+    pyramid_levels: Whole = number(
+        3, unit="levels", ge=0, le=6, step=1, title="Flow pyramid levels"
+    )
     """Each level doubles the motion that can be tracked."""
     residual_threshold_px: Real = number(
         2.0, unit="px", ge=0.1, le=30.0, step=0.1, title="Flow threshold", basic=True
     )
     """Features with a larger residual flow count as dynamic."""
     min_texture: Real = number(
-        1.6, unit="grey levels/px", ge=0.0, le=20.0, step=0.1, title="Min. texture"
+        1.6, unit="grey levels/px", ge=0.0, le=20.0, step=0.1, title="Min. flow texture"
     )
     """Features whose neighbourhood varies less in any one direction are ignored: along a straight
     edge the flow slides."""
     max_error: Real = number(
-        20.0, unit="grey levels", ge=1.0, le=100.0, step=1.0, title="Max. match error"
+        20.0, unit="grey levels", ge=1.0, le=100.0, step=1.0, title="Max. flow match error"
     )
     """Matches whose neighbourhoods differ more on average are rejected."""
     match_brightness: Flag = choice(True, title="Match brightness")
     """Scale the second image to the brightness of the first, against flickering light and automatic
     exposure."""
     back_check_px: Real = number(
-        0.7, unit="px", ge=0.05, le=10.0, step=0.05, title="Forward-backward error"
+        0.7, unit="px", ge=0.05, le=10.0, step=0.05, title="Flow forward-backward error"
     )
     """Max. distance between a feature's start and the place to which it is tracked back."""
 
@@ -73,7 +75,9 @@ class MotionParameters(Stage):
 
     models = PLANAR
 
-    max_speed_mps: Real = number(40.0, unit="m/s", ge=0.1, le=100.0, step=0.1, title="Max. speed")
+    max_speed_mps: Real = number(
+        40.0, unit="m/s", ge=0.1, le=100.0, step=0.1, title="Max. feature speed"
+    )
     """Faster displacements are rejected as stereo errors."""
     disparity_sigma_px: Real = number(
         0.2, unit="px", ge=0.05, le=3.0, step=0.05, title="Disparity noise"
@@ -81,11 +85,13 @@ class MotionParameters(Stage):
     """Standard deviation of a measured disparity."""
     pixel_sigma_px: Real = number(0.3, unit="px", ge=0.05, le=3.0, step=0.05, title="Flow noise")
     """Standard deviation of a tracked position."""
-    noise_correlation: Real = number(0.15, ge=0.0, le=1.0, step=0.05, title="Noise correlation")
+    noise_correlation: Real = number(
+        0.15, ge=0.0, le=1.0, step=0.05, title="Velocity noise correlation"
+    )
     """Share of the measurement noise that neighbouring points have in common, so that averaging
     does not reduce it."""
     turn_sigma_radps: Real = number(
-        0.4, unit="rad/s", ge=0.0, le=5.0, step=0.1, title="Yaw rate noise"
+        0.4, unit="rad/s", ge=0.0, le=5.0, step=0.1, title="Obstacle yaw rate noise"
     )
     """Standard deviation of an obstacle's yaw rate, by which its visible side moves differently
     from its centre."""
@@ -107,10 +113,10 @@ class ClusteringParameters(Stage):
 
     models = PLANAR
 
-    radius_m: Real = number(0.3, unit="m", ge=0.02, le=5.0, step=0.01, title="Neighbour radius")
+    radius_m: Real = number(0.3, unit="m", ge=0.02, le=5.0, step=0.01, title="Cluster radius")
     """Dynamic points within this distance, plus depth noise, form one obstacle."""
     min_points: Whole = number(
-        4, unit="points", ge=1, le=100, step=1, title="Min. points", basic=True
+        4, unit="points", ge=1, le=100, step=1, title="Min. points per cluster", basic=True
     )
     """Smaller clusters are ignored."""
 
@@ -120,9 +126,11 @@ class TrackingParameters(Stage):
 
     models = PLANAR
 
-    gate: Real = number(0.6, unit="m", ge=0.05, le=10.0, step=0.05, title="Gate")
+    gate: Real = number(0.6, unit="m", ge=0.05, le=10.0, step=0.05, title="Track gate")
     """A cluster farther from every predicted track starts a new track."""
-    confirm_hits: Whole = number(3, unit="frames", ge=1, le=30, step=1, title="Confirmation frames")
+    confirm_hits: Whole = number(
+        3, unit="frames", ge=1, le=30, step=1, title="Track confirmation frames"
+    )
     """Number of sightings after which a track is reported."""
-    coast_frames: Whole = number(5, unit="frames", ge=0, le=60, step=1, title="Coasting time")
+    coast_frames: Whole = number(5, unit="frames", ge=0, le=60, step=1, title="Track coasting time")
     """Frames after which a track that is no longer seen is dropped."""

@@ -46,6 +46,13 @@ def test_every_parameter_has_what_a_form_needs(name: str) -> None:
         assert entry["step"] > 0
 
 
+def test_titles_stand_alone() -> None:
+    """Lists of changed values, search results and messages show them without their group."""
+    titles = [entry["title"] for entry in SCHEMA.values()]
+    assert len(set(titles)) == len(titles)
+    assert [title for title in titles if " " not in title] == ["Method"]
+
+
 @pytest.mark.parametrize("name", NUMBERS)
 def test_range_limits_are_accepted_and_values_beyond_refused(name: str) -> None:
     low, high = SCHEMA[name]["minimum"], SCHEMA[name]["maximum"]

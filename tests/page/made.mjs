@@ -223,7 +223,7 @@ export function parameter(changes) {
     name: "flow.window_px",
     group: "flow",
     group_help: "Flow.",
-    title: "Window size",
+    title: "Flow window size",
     help: "Side of the window.",
     type: "integer",
     unit: "px",

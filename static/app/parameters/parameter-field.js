@@ -2,7 +2,7 @@
 
 import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
 import { helpButton } from "./help-button.js";
-import { groupTitle, rangeInWords, roundOff, valueInWords } from "./value-words.js";
+import { rangeInWords, roundOff, valueInWords } from "./value-words.js";
 
 /** @import { ParameterEntry, ParameterValue, Values } from "./parameter-store.js" */
 
@@ -58,14 +58,7 @@ export class ParameterField extends HTMLElement {
       h("p.hint", h("code", entry.name)),
     );
     this.append(
-      h(
-        "div.parameter-head",
-        h("label", { for: id }, entry.title),
-        h("span.group-label", groupTitle(entry.group)),
-        this.#badge,
-        this.#reset,
-        help,
-      ),
+      h("div.parameter-head", h("label", { for: id }, entry.title), this.#badge, this.#reset, help),
       this.#controls(id),
       this.#idle,
       this.#error,

@@ -3,7 +3,7 @@
 import { h, select, table, tableRow } from "../elements/dom.js";
 import { counted } from "../elements/words.js";
 import { showModal } from "../shell/modal.js";
-import { groupTitle, valueInWords } from "./value-words.js";
+import { valueInWords } from "./value-words.js";
 
 /** @import { ParameterEntry, ParameterStore, Values } from "./parameter-store.js" */
 
@@ -69,9 +69,7 @@ export function differences(schema, left, right) {
  * @param {{entry: ParameterEntry, words: string[]}[]} rows
  */
 function differenceTable(headings, rows) {
-  const lines = rows.map(({ entry, words }) =>
-    tableRow(`${groupTitle(entry.group)}: ${entry.title}`, ...words),
-  );
+  const lines = rows.map(({ entry, words }) => tableRow(entry.title, ...words));
   return table("settings", headings, lines, undefined, {
     tabindex: 0,
     "aria-label": "Differences",

@@ -39,12 +39,12 @@ export function groupTitle(group) {
 
 /**
  * @param {string} words with parameters by the server's names, as in "flow.residual_threshold_px"
- * @param {Pick<ParameterEntry, "name" | "group" | "title">[]} schema
- * @returns {string} with the titles of their fields, as in "Residual threshold (Flow)"
+ * @param {Pick<ParameterEntry, "name" | "title">[]} schema
+ * @returns {string} with the titles of their fields, as in "Flow threshold"
  */
 export function withTitles(words, schema) {
   return words.replace(/\b[a-z_]+\.[a-z_]+\b/g, (name) => {
     const entry = schema.find((each) => each.name === name);
-    return entry ? `${entry.title} (${groupTitle(entry.group)})` : name;
+    return entry?.title ?? name;
   });
 }

@@ -115,7 +115,7 @@ test("a refused change is told by field, stays undone, and takes no other with i
 
 test("help names other parameters as their fields are titled", async () => {
   const { store } = await loaded();
-  assert.equal(store.schema[1]?.help, "Above Width (A).");
+  assert.equal(store.schema[1]?.help, "Above Width.");
 });
 
 test("reset goes to the preset that the values come from, over what is declared", async () => {

@@ -51,7 +51,7 @@ test("names of parameters are shown as the titles of their fields", () => {
   const schema = [parameter({})];
   assert.equal(
     withTitles("With flow.window_px at 9 or below (now 15), e.g. 0.5 s.", schema),
-    "With Window size (Flow) at 9 or below (now 15), e.g. 0.5 s.",
+    "With Flow window size at 9 or below (now 15), e.g. 0.5 s.",
   );
   assert.equal(withTitles("A lower flow.other would.", schema), "A lower flow.other would.");
 });
