@@ -81,7 +81,12 @@ class RunList extends Part {
     });
     return item(
       [
-        h("p", h("a", { href: runHref(run.id) }, run.name), " ", stateChip(run.state)),
+        h(
+          "p",
+          h("a", { href: runHref(run.id) }, run.name),
+          " ",
+          run.state === "finished" ? null : stateChip(run.state),
+        ),
         h("p.hint", facts(run)),
         run.reason && h("p.hint", sentence(run.reason)),
       ],

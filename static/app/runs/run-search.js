@@ -183,7 +183,7 @@ export class RunSearch extends Part {
         h(
           "p.run-line",
           run.deleted_at ? h("b", run.name) : h("a", { href: runHref(run.id) }, run.name),
-          stateChip(run.state),
+          run.state === "finished" ? null : stateChip(run.state),
           run.aligned ? h("span.mark-chip", "ground truth") : null,
           run.rerun_of ? h("span.mark-chip", "re-run") : null,
           ...run.tags.map((tag) => h("span.tag-chip.plain", tag)),

@@ -173,6 +173,7 @@ export class RunView extends Part {
     this.named(run.name);
     setText(this.#state, run.state);
     this.#state.dataset.state = run.state;
+    this.#state.hidden = run.state === "finished";
     setText(this.#facts, facts(run));
     setText(this.#reason, run.reason ? sentence(run.reason) : "");
     this.#reason.hidden = !run.reason;
