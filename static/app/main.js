@@ -12,7 +12,7 @@ import "./live/scene.js";
 import "./parameters/method-switch.js";
 import "./runs/back-to-source.js";
 import "./runs/run-bar.js";
-import "./shell/first-line.js";
+import "./shell/headline.js";
 import "./shell/keyboard-help.js";
 import "./shell/log-panel.js";
 import "./shell/page-nav.js";
@@ -30,7 +30,7 @@ import { placeOf } from "./runs/run-words.js";
 import { Hub } from "./shell/hub.js";
 import { LazyParts } from "./shell/lazy-parts.js";
 
-const HISTORY = "observer-history";
+const PAGES = "observer-pages";
 const WIZARD = "observer-calibration-wizard";
 
 const hub = new Hub((hub) => new Driver(hub));
@@ -38,7 +38,7 @@ const lazyParts = new LazyParts(hub, {
   "observer-speed-chart": () => import("./chart/speed-chart.js"),
   "observer-parameters": () => import("./parameters/parameter-form.js"),
   // It has the most modules and is one click away.
-  [HISTORY]: () => import("./history/history-view.js"),
+  [PAGES]: () => import("./pages/pages-view.js"),
   "observer-source-picker": () => import("./sources/source-picker.js"),
   "observer-live-truth": () => import("./sources/live-truth.js"),
   "observer-robots": () => import("./driving/robots-panel.js"),
@@ -66,10 +66,10 @@ hub.addEventListener("calibrate", () => {
   if (!lazyParts.has(WIZARD))
     void lazyParts.load(WIZARD).then((there) => there && hub.emit("calibrate"));
 });
-window.addEventListener("hashchange", () => isAway() && void lazyParts.load(HISTORY));
+window.addEventListener("hashchange", () => isAway() && void lazyParts.load(PAGES));
 hub.start();
 // Do not show the live parts first if the page is opened at another view.
-if (isAway()) await lazyParts.load(HISTORY);
+if (isAway()) await lazyParts.load(PAGES);
 document.body.removeAttribute("data-starting");
 
 /** Return whether the address names a view that replaces the live parts. */

@@ -159,7 +159,7 @@ def test_runs_methods_and_steps_are_accessible(look: _Look, two_runs: list[str])
     with look.opened("export of a step"):
         page.locator("observer-steps").get_by_role("button", name="Export").click()
     with look.opened("steps presented"):
-        page.locator("#history-title").focus()
+        page.locator("#page-title").focus()
         page.keyboard.press("p")
         expect(page.locator("dialog.presentation img")).to_have_attribute("src", re.compile("blob"))
     look.end(least=8)

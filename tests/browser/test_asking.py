@@ -27,7 +27,7 @@ def standing(server: Server, open_panel: OpenPanel, eventually: Eventually) -> I
         page = open_panel(**options)
         found = None
         while found is None:
-            moving = page.locator(".first-line-text")
+            moving = page.locator(".headline-text")
             expect(moving).to_have_text(re.compile(r"Obstacle \d+ moves"), timeout=30_000)
             server.api.post("/api/playback", json={"paused": True}).raise_for_status()
             eventually(lambda: server.get("/status")["playback"]["paused"])
@@ -178,7 +178,7 @@ def test_camera_motion_is_shown(
         page.get_by_role("tab", name="Status").click()
         shown = page.locator("observer-ego-motion")
         expect(shown).to_contain_text(
-            re.compile(r"affine model over \d+ ms: \d+ of \d+ matches agree")
+            re.compile(r"affine method over \d+ ms: \d+ of \d+ matches agree")
         )
         for term in ("Translation", "Rotation", "Shear", "Scale"):
             expect(shown.locator("dt", has_text=term).first).to_be_visible()

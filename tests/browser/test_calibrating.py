@@ -251,7 +251,7 @@ def test_the_whole_wizard_works_by_keyboard_alone(
     hands.press("Enter")
     hands.focus_is_on("Calibrate cameras")
     expect(page.locator("observer-calibration-wizard")).to_be_hidden()
-    expect(page.locator(".first-line-context")).to_contain_text(f"calibration {_NAME}")
+    expect(page.locator(".headline-context")).to_contain_text(f"calibration {_NAME}")
     assert server.get("/status")["calibration"]["name"] == _NAME
 
 

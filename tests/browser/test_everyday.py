@@ -163,7 +163,7 @@ def test_a_read_only_viewer_can_only_stop(
     keep_picture(page, "watching-a-run")
     page.evaluate("location.hash = '#methods'")
     expect(page.get_by_role("button", name="Compare methods")).to_be_disabled()
-    expect(page.locator("#history-title")).to_have_text("Compare methods")
+    expect(page.locator("#page-title")).to_have_text("Compare methods")
     expect(page.get_by_role("button", name="Delete run")).to_be_hidden()
 
 

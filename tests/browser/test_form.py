@@ -190,7 +190,7 @@ def test_a_user_signs_in_by_typing_the_token(server: Server, browser: Browser) -
         expect(page.get_by_label("Token")).to_be_visible()
         page.get_by_label("Token").fill(token)
         page.get_by_role("button", name="Sign in").click()
-        expect(page.locator("observer-first-line")).to_be_visible()
+        expect(page.locator("observer-headline")).to_be_visible()
         assert "token" not in page.url
     finally:
         context.close()

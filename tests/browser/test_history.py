@@ -57,7 +57,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     server.api.post("/api/playback", json={"paused": True})
     page.get_by_role("tab", name="Runs").click()
     page.get_by_role("link", name="All runs").click()
-    expect(page.locator("#history-title")).to_be_focused()
+    expect(page.locator("#page-title")).to_be_focused()
     search, rows = page.get_by_label("Find runs"), page.locator(".run-rows li")
     search.fill("no such words")
     expect(page.locator("observer-run-search")).to_contain_text("No matching runs")
@@ -65,7 +65,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(page.locator("observer-run-search")).to_contain_text("1 run found")
 
     rows.get_by_role("link", name="ride").click()
-    expect(page.locator("#history-title")).to_have_text("ride")
+    expect(page.locator("#page-title")).to_have_text("ride")
     page.get_by_label("Add tag").fill("figure 17, to and fro")
     page.keyboard.press("Enter")
     eventually(lambda: server.get(f"/runs/{bare_run}")["tags"] == ["figure 17", "to and fro"])

@@ -69,7 +69,7 @@ def test_a_page_opened_before_its_module_loads_appears_afterwards(
     page.get_by_role("tab", name="Runs").click()
     page.get_by_role("link", name="All runs").click()
     let_go()
-    title = page.locator("#history-title")
+    title = page.locator("#page-title")
     expect(title).to_be_visible()
     expect(title).to_be_focused()
     page.get_by_role("button", name="Back to live").click()

@@ -50,7 +50,7 @@ def test_both_methods_are_compared_on_the_same_frames(
     before = server.get("/status")["source"]["spec"]
     page.get_by_role("link", name="Compare", exact=True).click()
     view = page.locator("observer-methods")
-    expect(page.locator("#history-title")).to_have_text("Compare methods")
+    expect(page.locator("#page-title")).to_have_text("Compare methods")
     # The first comparison starts by itself.
     expect(view.get_by_role("progressbar")).to_be_visible(timeout=20_000)
     expect(view).to_contain_text("with default (right) on people")
@@ -169,7 +169,7 @@ def test_the_comparison_fits_a_phone(server: Server, open_panel: OpenPanel) -> N
 def _overflow(page: Page) -> list[str]:
     """Return the parts of the view that exceed the window's width."""
     found: list[str] = page.evaluate(
-        """() => [...document.querySelectorAll('observer-history *')]
+        """() => [...document.querySelectorAll('observer-pages *')]
         .filter(e => e.checkVisibility() && e.getBoundingClientRect().right > innerWidth + 1)
         .map(e => e.outerHTML.slice(0, 120))"""
     )

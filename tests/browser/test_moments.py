@@ -96,7 +96,7 @@ def test_two_webcams_are_calibrated_up_to_a_tape_check(
         page.locator("#result-name").fill("Desk")
         page.get_by_role("button", name="Save and use").click()
         expect(page.locator("observer-calibration-wizard")).to_be_hidden(timeout=20_000)
-        expect(page.locator(".first-line-context")).to_contain_text("calibration Desk")
+        expect(page.locator(".headline-context")).to_contain_text("calibration Desk")
 
         page.get_by_role("tab", name="Calibration").click()
         page.get_by_role("button", name="Preview calibration Desk").click()

@@ -40,7 +40,7 @@ def confirmed(server: Server, open_panel: OpenPanel) -> Confirmed:
 
     def open_one(**options: Any) -> tuple[Page, int]:
         page = open_panel(**options)
-        line = page.locator(".first-line-text")
+        line = page.locator(".headline-text")
         expect(line).to_have_text(_MOVES, timeout=40_000)
         server.api.post("/api/playback", json={"paused": True}).raise_for_status()
         expect(page.locator("html")).to_have_attribute("data-freshness", "held", timeout=10_000)
@@ -128,7 +128,7 @@ def test_the_model_can_be_switched_live_and_back(
     expect(unused.locator("summary").first).to_contain_text("not used by the rigid method")
     expect(unused.locator(flow)).to_have_count(1)
     expect(unused.locator(bodies)).to_have_count(0)
-    line = page.locator(".first-line-text")
+    line = page.locator(".headline-text")
     numbers = []
     for model, has_parts in (("affine", True), ("rigid", False)):
         expect(line).to_have_text(_MOVES, timeout=40_000)

@@ -217,7 +217,7 @@ def test_scene_and_views_enlarge_to_the_window_and_esc_returns(
     assert box["y"] + box["height"] == _SMALL["height"]
     assert box["y"] < 200
     expect(page.locator("#stop-robots")).to_be_in_viewport()
-    expect(page.locator(".first-line-text")).to_be_in_viewport()
+    expect(page.locator(".headline-text")).to_be_in_viewport()
     expect(page.locator("observer-speed-chart")).not_to_be_visible()
     expect(page.locator("observer-playback")).to_be_in_viewport()
     keep_picture(page, "scene-enlarged")

@@ -97,7 +97,7 @@ def test_other_pages_have_their_own_title_and_no_live_speed(
     expect(page).to_have_title("Dynamic Observer")
     page.get_by_role("link", name="Runs", exact=True).click()
     expect(page).to_have_title(re.compile(r".* · Dynamic Observer"))
-    expect(page.locator("observer-first-line")).to_be_hidden()
+    expect(page.locator("observer-headline")).to_be_hidden()
     expect(page.get_by_role("link", name="Runs", exact=True)).to_have_attribute(
         "aria-current", "page"
     )
@@ -107,7 +107,7 @@ def test_other_pages_have_their_own_title_and_no_live_speed(
     expect(page.locator("observer-page-nav [aria-current]")).to_have_count(0)
     page.get_by_role("link", name="Live", exact=True).click()
     expect(page).to_have_title("Dynamic Observer")
-    expect(page.locator("observer-first-line")).to_be_visible()
+    expect(page.locator("observer-headline")).to_be_visible()
     expect(compare).not_to_have_attribute("aria-current", "page")
     # The menu repeats no link that the header has room for.
     page.get_by_role("button", name="Menu").click()
@@ -227,6 +227,6 @@ def test_the_header_keeps_its_height_while_a_run_with_a_long_name_is_recorded(
         stop.click()
         expect(page.get_by_text("stopped and saved")).to_be_visible()
         page.get_by_role("button", name="Open run").click()
-        expect(page.locator("#history-title")).to_have_text("Walk past the long shelf, evening")
+        expect(page.locator("#page-title")).to_have_text("Walk past the long shelf, evening")
     finally:
         server.api.post(f"/api/runs/{run['id']}/stop")

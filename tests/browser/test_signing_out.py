@@ -28,7 +28,7 @@ def context(browser: Browser, leave_viewer_out: Callable[[Page], None]) -> Itera
 def _opened(context: BrowserContext, link: str) -> Page:
     page = context.new_page()
     page.goto(link)
-    expect(page.locator("observer-first-line")).to_be_visible()
+    expect(page.locator("observer-headline")).to_be_visible()
     return page
 
 
@@ -54,10 +54,10 @@ def test_signing_out_ends_both_tabs_and_the_token_signs_in_again(
     expect(page.get_by_role("alert")).to_contain_text("Wrong token")
     page.get_by_label("Token").fill(server.link.partition("?token=")[2])
     page.get_by_role("button", name="Sign in").click()
-    expect(page.locator("observer-first-line")).to_be_visible()
+    expect(page.locator("observer-headline")).to_be_visible()
     # The other tab is let in without asking for the token.
     other_tab.goto("/".join([*server.link.split("/")[:3], "sign-in"]))
-    expect(other_tab.locator("observer-first-line")).to_be_visible()
+    expect(other_tab.locator("observer-headline")).to_be_visible()
     # As from another browser: both tabs are signed out at once.
     assert server.api.delete("/api/sessions").is_success
     for each in (page, other_tab):
@@ -72,7 +72,7 @@ def test_a_link_on_another_site_signs_in(server: Server, context: BrowserContext
         for link in ("#with-token", "#without"):
             page.goto(url)
             page.locator(link).click()
-            expect(page.locator("observer-first-line")).to_be_visible()
+            expect(page.locator("observer-headline")).to_be_visible()
             assert page.url == address
 
 

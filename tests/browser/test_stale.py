@@ -24,7 +24,7 @@ _REMEMBER = """() => {
   const html = document.documentElement;
   new MutationObserver(() => window.seen.push([
     html.dataset.freshness,
-    document.querySelector(".first-line-text").innerText,
+    document.querySelector(".headline-text").innerText,
     document.querySelector("observer-scene").dataset.freshness,
   ])).observe(html, { attributeFilter: ["data-freshness"] });
 }"""
@@ -66,7 +66,7 @@ def _strike(server: Server, page: Page, eventually: Eventually, kind: signal.Sig
     marked = [entry for entry in page.evaluate("window.seen") if entry[0] == "stale"]
     assert marked[0][1].startswith("Stale: ")
     assert marked[0][2] == "stale"
-    expect(page.locator(".first-line-text")).not_to_contain_text("Stale")
+    expect(page.locator(".headline-text")).not_to_contain_text("Stale")
 
 
 def test_the_page_reports_a_dead_engine_and_continues_with_the_next(
@@ -95,7 +95,7 @@ def test_everything_is_marked_stale_while_the_server_is_silent(
         assert time.monotonic() - asked < 5
         expect(page.locator("observer-scene")).to_have_attribute("data-freshness", "stale")
         # One message in words, and all live parts greyed out.
-        expect(page.locator(".first-line-text")).to_contain_text("Stale: The server is not")
+        expect(page.locator(".headline-text")).to_contain_text("Stale: The server is not")
         expect(page.locator(".stale-mark:visible")).to_have_count(0)
         expect(page.locator("observer-live-view[data-freshness=stale]")).to_have_count(2)
         for part in ("observer-scene iframe", "observer-speed-chart .chart"):
@@ -108,7 +108,7 @@ def test_everything_is_marked_stale_while_the_server_is_silent(
     finally:
         server.process.resume()
     page.wait_for_selector('html[data-freshness="fresh"]', timeout=20_000)
-    expect(page.locator(".first-line-text")).not_to_contain_text("Stale")
+    expect(page.locator(".headline-text")).not_to_contain_text("Stale")
     # The stop request was still queued at the server.
     expect(page.locator(".stop-state")).to_contain_text("Stopped by", timeout=10_000)
     page.get_by_role("button", name="Reset", exact=True).first.click()

@@ -9,13 +9,13 @@ from playwright.sync_api import Page, expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
 
-_FIRST_LINE = re.compile(
+_HEADLINE = re.compile(
     r"Obstacle \d+ moves at (\d+\.\d\d)( ± \d+\.\d\d)? m/s.*, \d+\.\d m .*"
     r" — ground truth \d\.\d\d m/s"
 )
 
 
-def test_scene_views_and_first_line_show_the_moving_obstacle(
+def test_scene_views_and_headline_show_the_moving_obstacle(
     server: Server,
     open_panel: OpenPanel,
     keep_picture: KeepPicture,
@@ -24,9 +24,9 @@ def test_scene_views_and_first_line_show_the_moving_obstacle(
     wait_for_scene: Callable[[Page], None],
 ) -> None:
     page = open_panel(viewer=True, color_scheme="light")
-    line = page.locator(".first-line-text")
-    expect(line).to_have_text(_FIRST_LINE, timeout=30_000)
-    speed = float(_FIRST_LINE.search(line.inner_text()).group(1))
+    line = page.locator(".headline-text")
+    expect(line).to_have_text(_HEADLINE, timeout=30_000)
+    speed = float(_HEADLINE.search(line.inner_text()).group(1))
     assert 0.0 < speed < 3.0
     wait_for_scene(page)
     # The viewer's own panel is hidden; our page has its own.
@@ -76,7 +76,7 @@ def test_playback_pauses_steps_and_resumes(
     eventually(lambda: server.get("/status")["playback"]["paused"])
     expect(page.locator("html")).to_have_attribute("data-freshness", "held", timeout=5_000)
     # Near the beginning, because a phone cuts off the end.
-    context = page.locator(".first-line-context")
+    context = page.locator(".headline-context")
     expect(context).to_have_text(re.compile(r"^simulated:lab · paused at frame \d+ · "))
     before = server.get("/status")["playback"]["frame"]
     page.get_by_role("button", name="Step forward").click()

@@ -27,7 +27,7 @@ class PageFigures:
     """Figures of one visible page.
 
     Attributes:
-        first_obstacle_s: from the server's start to the first obstacle in the page's first line;
+        first_obstacle_s: from the server's start to the first obstacle in the page's headline;
             None if there was none in time.
         latency_median_ms, latency_p95_ms: from a frame's reception to the page's acknowledgement
             after painting, over ``count`` observations.

@@ -1,7 +1,7 @@
 /** Making a calibration step by step: the board, its views, the result. */
 
 import { button, h, setAttribute, setText } from "../elements/dom.js";
-import { restoreFocus } from "../elements/focus.js";
+import { focusHeading, restoreFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { access } from "../shell/access.js";
@@ -84,7 +84,7 @@ class CalibrationWizard extends Part {
     const spec = this.hub.status?.to_calibrate ?? "";
     if (!spec || spec === this.#offered) return;
     this.#offered = spec;
-    const away = this.#step !== null || document.body.hasAttribute("data-history");
+    const away = this.#step !== null || document.body.hasAttribute("data-away");
     if (away || (await access()) !== "operator") return;
     this.hub.uncalibrated = spec;
     this.hub.emit("calibrate");
@@ -124,7 +124,7 @@ class CalibrationWizard extends Part {
     if (!moved || away) return;
     if (step !== null) openPane("main");
     // The focus follows to the pane now shown.
-    if (step !== null) this.#title.focus();
+    if (step !== null) focusHeading(this.#title);
     else restoreFocus(this.#caller);
   }
 

@@ -2,7 +2,7 @@
 
 import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
-import { sentence } from "../elements/words.js";
+import { sentence, withMinus } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { chartMenu, runOffer } from "./chart-files.js";
 import { asPicture, speedsAsCsv } from "./live-speed-files.js";
@@ -40,7 +40,7 @@ class SpeedChart extends Part {
     height: HEIGHT_PX,
     minTop: MIN_TOP_MPS,
     range: () => [-SPAN_S, 0],
-    xWords: (seconds) => (seconds === 0 ? "now" : `${seconds} s`),
+    xWords: (seconds) => (seconds === 0 ? "now" : `${withMinus(seconds)} s`),
     xSpace: 50,
     read: (time) => {
       this.#at = time;

@@ -29,6 +29,17 @@ export function restoreFocus(caller) {
 }
 
 /**
+ * Move the focus to the heading of a view that opened, with a ring only if there was one before:
+ * if nothing had the focus, browsers draw one although no key was pressed.
+ *
+ * @param {HTMLElement} heading
+ */
+export function focusHeading(heading) {
+  heading.toggleAttribute("data-ring", document.activeElement?.matches(":focus-visible"));
+  heading.focus();
+}
+
+/**
  * A list whose entries keep their elements while their content is the same, so that neither the
  * pointer nor the keyboard loses its place when the list is shown again.
  *

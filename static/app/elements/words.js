@@ -16,7 +16,12 @@ const NO_HEADING_BELOW_MPS = 0.02;
 export function fixed(value, digits) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   // No -0.00: the sign of a value rounded to zero means nothing.
-  return value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1");
+  return withMinus(value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
+}
+
+/** Write the sign of a negative number as a minus, not as a hyphen. @param {number | string} value */
+export function withMinus(value) {
+  return String(value).replace(/^-/, "−");
 }
 
 /** Half of the 95 % interval of a value, shown after every ±. @param {number} std one standard deviation */
@@ -60,14 +65,14 @@ export function headingInWords(obstacle, pose) {
 }
 
 /**
- * The first line of the page. Only what is in view now is said to move.
+ * The headline of the page. Only what is in view now is said to move.
  *
  * @param {LiveLine} line
  * @param {TrueBodyEntry[]} truth
  * @param {Pick<LastSeen, "of">} lastSeen
  * @returns {{text: string, id: number | null, tone: "moving" | "calm" | "lost"}}
  */
-export function firstLine(line, truth, lastSeen) {
+export function headline(line, truth, lastSeen) {
   if (line.status === "lost") {
     const why = line.reasons[0] ? `: ${line.reasons[0]}` : "";
     return { text: `Camera motion lost${why}.`, id: null, tone: "lost" };

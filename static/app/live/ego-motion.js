@@ -46,8 +46,8 @@ class EgoMotionPanel extends Part {
 function summary({ model, status, matches, inliers, dt }) {
   const since = dt === null ? "" : ` over ${fixed(1000 * dt, 0)} ms`;
   if (status === "lost")
-    return `Camera motion lost with the ${model} model${since}: no single motion fits the ${matches} matches.`;
-  return `Estimated with the ${model} model${since}: ${inliers} of ${matches} matches agree${status === "ok" ? "" : " (weak estimate)"}.`;
+    return `Camera motion lost with the ${model} method${since}: no single motion fits the ${matches} matches.`;
+  return `Estimated with the ${model} method${since}: ${inliers} of ${matches} matches agree${status === "ok" ? "" : " (weak estimate)"}.`;
 }
 
 /** @param {NonNullable<EgoMotionStatus["decomposition"]>} parts @returns {Figure[]} */

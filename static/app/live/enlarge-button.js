@@ -1,4 +1,4 @@
-/** Enlarges a part of the page to the whole window below header and first line, and restores it. */
+/** Enlarges a part of the page to the whole window below header and headline, and restores it. */
 
 import { h, setAttribute, setText, svg } from "../elements/dom.js";
 import { declareKeys, isCovered } from "../elements/keys.js";
@@ -98,7 +98,7 @@ export class EnlargeButton extends Part {
 
 /** Return the elements that stay visible above. */
 function fixedElements() {
-  return document.querySelectorAll("body > header, observer-first-line");
+  return document.querySelectorAll("body > header, observer-headline");
 }
 
 /** Tell the style sheet where they end. */

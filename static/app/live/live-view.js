@@ -96,7 +96,7 @@ export class LiveView extends Part {
 
   /** Request images only while visible, so that the server does not draw them for nothing. */
   #visibilityChanged() {
-    if (document.hidden || document.body.hasAttribute("data-history")) this.#socket?.close();
+    if (document.hidden || document.body.hasAttribute("data-away")) this.#socket?.close();
     else this.#socket?.open();
   }
 
@@ -119,7 +119,7 @@ export class LiveView extends Part {
     setAttribute(this, "data-freshness", state);
     const seen = Number.isFinite(age);
     setText(this.#mark, seen ? `Stale, ${(age / 1000).toFixed(0)} s old` : "Waiting for an image");
-    // If everything is stale, the first line says so; mark here only what this view lacks.
+    // If everything is stale, the headline says so; mark here only what this view lacks.
     this.#mark.hidden = state !== "stale" || (seen && freshness.state !== "fresh");
   }
 }

@@ -178,7 +178,7 @@ class Scene extends Part {
     this.#frame.contentWindow?.postMessage(message, "*");
   }
 
-  /** Grey out the scene while stale; the first line says why. */
+  /** Grey out the scene while stale; the headline says why. */
   #mark() {
     setAttribute(this, "data-freshness", this.hub.freshness.state);
   }

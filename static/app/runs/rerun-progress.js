@@ -54,7 +54,7 @@ export class RerunProgress extends Part {
   #render() {
     const run = this.#run;
     if (!run) {
-      moveFocus(this.#going, this.closest("section, observer-history")?.querySelector("h2"));
+      moveFocus(this.#going, this.closest("section, observer-pages")?.querySelector("h2"));
       this.#going.hidden = true;
       return;
     }

@@ -4,7 +4,7 @@ import { withBand } from "../chart/speed-curves.js";
 import { SpeedPlot } from "../chart/speed-plot.js";
 import { h, setAttribute, setText, swatch } from "../elements/dom.js";
 import { declareKeys } from "../elements/keys.js";
-import { fixed, sentence } from "../elements/words.js";
+import { fixed, sentence, withMinus } from "../elements/words.js";
 import { readingsAt } from "./run-chart-data.js";
 
 /** @import { RunChart } from "../contract" */
@@ -69,7 +69,7 @@ export class ChartPanel {
       minTop: MIN_TOP_MPS,
       range: shared.range,
       top: shared.top,
-      xWords: (seconds) => `${seconds} s`,
+      xWords: (seconds) => `${withMinus(seconds)} s`,
       xSpace: 60,
       read: (time) => shared.read(time),
       select: (begin, end) => shared.zoom(begin, end),

@@ -8,7 +8,7 @@
 import { chartMenu, runOffer } from "../chart/chart-files.js";
 import { markLegend } from "../chart/mark-legend.js";
 import { button, h, setText, swatch } from "../elements/dom.js";
-import { fixed, trackColour } from "../elements/words.js";
+import { trackColour } from "../elements/words.js";
 import { extentOf, originsOf, panelsOf, sameRecording } from "./run-chart-data.js";
 import { errorSection } from "./run-chart-errors.js";
 import { ChartPanel } from "./run-chart-panel.js";
@@ -347,7 +347,7 @@ export class RunChart extends HTMLElement {
   /** @param {Element | null} [typed] a field that keeps its text */
   #showRange(typed = null) {
     [this.#begin, this.#end].forEach((input, at) => {
-      if (input !== typed) input.value = fixed(this.#range[at], 2);
+      if (input !== typed) input.value = this.#range[at].toFixed(2);
     });
   }
 }

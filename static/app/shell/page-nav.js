@@ -15,7 +15,7 @@ const PAGES = [
   [METHOD, "Method", "The method, step by step"],
 ];
 // Parts that replace the live ones; the first visible one provides the title.
-const HEADINGS = ["observer-calibration-wizard", "observer-history"].map(
+const HEADINGS = ["observer-calibration-wizard", "observer-pages"].map(
   (part) => `${part}:not([hidden]) > header h2`,
 );
 /** What the first tab of a narrow window shows, by the beginning of the page's address. @type {[string, string][]} */
@@ -45,7 +45,7 @@ class PageNav extends Part {
   }
 
   #mark() {
-    const away = document.body.hasAttribute("data-history");
+    const away = document.body.hasAttribute("data-away");
     const here = away ? pageOf(location.hash) : "#live";
     for (const links of [this.#links, this.#menuLinks])
       links.forEach((link, at) =>

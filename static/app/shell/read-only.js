@@ -39,7 +39,7 @@ const HARMLESS = [
   "observer-speed-chart",
   "observer-status",
   // Recordings.
-  ".history-head",
+  ".page-head",
   ".export-message",
   "observer-methods-split",
   "observer-run-chart",

@@ -10,7 +10,7 @@ const GAP_PX = 10;
 /** Stops of the tour: selector, heading and purpose of each part. */
 const STOPS = /** @type {const} */ ([
   [
-    ".first-line-text",
+    ".headline-text",
     "What moves",
     "The nearest moving obstacle in one sentence: its speed with the 95 % interval, its heading and distance, and the ground truth where the source has it.",
   ],

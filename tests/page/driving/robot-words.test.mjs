@@ -115,7 +115,7 @@ test("figures say what is not known, which wheel stalls and which bumper is pres
   );
   assert.equal(
     told({ odometry: { x: 1, y: -0.5, yaw: Math.PI / 2 } })["Wheel odometry"],
-    "1.00, -0.50 m, 90°",
+    "1.00, −0.50 m, 90°",
   );
 });
 

@@ -17,8 +17,8 @@ test("a number that is not known is a dash, never a zero", () => {
 test("a number rounded to zero has no sign", () => {
   assert.equal(words.fixed(-0.001, 2), "0.00");
   assert.equal(words.fixed(-0.4, 0), "0");
-  assert.equal(words.fixed(-0.006, 2), "-0.01");
-  assert.equal(words.fixed(-10, 0), "-10");
+  assert.equal(words.fixed(-0.006, 2), "−0.01");
+  assert.equal(words.fixed(-10, 0), "−10");
 });
 
 test("a speed carries half of its 95 % interval where one is known", () => {
@@ -63,10 +63,10 @@ test("a heading is left out where it is not known or nothing moves", () => {
   assert.equal(words.headingInWords(obstacle({ velocity: [0.01, 3, 0.01] }), pose), "");
 });
 
-test("the first line tells of the nearest that moves, against its truth", () => {
+test("the headline tells of the nearest that moves, against its truth", () => {
   const far = obstacle({ id: 2, range: 5 });
   const parked = obstacle({ id: 3, range: 1, motion: "stopped" });
-  const told = words.firstLine(
+  const told = words.headline(
     line({ obstacles: [far, obstacle(), parked] }),
     [body({ track_id: 1, speed: 0.48 })],
     unseen,
@@ -80,10 +80,10 @@ test("the first line tells of the nearest that moves, against its truth", () => 
   });
 });
 
-test("the first line says what is missed, unless it is hidden or stands", () => {
+test("the headline says what is missed, unless it is hidden or stands", () => {
   const text = (
     /** @type {Partial<import("../../../static/app/contract").TrueBodyEntry>} */ changes,
-  ) => words.firstLine(line(), [body(changes)], unseen).text;
+  ) => words.headline(line(), [body(changes)], unseen).text;
   assert.equal(text({}), "No motion detected — ground truth: cart moves at 0.50 m/s.");
   assert.match(text({ visible: null }), /ground truth: cart/);
   assert.match(text({ visible: VISIBLE_SHARE }), /ground truth: cart/);
@@ -92,9 +92,9 @@ test("the first line says what is missed, unless it is hidden or stands", () => 
   assert.equal(text({ role: "observer" }), "No motion in view.");
 });
 
-test("the first line says that the camera's motion is lost, and why", () => {
+test("the headline says that the camera's motion is lost, and why", () => {
   const lost = line({ status: "lost", reasons: ["too dark"], obstacles: [obstacle()] });
-  assert.deepEqual(words.firstLine(lost, [], unseen), {
+  assert.deepEqual(words.headline(lost, [], unseen), {
     text: "Camera motion lost: too dark.",
     id: null,
     tone: "lost",
@@ -128,7 +128,7 @@ test("what the server says becomes one sentence", () => {
 
 test("who waves moves in place and is given no speed", () => {
   const waving = obstacle({ id: 3, motion: "in_place", range: 3.2, bearing: 0, speed: 0.04 });
-  const { text, tone } = words.firstLine(line({ obstacles: [waving] }), [], unseen);
+  const { text, tone } = words.headline(line({ obstacles: [waving] }), [], unseen);
   assert.equal(text, "Obstacle 3 moves in place, 3.2 m ahead.");
   assert.equal(tone, "calm");
 });
@@ -137,14 +137,14 @@ test("only what is in view is said to move; a prediction is not", () => {
   const gone = obstacle({ id: 4, range: 1, state: "coasting", points: 0, speed: 1.12 });
   const seen = { of: () => ({ speed: 0.4, speed_std: 0.05, ago_s: 1.4 }) };
   const far = obstacle({ id: 2, range: 5 });
-  const both = words.firstLine(line({ obstacles: [gone, far] }), [], seen);
+  const both = words.headline(line({ obstacles: [gone, far] }), [], seen);
   assert.equal(both.text, "Obstacle 2 moves at 0.50 ± 0.04 m/s to the right, 5.0 m ahead");
-  assert.deepEqual(words.firstLine(line({ obstacles: [gone] }), [], seen), {
+  assert.deepEqual(words.headline(line({ obstacles: [gone] }), [], seen), {
     text: "Obstacle 4 left the view 1.4 s ago, last measured at 0.40 ± 0.10 m/s.",
     id: null,
     tone: "calm",
   });
-  const early = words.firstLine(line({ obstacles: [gone] }), [], unseen);
+  const early = words.headline(line({ obstacles: [gone] }), [], unseen);
   assert.equal(early.text, "Obstacle 4 is out of view.");
   assert.equal(
     words.outOfViewInWords(seen.of()),

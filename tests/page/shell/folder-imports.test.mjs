@@ -16,7 +16,7 @@ const ALLOWED = {
   runs: ["elements", "shell", "chart", "parameters"],
   sources: ["elements", "shell", "runs"],
   method: ["elements", "shell", "parameters", "runs", "sources"],
-  history: ["elements", "shell", "method", "runs"],
+  pages: ["elements", "shell", "method", "runs"],
 };
 
 test("places of the page import one way", () => {

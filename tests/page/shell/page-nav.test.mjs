@@ -24,7 +24,7 @@ test("in a narrow window the menu leads to every page, and the first tab says wh
     ["#live", "#history", "#steps"],
   );
   assert.deepEqual([current(), tab.textContent], [["Live"], "View"]);
-  document.body.setAttribute("data-history", "");
+  document.body.setAttribute("data-away", "");
   location.hash = "#steps/4?source=simulated:lab";
   nav.hub.dispatchEvent(new Event("history"));
   assert.deepEqual([current(), tab.textContent], [["Method"], "Method"]);

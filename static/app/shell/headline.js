@@ -1,5 +1,5 @@
 /**
- * The first line: who moves, how fast, plus or minus what, against ground truth, in words. While
+ * The headline: who moves, how fast, plus or minus what, against ground truth, in words. While
  * the data are stale, it says so instead, in every view; nothing else does in words.
  */
 
@@ -7,22 +7,22 @@ import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { LastSeen } from "../elements/last-seen.js";
 import { Part } from "../elements/part.js";
-import { firstLine, trackColour } from "../elements/words.js";
+import { headline, trackColour } from "../elements/words.js";
 import { paceWarning } from "./pace-words.js";
 
 // Faster changes cannot be read; spoken words change more slowly still.
 const SHOWN_EVERY_MS = 250;
 const SPOKEN_EVERY_MS = 5000;
 
-class FirstLine extends Part {
+class Headline extends Part {
   #shownAt = 0;
   #spokenAt = 0;
   #tone = "";
   #lastSeen = new LastSeen();
-  #text = h("p.first-line-text", { title: `95 % interval: ${GLOSSARY["95 % interval"]}` });
+  #text = h("p.headline-text", { title: `95 % interval: ${GLOSSARY["95 % interval"]}` });
   // The words change several times a second; this copy for screen readers changes less often.
   #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
-  #context = h("p.first-line-context");
+  #context = h("p.headline-context");
 
   build() {
     this.append(this.#text, this.#context, this.#spoken);
@@ -66,7 +66,7 @@ class FirstLine extends Part {
     }
     if (freshness.state === "none") return { text: freshness.reason, id: null, tone: "calm" };
     if (!observation) return { text: freshness.reason, id: null, tone: "calm" };
-    return firstLine(observation.line, observation.truth, this.#lastSeen);
+    return headline(observation.line, observation.truth, this.#lastSeen);
   }
 
   #renderContext() {
@@ -98,4 +98,4 @@ class FirstLine extends Part {
   }
 }
 
-customElements.define("observer-first-line", FirstLine);
+customElements.define("observer-headline", Headline);

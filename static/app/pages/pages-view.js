@@ -1,7 +1,7 @@
-/** The history: finding, viewing and comparing runs. It replaces the live parts. */
+/** The pages that replace the live parts: runs, comparisons, the method. */
 
 import { button, h, setAttribute } from "../elements/dom.js";
-import { restoreFocus } from "../elements/focus.js";
+import { focusHeading, restoreFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { StepsView } from "../method/steps-view.js";
 import { openPane } from "../shell/splitter.js";
@@ -22,7 +22,7 @@ const TITLES = {
 };
 
 /** Shows what the page's address names, so bookmarks, links and the Back button work. */
-class HistoryView extends Part {
+class PagesView extends Part {
   #search = new RunSearch();
   #savedClips = new SavedClipList();
   #run = new RunView();
@@ -30,17 +30,17 @@ class HistoryView extends Part {
   #methods = new MethodsView();
   #steps = new StepsView();
   #leave = button("Back to live", () => this.#close(true));
-  #title = h("h2", { id: "history-title", tabindex: "-1" }, "Runs");
+  #title = h("h2", { id: "page-title", tabindex: "-1" }, "Runs");
   #all = h("a.button", { href: "#history" }, "All runs");
   #shown = "";
-  /** The element that had the focus when the history was opened. @type {Element | null} */
+  /** The element that had the focus when the first of them was opened. @type {Element | null} */
   #caller = null;
 
   build() {
     setAttribute(this, "role", "region");
-    setAttribute(this, "aria-labelledby", "history-title");
+    setAttribute(this, "aria-labelledby", "page-title");
     this.append(
-      h("header.history-head", this.#title, this.#run.actions, this.#all, this.#leave),
+      h("header.page-head", this.#title, this.#run.actions, this.#all, this.#leave),
       this.#search,
       this.#savedClips,
       this.#run,
@@ -85,9 +85,9 @@ class HistoryView extends Part {
     if (before === "" || before === "none") this.#caller = document.activeElement;
     this.#shown = shown;
     this.hidden = view === "none";
-    document.body.toggleAttribute("data-history", view !== "none");
+    document.body.toggleAttribute("data-away", view !== "none");
     this.hub.emit("history");
-    this.#all.hidden = view === "list" || view === "steps";
+    this.#all.hidden = !["run", "compare"].includes(view);
     this.#search.show(view === "list");
     this.#savedClips.show(view === "list");
     this.#run.show(view === "run" ? (ids[0] ?? "") : null);
@@ -98,7 +98,7 @@ class HistoryView extends Part {
     if (view !== "none") openPane("main");
     this.closest("main")?.scrollTo({ top: 0 });
     // The focus follows to the view now shown.
-    if (view !== "none") this.#title.focus();
+    if (view !== "none") focusHeading(this.#title);
     else restoreFocus(this.#caller);
   }
 
@@ -110,4 +110,4 @@ class HistoryView extends Part {
   }
 }
 
-customElements.define("observer-history", HistoryView);
+customElements.define("observer-pages", PagesView);
