@@ -20,13 +20,18 @@ def others_at_work(pid: int) -> Iterator[None]:
     count = _EACH * len(os.sched_getaffinity(0))
     # Linux may give each session an equal share, whatever its processes do.
     hogs = [subprocess.Popen(command, start_new_session=True) for _ in range(count)]
+    group, nice = Path(f"/proc/{pid}/autogroup"), "0"
     with contextlib.suppress(OSError):
-        Path(f"/proc/{pid}/autogroup").write_text("19")
+        nice = group.read_text().split()[-1]
+        group.write_text("19")
     try:
         for thread in Path(f"/proc/{pid}/task").iterdir():
             os.sched_setscheduler(int(thread.name), os.SCHED_IDLE, os.sched_param(0))
         yield
     finally:
+        # The session may be that of the shell the tests were started from, and outlive them.
+        with contextlib.suppress(OSError):
+            group.write_text(nice)
         for hog in hogs:
             hog.kill()
         for hog in hogs:
