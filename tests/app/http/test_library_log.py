@@ -9,12 +9,7 @@ import pytest
 
 from app.http.library_log import LibraryLog
 
-
-class Clock:
-    now = 50.0
-
-    def __call__(self) -> float:
-        return self.now
+from .clock import Clock
 
 
 @pytest.fixture

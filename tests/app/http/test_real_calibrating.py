@@ -13,6 +13,8 @@ import pytest
 from app.http.server import create_app
 from app.settings import Settings
 
+from .wire import calibrating
+
 
 @pytest.mark.patient
 async def test_views_survive_a_killed_engine_and_numbering_continues(
@@ -25,7 +27,7 @@ async def test_views_survive_a_killed_engine_and_numbering_continues(
 
         async def views(count: int) -> list[str]:
             while True:
-                told = (await http.get("/api/calibrating")).json()["calibrating"]
+                told = await calibrating(http)
                 names = [view["name"] for view in told["views"]]
                 if len(names) >= count:
                     return names

@@ -21,7 +21,7 @@ from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_tcp
 
 from ...waiting import until_async
-from .sockets.test_drive import Elsewhere
+from .sockets.pages import Elsewhere
 
 PROMISED_S = 0.300
 

@@ -17,7 +17,7 @@ from app.http.gate.read_only_links import MOST_LINKS, ReadOnlyLink, ReadOnlyLink
 from app.http.gate.security import SESSION_OVER
 
 from ..wire import read_on
-from .test_gate import concrete, http_routes, socket_routes
+from .routes import concrete, http_routes, socket_routes
 
 SAFE = ("GET", "HEAD", "OPTIONS")
 

@@ -13,16 +13,10 @@ import pytest
 
 from app.http.gate.strangers import Strangers
 
+from ..clock import Clock
+
 HALF_A_HEAD = b"GET / HTTP/1.1\r\nX: "
 UNKNOWN = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 @contextlib.contextmanager
