@@ -14,8 +14,9 @@ from app.runtime.latest import create_slot
 from app.server import Server
 from app.storage import Storage
 
+from .engine_values import rectified_calibration
 from .fake_drive import FakeDrive
-from .peer_engine import PeerEngine, rectified_calibration
+from .peer_engine import PeerEngine
 from .server.servers import started
 
 

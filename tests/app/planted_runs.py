@@ -14,7 +14,7 @@ from observer.recording.writer import RecordingWriter
 from observer.truth.motion_capture import BodySample
 from observer.types import StereoFrame
 
-from .peer_engine import rectified_calibration
+from .engine_values import rectified_calibration
 
 # Seconds to add to the times of motion capture.
 OFFSET_S = 0.12

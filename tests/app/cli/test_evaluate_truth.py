@@ -16,7 +16,7 @@ from observer.truth.csv_file import write_truth_csv
 from observer.truth.sampled import TruthSample
 
 from ...observer.truth.alignment.conftest import Room, make_room
-from ..peer_engine import rectified_calibration
+from ..engine_values import rectified_calibration
 from .shell import Shell
 
 OFFSET_S = 0.3

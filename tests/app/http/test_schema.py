@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from anyio.from_thread import BlockingPortal, start_blocking_portal
 
-from ..peer_engine import rectified_calibration
+from ..engine_values import rectified_calibration
 from ..planted_runs import plant_run
 
 EXAMPLES = int(os.environ.get("API_EXAMPLES", "3"))

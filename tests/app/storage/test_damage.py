@@ -44,7 +44,8 @@ from ...damage import (
     hostile_bytes,
     read_or_refused,
 )
-from ..peer_engine import PeerEngine, rectified_calibration
+from ..engine_values import rectified_calibration
+from ..peer_engine import PeerEngine
 
 FILES = {"observer.sqlite": b"rows" * 40, "truths/a.csv": b"t,x,y,z\n0,1,2,3\n"}
 

@@ -18,7 +18,7 @@ from app.storage import Storage
 from observer.calibration.boards.board import Board, BoardSighting, BoardView
 
 from ....waiting import until_async
-from ...peer_engine import sighting_of
+from ...engine_values import sighting_of
 from ..servers import begin, opens, started
 from .capturing import (
     BOARD,
