@@ -17,7 +17,8 @@ from app.contract.drive import (
     ToDrive,
 )
 from app.runtime.environment import module_command
-from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
+from app.runtime.supervisor import ProcessSupervisor
+from app.runtime.supervisor_limits import SupervisorLimits
 
 DRIVE_COMMAND = module_command("app.drive")
 # Events come every 0.1 s. A port's own thread sends zero much sooner than a hung loop is detected;

@@ -23,7 +23,8 @@ from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.runtime.child import ChildProcess
 from app.runtime.environment import module_command
 from app.runtime.latest import LatestReader, create_slot
-from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
+from app.runtime.supervisor import ProcessSupervisor
+from app.runtime.supervisor_limits import SupervisorLimits
 
 ENGINE_COMMAND = module_command("app.engine")
 # A JPEG 1280 pixels wide stays below 1 MB, 20000 points take 300 KB; memory is used only up to the

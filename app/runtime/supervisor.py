@@ -15,52 +15,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
+from app.runtime.attempts import Attempts
 from app.runtime.child import ChildEnded, ChildProcess
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.requests import Reply
+from app.runtime.supervisor_limits import SupervisorLimits
 
-# Far beyond the longest pause; a number of failures without limit would overflow.
-_MOST_DOUBLINGS = 60
 _log = logging.getLogger(__name__)
 
 _Command = TypeVar("_Command")
 _Event = TypeVar("_Event")
-
-
-@dataclass(frozen=True)
-class SupervisorLimits:
-    """Time limits of the supervisor, seconds.
-
-    Attributes:
-        hang_s: a process silent for this long counts as hung. An engine sends a heartbeat every
-            0.05 s and between the observer's stages; the rest of 2 s is left for replacing it.
-        start_s: a starting process silent for this long counts as hung.
-        starved_s: a process may get no CPU time on a busy machine for this long without counting
-            as hung.
-        tick_s: interval between checks for silence.
-        standby_delay_s: delay from a process's start to the start of its standby; None for no
-            standby: replacing then takes as long as a start.
-        quick_death_s: a process that lived shorter than this counts as a failed attempt.
-        backoff_s: pause before the third attempt in a row, doubled with each further one.
-        most_backoff_s: the longest pause.
-        attempts: number of failed attempts in a row after which ``start`` gives up.
-        stop_s: time for a process to leave by itself.
-        answer_s: time for a reply, unless the request sets its own.
-        takeover_s: time that a repeatable request waits for the next process.
-    """
-
-    hang_s: float = 1.6
-    start_s: float = 30.0
-    starved_s: float = 10.0
-    tick_s: float = 0.05
-    standby_delay_s: float | None = 3.0
-    quick_death_s: float = 5.0
-    backoff_s: float = 0.5
-    most_backoff_s: float = 10.0
-    attempts: int = 3
-    stop_s: float = 1.0
-    answer_s: float = 10.0
-    takeover_s: float = 15.0
 
 
 @dataclass(frozen=True)
@@ -129,8 +93,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._active_since = 0.0
         self._generation = 0
         self._lost_before = 0
-        self._failures = 0
-        self._not_before = 0.0
+        self._attempts = Attempts(limits)
         self._trouble = f"the {self.what} is starting"
         self._wake = asyncio.Event()
         self._first: asyncio.Future[None] | None = None
@@ -319,8 +282,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             return
         complaint = self._complaint(child)
         if complaint is None:
-            if time.monotonic() - self._active_since >= self._limits.quick_death_s:
-                self._failures = 0
+            self._attempts.lives(self._active_since)
             return
         self._active = None
         self._lost_before += self._dropped(child)
@@ -346,7 +308,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             _log.error("%s", self._trouble)
             self._count_failure(child.started)
             self._give_up_start()
-        elif child.ready and self._active is None and now >= self._not_before:
+        elif child.ready and self._active is None and now >= self._attempts.not_before:
             self._active, self._standby = child, None
             self._active_since = now
             self._generation += 1
@@ -358,10 +320,12 @@ class ProcessSupervisor(Generic[_Command, _Event]):
                 self._first.set_result(None)
 
     def _wants_another(self, now: float) -> bool:
+        if now < self._attempts.not_before:
+            return False
         if self._active is None:
-            return now >= self._not_before
+            return True
         delay = self._limits.standby_delay_s
-        return delay is not None and now >= max(self._active_since + delay, self._not_before)
+        return delay is not None and now >= self._active_since + delay
 
     async def _start_another(self) -> None:
         try:
@@ -385,25 +349,15 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         return None
 
     def _count_failure(self, since: float) -> None:
-        """Count a failure, and back off increasingly while processes keep ending quickly."""
-        now = time.monotonic()
-        self._failures = self._failures + 1 if now - since < self._limits.quick_death_s else 1
-        pause = 0.0
-        if self._failures > 1:
-            doublings = min(self._failures - 2, _MOST_DOUBLINGS)
-            pause = min(self._limits.backoff_s * 2.0**doublings, self._limits.most_backoff_s)
+        pause = self._attempts.count_failure(since)
+        if pause > 0.0:
             self._trouble += f"; the next attempt is in {pause:g} s"
-        self._not_before = now + pause
 
     def _give_up_start(self) -> None:
-        if (
-            self._first is not None
-            and not self._first.done()
-            and self._failures >= self._limits.attempts
-        ):
-            sentence = self._trouble.partition(";")[0]
+        if self._first is not None and not self._first.done() and self._attempts.exhausted:
+            sentence, times = self._trouble.partition(";")[0], self._attempts.failed
             self._first.set_exception(
-                ProcessUnavailable(f"{sentence}, {self._failures} times in a row; see its log")
+                ProcessUnavailable(f"{sentence}, {times} times in a row; see its log")
             )
 
     def _hear(self, child: ChildProcess, event: _Event | None) -> None:

@@ -26,7 +26,7 @@ from app.contract.values import plain
 from app.drive.supervisor import DriveSupervisor
 from app.engine.supervisor import EngineSupervisor
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
-from app.runtime.supervisor import SupervisorLimits
+from app.runtime.supervisor_limits import SupervisorLimits
 from app.server.contracts import Drive
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import serve_tcp

@@ -13,7 +13,7 @@ import psutil
 
 from app.contract.commands import OpenSource
 from app.engine.supervisor import EngineSupervisor
-from app.runtime.supervisor import SupervisorLimits
+from app.runtime.supervisor_limits import SupervisorLimits
 
 
 async def main(command: list[str]) -> None:

@@ -15,7 +15,7 @@ from app.contract.commands import (
     OpenSource,
 )
 from app.engine.supervisor import EngineSupervisor
-from app.runtime.supervisor import SupervisorLimits
+from app.runtime.supervisor_limits import SupervisorLimits
 
 HERE = Path(__file__).parent
 FAKE = (sys.executable, str(HERE / "fake_engine.py"))

@@ -23,12 +23,11 @@ from app.contract.events import (
     ObservationEvent,
     StateEvent,
 )
-from app.engine.supervisor import EngineSupervisor
 from app.runtime.errors import ProcessUnavailable
-from app.runtime.supervisor import SupervisorLimits
+from app.runtime.supervisor_limits import SupervisorLimits
 
 from ..starvation import others_at_work
-from .supervised import ALONE, PATIENCE_S, WORKS, Watched, gone, numbers
+from .supervised import ALONE, PATIENCE_S, Watched, gone, numbers
 
 # Seconds: the promised time, plus some for a machine that runs other tests.
 REPLACED_WITHIN_S = 2.0 + 0.5
@@ -211,16 +210,6 @@ async def test_an_engine_whose_messages_cannot_be_handled_is_replaced_with_the_c
         await watched.wait(EngineLostEvent)
         await watched.wait(EngineStartedEvent, lambda event: event.generation == 2)
     assert "RuntimeError: on purpose" in caplog.text
-
-
-async def test_the_pause_is_limited_after_any_number_of_failures() -> None:
-    supervisor = EngineSupervisor(command=WORKS)
-    try:
-        supervisor._failures = 5000
-        supervisor._count_failure(time.monotonic())
-        assert 9.0 < supervisor._not_before - time.monotonic() <= 10.0
-    finally:
-        await supervisor.stop()
 
 
 def _fail(*_: Any, **__: Any) -> Any:

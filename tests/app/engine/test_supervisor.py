@@ -27,7 +27,7 @@ from app.contract.events import (
 )
 from app.engine.supervisor import EngineSupervisor
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
-from app.runtime.supervisor import SupervisorLimits
+from app.runtime.supervisor_limits import SupervisorLimits
 
 from .supervised import ALONE, FAKE, HERE, Watched, gone, numbers
 
