@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
 from observer.errors import InputError
-from observer.whole_files import whole_file
-
-# What writing to an open file fails with when there is no room.
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+from observer.whole_files import NO_SPACE, whole_file
 
 
 @contextmanager
@@ -31,7 +27,7 @@ def whole_text(path: Path) -> Iterator[IO[str]]:
             with file:
                 yield file
         except OSError as error:
-            if error.errno in _NO_ROOM:
+            if error.errno in NO_SPACE:
                 # Writing to an open file names no file.
                 error.filename = str(part)
             raise

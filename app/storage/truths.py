@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import re
 import shutil
@@ -15,10 +14,9 @@ from app.storage.database import Database
 from app.storage.errors import StorageError, StorageFull, StorageMissing
 from app.storage.models import Run, Truth
 from app.storage.records import TruthRecord, utc_now
-from observer.whole_files import whole_file
+from observer.whole_files import NO_SPACE, whole_file
 
 _ENDING = re.compile(r"\.[0-9A-Za-z]{1,8}")
-_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class TruthTables(Database):
@@ -109,7 +107,7 @@ class TruthTables(Database):
             with whole_file(kept, durable=True) as part:
                 shutil.copyfile(file, part)
         except OSError as error:
-            kind = StorageFull if error.errno in _NO_SPACE else StorageError
+            kind = StorageFull if error.errno in NO_SPACE else StorageError
             raise kind(
                 f"the ground truth cannot be stored in {folder} ({error.strerror}); free some disk "
                 "space or make the folder writable"

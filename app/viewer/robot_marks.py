@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from app.contract.robots import GoalNow, GuardVerdict, RobotNow
+from app.contract.robots import DRIVEN_STATES, GoalNow, GuardVerdict, RobotNow
 from app.viewer.shapes import thinned
 from observer.geometry import Float64Array, Pose
 from observer.guard.parameters import GuardParameters
@@ -47,8 +47,6 @@ _MEETING_RADIUS_M = 0.3
 _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
-# Otherwise the guard holds nothing back, so its reason would be noise.
-_DRIVEN = ("armed", "moving")
 # An echo from farther away reveals nothing of the robot's surroundings.
 _SONAR_REACH_M = 4.0
 _SONAR_OLD_S = 1.0
@@ -123,7 +121,8 @@ def robot_marks(
         meeting=world(_meeting(None if aim is None else aim.meets_at)),
         goal=world(_goal(None if aim is None else aim.place)),
         level=None if guard is None else guard.level,
-        text=_text(guard, aim) if robot.state in _DRIVEN else None,
+        # While it is not driven, the guard holds nothing back, and its reason would be noise.
+        text=_text(guard, aim) if robot.state in DRIVEN_STATES else None,
         place=np.asarray(T_world_base.apply(np.array([0.0, 0.0, _TEXT_HEIGHT_M]))),
         T_world_base=T_world_base,
     )

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import errno
-
 from observer.errors import DynamicObserverError
-
-# No space, quota exceeded, file size limit: only more space helps.
-_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+from observer.whole_files import NO_SPACE
 
 
 class RecordingError(DynamicObserverError):
@@ -28,7 +24,7 @@ class RecordingError(DynamicObserverError):
         Args:
             name: of the file that was written.
         """
-        full = error.errno in _FULL
+        full = error.errno in NO_SPACE
         why = "the disk is full" if full else f"it cannot be written: {error.strerror or error}"
         help_ = "free some space and start a new one" if full else "start a new one elsewhere"
         return RecordingError(
