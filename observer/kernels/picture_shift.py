@@ -1,4 +1,4 @@
-"""Tracks a few hundred cells of one image into a later one, by their grey levels."""
+"""Finds a few hundred cells of one image in another one, by their grey levels."""
 
 from __future__ import annotations
 
@@ -219,15 +219,15 @@ def find_shifted(
     before: Image, at: Indices, image: Image,
     expected: Reals, standing: Reals, scale: float, reach: int,
 ) -> tuple[bool, Reals, Reals]:  # fmt: skip
-    """Find N cells of an image in a later one, see ``TrunkView.found_in``.
+    """Find N cells of an image in another one, see ``TrunkView.found_in``.
 
     By Gauss-Newton on the grey levels (Lucas and Kanade, 1981; Baker and Matthews, 2004).
 
     Args:
-        before: (h, w) grey. at: (2, N) columns and rows in it. image: (h, w), the later one.
+        before: (h, w) grey. at: (2, N) columns and rows in it. image: (h, w), the other one.
         expected: (2,) predicted column and row of their centre. standing: (2,) the same if they
-            were static. scale: predicted factor on their size. reach: cells by which they may be
-            off along their row.
+            were static; the same as expected if they cannot be. scale: predicted factor on their
+            size. reach: cells by which they may be off along their row.
 
     Returns:
         Whether they are found, column and row (2,) of their centre, and its covariance (2, 2).

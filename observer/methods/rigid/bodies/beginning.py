@@ -11,6 +11,7 @@ from observer.methods.rigid.bodies.filter import POSITION, BodyFilter
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, measured_anchor
 from observer.methods.rigid.bodies.segment_gate import leaps, misfit
 from observer.methods.rigid.bodies.shape import BodyShape
+from observer.methods.rigid.dense.fine_disparity import refined
 from observer.methods.rigid.dense.height import bottom_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import SEGMENT_M2, Segment, is_small, least_cells
@@ -36,6 +37,7 @@ def start_track(
     Args:
         sigma_mps: one standard deviation of its speed.
     """
+    segment = refined(segment, scene)
     anchor = anchor_of(segment)
     place, cov = measured_anchor(segment, anchor, scene)
     track = BodyTrack(

@@ -44,6 +44,9 @@ _VERTICAL_M, _CUT_M, _ALONG_M, _ALONG_CELLS = 0.3, 0.5, 0.03, 0.175
 _CUT_ALONG_M = 0.3
 # Cells, the part of a disparity's error that lasts, as its surroundings stay what they are.
 _BIAS_CELLS = 0.25
+# Cells, both for a disparity by the grey levels; and share of the cells that were uncovered, from
+# which on a segment has no border of its own, and shows something else from frame to frame.
+_FINE_ALONG_CELLS, _FINE_BIAS_CELLS, _BORDERLESS_SHARE = 0.1, 0.12, 0.5
 # Cells: at this width half of a disparity is that of the surroundings.
 _NARROW_CELLS = 6
 # Seconds for which its last whole silhouette is kept for a body that is cut off.
@@ -212,7 +215,8 @@ class Outline:
         width, height = extent_m(segment, scene.grid)
         self.width = max(width, _SHRINK * self.width)
         self.height = max(height, _SHRINK * self.height)
-        self.bias_px = _BIAS_CELLS * scene.grid.reduction * _narrowness(segment)
+        bias = _FINE_BIAS_CELLS if _is_distinct(segment) else _BIAS_CELLS
+        self.bias_px = bias * scene.grid.reduction * _narrowness(segment)
         self.hangs = _hangs(segment, scene)
         self._keep_silhouette(origin, scene, age_s)
         surface, _ = measured_anchor(segment, "middle", scene)
@@ -317,16 +321,23 @@ def measured_anchor(
     column = {"left": left, "right": right}.get(anchor, middle)
     row = (segment.box[1] + segment.box[3] - 1) / 2
     u, v = scene.grid.to_px(np.array([column, row])).tolist()
-    noise_px = _ALONG_CELLS * scene.grid.reduction
-    noise_m = noise_px * camera.fx * camera.baseline / segment.disparity**2
+    disparity = segment.best_disparity
+    noise = _FINE_ALONG_CELLS if _is_distinct(segment) else _ALONG_CELLS
+    noise_m = noise * scene.grid.reduction * camera.fx * camera.baseline / disparity**2
     along_m = _narrowness(segment) * math.hypot(noise_m, _ALONG_M)
     down_m = _CUT_M if segment.cut[2] or segment.cut[3] else _VERTICAL_M
     if any(segment.cut[:2]):
         along_m = max(along_m, _CUT_ALONG_M)
     return sighting(
-        u, v, segment.disparity, _ACROSS_M[anchor], down_m, along_m,
+        u, v, disparity, _ACROSS_M[anchor], down_m, along_m,
         pose.rotation, pose.translation, camera.numbers,
     )  # fmt: skip
+
+
+def _is_distinct(segment: Segment) -> bool:
+    """Return whether the grey levels tell a segment's disparity, and it has borders of its own."""
+    bordered = segment.uncovered < _BORDERLESS_SHARE and not any(segment.cut[:2])
+    return segment.fine is not None and bordered
 
 
 def _narrowness(segment: Segment) -> float:

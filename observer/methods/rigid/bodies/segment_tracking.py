@@ -25,6 +25,7 @@ from observer.methods.rigid.bodies.shape import Box
 from observer.methods.rigid.bodies.side_by_side import part_off, parted, separated, spanning
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.fine_disparity import refined
 from observer.methods.rigid.dense.ground import tells_approach
 from observer.methods.rigid.dense.people import whole_person, with_head
 from observer.methods.rigid.dense.scene import DenseScene
@@ -60,7 +61,7 @@ _GAP_FRAMES = 2
 _MIDDLE_GAIN = 0.3
 _MOST_DEPTH_M = 0.6
 # Metres, lasting error of a segment's depth: the points on it tell changes better.
-_DEPTH_DRIFT_M = 0.12
+_DEPTH_DRIFT_M = 0.08
 
 
 def track_segments(
@@ -280,6 +281,7 @@ def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) 
     """
     whole = whole_person(scene, part, free)
     if whole is not part:
+        whole = refined(whole, scene)
         place, cov = measured_anchor(whole, anchor_of(whole), scene)
         track.filter = motion_at(place, np.zeros(3), cov)
         track.hits = track.sightings = 0
@@ -295,7 +297,11 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         if track.outline.upright and not points_show_whole(track, track.outline):
             track.loosen()
     outline = track.outline
-    shown = at_hips(segment, scene) if outline.only_legs else segment
+    by_segment = not track.rigid or not track.by_points
+    if outline.only_legs:
+        shown = at_hips(segment, scene)
+    else:
+        shown = refined(segment, scene) if by_segment else segment
     anchor = anchor_of(shown)
     place, cov = measured_anchor(shown, anchor, scene)
     if outline.only_legs and anchor != "middle":
@@ -312,11 +318,11 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
     if outline.depths.measured:
         cov = cov + scene.along_sight(place) * _DEPTH_DRIFT_M**2
-    if not track.rigid or not track.by_points:
+    if by_segment:
         track.filter = track.filter.with_position(place - offset, cov)
         if track.filter.manoeuvres:
             track.steady_s = 0.0
-    segment = replace(segment, disparity=shown.disparity)
+    segment = replace(segment, disparity=shown.disparity, fine=shown.fine)
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
     track.missed_s = track.merged_s = 0.0
     track.far = False

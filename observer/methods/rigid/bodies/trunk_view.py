@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,12 +16,10 @@ from observer.geometry import Float64Array, Pose
 from observer.kernels.picture_shift import find_shifted
 from observer.methods.rigid.dense.people import SHOULDERS_SHARE
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import Segment, window_of
+from observer.methods.rigid.dense.segments import Segment, upper_part
 from observer.types import Image
 
 _LEAST_CELLS = 40
-# Cells by which the mask is widened, to include its contour.
-_CONTOUR_CELLS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +40,10 @@ class TrunkView:
     @staticmethod
     def of(segment: Segment, scene: DenseScene, age_s: float) -> TrunkView | None:
         """Return the view of a trunk at an age of its track; None where little of it is seen."""
-        top, bottom = segment.box[1], segment.box[3]
-        end = top + max(1, round(SHOULDERS_SHARE * (bottom - top)))
-        window = window_of(segment.mask, _CONTOUR_CELLS)
-        upper = segment.mask[window].astype(np.uint8)
-        first_row, first_column = window[0].start, window[1].start
-        upper[end - first_row :] = 0
-        side = 2 * _CONTOUR_CELLS + 1
-        rows, columns = np.nonzero(cv2.dilate(upper, np.ones((side, side), np.uint8)))
-        if len(rows) < _LEAST_CELLS:
+        at = upper_part(segment, SHOULDERS_SHARE)
+        if at.shape[1] < _LEAST_CELLS:
             return None
-        at = np.stack([columns + first_column, rows + first_row])
-        return TrunkView(age_s, scene.left, scene.T_world_camera, at, segment.disparity)
+        return TrunkView(age_s, scene.left, scene.T_world_camera, at, segment.best_disparity)
 
     @cached_property
     def middle(self) -> Float64Array:

@@ -34,8 +34,9 @@ class DenseScene:
     """Dense evidence of one frame.
 
     Attributes:
-        time: seconds. grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
-        texture: of the left image. disparity: (h, w) px, NaN unknown.
+        time: seconds. grid: its cells. T_world_camera: the pose.
+        left, right: (h, w) the images, grey. texture: of the left image.
+        matched, disparity: (h, w) px, NaN unknown; as the images show it, and corrected.
         near: (h, w) which cells are near enough to be judged.
         standing: (h, w) those of them that stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
@@ -48,7 +49,9 @@ class DenseScene:
     grid: Grid
     T_world_camera: Pose
     left: Image
+    right: Image
     texture: RowTexture
+    matched: NDArray[np.float32]
     disparity: NDArray[np.float32]
     near: NDArray[np.bool_]
     standing: NDArray[np.bool_]
@@ -115,9 +118,11 @@ class DenseVision:
             return None
         left, right = (self._grid.reduced(image) for image in (view.left, view.right))
         texture = RowTexture.of(left)
-        seen = depth_image(left, right, texture, self._grid, parameters)
+        matched = depth_image(left, right, texture, self._grid, parameters)
         delay_s = 0.0 if view.right_time is None else view.right_time - view.time
-        disparity = with_bias(at_one_time(seen, now.rate, delay_s, self._grid), bias_px, self._grid)
+        disparity = with_bias(
+            at_one_time(matched, now.rate, delay_s, self._grid), bias_px, self._grid
+        )
         self._ground.update(disparity, now.T_camera_world, view.index)
         plane = self._ground.plane(now.T_camera_world)
         near = near_enough(disparity, self._grid)
@@ -131,7 +136,9 @@ class DenseVision:
             grid=self._grid,
             T_world_camera=now.T_world_camera,
             left=left,
+            right=right,
             texture=texture,
+            matched=matched,
             disparity=disparity,
             near=near,
             standing=standing,

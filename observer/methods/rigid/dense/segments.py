@@ -47,6 +47,8 @@ _PERSON_PART_M, _VIEW_SHARE = 0.8, 0.6
 # to the body, and to be a limb, or seen between limbs, at all.
 _LIMB_M, _STACKED_SHARE, _LIMB_SHARE = 0.25, 0.6, 0.25
 _LIMB_TOLERANCES, _GAP_TOLERANCES = 1.5, 2.5
+# Cells around a part of a segment that show its contour.
+_CONTOUR_CELLS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,8 @@ class Segment:
         columns: of the trunk: mean left edge, middle and right edge.
         cut: True where the left, right, top and bottom border is not its own: the image's border
             or something nearer cuts it off.
+        fine: px, the disparity of the trunk by its grey levels, see
+            ``observer.methods.rigid.dense.fine_disparity``; None where they do not tell it.
     """
 
     mask: Mask
@@ -75,6 +79,12 @@ class Segment:
     clear: float
     columns: tuple[float, float, float]
     cut: tuple[bool, bool, bool, bool]
+    fine: float | None = None
+
+    @property
+    def best_disparity(self) -> float:
+        """px, by the grey levels where they tell it, else that of the cells."""
+        return self.disparity if self.fine is None else self.fine
 
     @property
     def is_separate(self) -> bool:
@@ -106,7 +116,7 @@ class Expected:
         """Return the expected segment of a body that was last seen as ``before``."""
         rows, columns = window_of(self.mask)
         box = (columns.start, rows.start, columns.stop, rows.stop)
-        return replace(before, mask=self.mask, box=box, disparity=self.disparity)
+        return replace(before, mask=self.mask, box=box, disparity=self.disparity, fine=None)
 
 
 def segment_of(scene: DenseScene, mask: Mask, trunk_share: float = TRUNK_SHARE) -> Segment:
@@ -255,6 +265,19 @@ def window_of(mask: Mask, more: int = 0) -> Window:
         slice(max(0, top - more), min(h, bottom + more)),
         slice(max(0, left - more), min(w, right + more)),
     )
+
+
+def upper_part(segment: Segment, share: float) -> NDArray[np.intp]:
+    """(2, N) columns and rows of the cells in an upper share of a segment's rows, and around."""
+    top, bottom = segment.box[1], segment.box[3]
+    end = top + max(1, round(share * (bottom - top)))
+    window = window_of(segment.mask, _CONTOUR_CELLS)
+    first_row, first_column = window[0].start, window[1].start
+    upper = segment.mask[window].astype(np.uint8)
+    upper[end - first_row :] = 0
+    side = 2 * _CONTOUR_CELLS + 1
+    rows, columns = np.nonzero(cv2.dilate(upper, np.ones((side, side), np.uint8)))
+    return np.stack([columns + first_column, rows + first_row])
 
 
 def _box_of(mask: Mask) -> tuple[int, int, int, int]:
