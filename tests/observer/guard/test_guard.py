@@ -108,7 +108,8 @@ def test_a_declared_turning_circle_hides_nothing_ahead(role: Role, direction: fl
     away = 0.0 if direction > 0 else math.pi
     for radius_m in (0.45, 0.7, 1.2):
         for heard in (False, True):
-            guard, readings = Guard(P), ()
+            guard = Guard(P)
+            readings: tuple[SonarReading, ...] = ()
             echo = wall_m - 0.4 if heard else None
             if heard or role == "obstacle":
                 readings = (SonarReading(0, 0.4 * direction, 0.0, away, echo, now),)
