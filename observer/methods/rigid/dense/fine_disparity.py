@@ -17,8 +17,8 @@ from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import TRUNK_SHARE, Segment, upper_part
 from observer.robust import median
 
-# Fewer cells do not tell enough.
-_LEAST_CELLS = 40
+# Fewer cells do not tell enough, and more would tell little more.
+_LEAST_CELLS, _MOST_CELLS = 40, 400
 # Cells to either side that are searched. Locking shifts a disparity by less than the second number;
 # one that is farther off is that of another surface.
 _REACH, _MOST_SHIFT = 1, 0.75
@@ -34,8 +34,10 @@ def refined(segment: Segment, scene: DenseScene) -> Segment:
 def _fine_disparity(segment: Segment, scene: DenseScene) -> float | None:
     """Return the disparity, px, of the trunk of a segment; None where its images do not tell."""
     at = upper_part(segment, TRUNK_SHARE)
-    if at.shape[1] < _LEAST_CELLS:
+    count = at.shape[1]
+    if count < _LEAST_CELLS:
         return None
+    at = np.ascontiguousarray(at[:, :: -(-count // _MOST_CELLS)])
     reduction = scene.grid.reduction
     correction = scene.disparity[segment.mask] - scene.matched[segment.mask]
     correction_px = median(correction[np.isfinite(correction)])
