@@ -17,8 +17,9 @@ from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import TRUNK_SHARE, Segment, upper_part
 from observer.robust import median
 
-# Fewer cells do not tell enough, and more would tell little more.
-_LEAST_CELLS, _MOST_CELLS = 40, 400
+# Fewer cells do not tell enough. Of about so many more only those of some rows are used, which
+# include both sides of the contour.
+_LEAST_CELLS, _MOST_CELLS = 40, 1600
 # Cells to either side that are searched. Locking shifts a disparity by less than the second number;
 # one that is farther off is that of another surface.
 _REACH, _MOST_SHIFT = 1, 0.75
@@ -37,7 +38,7 @@ def _fine_disparity(segment: Segment, scene: DenseScene) -> float | None:
     count = at.shape[1]
     if count < _LEAST_CELLS:
         return None
-    at = np.ascontiguousarray(at[:, :: -(-count // _MOST_CELLS)])
+    at = np.ascontiguousarray(at[:, at[1] % -(-count // _MOST_CELLS) == 0])
     reduction = scene.grid.reduction
     correction = scene.disparity[segment.mask] - scene.matched[segment.mask]
     correction_px = median(correction[np.isfinite(correction)])
