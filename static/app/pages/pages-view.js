@@ -39,24 +39,19 @@ class PagesView extends Part {
   build() {
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "page-title");
+    const parts = [
+      this.#search,
+      this.#savedClips,
+      this.#run,
+      this.#compare,
+      this.#methods,
+      this.#steps,
+    ];
     this.append(
       h("header.page-head", this.#title, this.#run.actions, this.#all, this.#leave),
-      this.#search,
-      this.#savedClips,
-      this.#run,
-      this.#compare,
-      this.#methods,
-      this.#steps,
+      ...parts,
     );
-    for (const part of [
-      this.#search,
-      this.#savedClips,
-      this.#run,
-      this.#compare,
-      this.#methods,
-      this.#steps,
-    ])
-      part.attach(this.hub);
+    for (const part of parts) part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
     this.#run.left = this.#savedClips.left = () => this.#close(true);
     this.listen("hashchange", () => this.#follow(true), window);
