@@ -173,7 +173,7 @@ def test_stored_runs_are_charted_read_zoomed_and_compared(
 
     rows = chart.locator(".chart-errors tbody tr")
     assert rows.nth(1).inner_text().split() == [
-        "Moving", "towards", "190", "-0.001", "0.020", "0.100", "95", "%", "90", "%",
+        "Moving", "towards", "190", "−0.001", "0.020", "0.100", "95", "%", "90", "%",
     ]  # fmt: skip
     assert rows.nth(2).inner_text().split()[-3:] == ["–", "90", "%"]
 
