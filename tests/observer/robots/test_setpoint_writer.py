@@ -7,7 +7,7 @@ import math
 import os
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 
@@ -89,6 +89,14 @@ def hold(writer: SetpointWriter, setpoint: tuple[int, int], seconds: float) -> N
 
 
 Writing = Callable[..., tuple[Wire, SetpointWriter]]
+
+
+def stands_from(told: Sequence[tuple[int, int | bytes | None]]) -> int:
+    """Return the index of the stop from which on a robot is told nothing but a standstill."""
+    at = told.index((STOP, None))
+    assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
+    assert (VEL, 300) not in told[at:]
+    return at
 
 
 def test_a_velocity_is_sent_as_two_commands_and_repeated(writing: Writing) -> None:
@@ -190,9 +198,7 @@ def test_every_velocity_is_a_standstill_during_an_outage(writing: Writing) -> No
     since = time.monotonic()
     hold(writer, (300, 0), 0.35)
     told = wire.commands(since)
-    at = told.index((STOP, None))
-    assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
-    assert (VEL, 300) not in told[at:]
+    stands_from(told)
     since = time.monotonic()
     writer.in_outage(False)
     hold(writer, (300, 0), 0.15)
@@ -212,10 +218,7 @@ def test_a_suspended_process_resumes_with_a_standstill(writing: Writing) -> None
     time.sleep(0.2)
     told = wire.commands(since)
     assert writer.frozen
-    at = told.index((STOP, None))
-    assert at <= 1
-    assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
-    assert (VEL, 300) not in told[at:]
+    assert stands_from(told) <= 1
 
 
 def test_a_suspended_computer_resumes_with_a_standstill(writing: Writing) -> None:
@@ -228,10 +231,7 @@ def test_a_suspended_computer_resumes_with_a_standstill(writing: Writing) -> Non
     hold(writer, (300, 0), 0.3)
     told = wire.commands(since)
     assert writer.frozen
-    at = told.index((STOP, None))
-    assert at <= 1
-    assert told[at : at + 3] == [(STOP, None), (VEL, 0), (RVEL, 0)]
-    assert (VEL, 300) not in told[at:]
+    assert stands_from(told) <= 1
     # Its owner decides when the robot may move again.
     writer.frozen = False
     since = time.monotonic()
