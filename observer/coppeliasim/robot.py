@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import ParamSpec, TypeVar
 
 from observer.coppeliasim.address import Address, parse_robot
 from observer.coppeliasim.connection import Connection, CoppeliaSimError, CoppeliaSimUnreachable
@@ -45,6 +46,9 @@ _CLOSE_WITHIN_S = 2.0
 _ACCELERATION_MPS2 = 1.0
 _TURN_ACCELERATION_RADPS2 = math.radians(180)
 _STOP = (0.0, 0.0)
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 def open_coppelia_robot(
@@ -194,8 +198,11 @@ class CoppeliaSimRobot:
             wait = _PERIOD_S if setpoint is None else min(_PERIOD_S, _until(setpoint) - now)
             self._condition.wait_for(lambda: self._asked or self._closing, max(0.0, wait))
             self._asked = False
-            if self._closing:
-                return None
+            return None if self._closing else self._velocity()
+
+    def _velocity(self) -> tuple[float, float]:
+        """Return the velocity that the wheels should have now."""
+        with self._condition:
             setpoint = self._setpoint
             if setpoint is None or not self._enabled or self._clock() >= _until(setpoint):
                 self._setpoint = None
@@ -244,7 +251,7 @@ class _Drive:
 
     def _write(self, velocity: tuple[float, float]) -> None:
         # Write it every time, since a restarted simulation has forgotten it.
-        speed, turn = velocity
+        speed, turn = self._written = velocity
         pioneer = self._pioneer
         half = turn * pioneer.track_m / 2
         for joint, wheel in ((pioneer.left, speed - half), (pioneer.right, speed + half)):
@@ -253,13 +260,13 @@ class _Drive:
 
     def _read(self) -> None:
         connection, pioneer = self._connection, self._pioneer
-        simulated = connection.number("getSimulationTime")
+        simulated = self._ask(connection.number, "getSimulationTime")
         if self._simulated is not None and simulated < self._simulated:
             self._odometry.rebase()
         self._simulated = simulated
-        odometry = self._odometry.add(*pioneer.wheel_angles(connection))
+        odometry = self._odometry.add(*self._ask(pioneer.wheel_angles, connection))
         left, right = (
-            connection.number("getJointVelocity", joint) * pioneer.wheel_radius_m
+            self._ask(connection.number, "getJointVelocity", joint) * pioneer.wheel_radius_m
             for joint in (pioneer.left, pioneer.right)
         )
         now = self._robot._clock()
@@ -278,10 +285,20 @@ class _Drive:
             counters={**counters, "packets": counters["packets"] + 1},
         )
 
+    def _ask(self, asked: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
+        """Ask the simulator, after writing a lower velocity if one was set meanwhile.
+
+        A slow simulator takes a while for a dozen questions; a stop must not wait for them all.
+        """
+        velocity = self._robot._velocity()
+        if any(abs(new) < abs(old) for new, old in zip(velocity, self._written, strict=True)):
+            self._write(velocity)
+        return asked(*arguments, **named)
+
     def _listen(self, now: float) -> None:
         for _ in range(min(_SONARS_A_TIME, len(self._sonars))):
             k = self._next_sonar
-            self._readings[k] = read_sonar(self._connection, k, self._sonars[k], now)
+            self._readings[k] = self._ask(read_sonar, self._connection, k, self._sonars[k], now)
             self._next_sonar = (k + 1) % len(self._sonars)
 
 

@@ -146,6 +146,49 @@ def test_it_stops_without_repeated_commands_and_moves_only_if_enabled(shared: An
         assert _targets(other, path) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("how", ["stop", "slower", "expired", "close"])
+def test_a_stop_does_not_wait_for_the_questions_of_a_slow_simulator(
+    bare: Any, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    call, calls = Connection.call, list[tuple[float, str, tuple[Any, ...]]]()
+    slow = threading.Event()
+
+    def slow_call(connection: Connection, function: str, *arguments: Any, **options: Any) -> Any:
+        if slow.is_set() and threading.current_thread().name.startswith("driving"):
+            calls.append((time.monotonic(), function, arguments))
+            time.sleep(0.05)
+        return call(connection, function, *arguments, **options)
+
+    with bare.connected() as other:
+        other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
+    monkeypatch.setattr(Connection, "call", slow_call)
+    with _robot(bare, "/PioneerP3DX") as robot:
+        robot.enable()
+        with _held(robot, 0.4, 0.0):
+            assert _eventually(lambda: bool((s := robot.report().sent) and s.speed_mps == 0.4))
+            slow.set()
+            # The thread is now in the first of a dozen questions.
+            assert _eventually(lambda: any(c[1] == "getSimulationTime" for c in list(calls)))
+        asked_at = time.monotonic()
+        if how == "stop":
+            robot.stop()
+        elif how == "slower":
+            robot.drive(0.1, 0.0)
+        elif how == "close":
+            robot.close()
+        else:
+            asked_at += SETPOINT_FRESH_S
+        assert _eventually(
+            lambda: any(c[1] == "setJointTargetVelocity" and c[0] > asked_at for c in list(calls))
+        )
+        slow.clear()
+        later = [c for c in calls if c[0] > asked_at]
+        before = [c[1] for c in later].index("setJointTargetVelocity")
+        assert before <= 1, [c[1] for c in later]
+        expected = 0.1 if how == "slower" else 0.0
+        assert later[before][2][1] * RADIUS == pytest.approx(expected)
+
+
 def test_sonars_and_warnings_are_reported(bare: Any) -> None:
     with bare.connected() as other:
         handle = other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
