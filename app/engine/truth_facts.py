@@ -7,6 +7,7 @@ from app.contract.live_truth import CaptureBody, LiveAlignment, LiveTruthStatus,
 from app.contract.values import filled
 from app.engine.aligning import Aligned
 from observer.intervals import half_95
+from observer.number_format import format_number
 from observer.rig.rig import ROLES, Role
 from observer.truth.alignment.result import Alignment
 from observer.truth.live.contract import LiveCaptureReport
@@ -83,8 +84,8 @@ def _how(aligned: Aligned) -> str:
     time, observer = alignment.time, alignment.observer
     seen = "the obstacles only" if observer is None else f"{observer} as the observer"
     figures = (
-        f"delay {1000 * time.offset_s:.0f} ± {1000 * half_95(time.sigma_s):.0f} ms (95 % "
-        f"interval), correlation {time.correlation:.2f}"
+        f"delay {format_number(1000 * time.offset_s, 0)} ± {1000 * half_95(time.sigma_s):.0f} ms "
+        f"(95 % interval), correlation {time.correlation:.2f}"
     )
     if aligned.carried:
         return (

@@ -14,6 +14,7 @@ from observer.evaluation.speed_errors import SpeedErrors
 from observer.figures import figure_bytes, themed_svg
 from observer.intervals import half_95
 from observer.navigation.parameters import AllParameters
+from observer.number_format import format_number
 
 _HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % interval", "seen")
 _GROUPS = {
@@ -136,7 +137,7 @@ def _error_row(errors: SpeedErrors) -> list[str]:
     return [
         named,
         str(errors.samples),
-        *("-" if value is None else f"{value:.3f}" for value in figures),
+        *("-" if value is None else format_number(value, 3) for value in figures),
         "-" if errors.coverage is None else f"{100 * errors.coverage:.0f} %",
         "-" if errors.seen_share is None else f"{100 * errors.seen_share:.0f} %",
     ]
@@ -151,9 +152,9 @@ def _truth(report: Report) -> str:
     rows = [
         (
             "time offset of the ground truth",
-            f"{time.offset_s:.4f} ± {half_95(time.sigma_s):.4f} s (95 % interval)",
+            f"{format_number(time.offset_s, 4)} ± {half_95(time.sigma_s):.4f} s (95 % interval)",
         ),
-        ("drift", f"{time.drift_ppm:.1f} ppm"),
+        ("drift", f"{format_number(time.drift_ppm, 1)} ppm"),
         ("correlation", f"{time.correlation:.3f}"),
         ("overlap", f"{time.overlap_s:.1f} s"),
         ("speed residual", f"{time.residual_mps:.3f} m/s"),
@@ -179,7 +180,7 @@ def _incidents(report: Report) -> str:
     if not report.incidents:
         return "<p>None were recorded.</p>"
     begin = report.facts.anchor.monotonic
-    rows = [(f"{i.received - begin:.2f}", i.kind, i.sentence) for i in report.incidents]
+    rows = [(format_number(i.received - begin, 2), i.kind, i.sentence) for i in report.incidents]
     return _table(("s after the start", "what", ""), rows)
 
 

@@ -26,6 +26,7 @@ from app.reports.stereo_figure import Triangulated, stereo_figure, triangulated
 from observer.errors import DynamicObserverError
 from observer.exporting.clouds import Cloud, recorded_clouds
 from observer.jsonl import ObservationLine, ObstacleEntry
+from observer.number_format import format_number
 from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
@@ -211,11 +212,11 @@ def _cloud(own: Moment | None) -> _Made:
     def draw(obstacle: ObstacleEntry) -> _Made:
         position = obstacle["position"]
         assert position is not None
-        x, y, z = position
         return (
             f"{_chosen(own)} The stereo camera is at the origin (triangle); the red box is "
             f"obstacle {obstacle['id']}, {obstacle['range']:.2f} m away, at "
-            f"({x:.2f}, {y:.2f}, {z:.2f}) m in the world of its segment.",
+            f"({', '.join(format_number(each, 2) for each in position)}) m in the world of its "
+            "segment.",
             cloud_figure(own, obstacle), "",
         )  # fmt: skip
 

@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 from observer.geometry import Float64Array, rotation_matrix
 from observer.intervals import half_95
 from observer.mount import CameraMount
+from observer.number_format import format_number
 from observer.rig.drive_stretches import DriveSample, Stretch, WheelPaths, drive_stretches
 from observer.rig.estimates import Estimated, Refused
 from observer.robust import MAD_TO_SIGMA
@@ -261,13 +262,15 @@ def _sentence(
     parts = []
     if forward is not None and left is not None:
         parts.append(
-            f"the left camera is {100 * forward.value:.1f} ± {100 * half_95(forward.sigma):.1f} cm "
-            f"ahead of the axle's centre and {100 * left.value:.1f} ± "
+            f"the left camera is {format_number(100 * forward.value, 1)} ± "
+            f"{100 * half_95(forward.sigma):.1f} cm "
+            f"ahead of the axle's centre and {format_number(100 * left.value, 1)} ± "
             f"{100 * half_95(left.sigma):.1f} cm to its left"
         )
     if pan is not None:
         parts.append(
-            f"it is panned {pan.degrees.value:.1f} ± {half_95(pan.degrees.sigma):.1f} degrees to "
+            f"it is panned {format_number(pan.degrees.value, 1)} ± "
+            f"{half_95(pan.degrees.sigma):.1f} degrees to "
             "the left of the direction of travel"
         )
     if scale is not None:

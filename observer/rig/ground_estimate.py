@@ -14,6 +14,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.intervals import half_95
 from observer.mount import CameraMount
+from observer.number_format import format_number
 from observer.rig.estimates import Estimated, Refused
 from observer.rig.ground_planes import DisparityPoints, LevelPlane, level_planes, stand_of
 from observer.robust import MAD_TO_SIGMA
@@ -218,7 +219,7 @@ def _combined(
     if sigma[0] > useless_m or sigma[1] > _USELESS_ANGLE or sigma[2] > _USELESS_ANGLE:
         return Refused(
             f"too little of the floor is visible, or the views disagree: height {middle[0]:.2f} ± "
-            f"{half_95(sigma[0]):.2f} m, tilt {math.degrees(middle[1]):.1f} ± "
+            f"{half_95(sigma[0]):.2f} m, tilt {format_number(math.degrees(middle[1]), 1)} ± "
             f"{math.degrees(half_95(sigma[1])):.1f} degrees (95 % intervals); turn the robot "
             "towards more open floor and keep it still"
         )
@@ -232,7 +233,12 @@ def _combined(
 def _sentence(height: Estimated, tilt: Estimated, roll: Estimated, share: float) -> str:
     return (
         f"the left camera is {100 * height.value:.1f} ± {100 * half_95(height.sigma):.1f} cm above "
-        f"the floor, tilted down by {tilt.degrees.value:.1f} ± {half_95(tilt.degrees.sigma):.1f} "
-        f"degrees and rolled by {roll.degrees.value:.1f} ± {half_95(roll.degrees.sigma):.1f} "
-        f"degrees (95 % intervals); {100 * share:.0f} % of the image is floor"
+        f"the floor, tilted down by {_degrees(tilt)} and rolled by {_degrees(roll)} (95 % "
+        f"intervals); {100 * share:.0f} % of the image is floor"
     )
+
+
+def _degrees(angle: Estimated) -> str:
+    """Return an angle with half of its 95 % interval, in words."""
+    value, sigma = angle.degrees.value, angle.degrees.sigma
+    return f"{format_number(value, 1)} ± {half_95(sigma):.1f} degrees"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
+from observer.number_format import format_number
 from observer.robust import MAD_TO_SIGMA, median, tukey_weights
 
 # Fewer points determine a slope too poorly.
@@ -103,8 +104,10 @@ def epipolar_reason(error: EpipolarError | None, warn_px: float = 1.0) -> str | 
     """
     if error is None or error.typical_px - _SURE_SIGMAS * error.typical_std_px <= warn_px:
         return None
+    median_px = format_number(error.median_px, 1, signed=True)
+    roll_deg = format_number(float(np.degrees(error.roll_rad)), 2, signed=True)
     return (
-        f"the epipolar error is {error.typical_px:.1f} px (median {error.median_px:+.1f} px, 95 % "
-        f"within {error.p95_px:.1f} px, rotation {np.degrees(error.roll_rad):+.2f} deg; the limit "
+        f"the epipolar error is {error.typical_px:.1f} px (median {median_px} px, 95 % "
+        f"within {error.p95_px:.1f} px, rotation {roll_deg} deg; the limit "
         f"is {warn_px:g} px): recalibrate"
     )

@@ -34,6 +34,7 @@ from observer.calibration.tape import tape_check
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
 from observer.intervals import half_95
+from observer.number_format import format_number
 
 _FILE_FIELD, _UNIT_FIELD = ("body", "file"), ("body", "unit")
 _MOST_CHECKS = 50
@@ -255,11 +256,15 @@ def _changes(found: RowRefinement) -> str:
     """Describe in words what a refinement changed."""
     rows = f"epipolar error {found.before_px:.2f} px before, {found.after_px:.2f} px after"
     pitch, roll = math.degrees(found.pitch_rad), math.degrees(found.roll_rad)
-    turns = f"pitch {pitch:+.3f}°, roll {roll:+.3f}°"
+    turns = f"pitch {_turn(pitch)}, roll {_turn(roll)}"
     if found.vergence_rad is None or found.vergence_std_rad is None:
         return f"{rows}; {turns}, vergence unchanged"
     vergence, sigma = math.degrees(found.vergence_rad), math.degrees(found.vergence_std_rad)
-    return f"{rows}; {turns}, vergence {vergence:+.3f}° ± {half_95(sigma):.3f}° (95 % interval)"
+    return f"{rows}; {turns}, vergence {_turn(vergence)} ± {half_95(sigma):.3f}° (95 % interval)"
+
+
+def _turn(degrees: float) -> str:
+    return f"{format_number(degrees, 3, signed=True)}°"
 
 
 def _unheard(_: Progress) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from observer.calibration.ageing.vergence import VergenceCheck, drift_words
 from observer.camera import StereoCamera
 from observer.intervals import half_95
+from observer.number_format import format_number
 from observer.vision.disparity_bias import DisparityBias
 from observer.vision.exposure_skew import ExposureSkew
 
@@ -88,7 +89,8 @@ def vergence_by_points(bias: DisparityBias, camera: StereoCamera) -> VergenceChe
         )
         return VergenceCheck("drifted", vergence, std, sentence)
     sentence = (
-        f"near and far points confirm the calibrated vergence: {math.degrees(vergence):+.2f}° ± "
+        "near and far points confirm the calibrated vergence: "
+        f"{format_number(math.degrees(vergence), 2, signed=True)}° ± "
         f"{math.degrees(half_95(std)):.2f}° from it (95 % interval)"
     )
     return VergenceCheck("consistent", vergence, std, sentence)
@@ -113,7 +115,8 @@ def joined_vergence(wheels: VergenceCheck, points: VergenceCheck | None) -> Verg
     assert other.std_rad is not None
     name = "the wheels" if other is wheels else "near and far points"
     contradiction = (
-        f"{name} contradict this: {math.degrees(other.vergence_rad):+.2f}° ± "
+        f"{name} contradict this: "
+        f"{format_number(math.degrees(other.vergence_rad), 2, signed=True)}° ± "
         f"{math.degrees(half_95(other.std_rad)):.2f}°; check that the wheels do not slip"
     )
     return VergenceCheck(

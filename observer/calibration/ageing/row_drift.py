@@ -14,6 +14,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
+from observer.number_format import format_number
 from observer.robust import MAD_TO_SIGMA
 from observer.vision.epipolar_error import EpipolarError, epipolar_error
 
@@ -176,8 +177,10 @@ class RowDriftWatch:
             rate = _rate(abs(trend))
             sentence += f", {blocks[0].typical_px:.1f} px {ago} ago and {course} by {rate}"
         # Name the angle, pitch or roll, that causes the offset.
-        pitch = f"pitch ({math.degrees(now.pitch_px / self._camera.fy):+.2f} deg)"
-        roll = f"roll ({math.degrees(now.roll_px / self._px_per_roll):+.2f} deg)"
+        pitch_deg = math.degrees(now.pitch_px / self._camera.fy)
+        roll_deg = math.degrees(now.roll_px / self._px_per_roll)
+        pitch = f"pitch ({format_number(pitch_deg, 2, signed=True)} deg)"
+        roll = f"roll ({format_number(roll_deg, 2, signed=True)} deg)"
         pitch_share = (now.pitch_px / now.typical_px) ** 2
         if pitch_share > _MAINLY:
             by = pitch

@@ -21,6 +21,7 @@ from observer.calibration.ageing.vergence import VergenceCheck
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Float64Array
 from observer.intervals import half_95
+from observer.number_format import format_number
 from observer.types import Image
 from observer.vision.rectification import Rectification
 
@@ -222,9 +223,9 @@ def _aligning_turn(matches: _Matches, yaw: float) -> Float64Array:
 def _implausible(turn: Float64Array) -> RefinementRefusal | None:
     if np.abs(turn).max() <= _MAX_TURN_RAD:
         return None
-    pitch, roll = np.degrees(turn)
+    pitch, roll = (format_number(each, 2, signed=True) for each in np.degrees(turn).tolist())
     return RefinementRefusal(
-        f"the epipolar error calls for a correction of {pitch:+.2f}° in pitch and {roll:+.2f}° "
+        f"the epipolar error calls for a correction of {pitch}° in pitch and {roll}° "
         f"in roll, more than the {np.degrees(_MAX_TURN_RAD):g}° of a plausible drift: "
         "recalibrate, and check that left and right are synchronized"
     )

@@ -17,6 +17,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.intervals import half_95
 from observer.mount import CameraMount
+from observer.number_format import format_number
 from observer.types import Odometry
 from observer.vision.vergence_fit import DistanceEquation, SeenTwice, distance_equation
 from observer.vision.view import StereoRows
@@ -226,7 +227,8 @@ class VergenceWatch:
         )
         sentence = (
             f"the wheels confirm the calibrated vergence over {driven}: "
-            f"{math.degrees(vergence):+z.2f}° {spread} from it, or {share:+z.1f} ± "
+            f"{format_number(math.degrees(vergence), 2, signed=True)}° {spread} from it, or "
+            f"{format_number(share, 1, signed=True)} ± "
             f"{share_half:.1f} % of depth at {_AT_M:g} m (95 % intervals, with a "
             f"{100 * half_95(WHEEL_SCALE_SIGMA):.1f} % scale error allowed for the wheels)"
         )

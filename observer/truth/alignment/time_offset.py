@@ -14,6 +14,7 @@ import numpy as np
 from observer.errors import NotObservable
 from observer.geometry import Float64Array
 from observer.intervals import half_95
+from observer.number_format import format_number
 from observer.truth.alignment.correlation import Correlation, correlation, informative
 from observer.truth.alignment.curves import SpeedCurve
 from observer.truth.alignment.offset_fit import OffsetFit
@@ -70,9 +71,12 @@ class TimeOffset:
     @property
     def words(self) -> str:
         """Describe the offset and how well it is known, for people."""
-        drift = f", drift {self.drift_ppm:+.0f} ppm" if self.drift_sigma_ppm is not None else ""
+        drift = ""
+        if self.drift_sigma_ppm is not None:
+            drift = f", drift {format_number(self.drift_ppm, 0, signed=True)} ppm"
+        offset_ms = format_number(1e3 * self.offset_s, 1, signed=True)
         return (
-            f"time offset {1e3 * self.offset_s:+.1f} ± {1e3 * half_95(self.sigma_s):.1f} ms (95 % "
+            f"time offset {offset_ms} ± {1e3 * half_95(self.sigma_s):.1f} ms (95 % "
             f"interval{drift}), correlation {self.correlation:.2f} over {self.overlap_s:.0f} s"
         )
 
@@ -164,9 +168,12 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
     for rival in rivals[np.argsort(-values[rivals])][:1]:
         left = max(1 - peak**2, _ROUNDING)
         if values[rival] > 0 and 1 - values[rival] ** 2 < _AMBIGUITY * left:
+            here, there = (
+                format_number(float(found.lags[k]), 2, signed=True) for k in (best, rival)
+            )
             raise NotObservable(
-                f"the speeds agree almost equally well at time offsets {found.lags[best]:+.2f} s "
-                f"and {found.lags[rival]:+.2f} s (correlations {peak:.3f} and "
+                f"the speeds agree almost equally well at time offsets {here} s "
+                f"and {there} s (correlations {peak:.3f} and "
                 f"{values[rival]:.3f}), as for a periodic motion; record a start or a stop, or "
                 "give the approximate offset"
             )

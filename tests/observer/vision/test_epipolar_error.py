@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from observer.number_format import format_number
 from observer.vision.epipolar_error import epipolar_error, epipolar_reason
 
 from .image_pairs import CAMERA, lowered, measured_rows, scene, turned
@@ -102,7 +103,8 @@ def test_row_errors_of_images_are_reported_with_numbers(
     assert np.degrees(error.roll_rad) == pytest.approx(roll_deg, abs=0.06)
     reported = epipolar_reason(error)
     assert reported is not None
-    assert f"median {error.median_px:+.1f} px" in reported
-    assert f"rotation {np.degrees(error.roll_rad):+.2f} deg" in reported
+    assert f"median {format_number(error.median_px, 1, signed=True)} px" in reported
+    rotation = format_number(float(np.degrees(error.roll_rad)), 2, signed=True)
+    assert f"rotation {rotation} deg" in reported
     assert "the limit is 1 px" in reported
     assert epipolar_reason(error, warn_px=4.0) is None

@@ -83,7 +83,7 @@ def test_contradiction_is_reported() -> None:
     joined = joined_vergence(by_wheels("consistent", -0.05, 0.02), points)
     assert (joined.status, joined.vergence_rad) == ("drifted", points.vergence_rad)
     assert joined.sentence.startswith(points.sentence)
-    assert "the wheels contradict this: -0.05° ± 0.04°" in joined.sentence
+    assert "the wheels contradict this: −0.05° ± 0.04°" in joined.sentence
     joined = joined_vergence(by_wheels("drifted", -0.05, 0.001), points)
     assert "near and far points contradict this: +0.07°" in joined.sentence
 

@@ -85,7 +85,7 @@ def test_pitch_and_roll_are_distinguished() -> None:
     # RMS of a slope over the width: its value at the edge divided by the root of three.
     assert rolled.now_px == pytest.approx(np.deg2rad(0.3) * 320 / np.sqrt(3), abs=0.05)
     assert rolled.warning is not None
-    assert "roll (-0.30 deg)" in rolled.warning
+    assert "roll (−0.30 deg)" in rolled.warning
     assert "pitch" not in rolled.warning
     both = Rows().seconds(20, pitch_px=lambda _: 0.6, roll_deg=lambda _: 0.2)
     assert both.warning is not None
