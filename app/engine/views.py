@@ -26,6 +26,7 @@ from observer.drawing import (
     obstacle_color,
 )
 from observer.image_files import jpeg
+from observer.obstacle_labels import obstacle_label
 from observer.types import Image, Obstacle
 
 JPEG_QUALITY = 80
@@ -223,7 +224,7 @@ def _obstacles(canvas: Image, obstacles: Iterable[Obstacle]) -> None:
             DrawnObstacle(
                 one.box_px,
                 one.silhouette,
-                f"#{one.id}  {one.speed:.2f} m/s",
+                obstacle_label(one.id, one.motion, one.speed),
                 obstacle_color(one.state, one.motion),
             )
             for one in obstacles

@@ -27,6 +27,7 @@ from observer.figures import (
 )
 from observer.geometry import BOX_CORNERS, Float64Array, Pose
 from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
+from observer.obstacle_labels import obstacle_label
 from observer.vision.stereo import disparity_map, point_cloud
 
 _CLOUD_POINTS = 12_000
@@ -179,7 +180,8 @@ def _boxes(axes: Axes, line: ObservationLine) -> None:
         u0, v0, u1, v1 = entry["box_px"]
         axes.add_patch(Rectangle((u0, v0), u1 - u0, v1 - v0, fill=False, edgecolor=RED, lw=1.8))
         axes.text(
-            u0, v0 - 4, f"#{entry['id']}  {entry['speed']:.2f} m/s", color=RED, fontsize=8,
+            u0, v0 - 4, obstacle_label(entry["id"], entry["motion"], entry["speed"]),
+            color=RED, fontsize=8,
             va="bottom", bbox={"facecolor": "#000000", "alpha": 0.55, "lw": 0, "pad": 1.5},
         )  # fmt: skip
 

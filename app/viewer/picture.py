@@ -19,10 +19,10 @@ from app.viewer.shapes import box_edges, rig_edges, upright_rotation, uprighted
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.guard.parameters import GuardParameters
-from observer.intervals import half_95
 from observer.jsonl import ObstacleEntry, line_pose
 from observer.mount import level_pose
 from observer.obstacle_colors import obstacle_rgb
+from observer.obstacle_labels import obstacle_label
 from observer.truth.matching import TrueBodyEntry
 
 # An arrow shows the obstacle's place after this time.
@@ -189,11 +189,10 @@ def _arrow(obstacle: ObstacleEntry) -> Float64Array | None:
 def _tag(obstacle: ObstacleEntry, up: Float64Array) -> Tag:
     half = float(np.max(obstacle["size"])) / 2
     position = np.array(obstacle["position"]) + up * (half + _LABEL_ABOVE_M)
-    if obstacle["motion"] == "in_place":
-        return Tag(f"#{obstacle['id']}  in place", position)
-    speed, std = obstacle["speed"], obstacle["speed_std"]
-    spread = "" if std is None else f" ± {half_95(std):.2f}"
-    return Tag(f"#{obstacle['id']}  {speed:.2f}{spread} m/s", position)
+    text = obstacle_label(
+        obstacle["id"], obstacle["motion"], obstacle["speed"], obstacle["speed_std"]
+    )
+    return Tag(text, position)
 
 
 def _stacked(parts: list[Float64Array], edges: int | None) -> Float64Array:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from observer.drawing import DrawnObstacle, color_copy, draw_obstacles, draw_text, obstacle_color
-from observer.intervals import half_95
+from observer.obstacle_labels import obstacle_label
 from observer.types import Image
 
 _TEXT = (235, 235, 235)
@@ -25,9 +25,7 @@ def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
     scale = max(0.35, left.shape[1] * _LETTERS_PER_WIDTH)
     drawn: list[DrawnObstacle] = []
     for entry in line["obstacles"]:
-        std = entry["speed_std"]
-        sure = "" if std is None else f" ± {half_95(std):.2f}"
-        text = f"#{entry['id']}  {entry['speed']:.2f}{sure} m/s"
+        text = obstacle_label(entry["id"], entry["motion"], entry["speed"], entry["speed_std"])
         color = obstacle_color(entry["state"], entry["motion"])
         # Older recordings have no silhouettes.
         drawn.append(DrawnObstacle(entry["box_px"], entry.get("silhouette"), text, color))

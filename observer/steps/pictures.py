@@ -28,6 +28,7 @@ from observer.figures import (
     show_image,
     show_stars,
 )
+from observer.obstacle_labels import obstacle_label
 from observer.steps.formulas import text
 from observer.steps.image_steps import differences
 from observer.steps.nine_steps import COUNT, nine_steps
@@ -234,7 +235,9 @@ def _box(axes: Axes, one: Obstacle, true: float | None) -> None:
     )  # fmt: skip
     if new:
         return
-    label = f"#{one.id}  {one.speed:.2f} m/s" + ("" if true is None else f" (true {true:.2f})")
+    label = obstacle_label(one.id, one.motion, one.speed) + (
+        "" if true is None else f" (true {true:.2f})"
+    )
     axes.text(
         u0, v0 - 4, label, color=color, fontsize=10, va="bottom",
         bbox={"facecolor": "#000000", "alpha": 0.55, "lw": 0, "pad": 1.5},

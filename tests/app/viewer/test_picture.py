@@ -30,6 +30,9 @@ def test_a_picture_contains_one_obstacle(observed: Any) -> None:
     assert picture.optics == pytest.approx((2 * math.atan(128 / 443), 2.0))
     assert picture.floor_known
     assert not picture.stale
+    event.line["obstacles"][0]["motion"] = "in_place"
+    waving = make_picture(event, observed.state(), 1, event.received)
+    assert [tag.text for tag in waving.tags] == ["#7  in place"]
 
 
 @pytest.mark.parametrize("tilt", [-0.2, 0.0, 0.3])
