@@ -1,15 +1,36 @@
-"""The installed version of this project."""
+"""The installed version of this project, and how to install the packages it can do without."""
 
 from __future__ import annotations
 
 import functools
 import importlib.metadata
+import sys
+
+_WHOLE = "dynamic-observer"
+_LIBRARY = "dynamic-observer-library"
 
 
 @functools.cache
 def library_version() -> str:
     """Return the installed version; ``source`` if the code runs from a bare source tree."""
+    return _version(_WHOLE) or _version(_LIBRARY) or "source"
+
+
+def install_command(extra: str, *packages: str) -> str:
+    """Return the command that installs optional packages into the Python in use.
+
+    A plain ``pip`` may belong to another Python. The distribution of the library alone has no
+    extras.
+
+    Args:
+        extra: of the complete distribution. packages: those that it installs.
+    """
+    wanted = " ".join(packages) if _version(_WHOLE) is None else f"'{_WHOLE}[{extra}]'"
+    return f"{sys.executable} -m pip install {wanted}"
+
+
+def _version(distribution: str) -> str | None:
     try:
-        return importlib.metadata.version("dynamic-observer")
+        return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
-        return "source"
+        return None

@@ -41,4 +41,6 @@ def backup(
         )
     size = sum(entry.size for entry in manifest.files.values())
     without = "" if recordings else ", without recordings (--recordings includes them)"
-    typer.echo(f"{len(manifest.files)} files, {size / 1e6:.1f} MB, in {file}{without}", err=True)
+    count = len(manifest.files)
+    files = f"{count} file{'' if count == 1 else 's'}, {size / 1e6:.1f} MB"
+    typer.echo(f"wrote {file}: {files}{without}", err=True)

@@ -66,7 +66,9 @@ def drive(
     try:
         if stop:
             api.post("robots", "stop")
-            typer.echo("all robots are stopped; reset the stop before they can drive", err=True)
+            typer.echo(
+                "all robots are stopped; reset the stop on the page before driving again", err=True
+            )
             return
         assert programme is not None
         with ended_by_signals():

@@ -52,6 +52,9 @@ def report(
     if figures is not None:
         written = write_figures(made, figures)
         typer.echo(f"{len(written)} files in {figures}", err=True)
-    missing = [f"figure {each.number}" for each in made.figures if each.figure is None]
-    without = f", without {', '.join(missing)}: the report states why" if missing else ""
+    missing = [str(each.number) for each in made.figures if each.figure is None]
+    without = ""
+    if missing:
+        figures_missing = f"figure{'s' if missing[1:] else ''} {', '.join(missing)}"
+        without = f", without {figures_missing}: the report states why"
     typer.echo(f"wrote {output}{without}", err=True)

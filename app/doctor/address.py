@@ -66,8 +66,8 @@ def _taken(where: str, settings: Settings, error: OSError) -> Finding:
         other = listener or "another program"
         return _SECTION.problem(f"{where} is in use by {other}; choose another port with --port")
     return _SECTION.problem(
-        f"{where} is in use by Dynamic Observer itself{f' ({listener})' if listener else ''}; end "
-        f"it before another start, or choose another port with --port",
+        f"{where} is in use by a running Dynamic Observer{f' ({listener})' if listener else ''}; "
+        f"stop it first, or choose another port with --port",
         ()
         if running is None
         else (*_reached(running.address), "run dynamic-observer link to see its links"),

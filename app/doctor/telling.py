@@ -42,8 +42,9 @@ def _verdict(examination: Examination) -> str:
     levels = [finding.level for finding in examination.findings]
     problems, warnings = levels.count("problem"), levels.count("warning")
     if problems:
-        return f"{problems} of these {'prevents' if problems == 1 else 'prevent'} the start."
+        prevent = "problem prevents" if problems == 1 else "problems prevent"
+        return f"{problems} {prevent} the start."
     if warnings:
-        need = "needs" if warnings == 1 else "need"
-        return f"Nothing prevents the start; {warnings} of these {need} attention."
+        need = "warning needs" if warnings == 1 else "warnings need"
+        return f"Nothing prevents the start; {warnings} {need} attention."
     return "Nothing prevents the start."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from observer.errors import InputError
+from observer.version import install_command
 
 
 class ExportError(InputError):
@@ -16,6 +17,6 @@ def missing_extra(package: str, extra: str, purpose: str) -> ExportError:
         package: the missing one. extra: ours that installs it. purpose: what needs it.
     """
     return ExportError(
-        f"{purpose} needs the package {package}, which is not installed; install it with: pip "
-        f"install 'dynamic-observer[{extra}]'"
+        f"{purpose} needs the package {package}, which is not installed; install it with: "
+        f"{install_command(extra, package)}"
     )

@@ -324,7 +324,8 @@ TABLES: Mapping[str, Table] = {
         ),
         Table(
             "matched_truth",
-            "the same in the world frame of the obstacles, with the matched track",
+            "one row per ground-truth body and frame, in the world frame of the obstacles, with "
+            "the matched track",
             _MATCHED_COLUMNS,
             _matched,
         ),

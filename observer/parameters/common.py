@@ -53,8 +53,7 @@ class FeaturesParameters(Stage):
         choice("shi_tomasi", title="Feature detector", basic=True)
     )
     """shi_tomasi is the minimum eigenvalue, whose points can be tracked best, harris is
-    Harris-Stephens; the paper uses FAST. surf is installed by: pip install
-    'dynamic-observer[surf]'."""
+    Harris-Stephens; the paper uses FAST. surf needs the package mahotas."""
     max_count: Whole = number(
         600, unit="points", ge=50, le=4000, step=50, title="Max. features", models=PLANAR
     )

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from observer.errors import InputError
 from observer.geometry import Float64Array
+from observer.version import install_command
 
 # Step of the simulation; half and twice as much gave similar figures.
 _STEP_S = 0.05
@@ -260,8 +261,8 @@ def crowd_missing() -> str | None:
     if importlib.util.find_spec("jupedsim") is not None:
         return None
     return (
-        "a crowd needs the package jupedsim, which is not installed; install it with: pip install "
-        '"dynamic-observer[crowd]"'
+        "a crowd needs the package jupedsim, which is not installed; install it with: "
+        + install_command("crowd", "jupedsim")
     )
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from observer.errors import DynamicObserverError, InputError
 from observer.evaluation.sweep.task import Outcome, Task, run_task
+from observer.version import install_command
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -52,8 +53,9 @@ def cluster_missing() -> str | None:
     if not missing:
         return None
     return (
-        f"a sweep needs {' and '.join(missing)}, not installed here; install with: pip install "
-        "'dynamic-observer[cluster]'"
+        f"a sweep needs the package{'s' if missing[1:] else ''} {' and '.join(missing)}, "
+        f"{'which are' if missing[1:] else 'which is'} not installed; install with: "
+        f"{install_command('cluster', *missing)}"
     )
 
 

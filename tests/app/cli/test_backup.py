@@ -22,7 +22,7 @@ def test_backup_and_restore_round_trip(shell: Shell, data: Path, tmp_path: Path)
     file, other = str(tmp_path / "kept.zip"), tmp_path / "other"
     done = shell("backup", file, "--data", str(data))
     assert (done.code, done.out) == (0, "")
-    assert "1 files" in done.err
+    assert "1 file, " in done.err
     assert "without recordings" in done.err
     done = shell("restore", file, "--data", str(other))
     assert (done.code, done.out) == (0, "")

@@ -259,7 +259,7 @@ def test_our_own_server_is_recognised_by_its_response(free_port: int, tmp_path: 
         finally:
             server.shutdown()
             thread.join()
-    assert "is in use by Dynamic Observer itself" in alone.text
+    assert "is in use by a running Dynamic Observer" in alone.text
     assert alone.details == ()
     assert known.details[0] == f"from this computer at http://127.0.0.1:{free_port}"
     assert "dynamic-observer link" in known.details[-1]
@@ -294,7 +294,7 @@ def test_a_terminal_gets_marks_and_whole_sentences(bench: Bench, tmp_path: Path)
     text = told(examination, terminal=True)
     assert "✗" in text
     assert "sign out and in again: sudo usermod -aG video ada\n" in text
-    assert "1 of these prevents the start." in text
+    assert "1 problem prevents the start." in text
     assert examination.hindered
 
 

@@ -73,7 +73,7 @@ def test_a_missing_extra_gives_a_one_line_error_naming_it(
     monkeypatch.setattr(
         benchmark,
         "crowd_missing",
-        lambda: 'install it with: pip install "dynamic-observer[crowd]"',
+        lambda: "install it with: pip install 'dynamic-observer[crowd]'",
     )
     done = shell(*CALL)
     assert (done.code, done.out) == (2, "")

@@ -154,4 +154,4 @@ def test_the_command_refuses_a_missing_run(
         call(str(bare), "--output", "/proc/no/page.html")
     call(str(bare), "--output", str(output))
     assert "Figure 17" in output.read_text()
-    assert "without figure 9, figure 10" in capsys.readouterr().err
+    assert "without figures 9, 10" in capsys.readouterr().err

@@ -236,5 +236,5 @@ def test_impossible_crowd_is_refused(room: Room, density: float, words: str) -> 
 
 def test_missing_jupedsim_is_refused_naming_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r'pip install "dynamic-observer\[crowd\]"'):
+    with pytest.raises(InputError, match=r"pip install 'dynamic-observer\[crowd\]'"):
         crowd()

@@ -94,8 +94,8 @@ def test_missing_package_is_named_with_alternatives(
     with pytest.raises(TruthError) as caught:
         read(WHOLE)
     assert str(caught.value) == (
-        "upload: reading C3D files needs the package c3d; install it with: pip install "
-        "'dynamic-observer[c3d]' -- or export the trajectories as CSV"
+        f"upload: reading C3D files needs the package c3d; install it with: {sys.executable} -m pip "
+        "install 'dynamic-observer[c3d]' -- or export the trajectories as CSV"
     )
 
 

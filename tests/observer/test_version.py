@@ -1,0 +1,37 @@
+"""The installed version, and the command that installs optional packages."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import sys
+
+import pytest
+
+from observer import version
+
+
+def _only(installed: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    def of(distribution: str) -> str:
+        if distribution == installed:
+            return "1.2.3"
+        raise importlib.metadata.PackageNotFoundError
+
+    monkeypatch.setattr("importlib.metadata.version", of)
+    monkeypatch.setattr(version, "library_version", version.library_version.__wrapped__)
+
+
+@pytest.mark.parametrize(
+    ("installed", "told", "wanted"),
+    [
+        ("dynamic-observer", "1.2.3", "'dynamic-observer[cluster]'"),
+        ("dynamic-observer-library", "1.2.3", "distributed pyarrow"),
+        (None, "source", "distributed pyarrow"),
+    ],
+)
+def test_packages_are_installed_into_the_python_in_use_as_the_distribution_allows(
+    installed: str | None, told: str, wanted: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _only(installed, monkeypatch)
+    assert version.library_version() == told
+    command = version.install_command("cluster", "distributed", "pyarrow")
+    assert command == f"{sys.executable} -m pip install {wanted}"
