@@ -13,7 +13,7 @@ from alembic.runtime.migration import MigrationContext
 from app.settings import CHECK_FOLDER, DATABASE_FILE, PROGRAMME_FOLDER, RIG_FILE
 from app.storage.bundle import BackupError, Manifest, bundle_writer
 from app.storage.copying import copy_tables
-from app.storage.engines import database_url, open_engine
+from app.storage.engines import BUSY_TIMEOUT_S, database_url, open_engine
 from app.storage.errors import StorageError, translated
 from app.storage.folder import CLIPS, FORMER_CLIPS, TRUTHS
 from app.storage.integrity import copy_database, damage
@@ -25,7 +25,6 @@ FILES = (RIG_FILE,)
 FOLDERS = (PROGRAMME_FOLDER, CHECK_FOLDER, TRUTHS, RUNS, CLIPS, FORMER_CLIPS)
 _WITH_RECORDINGS = (RUNS, CLIPS, FORMER_CLIPS)
 _RECORDINGS = ".mcap"
-_BUSY_S = 5.0
 
 # Called with (bytes so far, total bytes).
 Progress = Callable[[int, int | None], None]
@@ -87,7 +86,7 @@ def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
             _copy_file(Path(str(url.database)), snapshot)
         else:
             where = url.render_as_string(hide_password=True)
-            with open_engine(url, _BUSY_S) as engine, translated(where):
+            with open_engine(url) as engine, translated(where):
                 copy_tables(engine, snapshot)
         if not _revision(snapshot):
             raise BackupError(
@@ -101,7 +100,7 @@ def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
 def _copy_file(file: Path, snapshot: Path) -> None:
     if not file.is_file():
         raise BackupError(f"there is no database {file} to back up; name its folder with --data")
-    reason = damage(file, _BUSY_S)
+    reason = damage(file, BUSY_TIMEOUT_S)
     if reason is not None:
         raise StorageError(
             f"the database {file} is damaged ({reason}); the next start of the server moves it "
@@ -119,7 +118,7 @@ def _size_of(file: Path) -> int:
 
 
 def _revision(snapshot: Path) -> str:
-    with open_engine(snapshot, _BUSY_S) as engine, engine.connect() as connection:
+    with open_engine(snapshot) as engine, engine.connect() as connection:
         return MigrationContext.configure(connection).get_current_revision() or ""
 
 

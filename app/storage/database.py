@@ -16,7 +16,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 
 from app.settings import DATABASE_FILE
-from app.storage.engines import database_url, make_engine, use_write_ahead_log
+from app.storage.engines import BUSY_TIMEOUT_S, database_url, make_engine, use_write_ahead_log
 from app.storage.errors import StorageBusy, StorageError, storage_error
 from app.storage.folder import DataFolder
 from app.storage.integrity import move_aside_if_damaged
@@ -24,8 +24,6 @@ from app.storage.migration import upgrade
 from observer.recording.run_folder import RUNS
 
 log = structlog.get_logger(__name__)
-
-BUSY_TIMEOUT_S = 5.0
 
 
 class Database:

@@ -17,6 +17,8 @@ from app.storage.errors import StorageError
 _written_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
 # Name of our connections in PostgreSQL's pg_stat_activity.
 APPLICATION = "dynamic-observer"
+# How long a call waits for another one's lock.
+BUSY_TIMEOUT_S = 5.0
 _POSTGRESQL = ("postgresql", "postgres", "postgresql+psycopg")
 # Time until a lost server is noticed, even during a request.
 _SILENCE_S = 10
@@ -67,7 +69,7 @@ def _missing(url: URL, error: ImportError) -> str:
     )
 
 
-def make_engine(url: URL, busy_timeout_s: float) -> Engine:
+def make_engine(url: URL, busy_timeout_s: float = BUSY_TIMEOUT_S) -> Engine:
     """Create an engine whose writers begin with the option ``writes``.
 
     Args:
@@ -90,7 +92,9 @@ def make_engine(url: URL, busy_timeout_s: float) -> Engine:
 
 
 @contextmanager
-def open_engine(location: str | Path | URL, busy_timeout_s: float) -> Iterator[Engine]:
+def open_engine(
+    location: str | Path | URL, busy_timeout_s: float = BUSY_TIMEOUT_S
+) -> Iterator[Engine]:
     """Yield an engine as ``make_engine`` makes it, disposed of after the block."""
     url = location if isinstance(location, URL) else database_url(location)
     engine = make_engine(url, busy_timeout_s)

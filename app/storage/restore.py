@@ -19,7 +19,7 @@ from app.storage.backup import FILES, FOLDERS, Progress
 from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
 from app.storage.copying import copy_tables, replace_tables
 from app.storage.database import Database
-from app.storage.engines import APPLICATION, database_url, open_engine
+from app.storage.engines import APPLICATION, BUSY_TIMEOUT_S, database_url, open_engine
 from app.storage.errors import StorageError, translated
 from app.storage.folder import CLIPS, FORMER_CLIPS, DataFolder
 from app.storage.integrity import damage, is_open_elsewhere, move_with_log, name_beside
@@ -27,7 +27,6 @@ from app.storage.migration import upgrade
 from app.storage.server_locks import lock_whole
 from observer.recording.run_folder import RUNS
 
-_BUSY_S = 5.0
 _TOP = {DATABASE_FILE, *FILES, *FOLDERS}
 
 
@@ -133,7 +132,7 @@ class _Place:
         if self._file is not None:
             exists = self._file.exists()
             return exists and is_open_elsewhere(self._file), exists
-        with open_engine(self._url, _BUSY_S) as engine, engine.connect() as connection:
+        with open_engine(self._url) as engine, engine.connect() as connection:
             others = connection.scalar(
                 text(
                     "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() "
@@ -145,14 +144,14 @@ class _Place:
 
     def _put_rows(self, snapshot: Path) -> list[Path]:
         kept: list[Path] = []
-        with open_engine(self._url, _BUSY_S) as engine:
+        with open_engine(self._url) as engine:
             with engine.connect() as connection:
                 filled = _has_rows(connection)
             if filled:
                 kept.append(name_beside(self.data / DATABASE_FILE, "before-restore"))
                 copy_tables(engine, kept[0])
             upgrade(engine, None)
-            with open_engine(snapshot, _BUSY_S) as rows, engine.begin() as connection:
+            with open_engine(snapshot) as rows, engine.begin() as connection:
                 lock_whole(connection)
                 replace_tables(rows, connection)
         return kept
@@ -194,11 +193,11 @@ def _extract(bundle: Bundle, folder: Path, progress: Progress | None) -> None:
 
 def _check_database(source: Path, file: Path) -> None:
     """Check that the database is sound, ours and not newer; migrate it."""
-    reason = damage(file, _BUSY_S)
+    reason = damage(file, BUSY_TIMEOUT_S)
     if reason is not None:
         raise BackupError(f"the backup {source} is damaged ({reason}); use another one")
     try:
-        with open_engine(file, _BUSY_S) as engine:
+        with open_engine(file) as engine:
             upgrade(engine, None)
     except StorageError as error:
         raise BackupError(f"the backup {source} cannot be restored: {error}") from error

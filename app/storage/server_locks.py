@@ -24,7 +24,6 @@ log = structlog.get_logger(__name__)
 # Arbitrary numbers that no other program uses; below 2^32, so that pg_locks has them in objid.
 _WHOLE = 0x64796E62
 _SERVED = 0x64796E63
-_TIMEOUT_S = 5.0
 # Time for which PostgreSQL may still see a server that was killed.
 _LETS_GO_S = 2.0
 _LOOK_S = 5.0
@@ -63,7 +62,7 @@ class ServedDatabase:
         url = database_url(location)
         self._where = url.render_as_string(hide_password=True)
         name = f"{APPLICATION} {os.getpid()} on {socket.gethostname()}"[:_LONGEST_NAME]
-        self._engine = make_engine(url.update_query_dict({"application_name": name}), _TIMEOUT_S)
+        self._engine = make_engine(url.update_query_dict({"application_name": name}))
         self._look_s = look_s
         self._connection: Connection | None = None
         self._warned = False

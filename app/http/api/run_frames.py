@@ -9,11 +9,10 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from app.contract.run_frames import RunFrames
 from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
+from app.http.api.values import LAST_FRAME
 from app.http.cancel_on_disconnect import while_there
 
 router = APIRouter(prefix="/runs", tags=["runs"])
-
-_LAST = 1_000_000_000
 
 
 @router.get(
@@ -25,7 +24,7 @@ _LAST = 1_000_000_000
 async def get_frame_image(
     id: NameInPath,
     position: Annotated[
-        int, Path(ge=0, le=_LAST, description="Position of the frame in the run, from 0.")
+        int, Path(ge=0, le=LAST_FRAME, description="Position of the frame in the run, from 0.")
     ],
     server: TheServer,
 ) -> Response:
@@ -47,16 +46,18 @@ async def get_frames(
     id: NameInPath,
     server: TheServer,
     request: Request,
-    first: Annotated[int, Query(ge=0, le=_LAST, description="Position of the first frame.")] = 0,
+    first: Annotated[
+        int, Query(ge=0, le=LAST_FRAME, description="Position of the first frame.")
+    ] = 0,
     count: Annotated[
         int | None,
-        Query(ge=1, le=_LAST, description="Number of frames from there on; default: all."),
+        Query(ge=1, le=LAST_FRAME, description="Number of frames from there on; default: all."),
     ] = None,
     most: Annotated[
         int | None,
         Query(
             ge=1,
-            le=_LAST,
+            le=LAST_FRAME,
             description="Maximum number of frames returned, evenly spread over those requested.",
         ),
     ] = None,

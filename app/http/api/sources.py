@@ -12,16 +12,13 @@ from app.contract.sources import SourceEntry
 from app.contract.status import FASTEST_RATE, SLOWEST_RATE, PlaybackStatus, Status
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.http.api.values import Finite, Identifier, In, Spec
+from app.http.api.values import LAST_FRAME, Finite, Identifier, In, Spec
 from app.http.cancel_on_disconnect import while_there
 from app.server import NotThere
 from app.server.asking import ask
 from app.server.status import status
 
 router = APIRouter(tags=["source"])
-
-# A year at 30 Hz.
-_LAST_FRAME = 1_000_000_000
 
 
 class SourceChoice(In):
@@ -39,7 +36,7 @@ class PlaybackChange(In):
         0, description="Number of further frames to show while paused."
     )
     restart: StrictBool = False
-    seek: Annotated[StrictInt, Field(ge=0, le=_LAST_FRAME)] | None = Field(
+    seek: Annotated[StrictInt, Field(ge=0, le=LAST_FRAME)] | None = Field(
         None, description="Frame of a recording to continue from; it is shown even while paused."
     )
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from app.contract.steps import MethodSteps, StepFormat
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
-from app.http.api.values import MOST_CHANGES, Name
+from app.http.api.values import LAST_FRAME, MOST_CHANGES, Name
 from app.http.cancel_on_disconnect import while_there
 from app.http.gate.headers import REPORT_POLICY
 from app.server.errors import FieldError
@@ -18,7 +18,6 @@ from observer.parameters import typed_value
 
 router = APIRouter(prefix="/steps", tags=["steps"])
 
-_LAST_FRAME = 1_000_000_000
 # Before the name of a parameter in an address.
 _PREFIX = "p."
 _KINDS: dict[StepFormat, str] = {
@@ -44,7 +43,7 @@ def _choice(
         int | None,
         Query(
             ge=0,
-            le=_LAST_FRAME,
+            le=LAST_FRAME,
             description="Position of the image at t+dt, from 0; default: one worth looking at.",
         ),
     ] = None,

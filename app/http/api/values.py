@@ -34,6 +34,8 @@ Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
 # Inner corners of a board across or down, and the side of its squares.
 Corners = Annotated[int, Field(ge=MIN_SIDE_CORNERS, le=MAX_SIDE_CORNERS)]
 SquareMm = Annotated[float, Field(ge=MIN_SQUARE_MM, le=MAX_SQUARE_MM, allow_inf_nan=False)]
+# Largest position of a frame in a source: a year at 30 Hz.
+LAST_FRAME = 1_000_000_000
 # More than there are parameters.
 MOST_CHANGES = 300
 Changes = Annotated[

@@ -20,7 +20,6 @@ from observer.errors import DynamicObserverError
 from observer.opening import exclusive_world, live_devices, shown_spec
 from observer.recording.run_folder import RECORDING, RUNS
 
-_SIMULATED = "simulated:"
 _LONGEST_TITLE = 80
 
 
@@ -134,7 +133,7 @@ def _delete(clip: Path) -> None:
 
 
 def _title(chosen: ChosenSource) -> str:
-    shown = chosen.name or shown_spec(chosen.source).removeprefix(_SIMULATED)
+    shown = chosen.name or shown_spec(chosen.source).removeprefix("simulated:")
     return shown if len(shown) <= _LONGEST_TITLE else f"…{shown[1 - _LONGEST_TITLE :]}"
 
 

@@ -9,6 +9,7 @@ from app.server.errors import FieldError, NotThere
 from app.server.source.camera_match import calibration_of_cameras
 from app.storage import CalibrationRecord, Storage
 from observer.errors import SourceError
+from observer.opening import source_kind
 from observer.recording.run_folder import find_recording
 
 _LONGEST_SPEC = 1000
@@ -31,7 +32,7 @@ class ChosenSource:
     @property
     def endless(self) -> bool:
         """Return whether a run of it lasts until a user ends it; a recording ends by itself."""
-        return self.source.lower().startswith("simulated:")
+        return source_kind(self.source) == "simulated"
 
 
 def check_spec(source: str) -> None:

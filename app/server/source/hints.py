@@ -126,11 +126,17 @@ def _scenario(spec: str, name: str, addition: str = "") -> SourceEntry:
 @functools.lru_cache(maxsize=16)
 def is_for_calibrating(spec: str) -> bool:
     """Return whether a source is a scenario made for calibrating, with the board it shows."""
-    name = spec.partition("?")[0].removeprefix("simulated:")
-    if not spec.startswith("simulated:") or name not in scenario_names():
+    name = _built_in(spec)
+    if name is None:
         return False
     scenario = load_scenario(name)
     return scenario.board is not None and not scenario.hands_out_calibration
+
+
+def _built_in(spec: str) -> str | None:
+    """Return the name of the built-in scenario that a spec names; None for any other source."""
+    name = spec.partition(":")[2].partition("?")[0]
+    return name if source_kind(spec) == "simulated" and name in scenario_names() else None
 
 
 def _entry(spec: str, name: str | None) -> SourceEntry | None:
@@ -138,8 +144,9 @@ def _entry(spec: str, name: str | None) -> SourceEntry | None:
     kind: SourceKind | None = "recording" if spec.startswith(RUN) else source_kind(spec)
     if kind is None:
         return None
-    scenario, _, query = spec.partition(":")[2].partition("?")
-    if kind == "simulated" and scenario in scenario_names():
+    scenario = _built_in(spec)
+    if scenario is not None:
+        query = spec.partition("?")[2]
         return _scenario(spec, scenario, f", {query.replace('=', ' ')}" if query else "")
     last = Path(spec.partition(":")[2] if kind == "video" else spec).name
     title = name or _TITLES.get(kind) or last or spec

@@ -12,6 +12,7 @@ from app.contract.sources import SourceEntry
 from app.runtime.worker import JobFailed
 from app.server.errors import NotThere
 from app.workers.thumbnails.process import picture
+from observer.opening import simulated_world, source_kind
 from observer.simulation.scenarios import load_scenario
 from observer.version import library_version
 from observer.whole_files import whole_file
@@ -21,7 +22,6 @@ FOLDER = "thumbnails"
 _LONGEST_S = 60.0
 # About 8 kB each.
 _MOST = 200
-_SIMULATED = "simulated:"
 
 
 class Thumbnails:
@@ -73,9 +73,9 @@ class Thumbnails:
 def _key(spec: str) -> str:
     """Return a name that changes whenever the picture would change."""
     state = "gone"
-    if spec.startswith(_SIMULATED):
-        name = spec.removeprefix(_SIMULATED).partition("?")[0]
-        state = f"{library_version()} {load_scenario(name).model_dump_json()}"
+    if source_kind(spec) == "simulated":
+        scenario = load_scenario(simulated_world(spec)[0])
+        state = f"{library_version()} {scenario.model_dump_json()}"
     else:
         with contextlib.suppress(OSError):
             state = str(Path(spec).stat().st_mtime_ns)
