@@ -21,11 +21,11 @@ from observer.truth.alignment.curves import (
     steady_speed,
     turn_rate,
 )
-from observer.truth.alignment.matching import Match, match_tracks
 from observer.truth.alignment.observed import ObservedRun, TrackKey
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.rooms import Rooms, body_centre, place_rooms, track_distances
 from observer.truth.alignment.time_offset import TimeOffset, find_time_offset
+from observer.truth.alignment.track_matching import Match, match_tracks
 from observer.truth.motion_capture import Capture, Trajectory
 
 Pairs = list[tuple[SpeedCurve, SpeedCurve]]

@@ -10,9 +10,9 @@ import numpy as np
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
-from observer.truth.alignment.matching import Match
 from observer.truth.alignment.observed import TrackKey
 from observer.truth.alignment.time_offset import TimeOffset
+from observer.truth.alignment.track_matching import Match
 
 
 @dataclass(frozen=True, eq=False)

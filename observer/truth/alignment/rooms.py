@@ -12,9 +12,9 @@ from observer.truth.alignment.body_camera import BodyCamera, find_body_camera
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.curves import between
 from observer.truth.alignment.frame_alignment import align_planar
-from observer.truth.alignment.matching import Match, median_distance
 from observer.truth.alignment.observed import ObservedRun, ObservedTrack, TrackKey
 from observer.truth.alignment.time_offset import TimeOffset
+from observer.truth.alignment.track_matching import Match, median_distance
 from observer.truth.motion_capture import Capture, Trajectory
 
 _UP_ROOM = np.array([0.0, 0.0, 1.0])

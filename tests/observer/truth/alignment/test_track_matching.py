@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from observer.truth.alignment.matching import Match, match_tracks
 from observer.truth.alignment.observed import TrackKey
+from observer.truth.alignment.track_matching import Match, match_tracks
 
 A, B, C = TrackKey(0, 1), TrackKey(0, 2), TrackKey(0, 3)
 
