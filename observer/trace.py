@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
+# What a trace kept, by name.
+TraceValues = Mapping[str, Any]
+
 
 class Trace(Protocol):
     """Receives every intermediate image and number of one ``observe``, by name."""

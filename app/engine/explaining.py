@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from app.contract.pixel import Pixel, PixelObstacle
 from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
@@ -14,6 +12,7 @@ from app.engine.observed import Observed
 from observer.errors import InputError
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.parameters import Parameters
+from observer.trace import TraceValues
 from observer.types import Obstacle, TrackState
 
 
@@ -64,7 +63,7 @@ def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstac
     return min(here, key=lambda o: o.range, default=None)
 
 
-def ego_motion_facts(trace: Mapping[str, Any], parameters: Parameters) -> EgoMotionStatus | None:
+def ego_motion_facts(trace: TraceValues, parameters: Parameters) -> EgoMotionStatus | None:
     """Return the camera's motion between frames as ``ObservationEvent.ego_motion`` holds it."""
     ego = trace.get("ego_motion")
     if ego is None:

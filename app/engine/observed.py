@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from observer.camera import StereoCamera
 from observer.parameters import Parameters
+from observer.trace import TraceValues
 from observer.types import Observation, StereoFrame
 
 
@@ -26,7 +25,7 @@ class Observed:
 
     frame: StereoFrame
     observation: Observation
-    trace: Mapping[str, Any]
+    trace: TraceValues
     camera: StereoCamera
     parameters: Parameters
     segment: int

@@ -8,9 +8,7 @@ points as moving that lie on no moving body.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +24,7 @@ from observer.recording.payloads import MatchedTruth
 from observer.recording.replay import replay_revisions
 from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
-from observer.trace import FullTrace, NoTrace
+from observer.trace import FullTrace, NoTrace, TraceValues
 from observer.truth.counting import MOVING_MPS
 from observer.types import StereoFrame
 
@@ -57,7 +55,7 @@ class Moment:
 
     position: int
     line: ObservationLine
-    trace: Mapping[str, Any]
+    trace: TraceValues
     parameters: Parameters
     camera: StereoCamera
     bodies: tuple[Float64Array, ...]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -13,11 +12,12 @@ from observer.explanation.monocular import explain_by_rays
 from observer.explanation.planar import explain_by_flow
 from observer.explanation.rigid import explain_by_evidence
 from observer.parameters import Parameters
+from observer.trace import TraceValues
 from observer.types import Status
 
 
 def explain_pixel(
-    trace: Mapping[str, Any], camera: StereoCamera, parameters: Parameters, px: tuple[float, float]
+    trace: TraceValues, camera: StereoCamera, parameters: Parameters, px: tuple[float, float]
 ) -> PixelAnswer:
     """Explain why the pixel counts as moving, as static, or as undecided.
 
@@ -84,7 +84,7 @@ def _outside(camera: StereoCamera, px: tuple[float, float]) -> PixelAnswer:
     )
 
 
-def _lost(trace: Mapping[str, Any], parameters: Parameters, px: tuple[float, float]) -> PixelAnswer:
+def _lost(trace: TraceValues, parameters: Parameters, px: tuple[float, float]) -> PixelAnswer:
     ego, p = trace["ego_motion"], parameters.ego_motion
     count = len(ego.inliers)
     why = ego.reasons[0] if ego.reasons else "the reason is unknown"

@@ -27,6 +27,7 @@ from observer.geometry import Float64Array, map_pixels
 from observer.methods.planar.clustering import detect_obstacles, group_points
 from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters, Parameters
+from observer.trace import TraceValues
 
 _THRESHOLD = "flow.residual_threshold_px"
 # Half the side of the square whose disparities give a pixel's depth, and the share of them that
@@ -46,7 +47,7 @@ class _Place:
         depth: metres, NaN = unknown. dt: seconds between the two images.
     """
 
-    trace: Mapping[str, Any]
+    trace: TraceValues
     camera: StereoCamera
     parameters: Parameters
     px: tuple[float, float]
@@ -57,7 +58,7 @@ class _Place:
 
 
 def explain_by_flow(
-    trace: Mapping[str, Any],
+    trace: TraceValues,
     camera: StereoCamera,
     parameters: Parameters,
     px: tuple[float, float],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, cast
 
 import cv2
@@ -12,6 +11,7 @@ from observer.camera import as_gray
 from observer.explanation.answer import Nearby, below, count_of, distances, limits
 from observer.geometry import Float64Array
 from observer.parameters import FeaturesParameters, FlowParameters, Parameters
+from observer.trace import TraceValues
 from observer.types import Image
 from observer.vision.features import corners, detect_features
 from observer.vision.klt_tracking import EIGENVALUE_UNIT
@@ -21,7 +21,7 @@ _FAST_REACH_PX = 4
 
 
 def why_no_feature(
-    trace: Mapping[str, Any], parameters: Parameters, px: Float64Array, near: Nearby
+    trace: TraceValues, parameters: Parameters, px: Float64Array, near: Nearby
 ) -> tuple[str, str]:
     """Return the sentence, and what would change it.
 

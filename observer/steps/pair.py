@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError, InputError, SourceError
@@ -14,7 +12,7 @@ from observer.parameters import Parameters
 from observer.parameters.fields import PLANAR
 from observer.recording.source import RecordingSource
 from observer.sources.contract import SeekableSource, SkippingSource, Source
-from observer.trace import FullTrace, NoTrace
+from observer.trace import FullTrace, NoTrace, TraceValues
 from observer.truth.contract import Truth
 from observer.truth.matching import TruthMatcher
 from observer.types import Observation, StereoFrame
@@ -58,7 +56,7 @@ class ObservedPair:
 
     frame: int
     first: int
-    trace: Mapping[str, Any]
+    trace: TraceValues
     observation: Observation
     parameters: Parameters
     camera: StereoCamera

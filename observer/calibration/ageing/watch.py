@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +17,7 @@ from observer.calibration.ageing.row_drift import RowDrift, RowDriftWatch
 from observer.calibration.ageing.vergence import VergenceCheck, VergenceWatch
 from observer.camera import StereoCamera, as_gray
 from observer.mount import CameraMount
+from observer.trace import TraceValues
 from observer.types import Image, Observation, StereoFrame
 from observer.vision.view import StereoRows
 
@@ -83,7 +82,7 @@ class AgeingWatch:
         self._pairs = ScenePairs()
 
     def add_frame(
-        self, frame: StereoFrame, observation: Observation, trace: Mapping[str, Any]
+        self, frame: StereoFrame, observation: Observation, trace: TraceValues
     ) -> CalibrationAge:
         """Return what is known after one more frame.
 
