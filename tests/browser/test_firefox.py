@@ -27,7 +27,7 @@ _DRAWN = """() => [...document.querySelectorAll("canvas")].some(
 _CLOUD = """() => "/display/world/cloud/points" in (window.__viserSceneTree?.getState() ?? {})"""
 _SHOWN = """(name) => document.getElementById(`tab-${name}`).ariaSelected === "true"
   && document.getElementById(`pane-${name}`).innerText.length > 20"""
-_REVISION = "() => /^Applied at frame/.test(document.querySelector('.revision').innerText.trim())"
+_REVISION = "() => /^In use since frame/.test(document.querySelector('.revision').innerText.trim())"
 
 
 @pytest.fixture

@@ -44,11 +44,11 @@ def test_a_change_applies_to_the_next_frames_and_can_be_undone(
     eventually(lambda: server.get("/parameters")["values"][_NAME] == 3.2)
     revision = server.get("/parameters")["revision"]
     assert revision > before["revision"]
-    # "Applied" appears only once an observation carries the new revision.
+    # The frame appears only once an observation carries the new revision.
     frame = eventually(
         lambda: (now := server.get("/parameters"))["revision"] == revision and now["frame"]
     )
-    expect(form.locator(".revision")).to_have_text(f"Applied at frame {frame}")
+    expect(form.locator(".revision")).to_have_text(f"In use since frame {frame}")
     field = form.locator(f'observer-parameter[data-name="{_NAME}"]')
     expect(field).to_have_attribute("data-changed", "")
 
@@ -342,6 +342,6 @@ def test_the_detector_is_applied_and_unused_parameters_say_so(
     expect(of("max_count").locator(".idle")).to_have_text("Not used by the rigid method.")
     expect(of("detector").locator(".idle")).to_be_hidden()
     form.locator("#parameter-features-detector").select_option("fast")
-    in_force = re.compile(r"Applied at frame \d+")
+    in_force = re.compile(r"In use since frame \d+")
     expect(form.locator(".revision")).to_have_text(in_force, timeout=10_000)
     eventually(lambda: server.get("/parameters")["values"]["features.detector"] == "fast")

@@ -134,7 +134,7 @@ def test_the_model_can_be_switched_live_and_back(
         expect(line).to_have_text(_MOVES, timeout=40_000)
         numbers.append(int(_MOVES.search(line.inner_text()).group(1)))
         page.locator(_MODEL).select_option(model)
-        revision = re.compile(r"Applied at frame \d+")
+        revision = re.compile(r"In use since frame \d+")
         expect(page.locator(".revision")).to_have_text(revision, timeout=10_000)
         ego = eventually(
             lambda model=model: (

@@ -93,9 +93,9 @@ class ParameterForm extends Part {
   #renderRevision() {
     const { revision, frame } = this.#store.state;
     const seen = this.hub.observation?.line.parameters_revision;
-    const applied = seen !== undefined && seen >= revision;
-    const since = frame === null ? "" : ` at frame ${frame}`;
-    setText(this.#revision, applied ? `Applied${since}` : "Applies from the next frame");
+    const pending = seen !== undefined && seen < revision;
+    const since = frame === null ? "" : `In use since frame ${frame}`;
+    setText(this.#revision, pending ? "In use from the next frame" : since);
   }
 
   /** @param {Record<string, string>} problems sentence by name */
