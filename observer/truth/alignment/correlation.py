@@ -64,10 +64,11 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
     # One pair after the other, since those of a long recording take much memory.
     total = sum((_moments(seen, true, lags) for seen, true in usable), _Moments.none(lags.count))
     floor = 1e-9 * max(float(total.power_seen.max()), float(total.power_true.max()), 1e-300)
-    square = np.maximum(total.power_seen, floor) * np.maximum(total.power_true, floor)
+    scale = np.sqrt(np.maximum(total.power_seen, floor))
+    scale *= np.sqrt(np.maximum(total.power_true, floor))
     return Correlation(
         lags=lags.seconds,
-        values=np.clip(total.covariance / np.sqrt(square), -1, 1),
+        values=np.clip(total.covariance / scale, -1, 1),
         overlap_s=total.overlap_s,
         step=lags.step,
         shorter_s=total.shorter_s,

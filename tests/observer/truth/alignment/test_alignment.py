@@ -105,6 +105,23 @@ def test_obstacles_alone_determine_the_room_without_the_observer(
     assert np.linalg.norm(body.position - room.centre(11.0)) < 0.5
 
 
+@pytest.mark.parametrize("glimpsed_s", [0.46, 1.0])
+def test_body_seen_for_a_moment_does_not_hide_the_fit_of_the_others(
+    rooms: Rooms, mount: CameraMount, glimpsed_s: float
+) -> None:
+    """No lag compares five of its speeds, so nothing is known about it, at any lag."""
+    room = rooms(1, observer=False)
+    body = room.capture.bodies["P3DX"]
+    place = np.full_like(body.positions, np.nan)
+    seen = (body.times > 20) & (body.times < 20 + glimpsed_s)
+    place[seen] = [1.0, 2.0, 0.1] + 0.3 * (body.times[seen, None] - 20)
+    wand = Trajectory("wand", body.times, place)
+    capture = Capture("planted", 100.0, {"P3DX": body, "wand": wand})
+    found = align(ObservedRun.of_lines(room.lines), capture, AlignmentChoices(mount=mount))
+    assert found.time.offset_s == pytest.approx(0.3, abs=3 * found.time.sigma_s)
+    assert {str(key): m.body for key, m in found.matches.items()} == {"0:1": "P3DX"}
+
+
 def test_obstacle_moving_like_the_camera_is_not_mistaken_for_the_observer(
     room: Any, mount: CameraMount
 ) -> None:
