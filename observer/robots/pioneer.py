@@ -13,26 +13,25 @@ from collections import Counter
 from collections.abc import Callable
 
 from observer.robots.arcos import Command, command
-from observer.robots.config_reply import CONFIG_REPLY, ConfigReply, decode_config
-from observer.robots.contract import RobotLimits, RobotPhase, RobotReport, Sent, SonarReading
+from observer.robots.config_reply import CONFIG_REPLY, decode_config
+from observer.robots.contract import RobotPhase, RobotReport, Sent
 from observer.robots.handshake import (
     MOTORS_OFF,
     STANDSTILL,
-    Identity,
     NoSession,
     ask_config,
     open_session,
     shake_hands,
     speed_up,
 )
-from observer.robots.models import SPECS, RobotSpec, robot_spec
-from observer.robots.odometry import WheelOdometry
+from observer.robots.known_robot import KnownRobot
+from observer.robots.models import SPECS, robot_spec
 from observer.robots.packet_line import Closing, PacketLine
-from observer.robots.robot_limits import limit_commands, limits_in_force, setpoint_within
+from observer.robots.robot_limits import limit_commands, setpoint_within
 from observer.robots.robot_watch import RobotWatch
 from observer.robots.serial_port import PortLost, open_port
 from observer.robots.setpoint_writer import SetpointWriter
-from observer.robots.sip import decode_status, is_status
+from observer.robots.sip import is_status
 
 # Pauses between attempts to connect: a lost port may be back immediately, a missing one is not
 # urgent.
@@ -43,18 +42,8 @@ _FAREWELL_S = 0.1
 # CLOSE may be lost: it is repeated while status packets, every 100 ms, still come.
 _GOODBYES, _SILENT_S = 3, 0.15
 _CLOSE_S = 1.9
-# Sonars 0 to 7 are the front array.
-_SONAR_ARRAY = 8
-# Age of the readings of sonars that have not reported yet: nobody takes one this old for news.
-_NEVER_S = 10.0
 _COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
 _STOP = (command(Command.E_STOP), *STANDSTILL[1:], MOTORS_OFF)
-# Fields of a report taken from the model, and from the newest status packet.
-_OF_SPEC = ("model", "radius_m", "width_m", "length_m")
-_OF_STATUS = (
-    *("speed_mps", "turn_rate_radps", "motors_enabled", "stalled", "front_bumpers"),
-    *("rear_bumpers", "stop_pressed", "charging", "temperature_c"),
-)
 
 
 class UnknownRobot(Exception):
@@ -81,21 +70,14 @@ class Pioneer:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._port_text = port
-        self._model = None if model is None else robot_spec(model)
         self._clock = clock
         # Guards everything below; held briefly.
         self._lock = threading.Lock()
         self._phase = RobotPhase.CONNECTING
         self._trouble: str | None = None
+        self._known = KnownRobot(None if model is None else robot_spec(model))
         self._watch = RobotWatch()
         self._writer: SetpointWriter | None = None
-        self._spec: RobotSpec | None = self._model
-        self._identity: Identity | None = None
-        self._config = ConfigReply()
-        self._limits: RobotLimits | None = None
-        self._odometry: WheelOdometry | None = None
-        self._moved = False
-        self._sonars: dict[int, SonarReading] = {}
         self._counters: Counter[str] = Counter()
         self._line: PacketLine | None = None
         self._last_sent: Sent | None = None
@@ -126,8 +108,9 @@ class Pioneer:
         """Take a velocity, as ``Robot.drive`` specifies."""
         with self._lock:
             setpoint = (0, 0)
-            if self._watch.may_move and self._limits is not None:
-                setpoint = setpoint_within(self._limits, speed_mps, turn_rate_radps)
+            limits = self._known.limits
+            if self._watch.may_move and limits is not None:
+                setpoint = setpoint_within(limits, speed_mps, turn_rate_radps)
             if self._writer is not None:
                 self._writer.drive(setpoint)
             return Sent(setpoint[0] / 1000, math.radians(setpoint[1]), self._clock())
@@ -223,9 +206,7 @@ class Pioneer:
     def _come_in(self, line: PacketLine) -> None:
         identity = shake_hands(line)
         with self._lock:
-            self._identity = identity
-            self._spec = self._model or SPECS.get(identity.subtype)
-        spec = self._spec
+            spec = self._known.identify(identity)
         if spec is None:
             line.send(command(Command.CLOSE))
             raise UnknownRobot(
@@ -233,36 +214,22 @@ class Pioneer:
                 f"is not a known model; choose the model to drive it as: {', '.join(SPECS)}"
             )
         open_session(line)
-        self._take_config(ask_config(line))
+        config = ask_config(line)
+        with self._lock:
+            limits = self._known.configure(config)
         line.send(command(Command.ENCODER, 0), command(Command.SONAR, 1))
-        assert self._limits is not None
-        line.send(*limit_commands(self._limits))
+        line.send(*limit_commands(limits))
         if self._may_speed_up and spec.high_speed_serial and line.port.serial_line:
             self._may_speed_up = False
             self._sped_up = speed_up(line, spec.high_speed_serial)
 
     def _arrived(self, writer: SetpointWriter) -> None:
         """Begin a session: at a standstill, motors off."""
-        spec = self._spec
-        assert spec is not None
         with self._lock:
-            if self._odometry is None or self._odometry.spec != spec:
-                self._odometry = WheelOdometry(spec)
-                self._moved = False
-            self._odometry.rebaseline()
-            self._sonars = self._unheard_sonars(spec)
+            self._known.begin_session(self._clock())
             self._writer = writer
             self._watch.connected(self._clock())
             self._phase, self._trouble = RobotPhase.CONNECTED, None
-
-    def _unheard_sonars(self, spec: RobotSpec) -> dict[int, SonarReading]:
-        """Return outdated readings of the sonars that are fitted: silent until they report."""
-        fitted = self._config.front_sonar, self._config.rear_sonar
-        return {
-            index: SonarReading(index, pose.x, pose.y, pose.heading, None, self._clock() - _NEVER_S)
-            for index, pose in enumerate(spec.sonars)
-            if fitted[index // _SONAR_ARRAY]
-        }
 
     def _serve(self, line: PacketLine, writer: SetpointWriter) -> None:
         """Process received packets and check the robot; every 50 ms or more often."""
@@ -276,7 +243,7 @@ class Pioneer:
                     "this computer was suspended, or too busy to serve it, for a second or more"
                 )
                 bad = True
-            writer.in_outage(self._watch.in_outage(now, self._watchdog_s))
+            writer.in_outage(self._watch.in_outage(now, self._known.watchdog_s))
             if bad:
                 writer.halt(*_STOP)
             elif again := self._watch.due_command(now):
@@ -291,19 +258,16 @@ class Pioneer:
             raise PortLost(f"the robot at {line.port.name} sent nothing for {silence:.0f} s")
 
     def _take(self, payload: bytes, writer: SetpointWriter) -> None:
-        spec = self._spec
-        assert spec is not None
         if payload[0] == CONFIG_REPLY:
-            self._take_config(decode_config(payload))
+            config = decode_config(payload)
+            with self._lock:
+                self._known.configure(config)
             return
         if not is_status(payload):
             self._counters["unknown_packets"] += 1
             return
-        config = self._config
         try:
-            status = decode_status(
-                payload, spec, config.front_bumpers or 0, config.rear_bumpers or 0
-            )
+            status = self._known.decode(payload)
         except ValueError:
             self._counters["bad_packets"] += 1
             return
@@ -311,21 +275,8 @@ class Pioneer:
         with self._lock:
             if self._watch.saw(status, now):
                 writer.halt(*_STOP)
-            assert self._odometry is not None
-            self._odometry.add(status.raw_x, status.raw_y, status.raw_heading, now)
-            self._moved = True
+            self._known.take(status, now)
             self._may_speed_up |= self._sped_up
-            for index, range_m in status.ranges_m.items():
-                pose = spec.sonars[index]
-                self._sonars[index] = SonarReading(
-                    index, pose.x, pose.y, pose.heading, range_m, now
-                )
-
-    def _take_config(self, config: ConfigReply) -> None:
-        assert self._spec is not None
-        with self._lock:
-            self._config = config
-            self._limits = limits_in_force(self._spec, config)
 
     def _say_goodbye(self, line: PacketLine, writer: SetpointWriter | None) -> None:
         farewell = (*STANDSTILL, MOTORS_OFF)
@@ -358,57 +309,17 @@ class Pioneer:
 
     # ------------------------------------------------------------------ reporting
 
-    @property
-    def _watchdog_s(self) -> float | None:
-        watchdog_ms = self._config.watchdog_ms
-        return None if watchdog_ms is None else watchdog_ms / 1000
-
     def _count_line(self, line: PacketLine) -> None:
         self._counters["packets"] += line.parser.packets
         self._counters["bad_packets"] += line.parser.bad_packets
         self._line = None
 
     def _report(self, now: float) -> RobotReport:
-        watch, spec, identity = self._watch, self._spec, self._identity
-        warnings = list(watch.warnings(now))
-        if spec is not None and identity is not None and identity.subtype != spec.model:
-            warnings.append(
-                f"it identifies itself as {identity.subtype!r} but is driven as {spec.model}"
-            )
-        protection = {
-            "bumpers": self._config.front_bumpers,
-            "watchdog": self._config.watchdog_ms,
-        }
-        unknown = [name for name, value in protection.items() if value is None]
-        if self._phase is RobotPhase.CONNECTED and unknown:
-            warnings.append(f"it did not report its settings: {' and '.join(unknown)} unknown")
         counters = dict.fromkeys(_COUNTERS, 0) | self._counters
         if (line := self._line) is not None:
             counters["packets"] += line.parser.packets
             counters["bad_packets"] += line.parser.bad_packets
-        if self._odometry is not None:
-            counters["odometry_jumps"] = self._odometry.jumps
         sent = self._writer.sent if self._writer is not None else None
-        phase = self._phase
-        if phase is RobotPhase.CONNECTED and watch.status is None:
-            # Nothing is known yet of its state in this session.
-            phase = RobotPhase.CONNECTING
-        return RobotReport(
-            phase=phase,
-            trouble=self._trouble,
-            fault=watch.fault,
-            warnings=tuple(warnings),
-            received=watch.received,
-            name=identity.name or None if identity else None,
-            subtype=identity.subtype or None if identity else None,
-            odometry=self._odometry.place if self._odometry and self._moved else None,
-            battery_v=watch.battery_v,
-            battery=watch.battery,
-            sonars=tuple(self._sonars[each] for each in sorted(self._sonars)),
-            watchdog_s=self._watchdog_s,
-            limits=self._limits,
-            sent=sent or self._last_sent,
-            counters=counters,
-            **{name: getattr(spec, name) for name in _OF_SPEC if spec},
-            **{name: getattr(watch.status, name) for name in _OF_STATUS if watch.status},
+        return self._known.report(
+            self._phase, self._trouble, self._watch, sent or self._last_sent, counters, now
         )

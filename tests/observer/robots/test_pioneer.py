@@ -12,7 +12,7 @@ import pytest
 
 from observer.guard.parameters import GuardParameters
 from observer.guard.sonar_clear import is_silent
-from observer.robots import handshake, pioneer
+from observer.robots import handshake, known_robot, pioneer
 from observer.robots.config_reply import ConfigReply
 from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotReport
 from observer.simulation.robots.emulated import EmulatedRobot
@@ -64,7 +64,7 @@ def test_velocities_are_clamped_to_the_limits_in_force(
     driven: Drivens, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limits = RobotLimits(0.25, math.radians(30), 0.5, 1.0)
-    monkeypatch.setattr(pioneer, "limits_in_force", lambda *_: limits)
+    monkeypatch.setattr(known_robot, "limits_in_force", lambda *_: limits)
     it = driven()
     it.arm()
     assert it.robot.report().limits == limits
