@@ -29,7 +29,8 @@ def benchmark(
         int, typer.Option(min=1, max=100, help="Seeds of each scenario, drawn at run time.")
     ] = 1,
     seed: Annotated[
-        list[int] | None, typer.Option(help="Use this seed instead of random ones.")
+        list[int] | None,
+        typer.Option(metavar="NUMBER", help="Use this seed instead of random ones; repeatable."),
     ] = None,
     frames: Annotated[
         int, typer.Option(min=5, help="Maximum number of frames per source.")

@@ -29,6 +29,7 @@ def navigate_benchmark(
         typer.Option(
             min=0.0,
             max=1.0,
+            metavar="NUMBER",
             help="People per m²; give it several times to compare. [default: 0.1 and 0.2]",
         ),
     ] = None,
@@ -42,13 +43,18 @@ def navigate_benchmark(
     risk: Annotated[
         list[float] | None,
         typer.Option(
+            metavar="NUMBER",
             help="Accepted probability of a contact per metre; give it several times to "
             f"compare. [default: {_RISK}]",
         ),
     ] = None,
     assignments: Annotated[
         list[str] | None,
-        typer.Option("--set", help="NAME=VALUE of a parameter of guard or navigation; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Value of a parameter of guard or navigation; repeatable.",
+        ),
     ] = None,
     image_runs: Annotated[
         int,

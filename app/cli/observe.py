@@ -41,7 +41,7 @@ def observe(
     ] = None,
     assignments: Annotated[
         list[str] | None,
-        typer.Option("--set", help="NAME=VALUE of a parameter; repeatable."),
+        typer.Option("--set", metavar="NAME=VALUE", help="Value of a parameter; repeatable."),
     ] = None,
     preset: Annotated[str, typer.Option(help="Parameters to start from: default or paper.")] = (
         "default"

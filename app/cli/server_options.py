@@ -11,7 +11,9 @@ HostOption = Annotated[str | None, typer.Option(help="Address to listen on. [def
 PortOption = Annotated[int | None, typer.Option(help="Port to listen on. [default: 8080]")]
 AllowedHostOption = Annotated[
     list[str] | None,
-    typer.Option(help="Another host name by which browsers may reach the server."),
+    typer.Option(
+        metavar="NAME", help="Another host name by which browsers may reach the server; repeatable."
+    ),
 ]
 TlsCertOption = Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")]
 TlsKeyOption = Annotated[Path | None, typer.Option(help="Private key, PEM.")]

@@ -13,12 +13,16 @@ from app.settings import Settings
 from observer.errors import InputError
 from observer.validation import validation_words, with_name
 
-DataOption = Annotated[Path | None, typer.Option(help="Folder for runs and settings.")]
+DataOption = Annotated[
+    Path | None,
+    typer.Option(help="Data folder: runs and settings. [default: ~/.local/share/dynamic-observer]"),
+]
 DatabaseOption = Annotated[
     str | None,
     typer.Option(
-        help="Another database, such as postgresql://user:password@host/name. [default: a file in "
-        "the data folder]"
+        metavar="URL",
+        help="Database, such as postgresql://user:password@host/name. [default: a file in the "
+        "data folder]",
     ),
 ]
 
