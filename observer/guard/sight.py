@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar
 
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from observer.types import Status
 
@@ -14,6 +14,8 @@ from observer.types import Status
 SIGHT_FRESH_S = 0.2
 # The world that live cameras show.
 REAL_WORLD = "real"
+# Any comparison with NaN is false, so an obstacle with one would limit nothing.
+_FINITE = ConfigDict(allow_inf_nan=False)
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class SeenObstacle:
             None where unknown.
         coasting: not seen in this frame.
     """
+
+    __pydantic_config__: ClassVar[ConfigDict] = _FINITE
 
     id: int
     x: float
@@ -54,6 +58,8 @@ class FreeScan:
             is measured.
     """
 
+    __pydantic_config__: ClassVar[ConfigDict] = _FINITE
+
     bearings: tuple[float, ...]
     blocked_m: tuple[float | None, ...]
     known_from_m: tuple[float, ...]
@@ -74,6 +80,8 @@ class Sight:
         mount_known: whether the pose of the cameras on the robot is known; without it there are
             no obstacles and no scan.
     """
+
+    __pydantic_config__: ClassVar[ConfigDict] = _FINITE
 
     frame: int
     received: float
@@ -97,7 +105,7 @@ def sight_of(facts: Mapping[str, Any]) -> Sight:
     """Return the sight with these ``facts``.
 
     Raises:
-        ValueError: they do not describe a sight.
+        ValueError: they do not describe a sight, or a number is not finite.
     """
     return _SIGHT.validate_python(facts)
 

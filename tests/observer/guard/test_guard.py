@@ -100,6 +100,20 @@ def test_a_sight_survives_conversion_to_plain_values() -> None:
     assert sight_of(one.facts()) == one
 
 
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("name", ["x", "vy", "radius_m", "position_sigma_m"])
+def test_a_sight_with_a_number_that_is_not_finite_is_refused(name: str, bad: float) -> None:
+    """The guard could not compare it, and would ignore the obstacle."""
+    one = SeenObstacle(1, 1.0, 0.0, -0.5, 0.0, 0.3, 0.05, 0.1, False)
+    seen = sight(1.0, obstacles=(replace(one, **{name: bad}),))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="finite"):
+        sight_of(seen.facts())
+    with pytest.raises(ValueError, match="finite"):
+        sight_of(sight(1.0, replace(scan(), known_to_m=(bad,) * len(BEARINGS))).facts())
+    with pytest.raises(ValueError, match="finite"):
+        sight_of(sight(1.0, received=bad).facts())
+
+
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("role", ["observer", "obstacle"])
 def test_a_declared_turning_circle_hides_nothing_ahead(role: Role, direction: float) -> None:
