@@ -165,4 +165,4 @@ def _unknown(name: str, known: Collection[str]) -> str:
 
 def _renamed_value(dotted: str, value: Any) -> str:
     now = new_value(dotted, value)
-    return f"; {value} has been renamed to {now}" if now != value else ""
+    return f"; {value} has been renamed to {now}" if now is not value else ""

@@ -185,6 +185,12 @@ def test_old_names_are_translated_from_storage_but_refused_as_changes(
     assert "has been renamed to" in refused.value.problems[name]
 
 
+def test_a_value_that_is_no_number_is_not_called_renamed() -> None:
+    with pytest.raises(ParameterError) as refused:
+        Parameters().changed({"tracking.gate": math.nan})
+    assert refused.value.problems == {"tracking.gate": Parameters.describe_range("tracking.gate")}
+
+
 def test_a_guard_change_does_not_affect_vision_parameters() -> None:
     before = AllParameters()
     after = before.changed({"guard.margin_m": 0.3})
