@@ -273,6 +273,20 @@ def test_the_references_are_complete(site: Path) -> None:
     assert "/api/runs/{id}/recording" in (site / "rest.html").read_text()
 
 
+def test_every_optional_extra_is_listed() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    _, _, table = (PAGES / "server.md").read_text().partition("| extra | for |")
+    listed = re.findall(r"^\| `([\w-]+)` \|", table, re.MULTILINE)
+    assert listed == sorted(set(project["optional-dependencies"]) - {"dev", "docs"})
+
+
+def test_every_page_is_in_the_readme() -> None:
+    """Except those generated or filled in when the documentation is built."""
+    linked = re.findall(r"docs/pages/([\w-]+\.md)", (REPOSITORY / "README.md").read_text())
+    pages = {page.name for page in PAGES.glob("*.md")} - {"index.md", "library.md"}
+    assert set(linked) == pages
+
+
 def test_the_accuracy_table_says_how_it_was_made() -> None:
     """The command is right above the table, so that a new measurement replaces both."""
     text = (PAGES / "accuracy.md").read_text()

@@ -120,6 +120,7 @@ GLOSSARY: tuple[Term, ...] = (
         "goal",
         "Place on the ground to which the observer drives autonomously, around obstacles, while "
         "its operator is present.",
+        "goal.md",
     ),
     Term(
         "ground truth",
@@ -156,7 +157,7 @@ GLOSSARY: tuple[Term, ...] = (
         "local map",
         "Grid of 0.1 m cells around the observer on its way to a goal. A cell is free or blocked "
         "if it was recently seen to be; all others are unknown.",
-        "your-robot.md",
+        "goal.md",
     ),
     Term(
         "lost",
@@ -174,7 +175,7 @@ GLOSSARY: tuple[Term, ...] = (
         "planar method",
         "A method that maps image to image, affine or homography. The paper uses affine.",
     ),
-    Term("preset", "Named set of parameters: default, paper, or your own."),
+    Term("preset", "Named set of parameters: default, paper, or your own.", "presets.md"),
     Term(
         "programme",
         "Timed sequence of velocities for robots; called motion profile in the code.",

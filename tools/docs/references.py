@@ -69,7 +69,7 @@ def parameter_page() -> str:
             parameter_table(basic_parameters()),
             "## Presets",
             "The built-in presets differ in these values. [Your own presets]"
-            "(sources.md#your-own-presets) explains how to save, share and compare presets.",
+            "(presets.md#your-own-presets) explains how to save, share and compare presets.",
             preset_table(),
             "## All parameters",
             *_by_group(AllParameters.declared()),
@@ -102,7 +102,7 @@ def rest_page() -> str:
         "# REST",
         'A running server describes every operation with all fields at <a href="/docs">/docs</a>, '
         'where it can also be tried; <a href="/openapi.json">/openapi.json</a> is the same in '
-        "machine-readable form. For a start see [From a script](sources.md#from-a-script).",
+        "machine-readable form. For a start see [From a script](scripting.md#from-a-script).",
         described["info"]["description"].strip(),
     ]
     for tag, rows in tagged.items():
