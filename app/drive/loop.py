@@ -27,10 +27,11 @@ from app.contract.drive import (
 )
 from app.contract.robots import DriveLoopFacts
 from app.drive import reasons
+from app.drive.commands import Commands, DriveAnswer
 from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
 from app.drive.priority import Priority, tidy
-from app.drive.roles import DriveAnswer, Roles
+from app.drive.roles import Roles
 from app.drive.stopping import StopWatch
 from app.drive.wheels import Wheels
 from app.runtime.errors import ProcessRefused
@@ -88,6 +89,7 @@ class DriveLoop:
             clock: the host's monotonic clock.
         """
         self._roles = roles
+        self._commands = Commands(roles)
         self._inbox = inbox
         self._send = send
         self._wheel_speeds_lost = wheel_speeds_lost
@@ -199,7 +201,7 @@ class DriveLoop:
         if isinstance(command, LeaveDrive):
             self.leaving = True
             return lambda: None
-        taken = self._roles.take(command, now)
+        taken = self._commands.take(command, now)
         if isinstance(taken, DriveAnswer):
             role, age = taken.role, taken.age_s
             return lambda: self._really_sent(role, age)

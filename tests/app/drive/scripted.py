@@ -16,6 +16,7 @@ from app.contract.drive import (
     Presence,
     TakeLease,
 )
+from app.drive.commands import Commands
 from app.drive.roles import Roles
 from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Guard, Verdict, sight_trouble
@@ -148,6 +149,7 @@ class Bench:
         self.openers = {role: ScriptedOpener(self.robots[role]) for role in ROLES}
         self.parameters = GuardParameters()
         self.roles = Roles(self.guard, self.openers, self.parameters)  # type: ignore[arg-type]
+        self.commands = Commands(self.roles)
         self.leases: dict[Role, str] = {}
         self.sequence = 0
         self.frame = 0
@@ -187,7 +189,7 @@ class Bench:
         self.tick(round(seconds / TICK_S))
 
     def take(self, command: Any) -> Any:
-        return self.roles.take(command, self.now)
+        return self.commands.take(command, self.now)
 
     def connect(self, role: Role, world: str = "real") -> None:
         assert self.take(ConnectRobot(role, self.robots[role].port, None, world)) is None
