@@ -132,18 +132,18 @@ def test_dialogs_are_accessible(look: _Look) -> None:
 @pytest.mark.parametrize("look", looks("phone"), indirect=True)
 def test_runs_methods_and_steps_are_accessible(look: _Look, two_runs: list[str]) -> None:
     page = look.page
-    look.go("#history")
+    look.go("#runs")
     expect(page.locator(".run-rows li")).to_have_count(2)
     look.unfolded("runs")
 
-    look.go(f"#history/{two_runs[0]}")
+    look.go(f"#runs/{two_runs[0]}")
     expect(page.locator("observer-run-chart .uplot")).to_be_visible(timeout=_MADE_MS)
     expect(page.locator("observer-run-player output")).to_contain_text("frame 1 /")
     look.unfolded("a run")
     with look.opened("export of a run"):
         page.locator("observer-run-export").get_by_role("button", name="Export").click()
 
-    look.go(f"#history/compare/{two_runs[0]},{two_runs[1]}")
+    look.go(f"#runs/compare/{two_runs[0]},{two_runs[1]}")
     expect(page.locator("observer-run-compare .chart-panel")).to_have_count(2, timeout=_MADE_MS)
     look.unfolded("runs compared")
 

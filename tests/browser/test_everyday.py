@@ -147,7 +147,7 @@ def test_a_read_only_viewer_can_only_stop(
     page.get_by_role("tab", name="Robots").click()
     expect(page.locator("#pane-robots button:enabled:visible")).to_have_count(0)
 
-    page.evaluate(f"location.hash = '#history/{run}'")
+    page.evaluate(f"location.hash = '#runs/{run}'")
     view = page.locator("observer-run")
     expect(view.get_by_label("Position in the run")).to_be_enabled(timeout=30_000)
     for name in ("Open in 3D", "Re-run", "Add"):

@@ -146,8 +146,8 @@ def test_run_pages_and_the_wizard_work_by_keyboard(
 ) -> None:
     page = open_panel()
     for place, ready in (
-        ("#history", ".run-rows li"),
-        (f"#history/{two_runs[0]}", "observer-run-chart .uplot"),
+        ("#runs", ".run-rows li"),
+        (f"#runs/{two_runs[0]}", "observer-run-chart .uplot"),
         ("#methods", ".methods-conclusion"),
         ("#steps/6?source=simulated:lab&frame=40", ".step-numbers tr"),
     ):

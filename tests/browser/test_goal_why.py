@@ -178,7 +178,7 @@ def test_a_person_in_the_path_is_reported_live_and_in_the_run(
     crossing.api.post(f"/api/runs/{run}/stop").raise_for_status()
 
     page.set_viewport_size(_DESKTOP)
-    page.evaluate("(run) => { location.hash = `#history/${run}`; }", run)
+    page.evaluate("(run) => { location.hash = `#runs/${run}`; }", run)
     told, slider = page.locator("observer-run-goal"), page.locator("#player-frame")
     expect(slider).to_be_enabled(timeout=60_000)
     frames = crossing.get(f"/runs/{run}/frames")["frames"]

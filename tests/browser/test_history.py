@@ -61,6 +61,9 @@ def test_a_run_is_found_described_and_compared_with_truth(
     search, rows = page.get_by_label("Find runs"), page.locator(".run-rows li")
     search.fill("no such words")
     expect(page.locator("observer-run-search")).to_contain_text("No matching runs")
+    expect(page.locator("observer-run-search")).not_to_contain_text("0 runs")
+    # The newest runs are not listed again beside all runs.
+    expect(page.locator(".recent-runs")).to_be_hidden()
     search.fill("rid")
     expect(page.locator("observer-run-search")).to_contain_text("1 run found")
 
@@ -135,7 +138,7 @@ def test_a_run_is_reprocessed_and_compared(
     name = "ego_motion.ransac_threshold_px"
     before = server.get("/parameters")["values"][name]
     page = open_panel()
-    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    page.evaluate(f"location.hash = '#runs/{kept_run}'")
     form = page.locator("observer-rerun")
     form.get_by_text("Change parameters").click()
     form.get_by_label("Find parameters").fill("RANSAC threshold")
@@ -162,7 +165,7 @@ def test_a_cancelled_rerun_leaves_nothing(
     server: Server, open_panel: OpenPanel, kept_run: str
 ) -> None:
     page = open_panel()
-    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    page.evaluate(f"location.hash = '#runs/{kept_run}'")
     form = page.locator("observer-rerun")
     expect(page.locator("observer-run-chart .uplot")).to_be_visible(timeout=_MADE_MS)
     form.get_by_role("button", name="Re-run").click()
@@ -182,7 +185,7 @@ def test_image_top_view_and_chart_of_a_run_show_the_same_instant(
 ) -> None:
     page = open_panel()
     server.api.post("/api/playback", json={"paused": True})
-    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    page.evaluate(f"location.hash = '#runs/{kept_run}'")
     expect(page).to_have_title(re.compile("ride"))
     player, reading = page.locator("observer-run-player"), page.locator(".chart-reading:visible")
     slider = player.get_by_role("slider", name="Position in the run")
@@ -228,7 +231,7 @@ def test_the_frames_of_a_long_run_are_loaded_on_demand(
         "**/frames?most=*",
         lambda route: route.continue_(url=route.request.url.partition("?")[0] + "?most=3"),
     )
-    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    page.evaluate(f"location.hash = '#runs/{kept_run}'")
     player = page.locator("observer-run-player")
     slider, place = player.get_by_label("Position in the run"), player.locator("output")
     expect(slider).to_be_enabled(timeout=_MADE_MS)
@@ -246,7 +249,7 @@ def test_the_frames_of_a_long_run_are_loaded_on_demand(
 
 def test_all_exports_of_a_run_are_in_one_menu(open_panel: OpenPanel, kept_run: str) -> None:
     page = open_panel()
-    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    page.evaluate(f"location.hash = '#runs/{kept_run}'")
     export = page.locator("observer-run-export")
     opens = export.get_by_role("button", name="Export")
     opens.focus()
@@ -282,7 +285,7 @@ def test_a_recording_is_opened_in_3d_and_closed_again(
     server: Server, open_panel: OpenPanel, kept_run: str, eventually: Eventually
 ) -> None:
     page = open_panel()
-    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    page.evaluate(f"location.hash = '#runs/{kept_run}'")
     place = page.locator("observer-run-player output")
     expect(place).to_contain_text("frame 1 /", timeout=_MADE_MS)
     shown = page.get_by_role("slider", name="Position in the run")
@@ -308,7 +311,7 @@ def test_a_recording_is_opened_in_3d_and_closed_again(
 
 def test_a_run_without_images_shows_only_the_top_view(open_panel: OpenPanel, bare_run: str) -> None:
     page = open_panel()
-    page.evaluate("run => { location.hash = `#history/${run}`; }", bare_run)
+    page.evaluate("run => { location.hash = `#runs/${run}`; }", bare_run)
     player = page.locator("observer-run-player")
     expect(player).to_contain_text("has no images", timeout=_MADE_MS)
     expect(player.locator("observer-frame-picture")).to_be_hidden()

@@ -247,7 +247,7 @@ def test_scene_and_views_enlarge_to_the_window_and_esc_returns(
     eventually(lambda: abs(page.locator("main").evaluate("e => e.scrollTop") - scrolled) < 2)
     # A view that replaces the live parts is not covered by an enlarged one.
     button.click()
-    page.evaluate("location.hash = '#history'")
+    page.evaluate("location.hash = '#runs'")
     expect(page.locator("body")).not_to_have_attribute("data-enlarged", re.compile(".*"))
 
 

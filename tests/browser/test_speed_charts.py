@@ -243,7 +243,7 @@ def test_a_run_chart_is_saved_in_two_clicks(
     eventually(lambda: server.get(f"/runs/{run}")["frames"] >= 30, 30)
     server.api.post(f"/api/runs/{run}/stop").raise_for_status()
     page = open_panel()
-    page.evaluate("run => { location.hash = `#history/${run}`; }", run)
+    page.evaluate("run => { location.hash = `#runs/${run}`; }", run)
     # It is made by a separate process of the lowest priority.
     chart = page.locator("observer-run-chart:visible")
     expect(chart.locator(".uplot")).to_be_visible(timeout=60_000)

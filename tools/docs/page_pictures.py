@@ -85,7 +85,7 @@ def _compare(page: Page, server: RunningServer) -> None:
 
 def _run(page: Page, server: RunningServer) -> None:
     _pause(server)
-    _go(page, server, f"#history/{_newest_run(server)}")
+    _go(page, server, f"#runs/{_newest_run(server)}")
     page.locator("observer-run canvas").first.wait_for(timeout=_LONG_MS)
     position = page.get_by_label("Position in the run")
     expect(position).to_be_enabled(timeout=_LONG_MS)

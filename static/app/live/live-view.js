@@ -82,7 +82,7 @@ export class LiveView extends Part {
     this.#socket = new ViewSocket(this.name, ({ bitmap, ageMs }) => this.#show(bitmap, ageMs));
     this.#visibilityChanged();
     this.listen("visibilitychange", () => this.#visibilityChanged(), document);
-    this.listen("history", () => this.#visibilityChanged());
+    this.listen("page", () => this.#visibilityChanged());
     this.listen("freshness", () => this.#updateFreshness());
     this.#timer = setInterval(() => this.#updateFreshness(), 250);
     this.#updateFreshness();

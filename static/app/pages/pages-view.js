@@ -31,7 +31,7 @@ class PagesView extends Part {
   #steps = new StepsView();
   #leave = button("Back to live", () => this.#close(true));
   #title = h("h2", { id: "page-title", tabindex: "-1" }, "Runs");
-  #all = h("a.button", { href: "#history" }, "All runs");
+  #all = h("a.button", { href: "#runs" }, "All runs");
   #shown = "";
   /** The element that had the focus when the first of them was opened. @type {Element | null} */
   #caller = null;
@@ -80,8 +80,8 @@ class PagesView extends Part {
     if (before === "" || before === "none") this.#caller = document.activeElement;
     this.#shown = shown;
     this.hidden = view === "none";
-    document.body.toggleAttribute("data-away", view !== "none");
-    this.hub.emit("history");
+    setAttribute(document.body, "data-away", view === "none" ? null : view);
+    this.hub.emit("page");
     this.#all.hidden = !["run", "compare"].includes(view);
     this.#search.show(view === "list");
     this.#savedClips.show(view === "list");

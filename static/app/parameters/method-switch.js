@@ -54,7 +54,7 @@ class MethodSwitch extends Part {
       this.#fields.append(h("label", input, h("span", name), mark, announcement));
     }
     this.append(this.#now, this.#fields, this.#other, this.#compare);
-    this.listen("history", () => this.#markPage());
+    this.listen("page", () => this.#markPage());
     this.#markPage();
     const store = this.#store;
     for (const type of ["values", "refused"]) store.addEventListener(type, () => this.#render());

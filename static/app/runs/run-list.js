@@ -11,7 +11,7 @@ import { facts, activeRunIds, runHref, size } from "./run-words.js";
 
 /** @import { ClipFile, History, Run } from "../contract" */
 
-// Older ones are in the history.
+// Older ones are under All runs.
 const NEWEST = 8;
 
 class RunList extends Part {
@@ -19,13 +19,13 @@ class RunList extends Part {
   #items = new KeyedList(
     this.#list,
     (/** @type {Run} */ run) => this.#item(run),
-    () => this.#history,
+    () => this.#all,
   );
   #empty = h(
     "p.empty",
     "No runs yet. Start a run at the top of the page to record it and list it here.",
   );
-  #history = h("a.button.primary", { href: "#history" }, "All runs");
+  #all = h("a.button.primary", { href: "#runs" }, "All runs");
   #save = button("Save last 30 s", () => this.#saveClip(), {
     "aria-describedby": "save-clip-help",
   });
@@ -34,15 +34,13 @@ class RunList extends Part {
   build() {
     this.append(
       h("h2", "Runs"),
-      h("div.row", this.#history, this.#save),
+      h("div.row", this.#all, this.#save),
       h(
         "p.hint",
         { id: "save-clip-help" },
         "The last 30 s are buffered with live cameras and during every run. They are also saved when the guard stops a robot.",
       ),
-      h("h3", "Recent runs"),
-      this.#empty,
-      this.#list,
+      h("div.stack.recent-runs", h("h3", "Recent runs"), this.#empty, this.#list),
     );
     this.listen("runs reconnected", () => this.#load());
     this.listen("status", () => {

@@ -46,7 +46,7 @@ export class RunSearch extends Part {
     this.#limit += PAGE;
     void this.#load();
   });
-  #empty = h("p.empty");
+  #empty = h("p.empty", { role: "status" });
   #shown = false;
   /** Only runs with all of these tags are shown. @type {Set<string>} */
   #wantedTags = new Set();
@@ -120,7 +120,8 @@ export class RunSearch extends Part {
     this.#undoDays = days;
     const searched = this.#words.value.trim() !== "" || this.#wantedTags.size > 0;
     const there = this.#deleted.checked ? "deleted run" : "run";
-    setText(this.#found, searched ? `${counted(total, there)} found` : counted(total, there));
+    const count = searched ? `${counted(total, there)} found` : counted(total, there);
+    setText(this.#found, total > 0 ? count : "");
     setText(
       this.#disk,
       `Data folder: ${size(disk.used_bytes)} used, ${size(disk.free_bytes)} free.`,

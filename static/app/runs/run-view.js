@@ -101,7 +101,7 @@ export class RunView extends Part {
     this.#chart.pointed = (time) => this.#player.seek(time);
     this.#progress.ended = (run) => {
       if (run) void this.#load();
-      else location.hash = "#history";
+      else location.hash = "#runs";
     };
     this.listen("reconnected", () => this.#load());
     this.listen("status", () => {
@@ -224,7 +224,7 @@ export class RunView extends Part {
   }
 
   async #delete() {
-    if (this.#run && (await removeRun(this.hub, this.#run))) location.hash = "#history";
+    if (this.#run && (await removeRun(this.hub, this.#run))) location.hash = "#runs";
   }
 }
 

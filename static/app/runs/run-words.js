@@ -74,7 +74,7 @@ export function activeRunIds(status) {
 
 /** Return the page's address of a run. @param {string} id */
 export function runHref(id) {
-  return `#history/${encodeURIComponent(id)}`;
+  return `#runs/${encodeURIComponent(id)}`;
 }
 
 /**
@@ -89,7 +89,7 @@ export function methodHref(id, position) {
 
 /** @param {string[]} ids */
 export function compareHref(ids) {
-  return `#history/compare/${ids.map(encodeURIComponent).join(",")}`;
+  return `#runs/compare/${ids.map(encodeURIComponent).join(",")}`;
 }
 
 /**
@@ -101,7 +101,7 @@ export function placeOf(hash) {
   const ids = idsIn(rest[rest[0] === "compare" ? 1 : 0]);
   if (/^steps(\?|$)/.test(first ?? "")) return { view: "steps", ids: [] };
   if (first === "methods") return { view: "methods", ids: ids.length === 2 ? ids : [] };
-  if (first !== "history") return { view: "none", ids: [] };
+  if (first !== "runs") return { view: "none", ids: [] };
   const compared = rest[0] === "compare";
   if (compared) return ids.length > 1 ? { view: "compare", ids } : { view: "list", ids: [] };
   return ids.length > 0 ? { view: "run", ids: ids.slice(0, 1) } : { view: "list", ids: [] };

@@ -26,8 +26,8 @@ const FRESHNESS_CHECK_MS = 200;
  * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
  * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`,
  * `calibrations`, `parameters` (that list has changed: read it again), `calibrate` (the user wants
- * to calibrate), `sources` (the choice of sources has changed), `history` (it has replaced the live
- * parts, or given way to them), `titled` (the view that replaced them has another heading),
+ * to calibrate), `sources` (the choice of sources has changed), `page` (one has replaced the live
+ * parts or given way to them), `titled` (the page that replaced them has another heading),
  * `robots` (state of robots and driving), `log` (entries were added).
  */
 export class Hub extends Emitter {

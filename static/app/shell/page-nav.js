@@ -11,7 +11,7 @@ const COMPARE = "#methods";
 /** @type {[href: string, words: string, title: string | null][]} */
 const PAGES = [
   ["#live", "Live", null],
-  ["#history", "Runs", null],
+  ["#runs", "Runs", null],
   [METHOD, "Method", "The method, step by step"],
 ];
 // Parts that replace the live ones; the first visible one provides the title.
@@ -22,9 +22,9 @@ const HEADINGS = ["observer-calibration-wizard", "observer-pages"].map(
 const VIEWS = [
   [METHOD, "Method"],
   [COMPARE, "Compare"],
-  ["#history/compare/", "Compare"],
-  ["#history/", "Run"],
-  ["#history", "All runs"],
+  ["#runs/compare/", "Compare"],
+  ["#runs/", "Run"],
+  ["#runs", "All runs"],
 ];
 
 class PageNav extends Part {
@@ -40,7 +40,7 @@ class PageNav extends Part {
       if (event.target instanceof Element && event.target.closest("a"))
         /** @type {HTMLElement} */ (menu).hidePopover();
     });
-    this.listen("history titled", () => this.#mark());
+    this.listen("page titled", () => this.#mark());
     this.#mark();
   }
 
@@ -60,7 +60,7 @@ class PageNav extends Part {
 
 /** @param {string} hash of a page other than the live one @returns {string} the page it belongs to */
 function pageOf(hash) {
-  return [METHOD, COMPARE].find((page) => hash.startsWith(page)) ?? "#history";
+  return [METHOD, COMPARE].find((page) => hash.startsWith(page)) ?? "#runs";
 }
 
 /** @param {string} hash of the page's address @returns {string} the name of what is shown there */

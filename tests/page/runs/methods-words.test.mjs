@@ -141,7 +141,7 @@ test("the page's address names the runs and the frame", () => {
   assert.deepEqual(placeOf("#methods/a"), { view: "methods", ids: [] });
   assert.equal(words.positionOf("#methods/a,b%20c/7"), 7);
   assert.equal(words.positionOf("#methods/a,b"), null);
-  assert.equal(words.positionOf("#history/7"), null);
+  assert.equal(words.positionOf("#runs/7"), null);
 });
 
 test("a picture is told to who does not see it", () => {

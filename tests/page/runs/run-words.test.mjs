@@ -52,9 +52,9 @@ test("an address leads back to what it was made of", () => {
 });
 
 test("an address that somebody typed leads to the list at worst", () => {
-  assert.deepEqual(words.placeOf("#history"), { view: "list", ids: [] });
-  assert.deepEqual(words.placeOf("#history/compare/only"), { view: "list", ids: [] });
-  assert.deepEqual(words.placeOf("#history/%E0%A4"), { view: "run", ids: ["%E0%A4"] });
+  assert.deepEqual(words.placeOf("#runs"), { view: "list", ids: [] });
+  assert.deepEqual(words.placeOf("#runs/compare/only"), { view: "list", ids: [] });
+  assert.deepEqual(words.placeOf("#runs/%E0%A4"), { view: "run", ids: ["%E0%A4"] });
   assert.deepEqual(words.placeOf("#elsewhere"), { view: "none", ids: [] });
 });
 

@@ -21,20 +21,20 @@ test("in a narrow window the menu leads to every page, and the first tab says wh
     list.children.filter((link) => link.getAttribute("aria-current")).map((a) => a.textContent);
   assert.deepEqual(
     list.children.map((link) => link.getAttribute("href")),
-    ["#live", "#history", "#steps"],
+    ["#live", "#runs", "#steps"],
   );
   assert.deepEqual([current(), tab.textContent], [["Live"], "View"]);
   document.body.setAttribute("data-away", "");
   location.hash = "#steps/4?source=simulated:lab";
-  nav.hub.dispatchEvent(new Event("history"));
+  nav.hub.dispatchEvent(new Event("page"));
   assert.deepEqual([current(), tab.textContent], [["Method"], "Method"]);
   // Comparing methods is not one of these pages; its link beside the switch says where one is.
   location.hash = "#methods";
-  nav.hub.dispatchEvent(new Event("history"));
+  nav.hub.dispatchEvent(new Event("page"));
   assert.deepEqual([current(), tab.textContent], [[], "Compare"]);
 });
 
 test("the first tab has the name of the view", () => {
-  const names = ["#history", "#history/r1", "#history/compare/r1,r2", "#methods", "#live"];
+  const names = ["#runs", "#runs/r1", "#runs/compare/r1,r2", "#methods", "#live"];
   assert.deepEqual(names.map(viewAt), ["All runs", "Run", "Compare", "Compare", "View"]);
 });
