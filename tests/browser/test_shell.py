@@ -16,7 +16,7 @@ _SIZES: tuple[ViewportSize, ...] = (
     {"width": 1440, "height": 900},
     {"width": 2560, "height": 1440},
 )
-_PLACES = ("#live", "#history", "#live")
+_PLACES = ("#live", "#runs", "#live")
 # By how much the content exceeds the window, horizontally and vertically.
 _OVERFLOW = """() => {
   const { scrollWidth, scrollHeight } = document.documentElement;
@@ -74,7 +74,7 @@ def test_run_methods_and_steps_pages_do_not_scroll_the_window(
 ) -> None:
     page = open_panel()
     for place, ready in (
-        (f"#history/{two_runs[0]}", "observer-run-chart .uplot"),
+        (f"#runs/{two_runs[0]}", "observer-run-chart .uplot"),
         ("#methods", ".methods-conclusion"),
         ("#steps/6?source=simulated:lab&frame=40", ".step-picture img"),
     ):
@@ -175,10 +175,41 @@ def test_the_tour_completes_and_can_be_skipped(
     page.reload()
     page.wait_for_selector('html[data-freshness="fresh"]')
     expect(page.get_by_role("button", name="Tour", exact=True)).to_be_hidden()
+    page.evaluate("location.hash = '#runs'")
+    expect(page.locator("observer-headline")).to_be_hidden()
     page.get_by_role("button", name="Menu").click()
     page.get_by_role("button", name="Take the tour").click()
+    # It is about the live page, whichever was shown.
+    expect(card).to_contain_text("What moves")
     page.keyboard.press("Escape")
     expect(card).to_be_hidden()
+    expect(page.get_by_role("button", name="Menu")).to_be_focused()
+
+
+def test_the_tour_shows_a_phone_every_part(open_panel: OpenPanel) -> None:
+    page = open_panel(viewport=_SIZES[0], has_touch=True)
+    page.get_by_role("tab", name="Parameters").click()
+    page.get_by_role("button", name="Menu").click()
+    page.get_by_role("button", name="Take the tour").click()
+    card = page.locator(".tour-card")
+    while (following := card.get_by_role("button", name="Next")).is_visible():
+        expect(page.locator("[data-toured]")).to_be_in_viewport()
+        following.click()
+    expect(card).to_contain_text("8 of 8")
+
+
+def test_a_phone_held_sideways_has_the_scene_beside_the_rest(open_panel: OpenPanel) -> None:
+    page = open_panel(viewport={"width": 844, "height": 390}, has_touch=True)
+    stage, image = page.locator(".stage"), page.locator("main .view-image").first
+    before = stage.bounding_box()
+    assert before is not None
+    expect(image).to_be_in_viewport(ratio=0.9)
+    page.locator("main").evaluate("main => main.scrollTo(0, 300)")
+    # It stays while the rest is scrolled.
+    assert stage.bounding_box() == before
+    page.get_by_role("tab", name="Robots").click()
+    expect(image).to_be_in_viewport(ratio=0.9)
+    expect(page.locator("observer-robots")).to_be_in_viewport()
 
 
 def test_an_operator_on_a_phone_sees_the_whole_left_view(open_panel: OpenPanel) -> None:

@@ -17,14 +17,18 @@ export function moveFocus(from, ...to) {
 }
 
 /**
- * Give the focus back to the element that had it, or to the side panel's tab if that is gone.
+ * Give the focus back to the element that had it, or to the button of the menu that contains it if
+ * the menu has closed, or to the side panel's tab if both are gone.
  *
  * @param {Element | null} caller
  */
 export function restoreFocus(caller) {
-  const there =
-    caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
-  const next = there ? caller : document.querySelector('[role="tab"][aria-selected="true"]');
+  const menu = caller?.closest("[popover]")?.id;
+  const next = [
+    caller === document.body ? null : caller,
+    menu ? document.querySelector(`[popovertarget="${menu}"]`) : null,
+    document.querySelector('[role="tab"][aria-selected="true"]'),
+  ].find((each) => each?.checkVisibility());
   if (next instanceof HTMLElement) next.focus();
 }
 

@@ -2,6 +2,7 @@
 
 import { button, h, setText } from "../elements/dom.js";
 import { restoreFocus } from "../elements/focus.js";
+import { openPane } from "./splitter.js";
 
 const KEY = "dynamic-observer.tour";
 const WANTED = "tour-wanted";
@@ -10,7 +11,7 @@ const GAP_PX = 10;
 /** Stops of the tour: selector, heading and purpose of each part. */
 const STOPS = /** @type {const} */ ([
   [
-    ".headline-text",
+    "observer-headline",
     "What moves",
     "The nearest moving obstacle in one sentence: its speed with the 95 % interval, its heading and distance, and the ground truth where the source has it.",
   ],
@@ -88,11 +89,19 @@ class Tour extends HTMLElement {
     document.addEventListener(WANTED, () => this.#begin());
   }
 
-  #begin() {
+  async #begin() {
     localStorage.setItem(KEY, "taken");
     this.#caller = document.activeElement;
     document.getElementById("page-menu")?.hidePopover();
-    location.hash = "#live";
+    openPane("main");
+    if (document.body.hasAttribute("data-away")) {
+      // The live parts are shown again when the page has followed its address.
+      const moved = new Promise((resolve) =>
+        window.addEventListener("hashchange", resolve, { once: true }),
+      );
+      location.hash = "#live";
+      await moved;
+    }
     this.#card.showPopover();
     this.#go(0);
     this.#card.focus();
@@ -125,6 +134,7 @@ class Tour extends HTMLElement {
     for (const each of this.#shown) each.removeAttribute("data-toured");
     this.#shown = part ? [part] : [];
     part?.setAttribute("data-toured", "");
+    part?.scrollIntoView();
     this.#place();
   }
 
