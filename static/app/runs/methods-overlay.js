@@ -93,8 +93,8 @@ function found(obstacle, scale) {
 
 /** @param {FrameObstacle} obstacle */
 function labelOf(obstacle) {
-  const speed = `${speedWithBand(obstacle)} m/s`;
-  return obstacle.false ? `false, ${speed}` : speed;
+  const words = obstacle.motion === "in_place" ? "in place" : `${speedWithBand(obstacle)} m/s`;
+  return obstacle.false ? `false, ${words}` : words;
 }
 
 /** Return the attributes of a drawing; the style sheet colours a false one. @param {FrameObstacle} obstacle */

@@ -42,6 +42,8 @@ export class MethodsView extends Part {
   #cancel = button("Cancel", () => this.#cancelled());
   #going = h("div.methods-progress", { hidden: true });
   #waiting = h("p.empty", { role: "status" });
+  /** Above the result of an earlier comparison while another one is made. */
+  #before = h("h3", { hidden: true }, "Earlier comparison");
   #split = new MethodsSplit();
   #more = h("p.row");
   #earlier = h("ul.plain-list");
@@ -76,6 +78,7 @@ export class MethodsView extends Part {
       this.#error,
       this.#going,
       this.#waiting,
+      this.#before,
       this.#split,
       this.#more,
       this.#earlierPart,
@@ -207,6 +210,7 @@ export class MethodsView extends Part {
     this.#begin.disabled = going !== null;
     if (!going) moveFocus(this.#going, this.#begin);
     this.#going.hidden = !going;
+    this.#before.hidden = !going || this.#ids.length < 2;
     if (trouble) setText(this.#error, sentence(trouble));
     if (going) {
       this.#bar.value = going.share;
