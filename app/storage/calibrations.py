@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -61,9 +63,17 @@ class CalibrationTables(Database):
             return [_record(row) for row in session.scalars(query)]
 
     def change_calibration(
-        self, id: str, *, name: str | None = None, info: JsonObject | None = None
+        self,
+        id: str,
+        *,
+        name: str | None = None,
+        info: JsonObject | Callable[[CalibrationRecord], JsonObject] | None = None,
     ) -> CalibrationRecord:
         """Rename a calibration or extend its ``info``; existing keys are replaced.
+
+        Args:
+            info: the new keys, or a function that makes them from the record as it is now: nobody
+                else changes it meanwhile.
 
         Raises:
             StorageMissing: there is no such calibration.
@@ -73,7 +83,8 @@ class CalibrationTables(Database):
             if name is not None:
                 row.name = name
             if info is not None:
-                row.info = {**mapping(row.info), **info}
+                extended = info(_record(row)) if callable(info) else info
+                row.info = {**mapping(row.info), **extended}
             return _record(row)
 
     def delete_calibration(self, id: str) -> bool:

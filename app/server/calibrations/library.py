@@ -179,7 +179,10 @@ async def check_by_tape(
         StorageError: it was not stored.
     """
     place = await ask(engine, MeasureDepth(record.text, u, v), field=("body", "u"))
-    info = {"tape_checks": with_tape_check(record, place.range_m, tape_m)}
+
+    def info(now: CalibrationRecord) -> JsonObject:
+        return {"tape_checks": with_tape_check(now, place.range_m, tape_m)}
+
     return await asyncio.to_thread(storage.change_calibration, record.id, info=info)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import zipfile
 from typing import Any
@@ -267,6 +268,19 @@ async def test_tape_checks_are_stored_and_survive_another_upload(
     assert again["tape_checks"] == off.json()["tape_checks"]
     (listed,) = (await http.get("/api/calibrations")).json()
     assert len(listed["tape_checks"]) == 2
+
+
+async def test_two_operators_who_check_at_once_both_keep_their_check(
+    http: Any, served: Any
+) -> None:
+    path = f"/api/calibrations/{(await send(served, opencv())).json()['id']}/tape-checks"
+    lengths = [1.99, 2.0, 2.01, 2.02]
+    answers = await asyncio.gather(
+        *(http.post(path, json={"u": 100, "v": 50.5, "measured_m": each}) for each in lengths)
+    )
+    assert [answer.status_code for answer in answers] == [201] * 4
+    (listed,) = (await http.get("/api/calibrations")).json()
+    assert sorted(each["measured_m"] for each in listed["tape_checks"]) == lengths
 
 
 async def test_an_invalid_measurement_is_refused(http: Any, served: Any) -> None:
