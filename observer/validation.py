@@ -37,9 +37,9 @@ _SENTENCES: Mapping[str, str] = {
     "too_long": "must have at most {max_length} entries",
     "list_type": "must be a list",
     "tuple_type": "must be a list",
-    "dict_type": "must be a set of names with values",
-    "model_type": "must be a set of names with values",
-    "model_attributes_type": "must be a set of names with values",
+    "dict_type": "must map names to values",
+    "model_type": "must map names to values",
+    "model_attributes_type": "must map names to values",
     "json_invalid": "is not valid JSON",
 }
 

@@ -193,8 +193,8 @@ def _tell_interrupt(left: int, count: int) -> None:
 
 def _tell_use(use: CoreUse, workers: int) -> None:
     typer.echo(
-        f"{use.tasks} tasks in {use.elapsed_s:.1f} s; the {workers} processes "
-        f"were busy {use.at_work:.0%} of the time and had a core {use.computing:.0%}",
+        f"{use.tasks} tasks in {use.elapsed_s:.1f} s; each of the {workers} processes was busy for "
+        f"{use.at_work:.0%} of the time and used {use.computing:.0%} of a core",
         err=True,
     )
 

@@ -51,7 +51,7 @@ def _cost(presets: Sequence[PresetResult]) -> list[list[str]]:
     rows = [[stage, *(_both(p.timings.get(stage)) for p in presets)] for stage in stages]
     rows += [["**whole step**", *(_both(p.timings.get("total")) for p in presets)]]
     rows += [
-        ["OpenCV's calls, bare", *(_both(p.opencv.timing if p.opencv else None) for p in presets)],
+        ["OpenCV's calls alone", *(_both(p.opencv.timing if p.opencv else None) for p in presets)],
         ["whole step / OpenCV", *(shown(p.opencv.ratio if p.opencv else None) for p in presets)],
         [
             "the same within a frame, median",

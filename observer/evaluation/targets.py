@@ -237,4 +237,7 @@ def _costs(cost: Cost) -> list[Target]:
     most = {(512, 256): 8.0, (1242, 375): 25.0}.get(cost.image_size or (0, 0))
     rows = [] if most is None else [Target("observe ms, median", None, most, cost.median_ms, 1)]
     measured = int(cost.opencv_ratio is not None)
-    return [*rows, Target("observe over bare OpenCV", None, 2.0, cost.opencv_ratio, measured)]
+    return [
+        *rows,
+        Target("observe relative to OpenCV alone", None, 2.0, cost.opencv_ratio, measured),
+    ]

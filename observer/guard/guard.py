@@ -63,7 +63,7 @@ def sight_trouble(sight: Sight | None, now: float, world: str) -> str | None:
     if not sight.world:
         return "the open source is a recording, not a live view from the robot"
     if sight.world != world:
-        return f"the open source shows another world ({sight.world}) than the robot's ({world})"
+        return f"the open source shows a different world ({sight.world}) from the robot's ({world})"
     if now - sight.received > SIGHT_FRESH_S:
         age = now - sight.received
         # The exact age changes all the time; the sentence should not.

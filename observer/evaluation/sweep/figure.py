@@ -49,7 +49,7 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
     if not sweep.grid.driving:
         axes.axvline(1.0, color=GREY, linewidth=1, linestyle="--", zorder=1)
     axes.set_xlabel(cost_title(by))
-    axes.set_ylabel(f"{title} ({'more' if more else 'less'} is better)")
+    axes.set_ylabel(f"{title} ({'higher' if more else 'lower'} is better)")
     heading = "Accuracy against cost"
     if sweep.grid.driving:
         heading = f"Driving: {title} against {cost_title(by)}"

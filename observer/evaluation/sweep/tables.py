@@ -49,7 +49,7 @@ def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -
         "# Sweep\n",
         f"{len(sweep.combinations)} of {sweep.grid.count} combinations over {len(sweep.sources)} "
         f"sources, {_judged(sweep)}version {sweep.version}. Means over the sources, ranked by "
-        f"{title} ({'more' if more else 'less'} is better). {_explained(sweep, figure)} "
+        f"{title} ({'higher' if more else 'lower'} is better). {_explained(sweep, figure)} "
         "Combinations marked with an asterisk are Pareto-optimal: no other is both better and "
         "cheaper.\n",
         f"Sources: {sources}.\n",

@@ -64,7 +64,7 @@ def test_an_arming_refusal_names_the_missing_condition(bench: Any) -> None:
     refused(bench, ArmRobot("observer", None), "nothing can be seen")
     for seeing, match in (
         ({"mount_known": False}, "height and tilt"),
-        ({"world": "simulated:lab:7"}, "another world"),
+        ({"world": "simulated:lab:7"}, "a different world"),
         ({"world": None}, "a recording"),
         ({"status": Status.LOST}, "vision is lost"),
         ({"status": Status.DEGRADED, "reasons": ("few points",)}, "degraded: few points"),

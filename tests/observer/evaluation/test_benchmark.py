@@ -96,7 +96,7 @@ def test_opencv_share_of_the_cost_is_reported(lab: tuple[Benchmark, list[tuple[i
         assert cost.ratio == pytest.approx(each.timings["total"].median_ms / cost.timing.median_ms)
         assert cost.ratio_within > 1
         figures = {t.figure for t in each.targets}
-        assert {"observe ms, median", "observe over bare OpenCV"} <= figures
+        assert {"observe ms, median", "observe relative to OpenCV alone"} <= figures
     assert "whole step / OpenCV" in benchmark_markdown(result)
 
 

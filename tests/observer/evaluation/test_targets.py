@@ -130,15 +130,15 @@ def test_cost_has_a_limit_at_known_image_sizes(
     size: tuple[int, int] | None, most: float | None
 ) -> None:
     found = by_figure((Tally(frames=1), None), cost=Cost(size, 7.0, 2.5))
-    assert found["observe over bare OpenCV"].reached is False
+    assert found["observe relative to OpenCV alone"].reached is False
     if most is None:
         assert "observe ms, median" not in found
     else:
         assert found["observe ms, median"].most == most
         assert found["observe ms, median"].reached
     unknown = by_figure((Tally(frames=1), None), cost=Cost(size, 7.0, None))
-    assert unknown["observe over bare OpenCV"].reached is None
-    assert "observe over bare OpenCV" not in by_figure((Tally(frames=1), None))
+    assert unknown["observe relative to OpenCV alone"].reached is None
+    assert "observe relative to OpenCV alone" not in by_figure((Tally(frames=1), None))
 
 
 PEOPLE = "people, 0.4 m/s at 0.5-6 m: "
@@ -226,4 +226,4 @@ def test_limits_as_text_and_table_columns() -> None:
     assert "| metric at 0.8-4 m | target | paper | reached | default | reached |" in text
     assert "| speed RMSE, ideal, m/s | <= 0.02 | 0.010 | yes | 0.010 | yes |" in text
     assert "| coverage of velocity | 0.9-0.98 | 1.000 | **no** | 1.000 | **no** |" in text
-    assert "| observe over bare OpenCV | <= 2 | - | - | 1.500 | yes |" in text
+    assert "| observe relative to OpenCV alone | <= 2 | - | - | 1.500 | yes |" in text

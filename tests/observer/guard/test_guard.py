@@ -79,7 +79,7 @@ def test_problems_with_a_sight_are_explained() -> None:
     cases = {
         "no camera source": None,
         "recording": sight(now, world=None),
-        "another world": sight(now, world="simulated:lab:1"),
+        "a different world": sight(now, world="simulated:lab:1"),
         "for 200 ms": sight(now - 0.21),
         "more than a second": sight(now - 5.0),
         "height and tilt": sight(now, mount_known=False),

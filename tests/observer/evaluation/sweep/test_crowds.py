@@ -127,7 +127,7 @@ def test_tables_and_figure_show_driving_results(sweep: Sweep, tmp_path: Path) ->
     (axes,) = sweep_figure(sweep, ranked, "time_ratio").axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
         "contacts / m",
-        "time ratio (less is better)",
+        "time ratio (lower is better)",
     )
 
 
