@@ -243,7 +243,7 @@ class CheckRecord(CheckFacts):
     operators: Annotated[Sequence[str], means("Who was driving.")]
     software: Annotated[Mapping[str, str], means("Versions by name.")]
     source: str
-    calibration: Annotated[str | None, means("Its id; None: the source's own.")]
+    calibration: Annotated[str | None, means("Its id; null: the source's own.")]
     rig: Annotated[str, means("Its id; the same if only the robots' ports differ.")]
     rig_yaml: Annotated[str, means("Without ports, which may contain keys.")]
     guard: Annotated[ParameterValues, means("Its parameters by dotted name.")]

@@ -59,7 +59,7 @@ class FrameEntry:
     status: Literal["ok", "degraded", "lost"]
     obstacles: Sequence[FrameObstacle]
     truth: Sequence[FrameBody]
-    counts: Annotated[FrameCounts | None, means("None without ground truth.")]
+    counts: Annotated[FrameCounts | None, means("null without ground truth.")]
     observed_ms: Annotated[float | None, means("Processing time of the method.")]
     plan: FramePlan
     goal: Annotated[

@@ -161,7 +161,7 @@ class AlignmentFacts:
     overlap_s: float
     residual_mps: float
     samples: int
-    frame_residual_m: Annotated[float | None, means("None: only the clocks are aligned.")]
+    frame_residual_m: Annotated[float | None, means("null: only the clocks are aligned.")]
     observer: str | None
     camera_on_body: Annotated[
         CameraOnBodyFacts | None,
@@ -177,7 +177,7 @@ class AlignedRunEntry(Run):
     """A run with the ground truth just aligned with it."""
 
     alignment: Annotated[
-        AlignmentFacts | None, means("None: the ground truth was on the run's clock.")
+        AlignmentFacts | None, means("null: the ground truth was on the run's clock.")
     ]
     sentence: str
 

@@ -923,9 +923,9 @@ export interface components {
       camera_on_body: components["schemas"]["CameraOnBodyFacts"] | null;
     };
     AlignStart: {
-      /** @description None: the motion capture that was received live with the run. */
+      /** @description null: the motion capture that was received live with the run. */
       truth_id?: string | null;
-      /** @description The body that carries the cameras; None: detected. */
+      /** @description The body that carries the cameras; null: detected automatically. */
       observer?: string | null;
       /** @description Bodies that are neither observer nor obstacle. */
       ignore?: string[];
@@ -933,14 +933,14 @@ export interface components {
       matches?: {
         [key: string]: string | null;
       };
-      /** @description Approximate time offset to add to the times of the ground truth, within 2 s; for periodic motion. None: it is estimated. */
+      /** @description Approximate time offset to add to the times of the ground truth, within 2 s; for periodic motion. null: it is estimated. */
       expected_offset_s?: number | null;
       /** @description Pose of the left camera on the observer's body. null: estimated, or from the rig. */
       camera_on_body?: components["schemas"]["CameraOnBodyIn"] | null;
     };
     /** @description A run with the ground truth just aligned with it. */
     AlignedRunEntry: components["schemas"]["Run"] & {
-      /** @description None: the ground truth was on the run's clock. */
+      /** @description null: the ground truth was on the run's clock. */
       alignment: components["schemas"]["AlignmentFacts"] | null;
       sentence: string;
     };
@@ -955,7 +955,7 @@ export interface components {
       overlap_s: number;
       residual_mps: number;
       samples: number;
-      /** @description None: only the clocks are aligned. */
+      /** @description null: only the clocks are aligned. */
       frame_residual_m: number | null;
       observer: string | null;
       /** @description Pose of the camera on the observer's body; null if unknown. */
@@ -1023,7 +1023,7 @@ export interface components {
     };
     /** @description The board is named by its inner corners, as OpenCV names it. */
     CalibratingStart: {
-      /** @description None: the open source. */
+      /** @description null: the open source. */
       source?: string | null;
       /**
        * @default chessboard
@@ -1277,7 +1277,7 @@ export interface components {
       status: "ok" | "degraded" | "lost";
       obstacles: components["schemas"]["FrameObstacle"][];
       truth: components["schemas"]["FrameBody"][];
-      /** @description None without ground truth. */
+      /** @description null without ground truth. */
       counts: components["schemas"]["FrameCounts"] | null;
       /** @description Processing time of the method. */
       observed_ms: number | null;
@@ -1647,7 +1647,7 @@ export interface components {
     RigFile: {
       text: string;
     };
-    /** @description Mount of the left camera; metres and degrees. None: not known. */
+    /** @description Mount of the left camera; metres and degrees. null: unknown. */
     RigMount: {
       height_m?: components["schemas"]["RigNumber"] | null;
       /** @description Positive: the camera looks down. */

@@ -34,7 +34,7 @@ ViewName = Annotated[str, Path(max_length=200)]
 class CalibratingStart(In):
     """The board is named by its inner corners, as OpenCV names it."""
 
-    source: Spec | None = Field(None, description="None: the open source.")
+    source: Spec | None = Field(None, description="null: the open source.")
     kind: BoardKind = "chessboard"
     columns: Annotated[Corners, Field(strict=True)] = A4_COLUMNS
     rows: Annotated[Corners, Field(strict=True)] = A4_ROWS

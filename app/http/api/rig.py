@@ -24,7 +24,7 @@ router = APIRouter(prefix="/rig", tags=["rig"])
 
 
 class RigMount(In):
-    """Mount of the left camera; metres and degrees. None: not known."""
+    """Mount of the left camera; metres and degrees. null: unknown."""
 
     height_m: RigNumber | None = None
     tilt_deg: RigNumber | None = Field(None, description="Positive: the camera looks down.")

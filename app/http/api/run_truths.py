@@ -38,10 +38,10 @@ class CameraOnBodyIn(In):
 
 class AlignStart(In):
     truth_id: Name | None = Field(
-        None, description="None: the motion capture that was received live with the run."
+        None, description="null: the motion capture that was received live with the run."
     )
     observer: Body | None = Field(
-        None, description="The body that carries the cameras; None: detected."
+        None, description="The body that carries the cameras; null: detected automatically."
     )
     ignore: Annotated[list[Body], Field(max_length=200)] = Field(
         default_factory=list, description="Bodies that are neither observer nor obstacle."
@@ -53,7 +53,7 @@ class AlignStart(In):
     expected_offset_s: Annotated[Finite, Field(ge=-1e12, le=1e12)] | None = Field(
         None,
         description="Approximate time offset to add to the times of the ground truth, within 2 s; "
-        "for periodic motion. None: it is estimated.",
+        "for periodic motion. null: it is estimated.",
     )
     camera_on_body: CameraOnBodyIn | None = Field(
         None,
