@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from functools import partial
@@ -13,6 +14,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
 from app.storage.errors import StorageError
+from observer.version import install_command
 
 _written_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
 # Name of our connections in PostgreSQL's pg_stat_activity.
@@ -60,12 +62,12 @@ def database_url(location: str | Path) -> URL:
 def _missing(url: URL, error: ImportError) -> str:
     if url.get_backend_name() == "postgresql":
         return (
-            "PostgreSQL databases need the Python package psycopg; install it with "
-            "pip install 'dynamic-observer[postgres]'"
+            "PostgreSQL databases need the Python package psycopg; install it with: "
+            + install_command("postgres", "'psycopg[binary]'")
         )
     return (
         f"databases of the kind {url.drivername} need the Python package {error.name}; "
-        f"install it with pip install {error.name}"
+        f"install it with: {sys.executable} -m pip install {error.name}"
     )
 
 
