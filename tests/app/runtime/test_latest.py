@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -134,19 +135,31 @@ def test_a_descriptor_that_is_not_a_slot_is_refused(tmp_path: Path) -> None:
         LatestReader(file.fileno())
 
 
-def test_values_are_never_torn_under_a_continuous_writer() -> None:
-    size = 150_000
+@contextmanager
+def _hammered(size: int) -> Iterator[tuple[LatestReader, subprocess.Popen[bytes]]]:
+    """A slot that another process writes without a pause; it is killed at the end."""
     fd = create_slot(size + 100)
+    reader = LatestReader(fd)
     process = subprocess.Popen(
         [sys.executable, "-c", HAMMER, str(fd), str(size)],
         pass_fds=[fd],
         stdout=subprocess.PIPE,
         cwd=Path(__file__).parents[3],
     )
-    reader = LatestReader(fd)
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
+        yield reader, process
+    finally:
+        process.kill()
+        process.communicate()
+        reader.close()
+        os.close(fd)
+
+
+def test_values_are_never_torn_under_a_continuous_writer() -> None:
+    size = 150_000
+    with _hammered(size) as (reader, writer):
         seen, last = 0, 0
         until = time.monotonic() + 1.5
         while time.monotonic() < until:
@@ -160,44 +173,22 @@ def test_values_are_never_torn_under_a_continuous_writer() -> None:
             assert len(latest.payload) == size - (last - 1) % 7
             assert latest.payload == bytes([value]) * len(latest.payload)
             seen += 1
-    finally:
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
-    assert seen > 20
-    # kill -9 at any instant: a whole value can still be read.
-    final = reader.read()
-    assert final is not None
-    assert len(set(final.payload)) == 1
-    reader.close()
-    os.close(fd)
+        assert seen > 20
+        # kill -9 at any instant: a whole value can still be read.
+        writer.kill()
+        writer.wait()
+        final = reader.read()
+        assert final is not None
+        assert len(set(final.payload)) == 1
 
 
 def test_the_stress_test_detects_a_reader_without_checks() -> None:
     """The same stress on the raw memory does find mixtures, so the test above can fail."""
     size = 150_000
-    fd = create_slot(size + 100)
-    process = subprocess.Popen(
-        [sys.executable, "-c", HAMMER, str(fd), str(size)],
-        pass_fds=[fd],
-        stdout=subprocess.PIPE,
-        cwd=Path(__file__).parents[3],
-    )
-    reader = LatestReader(fd)
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"ready\n"
+    with _hammered(size) as (reader, _):
         until = time.monotonic() + 20
         mixed = False
         while not mixed and time.monotonic() < until:
             data = bytes(reader._bytes[96 + 100 : 96 + size - 100])
             mixed = len(set(data)) > 1
         assert mixed
-    finally:
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
-        reader.close()
-        os.close(fd)
