@@ -156,7 +156,7 @@ class Observer:
         self._revision = revision
 
     def begin_segment(self) -> None:
-        """Forget all frames and tracks; the next frame starts a new world."""
+        """Forget all frames and tracks; the next frame begins a new segment."""
         if self._method is not None:
             self._segment += 1
         self._method = None

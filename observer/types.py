@@ -26,8 +26,8 @@ class Odometry:
     """Pose of the robot by wheel odometry, accumulated since its start; it drifts.
 
     Attributes:
-        x, y: metres, of the robot's base in the plane it drives on: forward and left as it stood
-            at the start. yaw: radians, positive to the left.
+        x, y: metres, position of the robot's base in the plane it drives on; x forward and y left
+            at its start. yaw: radians, positive to the left.
 
     Raises:
         ValueError: a number is not finite.
@@ -317,7 +317,7 @@ class Observation:
     Attributes:
         frame, time, received: of the observed frame.
         segment: number of the run of frames that share one world frame, counted from 0.
-        status, reasons: how far this frame can be trusted, and why not further.
+        status, reasons: how reliable the frame is, and what limits it.
         parameters_revision: the revision of the parameters that were used.
         T_world_camera: the camera's pose; None where unknown.
         obstacles: all tracks, tentative ones included.
