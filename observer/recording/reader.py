@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -147,17 +148,42 @@ class Recording:
         for payload in self._payloads(topics.TRUTH, TruthPayload):
             if found and payload.time <= found[-1].time:
                 break
-            # Malformed vectors and quaternions raise ValueError.
-            try:
-                found.append(_truth_sample(payload))
-            except ValueError:
-                raise self._unlike_ours(topics.TRUTH.name) from None
+            found.append(self._true(payload))
         return tuple(found)
+
+    def _true(self, payload: TruthPayload) -> TruthSample:
+        # Malformed vectors and quaternions raise ValueError.
+        try:
+            return _truth_sample(payload)
+        except ValueError:
+            raise self._unlike_ours(topics.TRUTH.name) from None
 
     def truth(self) -> SampledTruth | None:
         """Return the true bodies over the frames' time; None where none were known."""
         samples = self.truth_samples()
         return SampledTruth(samples) if samples else None
+
+    def truths(self) -> tuple[tuple[int, SampledTruth | None], ...]:
+        """Return the true bodies with the position of the first frame that they apply to.
+
+        Where the frames' time steps back, e.g. at a restart of the engine, others begin: the same
+        times come again, but the bodies may be elsewhere.
+        """
+        parts: list[tuple[int, list[TruthSample]]] = [(0, [])]
+        position, newest = 0, -math.inf
+        of_frame = msgspec.json.Decoder(RecordedFrame)
+        of_truth = msgspec.json.Decoder(TruthPayload)
+        for topic, message in self.messages(topics.FRAME.name, topics.TRUTH.name):
+            if topic == topics.FRAME.name:
+                time = self._decoded(of_frame, topic, message).time
+                if time < newest:
+                    parts.append((position, []))
+                position, newest = position + 1, time
+                continue
+            payload, samples = self._decoded(of_truth, topic, message), parts[-1][1]
+            if not samples or payload.time > samples[-1].time:
+                samples.append(self._true(payload))
+        return tuple((at, SampledTruth(tuple(part)) if part else None) for at, part in parts)
 
     def matched_truth(self) -> Iterator[MatchedTruth]:
         """Yield true bodies in the observations' world, each with its matched track, in order.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +53,9 @@ def rerun(job: Rerun, report: Report) -> Rerunned:
             revisions = {0: (Parameters().changed(Parameters.own(job.parameters)), _REVISION)}
             count, reported = len(recording.frames), 0.0
             for observation in replay(source, revisions, mount=mount):
-                result = kept.observed(source.recorded, source.frame, observation)
+                result = kept.observed(
+                    source.position - 1, source.recorded, source.frame, observation
+                )
                 results.write(result_line(result))
                 now = time.monotonic()
                 if now - reported >= _REPORT_S:
@@ -110,7 +113,9 @@ class _Kept:
         # Number of the present observer's first segment.
         self._first_segment = 0
         self._writer = RecordingWriter(Path(job.output), facts)
-        self._observed = ObservedWriter(self._writer, recording.truth())
+        self._observed = ObservedWriter(self._writer, None)
+        # Ground truth by the position of its first frame, of which the first is due next.
+        self._truths = deque(recording.truths())
         revision = ParameterRevision(revision=_REVISION, values=dict(job.parameters))
         self._writer.parameters(revision, facts.anchor.monotonic)
 
@@ -119,9 +124,11 @@ class _Kept:
         self._writer.finish()
 
     def observed(
-        self, recorded: RecordedFrame, frame: StereoFrame, observation: Observation
+        self, position: int, recorded: RecordedFrame, frame: StereoFrame, observation: Observation
     ) -> FrameResult:
-        """Write a frame and its observation."""
+        """Write a frame, at its position in the original recording, and its observation."""
+        while self._truths and self._truths[0][0] <= position:
+            self._observed = ObservedWriter(self._writer, self._truths.popleft()[1])
         if self.frames and recorded.begins == "observer":
             self._first_segment = self.segments
         self._writer.frame(

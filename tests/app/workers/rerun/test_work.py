@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.workers.frame_results import read_results
@@ -32,9 +34,18 @@ FIRST, SECOND = 10, 5
 
 
 def recorded(
-    path: Path, lab: OpenedSource, frames: Sequence[StereoFrame], images: Images = "lossless"
+    path: Path,
+    lab: OpenedSource,
+    frames: Sequence[StereoFrame],
+    images: Images = "lossless",
+    *,
+    driven: bool = False,
 ) -> list[dict[str, Any]]:
-    """Record a run whose engine was replaced: its source was restarted. Return its lines."""
+    """Record a run whose engine was replaced: its source was restarted. Return its lines.
+
+    Args:
+        driven: only before the restart were the robots driven; since then they stand.
+    """
     lines: list[dict[str, Any]] = []
     assert lab.source.calibration is not None
     assert lab.truth is not None
@@ -48,7 +59,11 @@ def recorded(
         for frame in frames[:count]:
             writer.frame(frame)
             line = {**observation_line(observer.observe(frame)), "segment": segment}
-            writer.truth(matcher.sample(frame.index, frame.time, frame.time), frame.received)
+            sample = matcher.sample(frame.index, frame.time, frame.time)
+            if segment and driven:
+                bodies = [replace(body, velocity=np.zeros(3)) for body in sample.bodies]
+                sample = replace(sample, bodies=tuple(bodies))
+            writer.truth(sample, frame.received)
             writer.observation(line, frame.received)
             lines.append(line)
     writer.finish()
@@ -105,6 +120,24 @@ def test_the_same_parameters_give_the_same_run(
     assert clock == sorted(set(clock))
     assert clock[-1] - clock[0] == pytest.approx(done.duration_s)
     assert {body["role"] for each in kept for body in each.truth} == {"observer", "obstacle"}
+
+
+def test_after_a_restart_truth_is_that_of_the_frame_and_not_of_its_repeated_time(
+    tmp_path: Path, lab: OpenedSource, frames: tuple[StereoFrame, ...]
+) -> None:
+    recorded(tmp_path / "recording.mcap", lab, frames, driven=True)
+    rerun(job(tmp_path), lambda *_: None)
+    speeds = {
+        part: [
+            max(body["speed"] for body in each.truth if body["role"] == "obstacle")
+            for each in read_results(tmp_path / "results.jsonl")
+            if each.segment == part
+        ]
+        for part in (0, 1)
+    }
+    assert (len(speeds[0]), len(speeds[1])) == (FIRST, SECOND)
+    assert min(speeds[0]) > 0.1
+    assert speeds[1] == [0.0] * SECOND
 
 
 def test_other_parameters_are_recorded_with_the_rerun(
