@@ -79,7 +79,8 @@ class Observing:
         if skipped:
             shown = "; ".join(f"{s.index}: {s.reason}" for s in skipped[:5])
             more = f"; and {len(skipped) - 5} more" if len(skipped) > 5 else ""
-            typer.echo(f"skipped {len(skipped)} frame(s): {shown}{more}", err=True)
+            frames = "1 frame" if len(skipped) == 1 else f"{len(skipped)} frames"
+            typer.echo(f"skipped {frames}: {shown}{more}", err=True)
 
     def _calibration(self, found: OpenedSource) -> StereoCalibration:
         """Return the calibration to observe with; log decisions to stderr."""

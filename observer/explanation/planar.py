@@ -192,9 +192,7 @@ def _not_measured(place: _Place) -> _Judgement:
         value = below(depth)
         change = f"With stereo.min_depth_m at {value} m or below it would be measured."
         if float(value) < least:
-            change = (
-                f"No setting reaches that near: the minimum of stereo.min_depth_m is {least:g} m."
-            )
+            change = f"No setting allows that: the minimum of stereo.min_depth_m is {least:g} m."
         why = f"but it is {depth:.2f} m away, closer than {p.stereo.min_depth_m:g} m"
         return PixelVerdict.UNDECIDED, f"{seen}, {why}.", change, {}
     return (
@@ -286,6 +284,6 @@ def _too_far_words(depth: float, farthest: float) -> tuple[str, str]:
     if depth >= most:
         return (
             sentence,
-            f"No setting reaches that far: the maximum of stereo.max_depth_m is {most:g} m.",
+            f"No setting allows that: the maximum of stereo.max_depth_m is {most:g} m.",
         )
     return sentence, f"With stereo.max_depth_m at {above(depth, 1)} m or above it would be tested."

@@ -157,7 +157,7 @@ def _judge(
     if moving:
         return (
             PixelVerdict.DYNAMIC,
-            f"It moves at {speed:.2f} m/s over ground, on the evidence of "
+            f"It moves at {speed:.2f} m/s over ground, based on "
             f"{pooled}{_whose(obstacle)}: {significance}."
             if middle > threshold or obstacle == NO_OBSTACLE
             else f"It is part of {_name(obstacle)}, which was seen to move; the motion here is now "
@@ -219,8 +219,8 @@ def _judge(
         return _too_far(depth, age, least, parameters.evidence.memory_s)
     return (
         PixelVerdict.STATIC,
-        f"It is static, on the evidence of {pooled}: the apparent motion of {speed:.2f} m/s is "
-        f"noise ({significance}).",
+        f"It is static, based on {pooled}: the apparent motion of {speed:.2f} m/s is noise "
+        f"({significance}).",
         f"Anything faster than {least:.2f} m/s would be detected here. "
         f"{_sooner(middle, threshold, parameters)}",
     )
@@ -245,8 +245,8 @@ def _too_far(
         PixelVerdict.TOO_FAR,
         f"It is too far away to decide: at {depth:.1f} m only motion faster than {least:.1f} m/s "
         "is significant, and none is.",
-        f"From about {near:.1f} m on, {_SLOW_WALK_MPS:g} m/s would be detected; a larger "
-        f"evidence.memory_s (now {memory:g} s) reaches farther and responds later.",
+        f"Within about {near:.1f} m, {_SLOW_WALK_MPS:g} m/s would be detected; a larger "
+        f"evidence.memory_s (now {memory:g} s) extends this range and delays detection.",
     )
 
 

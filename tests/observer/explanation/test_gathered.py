@@ -144,7 +144,7 @@ def test_it_is_too_far_where_a_slow_walk_is_undetectable() -> None:
     assert far.verdict is PixelVerdict.TOO_FAR
     assert "at 30.0 m" in far.sentence
     assert f"faster than {0.3 * 1.5**2 * THRESHOLD:.1f} m/s" in far.sentence
-    near = float(re.search(r"From about ([\d.]+) m on", far.would_change).group(1))
+    near = float(re.search(r"Within about ([\d.]+) m", far.would_change).group(1))
     assert at(near - 0.1).verdict is PixelVerdict.STATIC
     assert at(near + 0.1).verdict is PixelVerdict.TOO_FAR
     assert at(30.0, length=9.0).verdict is PixelVerdict.DYNAMIC

@@ -192,7 +192,7 @@ def test_beyond_the_farthest_depth_is_too_far() -> None:
         name, value = promised(answer)
         assert name == "stereo__max_depth_m"
         assert scene.ask(px, **{name: value}).verdict is not PixelVerdict.TOO_FAR
-    assert "No setting reaches that far" in Scene(depth=250.0).ask(STOOD).would_change
+    assert "No setting allows that" in Scene(depth=250.0).ask(STOOD).would_change
 
 
 def test_without_depth_motion_is_undecided_but_a_still_feature_is_static() -> None:
