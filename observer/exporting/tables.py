@@ -176,7 +176,8 @@ _BODY_VECTORS = ("position", "velocity", "size")
 
 
 def _truth(recording: Recording) -> Iterator[Row]:
-    for sample in recording.truth_samples():
+    samples = (s for _, truth in recording.truths() if truth is not None for s in truth.samples)
+    for sample in samples:
         instant = {"frame": sample.frame, "time": sample.time}
         for body in sample.bodies:
             vectors = {name: getattr(body, name).tolist() for name in _BODY_VECTORS}

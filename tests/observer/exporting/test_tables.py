@@ -6,7 +6,9 @@ import csv
 import io
 import json
 import re
+import shutil
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,9 @@ from observer.exporting.errors import ExportError
 from observer.exporting.table_files import write_csv, write_parquet
 from observer.exporting.tables import TABLES, find_table
 from observer.recording.reader import Recording
+from observer.recording.source import RecordingSource
+from observer.recording.writer import RecordingWriter
+from observer.types import StereoFrame
 
 from .conftest import CELLS, GOAL
 
@@ -57,6 +62,27 @@ def test_each_obstacle_has_a_row_per_frame_with_full_precision(recorded: dict[st
             assert float(row["cov_yz_m2"]) == entry["position_cov"][1][2]
             assert float(row["cov_vzvz_m2ps2"]) == entry["velocity_cov"][2][2]
             assert row["why"] == entry["why"]
+
+
+def test_truth_after_a_restart_of_the_source_has_rows_too(
+    recorded: dict[str, Path], tmp_path: Path
+) -> None:
+    path = tmp_path / "restarted.mcap"
+    shutil.copy(recorded["none"], path)
+    with Recording(path) as recording:
+        before = recording.truth_samples()
+    writer = RecordingWriter.resume(path)
+    with closing(RecordingSource(recorded["lossless"])) as source:
+        for sample in before[:3]:
+            frame = source.read()
+            assert isinstance(frame, StereoFrame)
+            writer.frame(frame)
+            writer.truth(sample, frame.received)
+    writer.finish()
+    with Recording(path) as recording:
+        rows = read_csv("truth", recording)
+    expected = [(s.frame, body.name) for s in (*before, *before[:3]) for body in s.bodies]
+    assert [(int(r["frame"]), r["name"]) for r in rows] == expected
 
 
 def test_truth_odometry_robots_frames_and_parameters_have_tables(
