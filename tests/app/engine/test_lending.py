@@ -26,6 +26,8 @@ from observer.opening import OpenedSource
 from observer.sources.contract import LiveReport, SourceInfo
 from observer.types import StereoFrame
 
+from ...waiting import until
+
 WIDTH, HEIGHT = 64, 48
 SPEC, SWAPPED = "camera:0,1", "camera:1,0"
 
@@ -166,10 +168,10 @@ def test_the_same_cameras_are_handed_over_and_never_opened_twice(
         assert reply.error is None
         assert cameras.open == 1
     assert cameras.opened == [SPEC]
-    deadline = time.monotonic() + 10
-    while sum(thread.name == "recording" for thread in threading.enumerate()) > 1:
-        assert time.monotonic() < deadline, "the old sessions still keep their last half minute"
-        time.sleep(0.01)
+    until(
+        lambda: sum(thread.name == "recording" for thread in threading.enumerate()) <= 1,
+        "the old sessions give up their last half minute",
+    )
     assert desk.current.session is not None
     # The camera delivers frames and reports its state.
     assert desk.current.session.source.read() is not None

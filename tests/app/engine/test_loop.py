@@ -37,6 +37,7 @@ from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 
+from ...waiting import until
 from .bench import PATIENCE_S, Bench, Numbered, StandingTruth, opening
 
 
@@ -182,9 +183,7 @@ def test_an_opening_can_be_cancelled(bench: Bench) -> None:
     assert bench.wait(Reply, lambda r: r.number == asked).refusal == "state"
     bench.open_gate.set()
     bench.value(opening("many"))
-    deadline = time.monotonic() + PATIENCE_S
-    while bench.sources["numbers"].closed == 0 and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(lambda: bench.sources["numbers"].closed)
     assert bench.sources["numbers"].closed == 1
     assert bench.state.source is not None
     assert bench.state.source.frame_count == 10_000
@@ -206,9 +205,7 @@ def test_a_cancelled_opening_neither_records_nor_holds_its_source(
     # It is over already; the newer one goes on.
     bench.value(CancelOpening(1, "it took too long"))
     slow.set()
-    deadline = time.monotonic() + PATIENCE_S
-    while bench.sources["numbers"].closed == 0 and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(lambda: bench.sources["numbers"].closed)
     assert bench.sources["numbers"].closed == 1
     assert bench.state.state is EngineState.PREVIEW
     assert bench.state.source is not None

@@ -23,6 +23,7 @@ from app.storage.server_locks import ServedDatabase
 from observer.errors import InputError
 
 from ...postgresql import PrivateServer, private_server
+from ...waiting import until
 
 NewDatabase = Callable[[], str]
 HERE = f"process {os.getpid()} on {socket.gethostname()}"
@@ -105,9 +106,7 @@ def test_the_lock_is_reacquired_after_a_lost_connection(
     with ServedDatabase(url, look_s=0.05):
         before = server.run(of_it.format("pid"))
         server.run(of_it.format("pg_terminate_backend(pid)"))
-        deadline = time.monotonic() + 10
-        while server.run(of_it.format("pid")) in ("", before):
-            assert time.monotonic() < deadline
+        until(lambda: server.run(of_it.format("pid")) not in ("", before))
         with pytest.raises(StorageError, match=HERE), ServedDatabase(url):
             pytest.fail("held twice")
     with ServedDatabase(url):
@@ -163,9 +162,8 @@ def test_a_missing_database_server_is_reported_and_a_lost_one_awaited(
             mine.stop()
             time.sleep(0.3)
             mine.start()
-            deadline = time.monotonic() + 10
-            while mine.run("SELECT count(*) FROM pg_locks WHERE locktype = 'advisory'") != "1":
-                assert time.monotonic() < deadline
+            locks = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory'"
+            until(lambda: mine.run(locks) == "1")
         mine.stop()
         with pytest.raises(StorageUnreachable, match="cannot be reached"), occupied(tmp_path, url):
             pytest.fail("held without a server")

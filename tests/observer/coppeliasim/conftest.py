@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,8 @@ import pytest
 
 from observer.coppeliasim.address import Address
 from observer.coppeliasim.connection import Connection
+
+from .reading import wait_until_stopped
 
 _STAND_IN = Path(__file__).with_name("stand_in.py")
 
@@ -94,9 +95,7 @@ def bare(_bare_process: StandIn) -> StandIn:
     """A stand-in with an empty scene to fill; the test must not kill it."""
     with _bare_process.connected() as connection:
         connection.call("stopSimulation")
-        deadline = time.monotonic() + 5
-        while connection.call("getSimulationState") != connection.constant("simulation_stopped"):
-            assert time.monotonic() < deadline
+        wait_until_stopped(connection)
         scene, every = connection.constant("handle_scene"), connection.constant("handle_all")
         left = connection.call("getObjectsInTree", scene, every, 0)
         if left:

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -20,6 +20,7 @@ from observer.errors import InputError
 from observer.opening import open_source
 from observer.robots.contract import SETPOINT_FRESH_S, Robot, RobotPhase
 
+from ...waiting import until
 from .reading import frame_of
 
 pytestmark = pytest.mark.usefixtures("extra")
@@ -27,21 +28,11 @@ pytestmark = pytest.mark.usefixtures("extra")
 RADIUS, TRACK = 0.0975, 0.331
 
 
-def _eventually(condition: Callable[[], bool], within_s: float = 6.0) -> bool:
-    """Wait for a condition, generously because test machines are busy."""
-    deadline = time.monotonic() + within_s
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.005)
-    return True
-
-
 @contextmanager
 def _robot(running: Any, path: str) -> Iterator[CoppeliaSimRobot]:
     robot = open_coppelia_robot(f"{running.spec}{path}", "p3dx-sh")
     try:
-        assert _eventually(lambda: robot.report().phase is RobotPhase.CONNECTED), robot.report()
+        until(lambda: robot.report().phase is RobotPhase.CONNECTED)
         yield robot
     finally:
         robot.close()
@@ -84,10 +75,10 @@ def test_driving_the_wheels_moves_the_camera(shared: Any) -> None:
             before = robot.report().odometry
             assert before is not None
             with _held(robot, 0.3, 0.5):
-                assert _eventually(lambda: bool((s := robot.report().sent) and s.speed_mps == 0.3))
+                until(lambda: bool((s := robot.report().sent) and s.speed_mps == 0.3))
                 frames = [frame_of(opened) for _ in range(21)]
                 seen = robot.report
-                assert _eventually(lambda: abs((seen().speed_mps or 0.0) - 0.3) < 1e-6)
+                until(lambda: abs((seen().speed_mps or 0.0) - 0.3) < 1e-6)
             assert robot.report().turn_rate_radps == pytest.approx(0.5)
             observer, _ = opened.truth.bodies(frames[-1].time)
             assert observer.commanded_speed == pytest.approx(0.3)
@@ -96,7 +87,7 @@ def test_driving_the_wheels_moves_the_camera(shared: Any) -> None:
             yaw = driven[-1].yaw - driven[0].yaw
             assert yaw == pytest.approx(0.5 * 1.0, abs=0.03)
             # The robot polls by itself, a moment after the last step.
-            assert _eventually(
+            until(
                 lambda: math.isclose(
                     robot.report().odometry.yaw - before.yaw, driven[-1].yaw, abs_tol=1e-6
                 )
@@ -120,12 +111,12 @@ def test_it_stops_without_repeated_commands_and_moves_only_if_enabled(shared: An
         worst = 0.0
         for _ in range(3):
             with _held(robot, 0.4, 0.2):
-                assert _eventually(lambda: _targets(other, path)[0] > 0)
+                until(lambda: _targets(other, path)[0] > 0)
                 left, right = _targets(other, path)
                 assert (left + right) / 2 * RADIUS == pytest.approx(0.4)
                 assert (right - left) * RADIUS / TRACK == pytest.approx(0.2)
             last = time.monotonic()
-            assert _eventually(lambda: _targets(other, path) == (0.0, 0.0))
+            until(lambda: _targets(other, path) == (0.0, 0.0))
             worst = max(worst, time.monotonic() - last)
         print(f"\nwheels at zero after the last drive(): worst {worst * 1000:.0f} ms of 3")  # noqa: T201
         assert worst < SETPOINT_FRESH_S + 0.5
@@ -139,7 +130,7 @@ def test_it_stops_without_repeated_commands_and_moves_only_if_enabled(shared: An
         robot.drive(0.4, 0.0)
         robot.stop()
         assert robot.drive(0.4, 0.0).speed_mps == 0.0
-        assert _eventually(lambda: _targets(other, path) == (0.0, 0.0))
+        until(lambda: _targets(other, path) == (0.0, 0.0))
         robot.enable()
         robot.drive(0.4, 0.0)
         robot.close()
@@ -165,10 +156,10 @@ def test_a_stop_does_not_wait_for_the_questions_of_a_slow_simulator(
     with _robot(bare, "/PioneerP3DX") as robot:
         robot.enable()
         with _held(robot, 0.4, 0.0):
-            assert _eventually(lambda: bool((s := robot.report().sent) and s.speed_mps == 0.4))
+            until(lambda: bool((s := robot.report().sent) and s.speed_mps == 0.4))
             slow.set()
             # The thread is now in the first of a dozen questions.
-            assert _eventually(lambda: any(c[1] == "getSimulationTime" for c in list(calls)))
+            until(lambda: any(c[1] == "getSimulationTime" for c in list(calls)))
         asked_at = time.monotonic()
         if how == "stop":
             robot.stop()
@@ -178,7 +169,7 @@ def test_a_stop_does_not_wait_for_the_questions_of_a_slow_simulator(
             robot.close()
         else:
             asked_at += SETPOINT_FRESH_S
-        assert _eventually(
+        until(
             lambda: any(c[1] == "setJointTargetVelocity" and c[0] > asked_at for c in list(calls))
         )
         slow.clear()
@@ -196,7 +187,7 @@ def test_sonars_and_warnings_are_reported(bare: Any) -> None:
         ahead = 5.4 - 0.5 - (0.15 + 0.5) * math.cos(math.radians(10)) + 0.5
         other.call("setObjectPose", handle, [ahead, 0.0, 0.1388, 0.0, 0.0, 0.0, 1.0])
         with _robot(bare, "/PioneerP3DX") as robot:
-            assert _eventually(lambda: len(robot.report().sonars) == 8)
+            until(lambda: len(robot.report().sonars) == 8)
             sonars = robot.report().sonars
             assert [s.index for s in sonars] == list(range(8))
             assert math.degrees(sonars[3].heading) == pytest.approx(10)
@@ -232,7 +223,7 @@ def test_a_hung_simulator_is_a_fault_and_blocks_no_call(bare: Any) -> None:
             assert robot.drive(0.3, 0.0).speed_mps == 0.0
         finally:
             os.kill(bare.process.pid, signal.SIGCONT)
-        assert _eventually(lambda: robot.report().phase is RobotPhase.CONNECTED)
+        until(lambda: robot.report().phase is RobotPhase.CONNECTED)
         # It is back, but moves only once the fault has been cleared.
         robot.enable()
         assert not robot.report().motors_enabled
@@ -265,9 +256,9 @@ def test_any_error_in_the_driver_stops_the_wheels(
     with shared.connected() as other, _robot(shared, path) as robot:
         robot.enable()
         with _held(robot, 0.3, 0.0):
-            assert _eventually(lambda: _targets(other, path)[0] > 0)
+            until(lambda: _targets(other, path)[0] > 0)
             failing.set()
-            assert _eventually(lambda: robot.report().phase is phase)
+            until(lambda: robot.report().phase is phase)
             assert _targets(other, path) == (0.0, 0.0)
         report = robot.report()
         assert report.fault == report.trouble
@@ -279,20 +270,20 @@ def test_a_missing_simulator_or_robot_is_reported_and_awaited(bare: Any, free_po
     with pytest.raises(InputError, match="are driven as model p3dx-sh, not amigo"):
         open_coppelia_robot("coppeliasim:127.0.0.1:1/PioneerP3DX", "amigo")
     unreachable = open_coppelia_robot(f"coppeliasim:127.0.0.1:{free_port}/PioneerP3DX")
-    assert _eventually(lambda: unreachable.report().phase is RobotPhase.WAITING)
+    until(lambda: unreachable.report().phase is RobotPhase.WAITING)
     report = unreachable.report()
     assert "nothing listens" in report.trouble
     assert report.fault is None
     unreachable.close()
     robot = open_coppelia_robot(f"{bare.spec}/PioneerP3DX")
     try:
-        assert _eventually(lambda: robot.report().trouble is not None)
+        until(lambda: robot.report().trouble is not None)
         assert "has no P3-DX /PioneerP3DX with leftMotor and rightMotor; there are: none" in (
             robot.report().trouble
         )
         with bare.connected() as other:
             other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")
-        assert _eventually(lambda: robot.report().phase is RobotPhase.CONNECTED)
+        until(lambda: robot.report().phase is RobotPhase.CONNECTED)
         assert robot.report().trouble is None
     finally:
         robot.close()

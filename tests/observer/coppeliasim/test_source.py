@@ -22,7 +22,8 @@ from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
 from observer.types import Image
 
-from .reading import frame_of
+from ...waiting import until
+from .reading import frame_of, wait_until_stopped
 
 pytestmark = pytest.mark.usefixtures("extra")
 
@@ -54,15 +55,6 @@ def _roll(connection: Connection, robot: str, left: float, right: float) -> None
     for motor, velocity in (("leftMotor", left), ("rightMotor", right)):
         handle = connection.call("getObject", f"{robot}/{motor}")
         connection.call("setJointTargetVelocity", handle, velocity)
-
-
-def _wait_until_stopped(connection: Connection) -> None:
-    """Wait, because the stop would undo any change made before it."""
-    stopped = connection.constant("simulation_stopped")
-    deadline = time.monotonic() + 5
-    while connection.call("getSimulationState") != stopped:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def _redness(image: Image, px: Float64Array) -> float:
@@ -213,17 +205,15 @@ def test_closing_stops_only_a_simulation_that_the_source_started(shared: Any) ->
     with shared.connected() as other:
         with _opened(shared) as opened:
             opened.source.read()
-        _wait_until_stopped(other)
+        wait_until_stopped(other)
         other.call("startSimulation")
         with _opened(shared) as opened:
             opened.source.read()
         assert other.call("getSimulationState") != other.constant("simulation_stopped")
         now = other.call("getSimulationTime")
-        deadline = time.monotonic() + 5
-        while other.call("getSimulationTime") <= now:
-            assert time.monotonic() < deadline
+        until(lambda: other.call("getSimulationTime") > now)
         other.call("stopSimulation")
-        _wait_until_stopped(other)
+        wait_until_stopped(other)
 
 
 def test_a_dead_stepping_client_does_not_block_for_long(shared: Any) -> None:
@@ -284,7 +274,7 @@ def test_a_missing_sensor_pair_is_added_to_the_robot_and_found_again(bare: Any) 
                 assert info.mount_tilt_rad == pytest.approx(math.radians(6), abs=1e-9)
                 assert opened.source.calibration.is_rectified
                 assert frame_of(opened).left.std() > 20
-            _wait_until_stopped(other)
+            wait_until_stopped(other)
         kind = other.constant("object_visionsensor_type")
         scene = other.constant("handle_scene")
         assert len(other.call("getObjectsInTree", scene, kind, 0)) == 2
@@ -294,7 +284,7 @@ def test_sensors_are_found_by_position_and_mismatches_are_reported(bare: Any) ->
     with bare.connected() as other:
         other.call("loadModel", _MODEL)
         open_source(bare.spec).source.close()
-        _wait_until_stopped(other)
+        wait_until_stopped(other)
         left, right = (other.call("getObject", f"/{name}") for name in _CAMERAS)
         width = other.constant("visionintparam_resolution_x")
         # With the names gone, only their places tell left from right.
@@ -308,7 +298,7 @@ def test_sensors_are_found_by_position_and_mismatches_are_reported(bare: Any) ->
                 r"returned 491520 bytes \(reported size \[640, 256\]\), not a 512x256 colour"
             ):
                 opened.source.read()
-        _wait_until_stopped(other)
+        wait_until_stopped(other)
         # Swapped.
         for handle, name in zip((right, left), _CAMERAS, strict=True):
             other.call("setObjectAlias", handle, name)

@@ -17,6 +17,8 @@ from observer.simulation.source import SimulatedSource
 from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
 
+from ....waiting import until
+
 RATE = 20
 SCENE = """
 title: A title
@@ -98,10 +100,7 @@ class Lab:
         log = self.robots.servings[role].robot.log
         before = log.count
         self.links[role].say(number, argument)
-        deadline = time.monotonic() + 5
-        while log.count == before:
-            assert time.monotonic() < deadline, "the command did not arrive"
-            time.sleep(0.001)
+        until(lambda: log.count != before, "the command arrives", pause_s=0.001)
         # The log is written after the command took effect.
 
     def frames(self, seconds: float, speaking: Callable[[], None] = lambda: None) -> None:

@@ -20,6 +20,8 @@ from observer.robots.arcos import Command, PacketParser, command
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_pty, serve_tcp
 
+from ....waiting import until
+
 SYNC = [command(k) for k in (0, 1, 2)]
 Robots = Serving[EmulatedRobot]
 
@@ -86,17 +88,8 @@ def client_of(serving: Robots) -> Iterator[Client]:
         assert time.monotonic() < deadline, "nobody answers at the port"
         time.sleep(0.01)
     with connection:
-        assert soon(lambda: serving.connected)
+        until(lambda: serving.connected)
         yield Client(connection.sendall, connection.fileno())
-
-
-def soon(condition: Callable[[], bool], seconds: float = 10) -> bool:
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def test_status_is_sent_repeatedly_and_commands_are_logged_with_their_time(
@@ -107,13 +100,13 @@ def test_status_is_sent_repeatedly_and_commands_are_logged_with_their_time(
         assert 3 <= len(client.hear(1)) <= 12
         before = time.monotonic()
         client.write(command(Command.ENABLE, 1) + command(Command.VEL, 150))
-        assert soon(lambda: len(served.robot.log.since(before)) == 2)
+        until(lambda: len(served.robot.log.since(before)) == 2)
         first, second = served.robot.log.since(before)
         assert (first.number, second.number, second.argument) == (4, 11, 150)
         assert before <= first.time <= second.time <= time.monotonic()
-        assert soon(lambda: served.robot.speed_mps > 0.1)
+        until(lambda: served.robot.speed_mps > 0.1)
         client.write(command(Command.STOP))
-        assert soon(lambda: served.robot.speed_mps == 0.0)
+        until(lambda: served.robot.speed_mps == 0.0)
     assert served.robot.log.unintended == 0
 
 
@@ -145,7 +138,7 @@ def test_unplugging_ends_the_connection_until_it_is_plugged_in_again(served: Rob
     with client_of(served) as client:
         client.open()
         served.robot.faults.unplugged = True
-        assert soon(lambda: ended(client))
+        until(lambda: ended(client))
         assert refuses(served)
         served.robot.faults.unplugged = False
     with client_of(served) as client:
@@ -168,7 +161,7 @@ def test_silence_deafness_splitting_and_merging_are_simulated(served: Robots) ->
         assert client.hear(0.5) == []
         count = log.count
         client.write(command(Command.PULSE))
-        assert soon(lambda: log.count > count)
+        until(lambda: log.count > count)
         faults.silent, faults.deaf = False, True
         client.until(0x32)
         count = log.count
@@ -245,10 +238,10 @@ def test_a_pseudo_terminal_keeps_its_name_when_plugged_in_again(tmp_path: Path) 
         with terminal(serving.port) as client:
             client.open()
             serving.robot.faults.unplugged = True
-            assert soon(lambda: ended(client))
+            until(lambda: ended(client))
             assert not link.is_symlink()
         serving.robot.faults.unplugged = False
-        assert soon(link.exists)
+        until(link.exists)
         with terminal(serving.port) as client:
             client.until(0x32)
     assert not link.is_symlink()
@@ -263,10 +256,10 @@ def test_a_client_at_the_wrong_rate_receives_no_packet(tmp_path: Path) -> None:
         with terminal(serving.port) as client:
             client.open()
             client.write(command(Command.HOSTBAUD, 2))
-            assert soon(lambda: robot.baud == 38400)
+            until(lambda: robot.baud == 38400)
             client.hear(0.2)
             assert client.hear(0.5) == []
             set_rate(client._fd, termios.B38400)
             client.until(0x32)
             client.write(command(Command.CLOSE))
-            assert soon(lambda: robot.baud == 9600)
+            until(lambda: robot.baud == 9600)

@@ -14,6 +14,7 @@ from observer.simulation.scenarios import scenario_from_text
 from observer.simulation.truth import SimulatedTruth
 from observer.simulation.world import World
 
+from ....waiting import until
 from .lab import RATE, SCENE, Lab, MakeLab, holding
 
 
@@ -139,10 +140,7 @@ def test_the_watchdog_stops_the_robot_of_a_dead_client(lab: Lab) -> None:
     assert lab.truth.bodies(lab.time)[0].speed > 0.15
     lab.links["observer"].close()
     firmware = lab.robots.servings["observer"].robot
-    deadline = time.monotonic() + 10
-    while not firmware.timed_out:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(lambda: firmware.timed_out)
     lab.frames(1.5)
     body = lab.truth.bodies(lab.time)[0]
     assert (body.speed, body.commanded_speed) == (0.0, 0.0)
