@@ -22,14 +22,12 @@ def link(
         bool,
         typer.Option("--read-only", help="Show read-only links instead of operator links."),
     ] = False,
-    qr: Annotated[
-        bool, typer.Option("--qr/--no-qr", help="Draw the first link as a QR code.")
-    ] = True,
+    qr: Annotated[bool, typer.Option("--qr/--no-qr", help="Draw a QR code.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print the links as JSON.")] = False,
 ) -> None:
     """Print links that sign in to a running server.
 
-    Each comes with a QR code.
+    The first one that works on other computers is also drawn as a QR code.
     """
     from app.client.announced import find_server
     from app.http.sharing import ONLY_HERE, token_link
@@ -43,7 +41,7 @@ def link(
         links = {"access": "read_only" if read_only else "operator", "here": here, "others": others}
         typer.echo(json.dumps(links, indent=2))
         return
-    can = "watch" if read_only else "watch, change everything and drive"
+    can = "watch and stop the robots" if read_only else "watch, change everything and drive"
     typer.echo(f"Anyone with one of these links can {can}.\n")
     for each in others:
         typer.echo(f"  {each}")
