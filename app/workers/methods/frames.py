@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -70,15 +70,27 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
 def _with_lines(
     frames: Sequence[RecordedFrame], lines: Sequence[ObservationLine]
 ) -> Iterator[tuple[RecordedFrame, ObservationLine | None]]:
-    """Yield each frame with its line, or None: a killed engine leaves a frame without one."""
+    """Yield each frame with its line, or None: a killed engine leaves a frame without one.
+
+    Where a part of the file is damaged, a line may be left without its frame.
+    """
+    # Numbers and times repeat where an engine was replaced.
+    ahead = Counter((frame.index, frame.time) for frame in frames)
     at = 0
     for frame in frames:
-        line = lines[at] if at < len(lines) else None
-        if line is None or (line["frame"], line["time"]) != (frame.index, frame.time):
+        own = frame.index, frame.time
+        ahead[own] -= 1
+        while at < len(lines) and (of := _frame_of(lines[at])) != own and not ahead[of]:
+            at += 1
+        if at == len(lines) or _frame_of(lines[at]) != own:
             yield frame, None
             continue
         at += 1
-        yield frame, line
+        yield frame, lines[at - 1]
+
+
+def _frame_of(line: ObservationLine) -> tuple[int, float]:
+    return line["frame"], line["time"]
 
 
 class _Scores:
