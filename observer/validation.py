@@ -13,7 +13,7 @@ from typing import Any
 _PREDICATES = ("must ", "is ", "has ", "gives ", "appears ")
 _SENTENCES: Mapping[str, str] = {
     "missing": "is missing",
-    "extra_forbidden": "is not known here",
+    "extra_forbidden": "is not a known key",
     "string_type": "must be text",
     "string_too_short": "must have at least {min_length} characters",
     "string_too_long": "must have at most {max_length} characters",

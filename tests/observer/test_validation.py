@@ -51,7 +51,7 @@ class Asked(BaseModel):
         ({"rows": [1, 2, 3]}, "rows must have at most 2 entries"),
         ({"rows": 1}, "rows must be a list"),
         ({"must": 3}, "must must be even"),
-        ({"other": 1}, "other is not known here"),
+        ({"other": 1}, "other is not a known key"),
     ],
 )
 def test_an_error_states_the_valid_values(given: dict[str, Any], expected: str) -> None:

@@ -145,7 +145,7 @@ robots:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (MINIMAL + "colour: red\n", "colour is not known here"),
+        (MINIMAL + "colour: red\n", "colour is not a known key"),
         (MINIMAL.replace("ideal", "perfect"), "declares must be 'ideal' or 'faulty'"),
         (MINIMAL + "camera: {hfov_deg: 400}\n", "camera.hfov_deg must be at most"),
         (MINIMAL + "room: {x: [3, 2]}\n", "room.x must span 1 to 60 m"),
