@@ -278,7 +278,7 @@ def wait_for_scene(pixels: Pixels, eventually: Eventually) -> Callable[[Page], N
     return wait
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def eventually() -> Eventually:
     """Ask until the answer is true, or ``until`` accepts it; return the answer."""
 
