@@ -94,8 +94,9 @@ def test_missing_package_is_named_with_alternatives(
     with pytest.raises(TruthError) as caught:
         read(WHOLE)
     assert str(caught.value) == (
-        f"upload: reading C3D files needs the package c3d; install it with: {sys.executable} -m pip "
-        "install 'dynamic-observer[c3d]' -- or export the trajectories as CSV"
+        "upload: reading C3D files needs the package c3d; install it with: "
+        f"{sys.executable} -m pip install 'dynamic-observer[c3d]' "
+        "-- or export the trajectories as CSV"
     )
 
 
