@@ -524,8 +524,8 @@ export interface components {
      * @description Pose of the robot by wheel odometry, accumulated since its start; it drifts.
      *
      *     Attributes:
-     *         x, y: metres, of the robot's base in the plane it drives on: forward and left as it stood
-     *             at the start. yaw: radians, positive to the left.
+     *         x, y: metres, position of the robot's base in the plane it drives on; x forward and y left
+     *             at its start. yaw: radians, positive to the left.
      *
      *     Raises:
      *         ValueError: a number is not finite.
