@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from observer.geometry import BOX_CORNERS, Float64Array, Pose
 from observer.mount import CameraMount
 
-Float32Array = NDArray[np.float32]
-
 # Pairs of a box's corners that form its edges.
 _EDGES = np.array(
     [(a, b) for a, b in combinations(range(8), 2) if (BOX_CORNERS[a] != BOX_CORNERS[b]).sum() == 1]

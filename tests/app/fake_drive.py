@@ -259,10 +259,6 @@ class FakeDrive:
         """Publish a robot's speeds, as happens ten times a second while it is armed."""
         self.publish(WheelSpeedEvent(role, time.monotonic() - ago_s, sent, encoder))
 
-    def happen(self, role: Role | None, sentence: str, kind: Any = "fault") -> None:
-        """Publish that something stopped a robot."""
-        self.publish(IncidentEvent(role, kind, sentence, time.monotonic(), 0.25))
-
     def come_to_rest(self, role: Role, kind: Any, sentence: str, **more: Any) -> None:
         """Stop a robot driving at 0.25 m/s: publish the incident, then the measured stop."""
         now = time.monotonic()

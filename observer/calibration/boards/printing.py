@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, get_args
 from xml.sax.saxutils import escape
 
@@ -32,8 +32,6 @@ _FOOT_MM = 15.0
 _BAR_HEIGHT_MM = 2.5
 _LINE_MM, _TEXT_MM = 3.8, 2.9
 _POINTS_PER_MM = 72 / 25.4
-# No printer scales by more than this; something else was measured.
-_MEASURED_MM = (50.0, 200.0)
 
 
 @dataclass(frozen=True)
@@ -116,20 +114,6 @@ def board_pdf(board: Board, paper: Paper) -> bytes:
             b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
         ]
     )
-
-
-def scaled(board: Board, measured_bar_mm: float) -> Board:
-    """Return the board as it was actually printed, by the measured length of the 100 mm bar.
-
-    Raises:
-        CalibrationError: no printer scales by so much, or the squares exceed a board's limits.
-    """
-    if not _MEASURED_MM[0] <= measured_bar_mm <= _MEASURED_MM[1]:
-        raise CalibrationError(
-            f"the bar beside the board should measure about {BAR_MM:g} mm, not {measured_bar_mm:g} "
-            "mm; enter its length in millimetres"
-        )
-    return replace(board, square_m=board.square_m * measured_bar_mm / BAR_MM)
 
 
 def _pages(paper: Paper) -> list[tuple[float, float]]:

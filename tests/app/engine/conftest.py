@@ -35,7 +35,6 @@ class NumberedSource:
     own_calibration: StereoCalibration | None = field(default_factory=calibration)
     spec: str = "numbered"
     at: int = 0
-    rewinds: int = 0
     closed: int = 0
 
     @property
@@ -62,7 +61,6 @@ class NumberedSource:
 
     def rewind(self) -> None:
         self.at = 0
-        self.rewinds += 1
 
     def close(self) -> None:
         self.closed += 1

@@ -13,7 +13,6 @@ from observer.calibration.boards.printing import (
     Paper,
     board_pdf,
     board_svg,
-    scaled,
 )
 from observer.errors import CalibrationError
 
@@ -154,9 +153,3 @@ def test_oversized_board_is_refused_naming_the_largest_that_fits() -> None:
 def test_unknown_paper_size_is_refused_by_name() -> None:
     with pytest.raises(CalibrationError, match="A4, A3, Letter, not on 'A5'"):
         board_svg(Board(square_m=0.01), "A5")  # type: ignore[arg-type]
-
-
-def test_board_printed_too_small_is_scaled_by_its_bar() -> None:
-    assert scaled(Board(square_m=0.025), 97.0).square_m == pytest.approx(0.02425)
-    with pytest.raises(CalibrationError, match="not 10 mm"):
-        scaled(Board(), 10.0)
