@@ -1,4 +1,4 @@
-"""What is known of an ARCOS robot: its model, its settings, and what its packets told."""
+"""Known facts about an ARCOS robot: its model, its settings, and the content of its packets."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _OF_STATUS = (
 
 
 class KnownRobot:
-    """What is known of a robot; the driver's lock guards it.
+    """Known facts about a robot; the driver's lock guards them.
 
     Args:
         model: overrides what the robot reports; None: as reported.
