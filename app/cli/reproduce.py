@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.cli.progress import progress_bar
+from observer.number_format import format_number
 
 if TYPE_CHECKING:
     from app.reports.report import Report
@@ -66,7 +67,7 @@ def _tell_errors(report: Report) -> None:
         said = (
             "no matching detection"
             if whole.rmse_mps is None or whole.bias_mps is None
-            else f"RMSE {whole.rmse_mps:.3f} m/s, bias {whole.bias_mps:+.3f} m/s over "
-            f"{whole.samples} samples"
+            else f"RMSE {whole.rmse_mps:.3f} m/s, "
+            f"bias {format_number(whole.bias_mps, 3, signed=True)} m/s over {whole.samples} samples"
         )
         typer.echo(f"{each.experiment}, {each.method}: {said}", err=True)

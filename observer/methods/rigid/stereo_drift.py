@@ -14,6 +14,7 @@ from observer.intervals import half_95
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.point_tracking import LEAST_DISPARITY_PX
 from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.number_format import format_number
 from observer.parameters import Parameters
 from observer.robust import median
 from observer.trace import Trace
@@ -182,15 +183,17 @@ class StereoDrift:
             skew, self.skew_s = True, found.skew_s
             # The bias estimate and the key view were made without this skew.
             change, self.bias, self.bias_px, self._key = -self.bias_px, DisparityBias(), 0.0, None
+            skew_ms = format_number(1e3 * found.skew_s, 1, signed=True)
             notes.append(
-                f"the right camera exposes {1e3 * found.skew_s:+.1f} ± "
+                f"the right camera exposes {skew_ms} ± "
                 f"{1e3 * half_95(found.sigma_s):.1f} ms after the left one (95 % interval, "
                 "estimated while the camera turned); compensated from here on"
             )
         elif bias.sure and abs(gap) > max(_NEW_BIAS_PX, _NEW_BIAS_SIGMAS * bias.sigma_px):
             if not self.bias_px:
+                offset_px = format_number(bias.px, 2, signed=True)
                 notes.append(
-                    f"near and far points show a disparity offset of {bias.px:+.2f} ± "
+                    f"near and far points show a disparity offset of {offset_px} ± "
                     f"{half_95(bias.sigma_px):.2f} px from the calibration (95 % interval); "
                     "compensated from here on, but recalibrate the cameras"
                 )
