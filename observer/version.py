@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib.metadata
+import shlex
 import sys
 
 _WHOLE = "dynamic-observer"
@@ -17,16 +18,22 @@ def library_version() -> str:
 
 
 def install_command(extra: str, *packages: str) -> str:
-    """Return the command that installs optional packages into the Python in use.
+    """Return the command that installs an extra into the Python in use.
 
-    A plain ``pip`` may belong to another Python. The distribution of the library alone has no
-    extras.
+    The distribution of the library alone has no extras: there it names the packages.
 
     Args:
         extra: of the complete distribution. packages: those that it installs.
     """
-    wanted = " ".join(packages) if _version(_WHOLE) is None else f"'{_WHOLE}[{extra}]'"
-    return f"{sys.executable} -m pip install {wanted}"
+    return pip_install(*packages) if _version(_WHOLE) is None else pip_install(f"{_WHOLE}[{extra}]")
+
+
+def pip_install(*packages: str) -> str:
+    """Return the command that installs packages into the Python in use.
+
+    A plain ``pip`` may belong to another Python.
+    """
+    return shlex.join([sys.executable, "-m", "pip", "install", *packages])
 
 
 def _version(distribution: str) -> str | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from functools import partial
@@ -14,7 +13,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
 from app.storage.errors import StorageError
-from observer.version import install_command
+from observer.version import install_command, pip_install
 
 _written_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
 # Name of our connections in PostgreSQL's pg_stat_activity.
@@ -63,11 +62,11 @@ def _missing(url: URL, error: ImportError) -> str:
     if url.get_backend_name() == "postgresql":
         return (
             "PostgreSQL databases need the Python package psycopg; install it with: "
-            + install_command("postgres", "'psycopg[binary]'")
+            + install_command("postgres", "psycopg[binary]")
         )
     return (
         f"databases of the kind {url.drivername} need the Python package {error.name}; "
-        f"install it with: {sys.executable} -m pip install {error.name}"
+        f"install it with: {pip_install(str(error.name))}"
     )
 
 

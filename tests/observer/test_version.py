@@ -35,3 +35,9 @@ def test_packages_are_installed_into_the_python_in_use_as_the_distribution_allow
     assert version.library_version() == told
     command = version.install_command("cluster", "distributed", "pyarrow")
     assert command == f"{sys.executable} -m pip install {wanted}"
+
+
+def test_a_command_can_be_pasted_into_a_shell(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/home/ada/my lab/python")
+    command = "'/home/ada/my lab/python' -m pip install 'psycopg[binary]'"
+    assert version.pip_install("psycopg[binary]") == command
