@@ -13,3 +13,8 @@ def format_number(value: float, digits: int, *, signed: bool = False) -> str:
     """
     plus = "+" if signed else ""
     return f"{value:{plus}z.{digits}f}".replace("-", "−")
+
+
+def count_of(number: int, what: str) -> str:
+    """Return a count with its noun, as in ``1 feature`` and ``3 features``."""
+    return f"{number} {what}{'' if number == 1 else 's'}"

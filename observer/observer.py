@@ -57,6 +57,7 @@ from observer.methods.planar.method import PlanarMethod
 from observer.methods.rigid.method import RigidMethod
 from observer.methods.rigid.stereo_drift import StereoDrift
 from observer.mount import CameraMount
+from observer.number_format import count_of
 from observer.parameters import Parameters
 from observer.trace import NoTrace, Trace
 from observer.types import Observation, Obstacle, Status, StereoFrame, Unseen
@@ -233,7 +234,7 @@ class Observer:
             return (f"time jumped back from {newest:g} to {frame.time:g} s",)
         if frame.index > index + 1:
             missing = frame.index - index - 1
-            return (f"{missing} frame{'s' if missing > 1 else ''} missing before this one",)
+            return (f"{count_of(missing, 'frame')} missing before this one",)
         return ()
 
     def _first(

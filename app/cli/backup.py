@@ -9,6 +9,7 @@ import typer
 
 from app.cli.progress import progress_bar
 from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
+from observer.number_format import count_of
 
 
 def backup(
@@ -41,6 +42,5 @@ def backup(
         )
     size = sum(entry.size for entry in manifest.files.values())
     without = "" if recordings else ", without recordings (--recordings includes them)"
-    count = len(manifest.files)
-    files = f"{count} file{'' if count == 1 else 's'}, {size / 1e6:.1f} MB"
-    typer.echo(f"wrote {file}: {files}{without}", err=True)
+    files = count_of(len(manifest.files), "file")
+    typer.echo(f"wrote {file}: {files}, {size / 1e6:.1f} MB{without}", err=True)

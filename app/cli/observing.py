@@ -21,6 +21,7 @@ from observer.calibration.formats.units import UnitUnclear, parse_unit
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
 from observer.jsonl import observation_line
+from observer.number_format import count_of
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.recording.payloads import Images
@@ -79,8 +80,7 @@ class Observing:
         if skipped:
             shown = "; ".join(f"{s.index}: {s.reason}" for s in skipped[:5])
             more = f"; and {len(skipped) - 5} more" if len(skipped) > 5 else ""
-            frames = "1 frame" if len(skipped) == 1 else f"{len(skipped)} frames"
-            typer.echo(f"skipped {frames}: {shown}{more}", err=True)
+            typer.echo(f"skipped {count_of(len(skipped), 'frame')}: {shown}{more}", err=True)
 
     def _calibration(self, found: OpenedSource) -> StereoCalibration:
         """Return the calibration to observe with; log decisions to stderr."""

@@ -151,8 +151,3 @@ def above(value: float, digits: int = 2) -> str:
     """Return the least number with ``digits`` decimals that is greater than ``value``."""
     scale = 10**digits
     return f"{(math.floor(value * scale + 1e-6) + 1) / scale:.{digits}f}"
-
-
-def count_of(number: int, what: str) -> str:
-    """Return a count with its noun, as in ``1 feature`` and ``3 features``."""
-    return f"{number} {what}{'' if number == 1 else 's'}"

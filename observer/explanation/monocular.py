@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.explanation.answer import PixelAnswer, PixelVerdict, count_of, known, look_around
+from observer.explanation.answer import PixelAnswer, PixelVerdict, known, look_around
 from observer.methods.monocular.motion_test import RayEvidence
 from observer.methods.monocular.rays import RayPoints
+from observer.number_format import count_of
 from observer.parameters import Parameters
 from observer.vision.lifecycle import NO_OBSTACLE
 

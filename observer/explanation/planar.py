@@ -15,7 +15,6 @@ from observer.explanation.answer import (
     PixelVerdict,
     above,
     below,
-    count_of,
     distances,
     known,
     limits,
@@ -26,6 +25,7 @@ from observer.explanation.texture import why_no_feature
 from observer.geometry import Float64Array, map_pixels
 from observer.methods.planar.clustering import detect_obstacles, group_points
 from observer.methods.planar.results import Detection, PointMotions
+from observer.number_format import count_of
 from observer.parameters import ClusteringParameters, MotionParameters, Parameters
 from observer.trace import TraceValues
 

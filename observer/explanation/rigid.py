@@ -15,7 +15,6 @@ from observer.explanation.answer import (
     PixelAnswer,
     PixelVerdict,
     below,
-    count_of,
     known,
     limits,
     look_around,
@@ -23,6 +22,7 @@ from observer.explanation.answer import (
 )
 from observer.explanation.texture import texture_around
 from observer.methods.rigid.point_motion import PointEvidence
+from observer.number_format import count_of
 from observer.parameters import Parameters
 from observer.types import UNSEEN_BECAUSE, Image, Unseen
 from observer.vision.lifecycle import NO_OBSTACLE, is_provisional

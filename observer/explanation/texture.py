@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 
 from observer.camera import as_gray
-from observer.explanation.answer import Nearby, below, count_of, distances, limits
+from observer.explanation.answer import Nearby, below, distances, limits
 from observer.geometry import Float64Array
+from observer.number_format import count_of
 from observer.parameters import FeaturesParameters, FlowParameters, Parameters
 from observer.trace import TraceValues
 from observer.types import Image

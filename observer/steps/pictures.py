@@ -28,6 +28,7 @@ from observer.figures import (
     show_image,
     show_stars,
 )
+from observer.number_format import count_of
 from observer.obstacle_labels import obstacle_label
 from observer.steps.formulas import text
 from observer.steps.image_steps import differences
@@ -213,8 +214,7 @@ def _displacement(pair: ObservedPair) -> Figure:
 
 def _obstacles(pair: ObservedPair) -> Figure:
     shown = shown_obstacles(pair)
-    count = f"{len(shown)} obstacle{'' if len(shown) == 1 else 's'}"
-    title = f"left image, t+dt: {count}"
+    title = f"left image, t+dt: {count_of(len(shown), 'obstacle')}"
     figure, (axes,) = picture_axes((title,), _size(pair), _WIDTH)
     show_image(axes, pair.trace["left"])
     motions = pair.trace["motions"]
