@@ -143,6 +143,10 @@ class Roles:
             incidents += driven.incidents()
         return incidents
 
+    def errand(self) -> Errand | None:
+        """Return what a planner of the observer's path needs now; None without a goal."""
+        return self.goals.errand(self.driven[OBSERVER])
+
     # --- asked for by commands --------------------------------------------------------------
 
     def stop(self, by: str, now: float) -> None:
@@ -207,7 +211,3 @@ class Roles:
         if why is not None:
             sentence = f"the programme {playing.profile.name} was stopped: {why}"
             self._incidents.append(IncidentEvent(None, "programme", sentence, now, None))
-
-    def errand(self) -> Errand | None:
-        """Return what a planner of the observer's path needs now; None without a goal."""
-        return self.goals.errand(self.driven[OBSERVER])
