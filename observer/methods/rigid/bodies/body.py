@@ -23,6 +23,7 @@ from observer.methods.rigid.bodies.filter import (
 )
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
+from observer.methods.rigid.bodies.scatter import Scatter
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.steady_drive import SteadyDrive
 from observer.types import BoxPx, MotionState, TrackState
@@ -51,6 +52,7 @@ class BodyTrack:
         significance: Mahalanobis length of the velocity.
         box_px: u0 v0 u1 v1 in the left image, around its visible part; while it is out of sight,
             where that should be by now.
+        scatter: of how its points move, while it counts as rigid; None if unknown.
         lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.
         outline: its outline in the depth image; None before one was found.
         rigid: False once its limbs were seen to move on their own, or while no point is known to
@@ -63,7 +65,8 @@ class BodyTrack:
         part_moves: it began as a whole person, of whom only a part was seen to move.
         merged_s: seconds for which its points were seen, but no segment separate from its
             surroundings.
-        off_ground: no more than half of its points lie on the ground.
+        off_ground: no more than half of its points are on cells that do not stand out of the
+            ground. lies: more than half of them lie on it, by their own disparities.
         far: it is seen by points alone, too far away to tell whether they approach or recede.
         stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
@@ -86,6 +89,7 @@ class BodyTrack:
     hits: int = 0
     significance: float = 0.0
     box_px: BoxPx = (0.0, 0.0, 0.0, 0.0)
+    scatter: Scatter | None = None
     lasting_cov: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
     outline: Outline | None = None
     rigid: bool = True
@@ -98,6 +102,7 @@ class BodyTrack:
     part_moves: bool = False
     merged_s: float = 0.0
     off_ground: bool = True
+    lies: bool = False
     far: bool = False
     stood_s: float = 0.0
     unsure_s: float = 0.0
@@ -159,7 +164,7 @@ class BodyTrack:
         What moved as one until now may have been a limb, faster or slower than the body, so the
         velocity becomes less certain; but not if only legs are in view, as nothing tells better.
         """
-        self.rigid, self.rigidity, self.loosened = False, 0.0, True
+        self.rigid, self.rigidity, self.loosened, self.scatter = False, 0.0, True, None
         self.filter = self.filter.straightened()
         if self.outline is None or not self.outline.only_legs:
             self.filter = self.filter.doubted(_LIMB_COV)
@@ -181,7 +186,7 @@ class BodyTrack:
         """Go on as a part of what was taken for one body; ID and state stay."""
         self.filter, self.shape, self.outline = part.filter, part.shape, part.outline
         self.recent, self.box, self.points = part.recent, None, 0
-        self.rigid, self.rigidity, self.by_points = False, 0.0, False
+        self.rigid, self.rigidity, self.by_points, self.scatter = False, 0.0, False, None
 
     def carry_box(self, T_camera_world: Pose, camera: StereoCamera) -> None:
         """Move the image box of a body out of sight to where it is expected in this frame."""

@@ -168,8 +168,12 @@ class BodyFilter:
         return BodyFilter(means, J @ self.covariances @ np.swapaxes(J, 1, 2), self.probabilities)
 
 
-def turning_velocity(yaw_rate: float, arm: Float64Array) -> Float64Array:
-    """(..., 3) m/s of a point at the arm (..., 3) m of a body that turns about the vertical y."""
+def turning_velocity(yaw_rate: Float64Array | float, arm: Float64Array) -> Float64Array:
+    """(..., 3) m/s of a point at the arm (..., 3) m of a body that turns about the vertical y.
+
+    Args:
+        yaw_rate: rad/s; one for all, or (...) one for each arm.
+    """
     out = np.zeros(np.shape(arm))
     out[..., 0] = yaw_rate * arm[..., 2]
     out[..., 2] = -yaw_rate * arm[..., 0]

@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.bodies.scatter import Scatter, scatter_of
+from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.types import TrackState
+from observer.vision.lifecycle import NO_OBSTACLE
 
 # A body is rigid while this share of the points on it moves as it does; gain with which the share
 # follows a new frame of at least so many points. Half of a person who begins to walk is still:
@@ -18,6 +23,8 @@ _LEAST_POINTS = 4
 # So many points that moved as one for so many seconds are on no arm or leg, but for instance on a
 # robot with a mast on which nothing can be tracked.
 _MANY_POINTS, _STEADY_S = 12, 0.5
+# m/s, one standard deviation of the points' own velocities, above which many are on several things.
+_SCATTERED_MPS = 0.6
 # So many points spread over these shares of its height and width show a whole body.
 _WHOLE_POINTS, _WHOLE_HEIGHT, _WHOLE_WIDTH = 8, 0.75, 0.6
 
@@ -63,6 +70,31 @@ def _looks_like_a_person(outline: Outline) -> bool:
     What the image's border leaves of them in the end may be as wide as it is high.
     """
     return outline.upright or outline.legs_seen
+
+
+def judge_scatter(
+    tracks: list[BodyTrack], points: TrackedPoints, motion: PooledMotion
+) -> TrackedPoints:
+    """Note how far the points on rigid bodies differ in how they move.
+
+    If they rather lie on several things, such as people who walk side by side and what is seen
+    between them, the body counts as one with limbs, and has no members.
+    """
+    obstacle = points.obstacle.copy()
+    for track in [t for t in tracks if t.rigid and t.missed_s == 0]:
+        mine = np.flatnonzero(obstacle == track.id)
+        track.scatter = scatter_of(mine, motion, track.mean, track.recent)
+        if track.scatter is not None and _are_several(track, track.scatter):
+            track.loosen()
+            obstacle[mine] = NO_OBSTACLE
+    return points.but(obstacle=obstacle)
+
+
+def _are_several(track: BodyTrack, scatter: Scatter) -> bool:
+    """Return whether points taken for one body are on several; a confirmed one keeps its own."""
+    tentative = track.state is TrackState.TENTATIVE and track.outline is not None
+    many = scatter.points >= _MANY_POINTS
+    return tentative and many and scatter.level_mps > _SCATTERED_MPS
 
 
 def _drives(track: BodyTrack) -> bool:

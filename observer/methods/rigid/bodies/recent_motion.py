@@ -32,6 +32,11 @@ class RecentMotion:
         while self._noted[0][0] < time - _KEPT_S:
             self._noted.popleft()
 
+    @property
+    def known(self) -> bool:
+        """True if anything was noted."""
+        return bool(self._noted)
+
     def forget(self) -> None:
         """Forget everything."""
         self._noted.clear()
@@ -42,6 +47,15 @@ class RecentMotion:
         if self._instants is None:
             self._instants = self._chosen()
         return self._instants
+
+    def at(self, ago: Float64Array) -> Float64Array:
+        """Return (N, 4) m/s and rad/s: velocity and yaw rate (N,) seconds ago.
+
+        Further back than they are known, the oldest ones count. At least one must be known.
+        """
+        known, moved = self.instants()
+        columns = [np.interp(ago, known[::-1], column[::-1]) for column in moved.T]
+        return np.stack(columns, axis=1)
 
     def acceleration(self, seconds: Float64Array) -> Float64Array:
         """Return the mean acceleration (N,) m/s^2 over the last (N,) seconds.
