@@ -180,7 +180,8 @@ def _confirmed(
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     surely = by_points and not _creeps(track, parameters)
     track.crosses = surely and _crosses(track, camera_position)
-    shown = track.far or track.merged_s == 0 or _shown_by_many(track)
+    far = track.far and not track.lies
+    shown = far or track.merged_s == 0 or _shown_by_many(track)
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:

@@ -46,6 +46,8 @@ _LIMB_APART_M = 0.3
 _LEAST_VELOCITY_VARIANCE = 1e-6
 # Seconds for which two bodies must both be known before they stay two permanently.
 _KNOWN_S = 1.0
+# Share of a body's points that may lie on the ground, as shadows do.
+_LYING_SHARE = 0.5
 # No instants before now.
 _NEVER, _NO_MOTION = np.zeros(0), np.zeros((0, 4))
 
@@ -92,6 +94,11 @@ def group_of(
         velocity=velocity,
         velocity_cov=cov + np.eye(3) * _LEAST_VELOCITY_VARIANCE,
     )
+
+
+def mostly_lie(lying: NDArray[np.bool_]) -> bool:
+    """Return whether so many of some points (N,) lie on the ground that they are no body."""
+    return float(lying.mean()) > _LYING_SHARE
 
 
 def joining(

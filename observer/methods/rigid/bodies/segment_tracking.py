@@ -19,6 +19,7 @@ from observer.methods.rigid.bodies.cells_around import cells_around
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
 from observer.methods.rigid.bodies.legs import at_hips, shows_only_legs, swing_cov
 from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
+from observer.methods.rigid.bodies.membership import mostly_lie
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
 from observer.methods.rigid.bodies.segment_gate import has_left, leaps
 from observer.methods.rigid.bodies.shape import Box
@@ -49,8 +50,6 @@ from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, is_provisional
 _LEAST_MEMBERS = 3
 # Share of a body's members that must be at or beside cells near enough to be judged.
 _NEAR_SHARE = 0.5
-# Share of them that may lie on the ground, as shadows do.
-_LYING_SHARE = 0.5
 # Frames since a body was seen, below which it is followed rather than found again.
 _SEEN_BEFORE = 1.5
 # Cells at the border of an outline that may show the background, as edges in depth are not sharp.
@@ -262,12 +261,16 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
     rows, columns = scene.grid.at(points.px[members])
     judged = widened(scene.near, 1)[rows, columns].mean() > _NEAR_SHARE
     track.far = not tells_approach(median(points.disparity[members]), scene.grid)
-    if judged:
+    stands = scene.standing[rows, columns] | np.isnan(scene.disparity[rows, columns])
+    track.off_ground = not mostly_lie(~stands)
+    if scene.ground is not None:
+        ground = scene.ground.mapped(scene.T_camera_world)
+        px, disparity = points.px[members], points.disparity[members]
+        track.lies = mostly_lie(ground.carries(px, disparity, scene.grid.camera))
+    if judged or track.lies:
         track.merged_s += dt
     elif not track.far:
         track.merged_s = max(0.0, track.merged_s - dt)
-    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.standing[rows, columns]
-    track.off_ground = float(lies.mean()) <= _LYING_SHARE
 
 
 def _seen_members(track: BodyTrack, points: TrackedPoints) -> NDArray[np.intp]:

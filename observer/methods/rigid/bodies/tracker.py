@@ -19,7 +19,7 @@ from observer.methods.rigid.bodies.filter import (
     yaw_matrix,
 )
 from observer.methods.rigid.bodies.lifecycle import is_over, judge
-from observer.methods.rigid.bodies.limbs import may_be_rigid, moves_as_one
+from observer.methods.rigid.bodies.limbs import judge_scatter, may_be_rigid, moves_as_one
 from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
 from observer.methods.rigid.bodies.membership import (
     Group,
@@ -28,6 +28,7 @@ from observer.methods.rigid.bodies.membership import (
     goes_with,
     group_of,
     joining,
+    mostly_lie,
     placed,
     resting,
     shape_position,
@@ -113,10 +114,12 @@ class BodyTracker:
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
             points = self._moving_in_place.note(self.tracks, points, scene, self._numbers)
             self._light, self.ground = scene.light, scene.ground
+        points = judge_scatter(self.tracks, points, motion)
         note_lasting_errors(self.tracks, now, parameters.evidence)
-        points = self.associate(points, motion, p)
+        lying = self._lying(points, now)
+        points = self.associate(points, motion, lying, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
-        points = self.spawn(points, motion, reach, now.position, p)
+        points = self.spawn(points, motion, lying, reach, p)
         # Bodies that were found just now are no more certain than others.
         found = [track for track in self.tracks if track.frames == 0]
         note_lasting_errors(found, now, parameters.evidence)
@@ -198,10 +201,25 @@ class BodyTracker:
             shape_vector=shape_vector,
         )
 
+    def _lying(self, points: TrackedPoints, now: CameraStep) -> NDArray[np.bool_]:
+        """(N,) which points lie on the ground or are mirrored by it; none if it is unknown."""
+        if self.ground is None:
+            return np.zeros(len(points), np.bool_)
+        ground = self.ground.mapped(now.T_camera_world)
+        return ground.carries(points.px, points.disparity, now.camera)
+
     def associate(
-        self, points: TrackedPoints, motion: PooledMotion, parameters: ObstacleParameters
+        self,
+        points: TrackedPoints,
+        motion: PooledMotion,
+        lying: NDArray[np.bool_],
+        parameters: ObstacleParameters,
     ) -> TrackedPoints:
-        """Let points on a body that move with it join it, and members that rest leave it."""
+        """Let points on a body that move with it join it, and members that rest leave it.
+
+        Args:
+            lying: (N,) which points lie on the ground. They join no body that is mostly there.
+        """
         obstacle, tenure = points.obstacle.copy(), points.tenure.copy()
         for track in self.tracks:
             mine = np.flatnonzero(obstacle == track.id)
@@ -210,6 +228,8 @@ class BodyTracker:
                 obstacle[left], tenure[left] = NO_OBSTACLE, -BANISHED_FRAMES
             here = (points.within == NO_OBSTACLE) | (points.within == track.id)
             here &= (obstacle == NO_OBSTACLE) & motion.judged & (tenure >= 0)
+            if track.lies:
+                here &= ~lying
             free = np.flatnonzero(here)
             if track.box is None or not track.rigid or len(free) == 0:
                 continue
@@ -220,22 +240,22 @@ class BodyTracker:
         self,
         points: TrackedPoints,
         motion: PooledMotion,
+        lying: NDArray[np.bool_],
         radius_m: Callable[[Float64Array], float],
-        camera_position: Float64Array,
         parameters: ObstacleParameters,
     ) -> TrackedPoints:
         """Turn groups of dynamic points into obstacles, or return them to those lost from sight.
 
+        Shadows and reflections move, too: a group that is mostly on the ground is no obstacle.
+
         Args:
+            lying: (N,) which points lie on the ground.
             radius_m: metres within which points count as neighbours at a place (3,) m, world.
-            camera_position: (3,) metres, world.
         """
         # Points on a body's outline are its own, though none is known to move with it yet.
         stiff = [t.id for t in self.tracks if may_be_rigid(t)]
         free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
         free &= (points.within == NO_OBSTACLE) | np.isin(points.within, stiff)
-        if self.ground is not None:
-            free &= ~self.ground.mirrors(motion.position, camera_position)
         groups = group_dynamic(motion, free, parameters.min_points)
         obstacle = points.obstacle.copy()
         for number in range(int(groups.max(initial=-1)) + 1):
@@ -247,6 +267,8 @@ class BodyTracker:
             if np.linalg.norm(group.velocity) < _CREEPING * parameters.stopped_below_mps:
                 continue
             members = group.members
+            if mostly_lie(lying[members]):
+                continue
             track = self._outlined(points.within[members], stiff)
             if track is not None:
                 if not track.contains(group.centre[None], track.room(parameters.margin))[0]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.kernels.ground import LEAST_SAMPLES, fit_ground, nearer_downwards, stands_out
 from observer.methods.rigid.dense.grid import Grid
@@ -29,9 +30,9 @@ _STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
 # most the first, of which noise is a small share, and at least the second, whatever the baseline.
 _NEAR_M = 6.6
 _PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
-# Metres below the ground, plus a share of the distance, from which on a place is a mirror image:
-# neither the plane nor a point's depth is known better.
-_MIRRORED_M, _MIRRORED_SHARE = 0.3, 0.04
+# Most by which a point on the ground may be nearer than the plane: px, plus a share of the
+# disparity.
+_LYING_PX, _LYING_SHARE = 0.15, 0.03
 # Cells: disparity of points above which it alone tells whether they approach or recede.
 _TELLING_CELLS = 5.0
 
@@ -59,19 +60,22 @@ class GroundPlane:
         """Return how high a place (3,) m, world, is above it, metres."""
         return self.depth - float(self.down @ place)
 
-    def mirrors(self, places: Float64Array, camera_position: Float64Array) -> NDArray[np.bool_]:
-        """Return which places (N, 3) m, world, are so far below it that it mirrors what is there.
+    def carries(
+        self, px: NDArray[np.float32], disparity: Float64Array, camera: StereoCamera
+    ) -> NDArray[np.bool_]:
+        """Return which points of an image lie on it, as shadows do, or below, as mirror images do.
 
-        None is if the mount is unknown.
+        The plane must be in the camera's frame. None does if the mount is unknown; points of
+        unknown disparity do not count.
 
         Args:
-            camera_position: (3,) metres, world.
+            px: (N, 2) and disparity: (N,) px, of the points.
         """
-        if not self.mounted:
-            return np.zeros(len(places), np.bool_)
-        distance = np.linalg.norm(places - camera_position, axis=1)
-        below = places @ self.down - self.depth
-        return np.asarray(below > _MIRRORED_M + _MIRRORED_SHARE * distance, np.bool_)
+        if not self.mounted or self.depth < _HEIGHT_M[0]:
+            return np.zeros(len(px), np.bool_)
+        rays = camera.triangulate(px, np.full(len(px), camera.fb))
+        level = camera.fb / self.depth * (rays @ self.down)
+        return np.asarray(disparity <= level * (1 + _LYING_SHARE) + _LYING_PX, np.bool_)
 
 
 class Ground:

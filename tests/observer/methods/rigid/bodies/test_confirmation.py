@@ -147,6 +147,17 @@ def test_points_of_a_body_merged_with_its_surroundings_do_not_confirm(
         assert judge_frames(track, P.confirm_hits + 5) is state
 
 
+@pytest.mark.parametrize(
+    ("lies", "state"), [(False, TrackState.CONFIRMED), (True, TrackState.TENTATIVE)]
+)
+def test_far_points_on_the_ground_do_not_confirm(
+    make_track: MakeTrack, lies: bool, state: TrackState
+) -> None:
+    track = make_track((0.0, 0.0, 4.0), (0.5, 0.0, 0.0))
+    track.points, track.merged_s, track.far, track.lies = 9, 0.1, True, lies
+    assert judge_frames(track, P.confirm_hits + 5) is state
+
+
 def test_a_few_creeping_points_without_an_outline_do_not_confirm(make_track: MakeTrack) -> None:
     """Where the legs of two chairs cross in the image, points slide along."""
     for points, speed, state in (

@@ -20,6 +20,7 @@ from ..solid_worlds import (
     CAMERA,
     DT,
     GRID,
+    HEIGHT_M,
     ROOM,
     Solid,
     arrived,
@@ -209,6 +210,19 @@ def test_a_body_that_lost_its_outline_counts_as_merged(make_track: MakeTrack) ->
     assert host.outline is not None
     assert not host.outline.seen
     assert host.merged_s == pytest.approx(3 * DT)
+
+
+def test_members_known_to_be_on_the_floor_lie(make_track: MakeTrack) -> None:
+    """However low, what is higher stands."""
+    scene = seen([*ROOM, NEAR_WALL])
+    assert scene.ground is not None
+    for height_m, mounted, lies in ((0.0, True, True), (0.2, True, False), (0.0, False, False)):
+        place = (0.5, HEIGHT_M - height_m, 3.0)
+        track = make_track(place, number=1)
+        track.points = 9
+        ground = replace(scene.ground, mounted=mounted)
+        tracked([track], points_on(patch(*place)), replace(scene, ground=ground))
+        assert track.lies is lies
 
 
 def test_members_on_the_floor_are_not_off_the_ground(make_track: MakeTrack) -> None:

@@ -37,5 +37,6 @@ def test_points_sliding_off_the_edge_do_not_make_a_body_rigid(
     )
     pairs = np.array([(i, j) for i in range(len(places)) for j in range(i)])
     moving = replace(motion(places, np.array([speed, 0.0, 0.0])), pairs=pairs)
-    tracker.spawn(points, moving, lambda _: 0.5, np.zeros(3), ObstacleParameters())
+    nowhere = np.zeros(len(places), np.bool_)
+    tracker.spawn(points, moving, nowhere, lambda _: 0.5, ObstacleParameters())
     assert track.rigid is begins

@@ -16,12 +16,15 @@ from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.motion_test import pooled_motion
-from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.parameters import EvidenceParameters, Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.camera_rate import CameraRate
+from observer.vision.lifecycle import NO_OBSTACLE
 
 from .... import builders
+from ..moving_points import motion as moving
+from ..solid_worlds import points_on
 from .planted_bodies import DT, alive, to_the_right
 
 P = Parameters()
@@ -134,20 +137,54 @@ def test_very_slow_points_start_no_track(speed: float, begins: bool) -> None:
     motion = pooled_motion(points, seen_from(CameraRate.still()), P.evidence)
     assert motion.dynamic.all()
     tracker = BodyTracker()
-    tracker.spawn(points, motion, lambda _: 0.2, np.zeros(3), P.obstacles)
+    tracker.spawn(points, motion, np.zeros(20, np.bool_), lambda _: 0.2, P.obstacles)
     assert bool(tracker.tracks) == begins
 
 
-@pytest.mark.parametrize(("depth_m", "begins"), [(0.8, True), (-1.0, False)])
-def test_a_mirror_image_below_the_ground_starts_no_track(depth_m: float, begins: bool) -> None:
+@pytest.mark.parametrize(("lying", "begins"), [(0, True), (8, True), (12, False)])
+def test_points_that_mostly_lie_on_the_ground_start_no_track(lying: int, begins: bool) -> None:
     rng = np.random.default_rng(1)
     place = rng.uniform((-0.2, -0.2, 2.9), (0.2, 0.2, 3.1), (20, 3))
     points = builders.watched(CAMERA, place, np.array([0.5, 0, 0]), rng, sigma_px=0.02)
     motion = pooled_motion(points, seen_from(CameraRate.still()), P.evidence)
     tracker = BodyTracker()
-    tracker.ground = GroundPlane(np.array([0.0, 1.0, 0.0]), depth_m, mounted=True)
-    tracker.spawn(points, motion, lambda _: 0.2, np.zeros(3), P.obstacles)
+    tracker.spawn(points, motion, np.arange(20) < lying, lambda _: 0.2, P.obstacles)
     assert bool(tracker.tracks) == begins
+
+
+@pytest.mark.parametrize(
+    ("depth_m", "mounted", "begins"), [(0.8, True, True), (0.1, True, False), (0.1, False, True)]
+)
+def test_what_moves_on_a_ground_known_by_the_mount_is_no_body(
+    depth_m: float, mounted: bool, begins: bool
+) -> None:
+    """What is only seen may be a table, and the points below it those of a person beside it."""
+    rng = np.random.default_rng(1)
+    place = rng.uniform((-0.2, 0.2, 2.9), (0.2, 0.4, 3.1), (20, 3))
+    points = builders.watched(CAMERA, place, np.array([0.5, 0, 0]), rng, sigma_px=0.02)
+    now = seen_from(CameraRate.still())
+    tracker = BodyTracker()
+    tracker.ground = GroundPlane(np.array([0.0, 1.0, 0.0]), depth_m, mounted)
+    sightings = WorldSightings(place, np.tile(np.eye(3), (20, 1, 1)))
+    tracker.step(points, sightings, pooled_motion(points, now, P.evidence), None, now, P)
+    assert bool(tracker.tracks) == begins
+
+
+@pytest.mark.parametrize(("lies", "join"), [(False, True), (True, False)])
+def test_points_on_the_ground_join_no_body_that_is_mostly_there(
+    make_track: Any, lies: bool, join: bool
+) -> None:
+    """A reflection would spread over the whole floor."""
+    track = make_track()
+    track.lies = lies
+    tracker = BodyTracker()
+    tracker.tracks.append(track)
+    places = track.mean[:3] + np.random.default_rng(0).uniform(-0.1, 0.1, (30, 3))
+    seen = moving(places, track.velocity_at(places))
+    points = points_on(places).but(obstacle=np.full(30, NO_OBSTACLE))
+    for lying, joins in ((np.ones(30, np.bool_), join), (np.zeros(30, np.bool_), True)):
+        found = tracker.associate(points, seen, lying, P.obstacles)
+        assert bool((found.obstacle == track.id).mean() > 0.5) is joins
 
 
 def test_a_static_crate_is_not_an_obstacle(watched: Any, crate: Any) -> None:
