@@ -36,7 +36,8 @@ from observer.methods.rigid.bodies.expectation import predict
 from observer.methods.rigid.bodies.filter import BodyFilter
 from observer.methods.rigid.bodies.lifecycle import judge
 from observer.methods.rigid.bodies.shape import BodyShape
-from observer.methods.rigid.bodies.tracker import YAW_RATE_SIGMA, BodyTracker
+from observer.methods.rigid.bodies.spawning import YAW_RATE_SIGMA
+from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.parameters import Parameters

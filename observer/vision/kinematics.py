@@ -32,8 +32,3 @@ def closing_speed(
     """
     distance = max(float(np.linalg.norm(position)), 1e-9)
     return float((camera_velocity - velocity) @ position / distance)
-
-
-def out_of_sight(missed_s: float, known: str) -> str:
-    """Explain a coasting obstacle: how long it was not seen, and what is known of it."""
-    return f"not seen for {missed_s:.1f} s, position predicted; {known}"

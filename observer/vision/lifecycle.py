@@ -12,7 +12,6 @@ from dataclasses import replace
 from itertools import count
 
 from observer.types import Obstacle, TrackState
-from observer.vision.kinematics import out_of_sight
 
 # In place of an id: not part of any obstacle.
 NO_OBSTACLE = -1
@@ -112,3 +111,8 @@ def _unseen(obstacle: Obstacle, elapsed_s: float, missed_s: float) -> Obstacle:
         reason=why,
         silhouette=None,
     )
+
+
+def out_of_sight(missed_s: float, known: str) -> str:
+    """Explain a coasting obstacle: how long it was not seen, and what is known of it."""
+    return f"not seen for {missed_s:.1f} s, position predicted; {known}"

@@ -10,7 +10,8 @@ from observer.methods.monocular.ground_contact import shared_covariance, shared_
 from observer.methods.monocular.ground_track import GroundTrack
 from observer.parameters import MonocularParameters
 from observer.types import Obstacle, TrackState
-from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
+from observer.vision.kinematics import closing_speed, speed_std
+from observer.vision.lifecycle import out_of_sight
 
 # Depth of an obstacle as a share of its width, and its standard deviation.
 _DEPTH_SHARE, _DEPTH_SIGMA = 1.0, 0.3

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
+from observer.vision.kinematics import closing_speed, speed_std
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.05, 0.2, 1.0, 5.0])
@@ -43,8 +43,3 @@ def test_closing_speed_is_the_rate_of_decreasing_distance(
 
 def test_closing_speed_is_finite_at_the_camera() -> None:
     assert closing_speed(np.zeros(3), np.ones(3), np.zeros(3)) == 0
-
-
-def test_out_of_sight_reason_states_the_duration() -> None:
-    reason = out_of_sight(1.26, "it drove off")
-    assert reason == "not seen for 1.3 s, position predicted; it drove off"

@@ -12,7 +12,7 @@ from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.reporting import describe_body
 from observer.types import Obstacle, TrackState
-from observer.vision.lifecycle import while_lost, without_pose
+from observer.vision.lifecycle import out_of_sight, while_lost, without_pose
 
 MakeTrack = Callable[..., BodyTrack]
 WORLD = ("position", "velocity", "position_cov", "velocity_cov", "orientation_wxyz")
@@ -66,3 +66,8 @@ def test_track_unseen_for_too_long_is_dropped(make_track: MakeTrack) -> None:
     known = described(make_track, TrackState.COASTING)
     assert len(while_lost([(known, 1.0), (known, 1.2)], 0.4, 1.5)) == 1
     assert while_lost([], 0.4, 1.5) == ()
+
+
+def test_out_of_sight_reason_states_the_duration() -> None:
+    reason = out_of_sight(1.26, "it drove off")
+    assert reason == "not seen for 1.3 s, position predicted; it drove off"

@@ -8,7 +8,8 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, yaw_matrix
 from observer.types import MotionState, Obstacle, TrackState
-from observer.vision.kinematics import closing_speed, out_of_sight, speed_std
+from observer.vision.kinematics import closing_speed, speed_std
+from observer.vision.lifecycle import out_of_sight
 
 # The centre is known to this share of the box's size: its far side is not seen.
 _CENTRE_SHARE = 0.15

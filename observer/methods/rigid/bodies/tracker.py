@@ -15,20 +15,14 @@ from observer.methods.rigid.bodies.expectation import note_lasting_errors, predi
 from observer.methods.rigid.bodies.filter import (
     POSITION,
     VELOCITY,
-    BodyFilter,
     yaw_matrix,
 )
 from observer.methods.rigid.bodies.lifecycle import is_over, judge
-from observer.methods.rigid.bodies.limbs import judge_scatter, may_be_rigid, moves_as_one
+from observer.methods.rigid.bodies.limbs import judge_scatter
 from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
 from observer.methods.rigid.bodies.membership import (
-    Group,
     are_one,
-    body_of,
-    goes_with,
-    group_of,
     joining,
-    mostly_lie,
     placed,
     resting,
     shape_position,
@@ -42,12 +36,11 @@ from observer.methods.rigid.bodies.segment_tracking import (
     track_segments,
     without_segments,
 )
-from observer.methods.rigid.bodies.shape import BodyShape
+from observer.methods.rigid.bodies.spawning import spawned
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.stereo_drift import shift_by_bias
 from observer.methods.rigid.tracked_points import BANISHED_FRAMES, TrackedPoints, WorldSightings
@@ -55,8 +48,6 @@ from observer.parameters import ObstacleParameters, Parameters
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, is_provisional
 
-# rad/s, one standard deviation: yaw rate of a body that was just found.
-YAW_RATE_SIGMA = 0.6
 # Seconds, time constant with which old places of points on a body are forgotten: tracked patches
 # slide.
 _SHAPE_MEMORY_S = 2.0
@@ -64,11 +55,6 @@ _SHAPE_MEMORY_S = 2.0
 _SETTLED = 6
 # Seconds after a manoeuvre for which the members' own velocities may still be those before it.
 _STEADY_S = 0.3
-# A group slower than this share of the stopped speed creeps: it is an edge along which points
-# slide, and no obstacle.
-_CREEPING = 0.5
-# m^2: a group's middle is the body's origin by definition.
-_ORIGIN_VARIANCE = 1e-6
 
 
 class BodyTracker:
@@ -244,66 +230,9 @@ class BodyTracker:
         radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
     ) -> TrackedPoints:
-        """Turn groups of dynamic points into obstacles, or return them to those lost from sight.
-
-        Shadows and reflections move, too: a group that is mostly on the ground is no obstacle.
-
-        Args:
-            lying: (N,) which points lie on the ground.
-            radius_m: metres within which points count as neighbours at a place (3,) m, world.
-        """
-        # Points on a body's outline are its own, though none is known to move with it yet.
-        stiff = [t.id for t in self.tracks if may_be_rigid(t)]
-        free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
-        free &= (points.within == NO_OBSTACLE) | np.isin(points.within, stiff)
-        groups = group_dynamic(motion, free, parameters.min_points)
-        obstacle = points.obstacle.copy()
-        for number in range(int(groups.max(initial=-1)) + 1):
-            candidates = np.flatnonzero(groups == number)
-            reach = radius_m(np.median(motion.position[candidates], axis=0))
-            group = group_of(candidates, motion, parameters, reach)
-            if group is None:
-                continue
-            if np.linalg.norm(group.velocity) < _CREEPING * parameters.stopped_below_mps:
-                continue
-            members = group.members
-            if mostly_lie(lying[members]):
-                continue
-            track = self._outlined(points.within[members], stiff)
-            if track is not None:
-                if not track.contains(group.centre[None], track.room(parameters.margin))[0]:
-                    # At another depth than the body on whose outline they are seen.
-                    continue
-                if not goes_with(track, group):
-                    # Points that slide off its edge onto what is behind it seem to move fast.
-                    continue
-                if not moves_as_one(track, group.velocity, len(members)):
-                    continue
-                track.stiffen(_start_filter(group))
-            else:
-                track = body_of(group, self.tracks)
-            if track is None:
-                track = BodyTrack(
-                    id=self._numbers.provisional(), filter=_start_filter(group), shape=BodyShape()
-                )
-                self.tracks.append(track)
-            elif track.forgotten or (track.rigid and track.missed_s > 0):
-                # A body lost only for a moment restarts if it is rigid: with limbs, the points
-                # are rather on an arm. Where its points were is of no use any more.
-                obstacle[obstacle == track.id] = NO_OBSTACLE
-                track.restart(_start_filter(group))
-            elif track.box is not None:
-                room = track.room(parameters.margin)
-                members = members[track.contains(group.places, 2 * room)]
-            obstacle[members] = track.id
+        """Turn groups of dynamic points into obstacles, see ``spawned``."""
+        obstacle = spawned(self.tracks, self._numbers, points, motion, lying, radius_m, parameters)
         return self._placed(points, obstacle)
-
-    def _outlined(self, within: NDArray[np.int64], stiff: list[int]) -> BodyTrack | None:
-        """Return the body on whose outline most points of a group (K,) lie; None if none."""
-        for track in [t for t in self.tracks if t.id in stiff]:
-            if np.count_nonzero(within == track.id) > len(within) / 2:
-                return track
-        return None
 
     def update_lifecycle(
         self,
@@ -417,12 +346,6 @@ class BodyTracker:
                     pairs.append((older, younger))
                     taken.add(younger.id)
         return pairs
-
-
-def _start_filter(group: Group) -> BodyFilter:
-    """Return the motion of a body known only by a group; its origin is the group's middle."""
-    here = np.eye(3) * _ORIGIN_VARIANCE
-    return BodyFilter.begin(group.centre, group.velocity, here, group.velocity_cov, YAW_RATE_SIGMA)
 
 
 def _note_seen(
