@@ -91,9 +91,13 @@ def judge_scatter(
 
 
 def _are_several(track: BodyTrack, scatter: Scatter) -> bool:
-    """Return whether points taken for one body are on several; a confirmed one keeps its own."""
+    """Return whether points taken for one body are on several.
+
+    A confirmed body keeps its points, and where one gains speed or brakes they differ, too: each
+    has been seen for another time.
+    """
     tentative = track.state is TrackState.TENTATIVE and track.outline is not None
-    many = scatter.points >= _MANY_POINTS
+    many = scatter.points >= _MANY_POINTS and track.steady_s >= _STEADY_S
     return tentative and many and scatter.level_mps > _SCATTERED_MPS
 
 

@@ -33,9 +33,9 @@ class RecentMotion:
             self._noted.popleft()
 
     @property
-    def known(self) -> bool:
-        """True if anything was noted."""
-        return bool(self._noted)
+    def known_s(self) -> float:
+        """Seconds over which the motion is known, up to now; 0 if nothing was noted."""
+        return self._noted[-1][0] - self._noted[0][0] if self._noted else 0.0
 
     def forget(self) -> None:
         """Forget everything."""

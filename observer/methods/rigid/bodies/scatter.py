@@ -57,13 +57,14 @@ def scatter_of(
     """Return how far the points (N,) on a rigid body differ in how they move; None if unknown.
 
     Each is compared with how the body moved in the middle of the time over which that point was
-    seen. What the body's acceleration within that time may explain is left out.
+    seen, if that is known: before it was found, the body may have stood. What its acceleration
+    within that time may explain is left out.
 
     Args:
         mean: (8,) the state of the body's filter. recent: how it moved until now.
     """
-    members = members[motion.judged[members]]
-    if len(members) < _LEAST_POINTS or not recent.known:
+    members = members[motion.judged[members] & (motion.window_s[members] / 2 <= recent.known_s)]
+    if len(members) < _LEAST_POINTS:
         return None
     window = motion.window_s[members]
     then = recent.at(window / 2)

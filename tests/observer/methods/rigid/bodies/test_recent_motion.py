@@ -42,12 +42,12 @@ def test_acceleration_is_velocity_change_over_elapsed_time() -> None:
 
 def test_the_motion_at_any_time_lies_between_those_noted() -> None:
     recent = remembered(2.0, 0.3)
-    assert recent.known
+    assert recent.known_s == pytest.approx(2.0)
     then = recent.at(np.array([0.0, 0.5, 1.3, 9.0]))
     assert then[:, 0] == pytest.approx([0.6, 0.45, 0.21, 0.0], abs=0.01)
     assert then[:, 3] == pytest.approx(0.1)
     recent.forget()
-    assert not recent.known
+    assert recent.known_s == 0.0
 
 
 def test_a_forgotten_motion_has_no_past() -> None:

@@ -116,6 +116,18 @@ def test_little_is_known_of_few_or_new_points() -> None:
     assert scatter_of(every(many), unjudged, state(velocity), moved_at(velocity)) is None
 
 
+def test_points_that_were_seen_before_their_body_was_found_do_not_count() -> None:
+    """It stood until a moment ago, and so did they."""
+    velocity = np.array([0.8, 0.0, 0.0])
+    recent = RecentMotion()
+    for k in range(4):
+        recent.note(k / 15, velocity, 0.0)
+    own = np.random.default_rng(0).uniform(0.0, 1.0, (40, 1)) * velocity
+    for window_s, known in ((0.5, False), (0.3, True)):
+        seen = motion(cloud(40), own, window_s=window_s)
+        assert (scatter_of(every(seen), seen, state(velocity), recent) is not None) is known
+
+
 # --- what follows --------------------------------------------------------------------------
 
 
@@ -124,6 +136,7 @@ def pair(make_track: MakeTrack) -> BodyTrack:
     """A body supposed to be rigid: two people who approach, and the wall between them."""
     track = make_track((0.0, 0.0, 4.0), (0.0, 0.0, -0.3))
     track.outline = outline_of(Solid((0.0, 0.0, 4.0), (1.2, 1.6, 0.1)))
+    track.steady_s = 0.6
     for k in range(30):
         track.recent.note(k / 15, track.mean[3:6], 0.0)
     return track
@@ -156,6 +169,13 @@ def test_points_on_several_things_are_not_one_rigid_body(
     assert set(points.obstacle.tolist()) == {pair.id if rigid else NO_OBSTACLE}
     # Limbs say nothing of how sure the trunk is.
     assert (pair.scatter is not None) is rigid
+
+
+def test_points_on_a_body_that_gains_speed_may_differ(pair: BodyTrack) -> None:
+    pair.steady_s = 0.2
+    seen, places = on_pair(pair, 0.9)
+    judge_scatter([pair], points_on(places).but(obstacle=np.full(len(places), pair.id)), seen)
+    assert pair.rigid
 
 
 @pytest.mark.parametrize("state", [TrackState.CONFIRMED, TrackState.TENTATIVE])
