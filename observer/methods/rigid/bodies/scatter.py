@@ -1,4 +1,4 @@
-"""How far the motions of the points on a rigid body differ, whatever their noise is said to be.
+"""Scatter of the motions of the points on a rigid body, whatever their noise is said to be.
 
 Points slide along curved surfaces as the view of them changes, stick to what is behind, and follow
 plain clothes badly. None of this is noise of a known size, but all of it shows in how far the
