@@ -83,7 +83,8 @@ def note_lasting_errors(
         track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
         # Whether a body moves at all is told by its members together, which agree better.
         if track.scatter is not None and track.state is not TrackState.TENTATIVE:
-            track.lasting_cov += track.scatter.covariance
+            noise = track.filter.covariance[VELOCITY, VELOCITY]
+            track.lasting_cov += track.scatter.doubt(noise)
 
 
 def expected_at(

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.chi_square import quantile
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.filter import POSITION, turning_velocity
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
@@ -25,6 +26,8 @@ _LEAST_POINTS = 6
 # counts as half a point.
 _MEDIAN_VARIANCE = math.pi / 2
 _INDEPENDENT_SHARE = 0.5
+# Median of chi-squared with three degrees of freedom.
+_MEDIAN_CHI2 = quantile(0.5, df=3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,21 +37,33 @@ class Scatter:
     Attributes:
         points: how many were compared.
         spread: (3,) m/s, world: one standard deviation of a single point's velocity.
+        excess: by how many times its square is larger than the points' own noise explains; 1 or
+            more.
     """
 
     points: int
     spread: Float64Array
+    excess: float
 
     @property
     def level_mps(self) -> float:
         """Spread along the ground, m/s."""
         return float(np.hypot(self.spread[0], self.spread[2]))
 
-    @property
-    def covariance(self) -> Float64Array:
-        """(3, 3) (m/s)^2, world: of the body's velocity, as far as the scatter tells."""
+    def doubt(self, velocity_cov: Float64Array) -> Float64Array:
+        """Return by how much more uncertain a body's velocity is than noise makes it.
+
+        As many times as the scatter exceeds the noise, but no more than the median of the points.
+
+        Args:
+            velocity_cov: (3, 3) (m/s)^2, world, by their noise.
+
+        Returns:
+            (3, 3) (m/s)^2, world.
+        """
         independent = _INDEPENDENT_SHARE * self.points
-        return np.diag(_MEDIAN_VARIANCE * self.spread**2 / independent)
+        of_median = _MEDIAN_VARIANCE * self.spread**2 / independent
+        return np.diag(np.minimum((self.excess - 1) * np.diag(velocity_cov), of_median))
 
 
 def scatter_of(
@@ -71,5 +86,11 @@ def scatter_of(
     arm = motion.position[members] - mean[POSITION]
     gap = motion.own_velocity[members] - then[:, :3] - turning_velocity(then[:, 3], arm)
     explained = recent.acceleration(window) * window / 4
-    apart = np.abs(gap - np.median(gap, axis=0)) - explained[:, None]
-    return Scatter(len(members), MAD_TO_SIGMA * np.median(np.maximum(0.0, apart), axis=0))
+    gap -= np.median(gap, axis=0)
+    apart = np.sign(gap) * np.maximum(0.0, np.abs(gap) - explained[:, None])
+    squared = np.einsum("ni,nij,nj->n", apart, motion.own_information[members], apart)
+    return Scatter(
+        points=len(members),
+        spread=MAD_TO_SIGMA * np.median(np.abs(apart), axis=0),
+        excess=max(1.0, float(np.median(squared)) / _MEDIAN_CHI2),
+    )

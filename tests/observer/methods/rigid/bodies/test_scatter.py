@@ -22,7 +22,7 @@ from observer.parameters import EvidenceParameters
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE
 
-from ..moving_points import every, motion
+from ..moving_points import SIGMA, every, motion
 from ..solid_worlds import Solid, outline_of, points_on, step_to
 
 MakeTrack = Callable[..., BodyTrack]
@@ -57,7 +57,8 @@ def test_points_on_a_body_that_turns_do_not_scatter(
     scatter = scatter_of(every(seen), seen, state(velocity), moved_at(velocity, yaw_rate))
     assert scatter is not None
     assert scatter.spread == pytest.approx(np.zeros(3), abs=1e-9)
-    assert scatter.covariance == pytest.approx(np.zeros((3, 3)), abs=1e-12)
+    assert scatter.excess == 1.0
+    assert scatter.doubt(np.eye(3)) == pytest.approx(np.zeros((3, 3)), abs=1e-12)
 
 
 @given(spread=st.floats(0.05, 1.0), seed=st.integers(0, 1000))
@@ -71,6 +72,7 @@ def test_the_scatter_is_the_spread_of_the_velocities(spread: float, seed: int) -
     assert scatter.points == 400
     assert scatter.spread == pytest.approx(np.full(3, spread), rel=0.25)
     assert scatter.level_mps == pytest.approx(np.hypot(*scatter.spread[[0, 2]]))
+    assert scatter.excess == pytest.approx(max(1.0, (spread / SIGMA) ** 2), rel=0.3)
 
 
 def test_a_few_points_that_are_far_off_do_not_count() -> None:
@@ -81,6 +83,7 @@ def test_a_few_points_that_are_far_off_do_not_count() -> None:
     scatter = scatter_of(every(seen), seen, state(velocity), moved_at(velocity))
     assert scatter is not None
     assert not scatter.spread.any()
+    assert scatter.excess == 1.0
 
 
 def test_the_median_of_points_is_as_uncertain_as_the_scatter_says() -> None:
@@ -88,8 +91,17 @@ def test_the_median_of_points_is_as_uncertain_as_the_scatter_says() -> None:
     rng = np.random.default_rng(0)
     errors = np.repeat(rng.normal(0, 0.5, (2000, 20)), 2, axis=1)
     actual = np.std(np.median(errors, axis=1))
-    stated = np.sqrt(Scatter(40, np.full(3, 0.5)).covariance[0, 0])
-    assert stated == pytest.approx(actual, rel=0.1)
+    scatter = Scatter(40, np.full(3, 0.5), excess=100.0)
+    assert np.sqrt(scatter.doubt(np.eye(3))[0, 0]) == pytest.approx(actual, rel=0.1)
+
+
+def test_scatter_that_noise_explains_adds_no_doubt() -> None:
+    """A filter that averages over longer than the points are remembered is surer than they are."""
+    scatter = Scatter(40, np.full(3, 0.5), excess=1.0)
+    assert not scatter.doubt(np.eye(3) * 1e-4).any()
+    # Three times the variance, of which one is known.
+    scatter = Scatter(40, np.full(3, 0.5), excess=3.0)
+    assert scatter.doubt(np.eye(3) * 1e-4) == pytest.approx(np.eye(3) * 2e-4)
 
 
 def test_a_body_that_brakes_does_not_scatter() -> None:
@@ -189,8 +201,11 @@ def test_the_stated_velocity_is_no_surer_than_its_points_agree(
         judge_scatter([pair], points, seen)
         note_lasting_errors([pair], step_to(), EvidenceParameters())
         doubts.append(pair.lasting_cov[2, 2])
-    expected = 0.5**2 * np.pi / 60 if state is TrackState.CONFIRMED else 0.0
-    assert doubts[1] - doubts[0] == pytest.approx(expected, rel=0.5)
+    assert pair.scatter is not None
+    known = pair.scatter.doubt(pair.filter.covariance[3:6, 3:6])[2, 2]
+    assert known > 0.01**2
+    expected = known if state is TrackState.CONFIRMED else 0.0
+    assert doubts[1] - doubts[0] == pytest.approx(expected)
 
 
 def test_a_body_out_of_sight_keeps_its_scatter(pair: BodyTrack) -> None:
