@@ -233,7 +233,9 @@ def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         importlib.util, "find_spec", lambda n: None if n == "distributed" else real(n)
     )
     with (
-        pytest.raises(InputError, match=r"needs distributed, .*'dynamic-observer\[cluster\]'"),
+        pytest.raises(
+            InputError, match=r"needs the package distributed, .*'dynamic-observer\[cluster\]'"
+        ),
         opened_cluster(HERE),
     ):
         pass
