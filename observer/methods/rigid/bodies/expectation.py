@@ -81,7 +81,7 @@ def note_lasting_errors(
         drift = errors[0] @ now.T_camera_world.rotation
         gait = 0.0 if track.rigid else _GAIT_MPS
         track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
-        # Whether a body moves at all is told by its members together, which agree better.
+        # Scatter would delay the decision whether a tentative track moves, and not improve it.
         if track.scatter is not None and track.state is not TrackState.TENTATIVE:
             noise = track.filter.covariance[VELOCITY, VELOCITY]
             track.lasting_cov += track.scatter.doubt(noise)
