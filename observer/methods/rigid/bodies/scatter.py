@@ -18,7 +18,7 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.filter import POSITION, turning_velocity
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
 from observer.methods.rigid.point_motion import PooledMotion
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, median
 
 # With fewer points it is not known how far they differ.
 _LEAST_POINTS = 6
@@ -92,5 +92,5 @@ def scatter_of(
     return Scatter(
         points=len(members),
         spread=MAD_TO_SIGMA * np.median(np.abs(apart), axis=0),
-        excess=max(1.0, float(np.median(squared)) / _MEDIAN_CHI2),
+        excess=max(1.0, median(squared) / _MEDIAN_CHI2),
     )

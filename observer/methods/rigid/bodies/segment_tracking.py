@@ -264,9 +264,9 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
     stands = scene.standing[rows, columns] | np.isnan(scene.disparity[rows, columns])
     track.off_ground = not mostly_lie(~stands)
     if scene.ground is not None:
-        ground = scene.ground.mapped(scene.T_camera_world)
         px, disparity = points.px[members], points.disparity[members]
-        track.lies = mostly_lie(ground.carries(px, disparity, scene.grid.camera))
+        pose, camera = scene.T_camera_world, scene.grid.camera
+        track.lies = mostly_lie(scene.ground.carries(px, disparity, pose, camera))
     if judged or track.lies:
         track.merged_s += dt
     elif not track.far:

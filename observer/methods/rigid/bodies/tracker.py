@@ -191,8 +191,7 @@ class BodyTracker:
         """(N,) which points lie on the ground or are mirrored by it; none if it is unknown."""
         if self.ground is None:
             return np.zeros(len(points), np.bool_)
-        ground = self.ground.mapped(now.T_camera_world)
-        return ground.carries(points.px, points.disparity, now.camera)
+        return self.ground.carries(points.px, points.disparity, now.T_camera_world, now.camera)
 
     def associate(
         self,

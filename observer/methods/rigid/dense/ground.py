@@ -61,20 +61,25 @@ class GroundPlane:
         return self.depth - float(self.down @ place)
 
     def carries(
-        self, px: NDArray[np.float32], disparity: Float64Array, camera: StereoCamera
+        self,
+        px: NDArray[np.float32],
+        disparity: Float64Array,
+        T_camera_world: Pose,
+        camera: StereoCamera,
     ) -> NDArray[np.bool_]:
         """Return which points of an image lie on it, as shadows do, or below, as mirror images do.
 
-        The plane must be in the camera's frame. None does if the mount is unknown; points of
-        unknown disparity do not count.
+        None does if the mount is unknown; points of unknown disparity do not count.
 
         Args:
-            px: (N, 2) and disparity: (N,) px, of the points.
+            px: (N, 2) and disparity: (N,) px, of the points. T_camera_world: the pose from which
+                they are seen.
         """
-        if not self.mounted or self.depth < _HEIGHT_M[0]:
+        below = self.mapped(T_camera_world)
+        if not below.mounted or below.depth < _HEIGHT_M[0]:
             return np.zeros(len(px), np.bool_)
         rays = camera.triangulate(px, np.full(len(px), camera.fb))
-        level = camera.fb / self.depth * (rays @ self.down)
+        level = camera.fb / below.depth * (rays @ below.down)
         return np.asarray(disparity <= level * (1 + _LYING_SHARE) + _LYING_PX, np.bool_)
 
 

@@ -238,23 +238,23 @@ def test_what_is_on_or_below_the_ground_lies_and_what_is_above_does_not(
     places = np.stack([foot - high * down, foot, foot + high * down])
     assume((places[:, 2] > 0.3).all())
     px, disparity = GRID.camera.project(places)
-    lies = ground.carries(px.astype(np.float32), disparity, GRID.camera)
+    lies = ground.carries(px.astype(np.float32), disparity, HERE, GRID.camera)
     # Where disparity is small, low things cannot be told from the ground.
     excess = disparity[0] * high / 0.9
     assert lies[1:].all()
     if excess > 0.2 + 0.04 * disparity[0]:
         assert not lies[0]
     # Nothing is known of points without disparity.
-    assert not ground.carries(px.astype(np.float32), np.full(3, np.nan), GRID.camera).any()
+    assert not ground.carries(px.astype(np.float32), np.full(3, np.nan), HERE, GRID.camera).any()
     # What is seen without a mount may be a table.
     seen = GroundPlane(down, 0.9)
-    assert not seen.carries(px.astype(np.float32), disparity, GRID.camera).any()
+    assert not seen.carries(px.astype(np.float32), disparity, HERE, GRID.camera).any()
 
 
 def test_nothing_lies_on_a_ground_above_the_camera() -> None:
     ground = GroundPlane(np.array([0.0, 1.0, 0.0]), -0.5, mounted=True)
     px, disparity = GRID.camera.project(np.array([[0.1, 0.4, 3.0], [0.1, -0.5, 3.0]]))
-    assert not ground.carries(px.astype(np.float32), disparity, GRID.camera).any()
+    assert not ground.carries(px.astype(np.float32), disparity, HERE, GRID.camera).any()
 
 
 def test_everything_above_the_horizon_is_above_the_ground() -> None:
