@@ -28,6 +28,18 @@ def install_command(extra: str, *packages: str) -> str:
     return pip_install(*packages) if _version(_WHOLE) is None else pip_install(f"{_WHOLE}[{extra}]")
 
 
+def package_missing(purpose: str, package: str, extra: str) -> str:
+    """Return one sentence on how to install an optional package.
+
+    Args:
+        purpose: what needs it. extra: of the complete distribution, which installs it.
+    """
+    return (
+        f"{purpose} needs the package {package}, which is not installed; install it with: "
+        f"{install_command(extra, package)}"
+    )
+
+
 def pip_install(*packages: str) -> str:
     """Return the command that installs packages into the Python in use.
 

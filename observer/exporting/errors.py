@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from observer.errors import InputError
-from observer.version import install_command
+from observer.version import package_missing
 
 
 class ExportError(InputError):
@@ -16,7 +16,4 @@ def missing_extra(package: str, extra: str, purpose: str) -> ExportError:
     Args:
         package: the missing one. extra: ours that installs it. purpose: what needs it.
     """
-    return ExportError(
-        f"{purpose} needs the package {package}, which is not installed; install it with: "
-        f"{install_command(extra, package)}"
-    )
+    return ExportError(package_missing(purpose, package, extra))

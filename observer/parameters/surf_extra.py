@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 
-from observer.version import install_command
+from observer.version import package_missing
 
 
 def surf_missing() -> str | None:
     """Return one sentence on how to install SURF; None if it is installed."""
     if importlib.util.find_spec("mahotas") is not None:
         return None
-    return (
-        "surf needs the package mahotas, which is not installed; install it with: "
-        + install_command("surf", "mahotas")
-    )
+    return package_missing("surf", "mahotas", "surf")

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from observer.errors import InputError
 from observer.geometry import Float64Array
-from observer.version import install_command
+from observer.version import package_missing
 
 # Step of the simulation; half and twice as much gave similar figures.
 _STEP_S = 0.05
@@ -260,10 +260,7 @@ def crowd_missing() -> str | None:
     """Return one sentence on how to install a missing package for crowds, or None."""
     if importlib.util.find_spec("jupedsim") is not None:
         return None
-    return (
-        "a crowd needs the package jupedsim, which is not installed; install it with: "
-        + install_command("crowd", "jupedsim")
-    )
+    return package_missing("a crowd", "jupedsim", "crowd")
 
 
 def _scattered(
