@@ -100,8 +100,9 @@ def test_files_of_other_tools_are_previewed_before_use(
     assert len(server.get("/calibrations")) == 2
 
     page.get_by_role("button", name="Rename calibration camchain.yaml").click()
+    expect(preview.get_by_role("button")).to_have_text(["Cancel", "Save"])
     preview.get_by_label("Name", exact=True).fill("Of Kalibr")
-    page.get_by_role("button", name="Save", exact=True).click()
+    page.keyboard.press("Enter")
     expect(page.get_by_role("button", name="Preview calibration Of Kalibr")).to_be_visible()
     # The renamed entry had the focus and still has it.
     page.wait_for_function(

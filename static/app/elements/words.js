@@ -36,6 +36,24 @@ export function speedWithBand({ speed, speed_std }) {
     : `${fixed(speed, 2)} ± ${fixed(half95(speed_std), 2)}`;
 }
 
+/** What each state of an obstacle is called, in legends and, capitalized, in sentences. */
+export const STATE_WORDS = {
+  moving: "moving",
+  in_place: "moving in place",
+  stopped: "stopped",
+  coasting: "out of view",
+};
+
+/**
+ * Return the label beside an obstacle's box without its number, as observer/obstacle_labels.py does
+ * for live images.
+ *
+ * @param {Pick<ObstacleEntry, "motion" | "speed" | "speed_std">} obstacle
+ */
+export function boxLabel(obstacle) {
+  return obstacle.motion === "in_place" ? "in place" : `${speedWithBand(obstacle)} m/s`;
+}
+
 /** @param {number} bearing radians, positive to the right @returns {string} as in "ahead" */
 export function bearingInWords(bearing) {
   const side = bearing > 0 ? "right" : "left";
@@ -127,14 +145,14 @@ function leftLine(id, sighting) {
 }
 
 /**
- * Say what is known of an obstacle that is not visible now, without what is only predicted.
+ * Say what is known of an obstacle that is out of view, without what is only predicted.
  *
  * @param {Sighting | null} sighting
  */
 export function outOfViewInWords(sighting) {
-  if (!sighting) return "Not visible now. Position and speed are predicted.";
+  if (!sighting) return "Out of view. Position and speed are predicted.";
   const ago = `${fixed(sighting.ago_s, 1)} s ago`;
-  return `Not visible now. Last measured at ${speedWithBand(sighting)} m/s, ${ago}.`;
+  return `Out of view. Last measured at ${speedWithBand(sighting)} m/s, ${ago}.`;
 }
 
 /**

@@ -11,6 +11,7 @@ import {
   outOfViewInWords,
   sentence as asSentence,
   speedWithBand,
+  STATE_WORDS,
   trackColour,
 } from "../elements/words.js";
 
@@ -24,9 +25,6 @@ const COLUMNS = [
   ["Ground truth", GLOSSARY["ground truth"]],
   ["Distance, m", null],
 ];
-
-/** @type {Record<string, string>} */
-const STATES = { moving: "Moving", in_place: "Moving in place", stopped: "Stopped" };
 
 class ObstacleTable extends Part {
   #body = h("tbody");
@@ -134,7 +132,7 @@ function fillRow([figures, why], obstacle, truth, sighting) {
  */
 function whyInWords({ state, motion, bearing, why }, sighting) {
   if (state === "coasting") return outOfViewInWords(sighting);
-  const where = `${STATES[motion] ?? motion}, ${bearingInWords(bearing)}.`;
+  const where = asSentence(`${STATE_WORDS[motion]}, ${bearingInWords(bearing)}`);
   return why ? `${where} ${asSentence(why)}` : where;
 }
 

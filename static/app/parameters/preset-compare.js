@@ -3,9 +3,9 @@
 import { h, select, table, tableRow } from "../elements/dom.js";
 import { counted } from "../elements/words.js";
 import { showModal } from "../shell/modal.js";
-import { valueInWords } from "./value-words.js";
+import { differences } from "./value-words.js";
 
-/** @import { ParameterEntry, ParameterStore, Values } from "./parameter-store.js" */
+/** @import { ParameterEntry, ParameterStore } from "./parameter-store.js" */
 
 const IN_FORCE = "";
 
@@ -31,7 +31,10 @@ export async function comparePresets(store) {
       name: list.selectedOptions[0]?.textContent ?? "",
       values: valuesNamed(store, list.value),
     }));
-    const rows = differences(store.schema, sides[0]?.values ?? {}, sides[1]?.values ?? {});
+    const rows = differences(
+      store.schema,
+      sides.map(({ values }) => values),
+    );
     announcement.textContent =
       rows.length === 0 ? "All values are the same." : `${counted(rows.length, "value")} differ.`;
     if (rows.length === 1) announcement.textContent = "1 value differs.";
@@ -47,21 +50,6 @@ export async function comparePresets(store) {
     [h("div.row.compared-presets", left, h("span", "and"), right), announcement, found],
     h("button.button", { value: "close" }, "Close"),
   );
-}
-
-/**
- * @param {ParameterEntry[]} schema
- * @param {Values} left
- * @param {Values} right
- * @returns {{entry: ParameterEntry, words: string[]}[]} what differs, in declaration order
- */
-export function differences(schema, left, right) {
-  return schema
-    .filter(({ name }) => left[name] !== right[name])
-    .map((entry) => ({
-      entry,
-      words: [left, right].map((values) => valueInWords(values[entry.name], entry)),
-    }));
 }
 
 /**

@@ -1,6 +1,6 @@
 /** Values of parameters in words. Pure functions. */
 
-/** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
+/** @import { ParameterEntry, ParameterValue, Values } from "./parameter-store.js" */
 
 /** @param {ParameterValue | undefined} value @returns {string} as a field shows it */
 export function roundOff(value) {
@@ -20,6 +20,22 @@ export function valueInWords(value, { type, unit }) {
 /** @param {string} unit as in "frames", "grey levels/px" and "m/s" @returns {string} for the number 1 */
 function singular(unit) {
   return unit.replace(/^matches$/, "match").replace(/^(.*[a-z]{3,})s(?=$|\/)/, "$1");
+}
+
+/**
+ * @param {ParameterEntry[]} schema
+ * @param {Values[]} sides sets of values, of presets or of runs
+ * @returns {{entry: ParameterEntry, words: string[]}[]} what differs, in declaration order
+ */
+export function differences(schema, sides) {
+  return schema
+    .filter(({ name }) => new Set(sides.map((values) => values[name])).size > 1)
+    .map((entry) => ({
+      entry,
+      words: sides.map(({ [entry.name]: value }) =>
+        value === undefined ? "–" : valueInWords(value, entry),
+      ),
+    }));
 }
 
 /** @param {ParameterEntry} entry @returns {string} as in "0.1 to 20 px", empty if it has none */

@@ -3,12 +3,14 @@
 import { h, setText, table, tableRow } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { duration, when } from "../elements/words.js";
+import { differences } from "../parameters/value-words.js";
 import { ApiError, request } from "../shell/api.js";
 import { RunChart } from "./run-chart.js";
 import { methodsHref } from "./methods-words.js";
 import { runHref } from "./run-words.js";
 
 /** @import { RunChart as Chart } from "../contract" */
+/** @import { ParameterEntry, Values } from "../parameters/parameter-store.js" */
 
 // A re-run is aligned with ground truth only after it ends; until then, ask again.
 const RETRY_MS = 4000;
@@ -54,13 +56,13 @@ export class CompareView extends Part {
     const asked = ++this.#asked;
     if (ids.length === 0) return;
     try {
-      /** @type {Chart[]} */
-      const charts = await Promise.all(
-        ids.map(
+      const [schema, ...charts] = await Promise.all([
+        /** @type {Promise<ParameterEntry[]>} */ (request("GET", "/parameters/schema")),
+        ...ids.map(
           (id) =>
             /** @type {Promise<Chart>} */ (request("GET", `/runs/${encodeURIComponent(id)}/chart`)),
         ),
-      );
+      ]);
       if (asked !== this.#asked) return;
       setText(this.#waiting, "");
       setText(this.#error, "");
@@ -70,7 +72,7 @@ export class CompareView extends Part {
         this.#frames.replaceChildren(
           h("a", { href: methodsHref(ids) }, "Side by side, frame by frame"),
         );
-      this.#table.replaceChildren(settingsTable(charts));
+      this.#table.replaceChildren(settingsTable(charts, schema));
       this.#retries += 1;
       if (isAwaitingTruth(charts) && this.#retries < MAX_RETRIES)
         this.#timer = setTimeout(() => void this.#load(), RETRY_MS);
@@ -102,12 +104,17 @@ function areSameFrames(charts) {
   );
 }
 
-/** Return a table of the settings that differ. @param {Chart[]} charts */
-function settingsTable(charts) {
+/**
+ * Return a table of the settings that differ.
+ *
+ * @param {Chart[]} charts
+ * @param {ParameterEntry[]} schema
+ */
+function settingsTable(charts, schema) {
   const runs = charts.map(({ run }) => run);
-  const names = [...new Set(runs.flatMap(({ parameters }) => Object.keys(parameters)))].sort();
-  const differing = names.filter(
-    (name) => new Set(runs.map(({ parameters }) => parameters[name])).size > 1,
+  const differing = differences(
+    schema,
+    runs.map(({ parameters }) => /** @type {Values} */ (parameters)),
   );
   /** @type {[string, (chart: Chart) => string][]} */
   const rows = [
@@ -117,18 +124,14 @@ function settingsTable(charts) {
     ["Frames", ({ run }) => String(run.frames)],
     ["Segments", ({ run }) => String(run.segments)],
     ["Ground truth", ({ aligned, sentence }) => sentence ?? (aligned ? "aligned" : "none")],
-    ...differing.map(
-      (name) =>
-        /** @type {[string, (chart: Chart) => string]} */ ([
-          name,
-          ({ run }) => String(run.parameters[name] ?? "–"),
-        ]),
-    ),
   ];
   return table(
     "compared",
     [null, ...runs.map((run) => h("a", { href: runHref(run.id) }, run.name))],
-    rows.map(([name, text]) => tableRow(name, ...charts.map(text))),
+    [
+      ...rows.map(([name, text]) => tableRow(name, ...charts.map(text))),
+      ...differing.map(({ entry, words }) => tableRow(entry.title, ...words)),
+    ],
     differing.length === 0
       ? "All parameters are the same."
       : "Run details and parameters that differ.",

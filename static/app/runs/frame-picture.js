@@ -2,7 +2,7 @@
 
 import { h, setAttribute } from "../elements/dom.js";
 import { placeLabels } from "../elements/label-places.js";
-import { counted, fixed, speedWithBand, stateColour } from "../elements/words.js";
+import { boxLabel, counted, fixed, stateColour } from "../elements/words.js";
 
 /** @import { FrameEntry, FrameObstacle } from "../contract" */
 /** @import { Area } from "../elements/label-places.js" */
@@ -189,10 +189,8 @@ class Pen {
 }
 
 /** @param {FrameObstacle} obstacle */
-function labelOf({ id, motion, speed, speed_std }) {
-  if (motion === "stopped") return `${id} stopped`;
-  if (motion === "in_place") return `${id} moves in place`;
-  return `${id}  ${speedWithBand({ speed, speed_std })} m/s`;
+function labelOf(obstacle) {
+  return `#${obstacle.id}  ${boxLabel(obstacle)}`;
 }
 
 /** @param {FrameEntry} entry */

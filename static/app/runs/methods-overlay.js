@@ -2,7 +2,7 @@
 
 import { h, setAttribute, svg } from "../elements/dom.js";
 import { placeLabels } from "../elements/label-places.js";
-import { speedWithBand, stateColour } from "../elements/words.js";
+import { boxLabel, stateColour } from "../elements/words.js";
 
 /** @import { FrameBody, FrameEntry, FrameObstacle } from "../contract" */
 
@@ -93,7 +93,7 @@ function found(obstacle, scale) {
 
 /** @param {FrameObstacle} obstacle */
 function labelOf(obstacle) {
-  const words = obstacle.motion === "in_place" ? "in place" : `${speedWithBand(obstacle)} m/s`;
+  const words = boxLabel(obstacle);
   return obstacle.false ? `false, ${words}` : words;
 }
 

@@ -5,7 +5,7 @@ import { OBSTACLE_COLOURS } from "../elements/facts.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { declareKeys, playOnSpace } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
-import { fixed } from "../elements/words.js";
+import { fixed, STATE_WORDS } from "../elements/words.js";
 import { FrameImages } from "./frame-images.js";
 import { OverlaidPicture } from "./methods-overlay.js";
 import { conclusion, figuresAt, methodsHref, findingsInWords } from "./methods-words.js";
@@ -26,9 +26,9 @@ const ADDRESS_AFTER_MS = 400;
 const LEGEND = [
   ["moving", "moving obstacle; arrow: motion in 1 s"],
   ["false", "false obstacle"],
-  ["in_place", "moves in place"],
-  ["stopped", "stopped"],
-  ["coasting", "not visible now"],
+  ["in_place", STATE_WORDS.in_place],
+  ["stopped", STATE_WORDS.stopped],
+  ["coasting", STATE_WORDS.coasting],
   ["truth", "ground truth"],
 ];
 

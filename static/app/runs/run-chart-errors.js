@@ -6,8 +6,8 @@ import { fixed, trackColour } from "../elements/words.js";
 
 /** @import { RunChart, SpeedErrorsEntry } from "../contract" */
 
-const WITHIN = "within 95 % interval";
-const COLUMNS = ["samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", WITHIN, "measured"];
+const WITHIN = "Within 95 % interval";
+const COLUMNS = ["Samples", "Bias, m/s", "RMSE, m/s", "Max. error, m/s", WITHIN, "Measured"];
 const EXPLANATION = `The error is the estimated speed minus the ground-truth speed at the same instant, over the whole
   run. “Measured” is the share of time with an estimate while the body moved in view.`;
 
@@ -96,7 +96,7 @@ function comparisonTable(charts, coloured) {
       }),
     );
   });
-  return errorTable(["run"], bodies);
+  return errorTable(["Run"], bodies);
 }
 
 /** @param {SpeedErrorsEntry} each @param {boolean} best */

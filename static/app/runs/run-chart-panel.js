@@ -80,11 +80,17 @@ export class ChartPanel {
     this.element = h(
       "section.chart-panel",
       { "aria-label": `Speeds of ${panel.title}` },
-      several && panel.charts.length === 1 ? h("h3", panel.title) : null,
-      ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
-      ...(panel.curves.length > 0
-        ? [this.#host, this.#reading, this.#announcement, factsOf(panel)]
-        : [h("p.empty", "No speeds in this run.")]),
+      h(
+        "div",
+        several && panel.charts.length === 1 ? h("h3", panel.title) : null,
+        ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
+      ),
+      h(
+        "div",
+        ...(panel.curves.length > 0
+          ? [this.#host, this.#reading, this.#announcement, factsOf(panel)]
+          : [h("p.empty", "No speeds in this run.")]),
+      ),
     );
   }
 

@@ -57,6 +57,7 @@ export class RunChart extends HTMLElement {
     "aria-label": "Visible range to, seconds",
   });
   #layout = h("fieldset.chips", { hidden: true });
+  #tools = h("div.chart-tools");
   #clock = h("span.hint");
   #panelHost = h("div.chart-panels");
   #legend = h("fieldset.chips.chart-legend");
@@ -164,28 +165,22 @@ export class RunChart extends HTMLElement {
         return h("label", input, words);
       }),
     );
-    this.append(
+    this.#tools.append(
+      this.#layout,
       h(
-        "div.chart-tools",
-        this.#layout,
-        h(
-          "div.row",
-          h("span.from", "From"),
-          this.#begin,
-          h("span", "to"),
-          this.#end,
-          h("span.unit", "s"),
-          zoomOut,
-          zoomIn,
-          all,
-        ),
-        this.#exporting ? chartMenu(() => this.offers()) : null,
+        "div.row",
+        h("span.from", "From"),
+        this.#begin,
+        h("span", "to"),
+        this.#end,
+        h("span.unit", "s"),
+        zoomOut,
+        zoomIn,
+        all,
       ),
-      this.#panelHost,
-      this.#legend,
-      this.#clock,
-      this.#errors,
     );
+    if (this.#exporting) this.#tools.append(chartMenu(() => this.offers()));
+    this.append(this.#tools, this.#panelHost, this.#legend, this.#clock, this.#errors);
   }
 
   #clear() {
@@ -217,6 +212,8 @@ export class RunChart extends HTMLElement {
           several,
         ),
     );
+    const drawn = panels.some(({ curves }) => curves.length > 0);
+    this.#tools.hidden = this.#clock.hidden = this.#errors.hidden = !drawn;
     this.#panelHost.replaceChildren(...this.#panels.map(({ element }) => element));
     setText(
       this.#clock,

@@ -8,7 +8,7 @@ import { ApiError } from "../shell/api.js";
 import { FrameEntries } from "./frame-entries.js";
 import { FrameImages } from "./frame-images.js";
 import { FramePicture } from "./frame-picture.js";
-import { hasImages, methodHref } from "./run-words.js";
+import { hasImages, isEmpty, methodHref } from "./run-words.js";
 import { TopView } from "./top-view.js";
 
 /** @import { FrameEntry, Run } from "../contract" */
@@ -123,6 +123,7 @@ export class RunPlayer extends Part {
     this.#failed = false;
     if (run.state === "running")
       return this.#empty("The frames are available when the run has ended.");
+    if (isEmpty(run)) return this.#empty("This run ended before its first frame.");
     if (run.record === null)
       return this.#empty("This run was not recorded: it has no frames to show.");
     this.#empty("Reading the frames from the recording…", true);
@@ -152,6 +153,7 @@ export class RunPlayer extends Part {
     const bitmap = await images.at(this.#at);
     if (images !== this.#images || this.#frames) return bitmap?.close();
     if (!bitmap) return this.#giveUp(images);
+    this.#fit(bitmap);
     this.#picture.show(bitmap, null, { width: bitmap.width, height: bitmap.height });
   }
 
@@ -182,9 +184,15 @@ export class RunPlayer extends Part {
       control.toggleAttribute("disabled", false);
     setAttribute(this.#slider, "max", String(count - 1));
     this.#top.take(frames.spread);
+    this.#fit(frames.size);
     this.#drawn = -1;
     setText(this.#note, this.#trouble);
     this.#goTo(Math.min(this.#at, count - 1));
+  }
+
+  /** Give the stage the shape of the image, as far as it fits. @param {{width: number, height: number}} size */
+  #fit({ width, height }) {
+    this.#stage.style.setProperty("--aspect", String(width / height));
   }
 
   /** @param {FrameImages} images that cannot be loaded, or do not exist */

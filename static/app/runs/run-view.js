@@ -12,6 +12,7 @@ import {
 } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { duration, sentence } from "../elements/words.js";
+import { valueInWords } from "../parameters/value-words.js";
 import { ApiError, request } from "../shell/api.js";
 import { attemptIn, notify } from "../shell/notice.js";
 import { AlignmentPanel } from "./alignment-panel.js";
@@ -24,9 +25,10 @@ import { RunGoal } from "./run-goal.js";
 import { RunLabels } from "./run-labels.js";
 import { RunPlayer } from "./run-player.js";
 import { removeRun } from "./run-search.js";
-import { calibrationInWords, compareHref, facts, hasImages } from "./run-words.js";
+import { calibrationInWords, compareHref, facts, hasImages, isEmpty } from "./run-words.js";
 
 /** @import { Calibration, Run, RunChart as Chart } from "../contract" */
+/** @import { ParameterEntry, Values } from "../parameters/parameter-store.js" */
 
 const RETRY_MS = 5000;
 // Frames played before the one opened in 3D.
@@ -40,7 +42,7 @@ export class RunView extends Part {
 
   #facts = h("p.hint");
   #state = h("span.state-chip");
-  #reason = h("p.hint");
+  #reason = h("p");
   #original = h("a", "Compare with the original run");
   #play = button([icon("play"), "Open in 3D"], () => this.#open(), {
     "aria-describedby": "open-in-3d-help",
@@ -76,10 +78,10 @@ export class RunView extends Part {
   build() {
     this.#body.append(
       this.#files.message,
+      h("div.run-head", this.#state, this.#reason),
       this.#player,
       this.#goal,
-      h("div.run-head", this.#state, this.#facts, this.#original),
-      this.#reason,
+      h("div.run-head", this.#facts, this.#original),
       h("div.row", this.#play, this.#playHelp),
       this.#back,
       this.#progress,
@@ -139,6 +141,7 @@ export class RunView extends Part {
       const run = await request("GET", path);
       if (asked !== this.#asked) return;
       this.#takeRun(run);
+      if (isEmpty(run)) return setText(this.#waiting, "");
       if (this.#shown !== id) setText(this.#waiting, "Reading the speeds from the recording…");
       /** @type {Chart} */
       const chart = await request("GET", `${path}/chart`);
@@ -182,7 +185,9 @@ export class RunView extends Part {
     const again = run.state === "running" && run.rerun_of !== null;
     this.#progress.watch(again ? run : null);
     this.#remove.disabled = run.state === "running";
-    this.#playHelp.hidden = this.#play.hidden = !hasImages(run);
+    const empty = isEmpty(run);
+    this.#chart.hidden = this.#rerun.hidden = empty;
+    this.#playHelp.hidden = this.#play.hidden = empty || !hasImages(run);
     this.#renderPlay();
     this.#player.show(run);
     this.#labels.show(run);
@@ -194,9 +199,12 @@ export class RunView extends Part {
   /** @param {Run} run */
   async #showSettings(run) {
     this.#settings.replaceChildren();
-    /** @type {Calibration[]} */
-    const library = await request("GET", "/calibrations").catch(() => []);
-    if (run.id === this.#run?.id) this.#settings.replaceChildren(settingsOf(run, library));
+    /** @type {[Calibration[], ParameterEntry[]]} */
+    const [library, schema] = await Promise.all([
+      request("GET", "/calibrations").catch(() => []),
+      request("GET", "/parameters/schema").catch(() => []),
+    ]);
+    if (run.id === this.#run?.id) this.#settings.replaceChildren(settingsOf(run, library, schema));
   }
 
   #renderPlay() {
@@ -228,9 +236,14 @@ export class RunView extends Part {
   }
 }
 
-/** @param {Run} run @param {Calibration[]} library */
-function settingsOf(run, library) {
-  const { preset, calibration_id: calibration, record, versions, parameters } = run;
+/**
+ * @param {Run} run
+ * @param {Calibration[]} library
+ * @param {ParameterEntry[]} schema
+ */
+function settingsOf(run, library, schema) {
+  const { preset, calibration_id: calibration, record, versions } = run;
+  const parameters = /** @type {Values} */ (run.parameters);
   /** @type {[string, string][]} */
   const lines = [
     ["Run ID", run.id],
@@ -241,13 +254,20 @@ function settingsOf(run, library) {
     ["Recorded images", record ?? "no recording"],
     ...Object.entries(versions),
   ];
-  const listed = (/** @type {[string, unknown][]} */ rows) =>
+  const known = schema.filter(({ name }) => name in parameters);
+  return details(
+    "Run settings",
     table(
       "settings",
       [],
-      rows.map(([name, value]) => tableRow(name, String(value))),
-    );
-  return details("Run settings", listed(lines), listed(Object.entries(parameters)));
+      lines.map(([name, words]) => tableRow(name, words)),
+    ),
+    table(
+      "settings",
+      [],
+      known.map((entry) => tableRow(entry.title, valueInWords(parameters[entry.name], entry))),
+    ),
+  );
 }
 
 customElements.define("observer-run", RunView);

@@ -44,6 +44,12 @@ export function calibrationInWords(id, source, library) {
   return `the source's own, or one deleted since (${id.slice(0, 12)})`;
 }
 
+/** Return whether it ended before its first frame, so that there is nothing to show. @param {Run} run */
+export function isEmpty({ state, frames }) {
+  // The count of an interrupted run may be behind its recording.
+  return frames === 0 && (state === "finished" || state === "failed");
+}
+
 /** Return whether its recording can be played and re-run. @param {Run} run */
 export function hasImages({ state, record }) {
   return state !== "running" && record !== null && record !== "none";

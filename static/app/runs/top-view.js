@@ -2,7 +2,7 @@
 
 import { h, setAttribute, setText, svg, tint } from "../elements/dom.js";
 import { OBSTACLE_COLOURS } from "../elements/facts.js";
-import { fixed, stateColour } from "../elements/words.js";
+import { fixed, stateColour, STATE_WORDS } from "../elements/words.js";
 import { matrixOf, outlinesOf } from "./map-cells.js";
 import { boundsOf, gridOf } from "./top-view-bounds.js";
 
@@ -14,12 +14,12 @@ const DOT_PX = 4;
 const GOAL_PX = 7;
 const HEAD_PX = 7;
 const TRAIL_POINTS = 300;
-/** @type {[keyof typeof OBSTACLE_COLOURS, string][]} */
+/** @type {[keyof typeof STATE_WORDS, string][]} */
 const STATES = [
-  ["moving", "Red: moving."],
-  ["in_place", "Orange: moving in place."],
-  ["stopped", "Blue: stopped."],
-  ["coasting", "Grey: out of view."],
+  ["moving", "Red"],
+  ["in_place", "Orange"],
+  ["stopped", "Blue"],
+  ["coasting", "Grey"],
 ];
 
 /** Fills its container. Ahead is up; the scale is constant over a segment. */
@@ -112,7 +112,7 @@ export class TopView extends HTMLElement {
       this.#frames.flatMap(({ plan }) => plan.obstacles.map((obstacle) => stateColour(obstacle))),
     );
     const named = STATES.filter(([state]) => found.has(OBSTACLE_COLOURS[state]));
-    return named.map(([, words]) => ` ${words}`).join("");
+    return named.map(([state, colour]) => ` ${colour}: ${STATE_WORDS[state]}.`).join("");
   }
 
   /** Return the camera's positions so far in this segment. @param {FramePlan} now */

@@ -157,12 +157,14 @@ export async function askConfirmation(question, consequence, action) {
  */
 export async function promptText(question, label, first) {
   const line = input("text", "answer", { maxlength: 100, required: true, value: first });
+  // Not a submit button: Enter in the field would press the first of them.
+  const cancel = button("Cancel", () => cancel.closest("dialog")?.close());
   const closed = showModal(
     "question",
     question,
     [field(label, line)],
+    cancel,
     h("button.button.primary", { value: "yes" }, "Save"),
-    h("button.button", { value: "no", formnovalidate: true }, "Cancel"),
   );
   line.select();
   return (await closed) === "yes" ? line.value.trim() : null;

@@ -133,6 +133,14 @@ test("who waves moves in place and is given no speed", () => {
   assert.equal(tone, "calm");
 });
 
+test("the label beside a box has no speed only where there is no motion to measure", () => {
+  const label = (/** @type {Parameters<typeof obstacle>[0]} */ changes) =>
+    words.boxLabel(obstacle({ speed: 0.4, speed_std: 0.05, ...changes }));
+  assert.equal(label({ motion: "moving" }), "0.40 ± 0.10 m/s");
+  assert.equal(label({ motion: "stopped", speed: 0.01 }), "0.01 ± 0.10 m/s");
+  assert.equal(label({ motion: "in_place" }), "in place");
+});
+
 test("only what is in view is said to move; a prediction is not", () => {
   const gone = obstacle({ id: 4, range: 1, state: "coasting", points: 0, speed: 1.12 });
   const seen = { of: () => ({ speed: 0.4, speed_std: 0.05, ago_s: 1.4 }) };
@@ -148,7 +156,7 @@ test("only what is in view is said to move; a prediction is not", () => {
   assert.equal(early.text, "Obstacle 4 is out of view.");
   assert.equal(
     words.outOfViewInWords(seen.of()),
-    "Not visible now. Last measured at 0.40 ± 0.10 m/s, 1.4 s ago.",
+    "Out of view. Last measured at 0.40 ± 0.10 m/s, 1.4 s ago.",
   );
 });
 

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { differences } from "../../../static/app/parameters/preset-compare.js";
 import {
+  differences,
   groupTitle,
   rangeInWords,
   valueInWords,
@@ -33,16 +33,16 @@ test("only what differs is compared, in the order of declaration", () => {
     parameter({ name: "a.x" }),
     parameter({ name: "c.x" }),
   ];
-  const found = differences(
-    schema,
+  const found = differences(schema, [
     { "a.x": 1, "b.x": 2, "c.x": 3 },
     { "a.x": 4, "b.x": 5, "c.x": 3 },
-  );
+    { "a.x": 1, "c.x": 3 },
+  ]);
   assert.deepEqual(
     found.map(({ entry: { name }, words }) => [name, ...words]),
     [
-      ["b.x", "2 px", "5 px"],
-      ["a.x", "1 px", "4 px"],
+      ["b.x", "2 px", "5 px", "–"],
+      ["a.x", "1 px", "4 px", "1 px"],
     ],
   );
 });

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { mock, test } from "node:test";
 
 import { serve, settled } from "../fake-page.mjs";
-import { run } from "../made.mjs";
+import { parameter, run } from "../made.mjs";
 
 /** @import { Hub } from "../../../static/app/shell/hub.js" */
 
@@ -13,10 +13,14 @@ const { RunChart } = await import("../../../static/app/runs/run-chart.js");
 mock.method(RunChart.prototype, "show", () => {});
 const { CompareView } = await import("../../../static/app/runs/compare-view.js");
 
-/** Answer for a run's chart. @param {string} path */
+const PARAMETER = parameter({ name: "flow.window_px", title: "Flow window size" });
+
+/** Answer for a run's chart, or for the declared parameters. @param {string} path */
 function answer(path) {
+  if (path === "/parameters/schema") return [PARAMETER];
   const id = path.split("/")[2] ?? "";
-  return { run: run({ id, name: id.toUpperCase() }), aligned: true, sentence: null };
+  const parameters = { [PARAMETER.name]: id === "a" ? 15 : 21 };
+  return { run: run({ id, name: id.toUpperCase(), parameters }), aligned: true, sentence: null };
 }
 
 /** A view of two runs whose answers have not arrived yet. */
@@ -37,6 +41,15 @@ test("an answer that arrives after the view was left does not name another view"
   view.show([]);
   await settled();
   assert.deepEqual(names, []);
+});
+
+test("parameters that differ are named as in their fields", async () => {
+  serve((_, path) => answer(path));
+  const { view } = asked();
+  await settled();
+  const words = view.textContent ?? "";
+  assert.ok(words.includes("Flow window size15 px21 px"), words);
+  assert.ok(!words.includes(PARAMETER.name), words);
 });
 
 test("an error is gone once the runs could be read after all", async () => {

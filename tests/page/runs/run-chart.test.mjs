@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import "../fake-page.mjs";
+import { run } from "../made.mjs";
 
 const { RunChart } = await import("../../../static/app/runs/run-chart.js");
 
@@ -19,4 +20,14 @@ test("the range being typed is not overwritten while a running run is read again
   assert.deepEqual([from.value, to.value], ["0.3", "1.00"]);
   from.dispatchEvent(new Event("blur"));
   assert.equal(from.value, "0.00");
+});
+
+test("a run without speeds has nothing to zoom and no errors", () => {
+  const chart = new RunChart();
+  chart.connectedCallback();
+  const none = { alignment: null, choices: null, curves: [], changes: [], errors: [] };
+  chart.show([{ run: run(), aligned: false, sentence: null, ...none }]);
+  const [tools, panels, , , errors] = /** @type {HTMLElement[]} */ ([...chart.children]);
+  assert.equal(panels?.textContent, "No speeds in this run.");
+  assert.deepEqual([tools?.hidden, errors?.hidden], [true, true]);
 });

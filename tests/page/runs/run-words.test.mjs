@@ -43,6 +43,14 @@ test("only a kept recording with images is played", () => {
   assert.equal(words.hasImages(run({ record: null })), false);
 });
 
+test("a run is empty once it has ended without a frame", () => {
+  assert.equal(words.isEmpty(run({ state: "failed", frames: 0 })), true);
+  assert.equal(words.isEmpty(run({ state: "failed", frames: 1 })), false);
+  assert.equal(words.isEmpty(run({ state: "running", frames: 0 })), false);
+  // Its recording may hold more than was counted.
+  assert.equal(words.isEmpty(run({ state: "interrupted", frames: 0 })), false);
+});
+
 test("an address leads back to what it was made of", () => {
   assert.deepEqual(words.placeOf(words.runHref("a/b c")), { view: "run", ids: ["a/b c"] });
   assert.deepEqual(words.placeOf(words.compareHref(["a,b", "c"])), {
