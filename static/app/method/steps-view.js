@@ -1,17 +1,16 @@
 /** The paper's method step by step, on one frozen pair of frames. */
 
 import { button, download, h, setAttribute, setText, table, tableRow } from "../elements/dom.js";
-import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { declareKeys, writesText } from "../elements/keys.js";
 import { ExportMenu } from "../elements/export-menu.js";
-import { ParameterField } from "../parameters/parameter-field.js";
 import { MODEL, storeOf } from "../parameters/parameter-store.js";
 import { groupTitle } from "../parameters/value-words.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
 import { attempt } from "../shell/notice.js";
 import { LatestRequest } from "../elements/latest-request.js";
+import { StepFields } from "./step-fields.js";
 import { formulaParts } from "./step-formula.js";
 import { StepPicture } from "./step-picture.js";
 import { StepPresentation } from "./step-presentation.js";
@@ -64,27 +63,17 @@ export class StepsView extends Part {
   #error = h("p.field-error", { role: "alert" });
   #status = h("p.visually-hidden", { role: "status" });
   #numbers = h("div");
-  #fields = h("div.step-parameters");
-  #noFields = h("p.hint", { hidden: true }, "This step has no parameters.");
+  #fields = new StepFields();
   #export = new ExportMenu(() => [{ title: "This step", items: this.#exports() }]);
   /** @type {StepPresentation | null} */
   #presentation = null;
   #latest = new LatestRequest();
-  /** @type {Map<string, ParameterField>} */
-  #made = new Map();
-  #fieldList = new KeyedList(
-    this.#fields,
-    (/** @type {string} */ name) => this.#field(name),
-    () => null,
-  );
   /** What is shown; null: another page is. @type {StepsPlace | null} */
   #place = null;
   /** @type {MethodSteps | null} */
   #answer = null;
   #timer = 0;
   #preparing = 0;
-  /** Values that a field's reset restores. @type {Values} */
-  defaults = {};
 
   build() {
     for (const [at, key] of STEP_KEYS.entries()) {
@@ -111,8 +100,7 @@ export class StepsView extends Part {
         h(
           "section.steps-side",
           h("h3", "Parameters of this step"),
-          this.#noFields,
-          this.#fields,
+          ...this.#fields.elements,
           h("h3", "Numbers"),
           this.#numbers,
         ),
@@ -121,6 +109,7 @@ export class StepsView extends Part {
     );
     this.#choice.attach(this.hub);
     this.#choice.chosen = (choice, moving) => this.#change(choice, moving);
+    this.#fields.changed = (values, moving) => this.#takeValues(values, moving);
     this.#picture.shown = (url, alt) => this.#presentation?.show(url, alt);
     storeOf(this.hub).addEventListener("loaded", () => this.#render());
     this.listen("themechange", () => this.#draw(), window);
@@ -170,22 +159,12 @@ export class StepsView extends Part {
     this.#timer = setTimeout(() => void this.#load(), moving ? PAUSE_MS : 0);
   }
 
-  /** Take the value of a field that is still moving. @param {Values} values */
-  async change(values) {
-    this.#takeValues(values, true);
-  }
-
-  /** Take the final value of a field. @param {Values} values */
-  async changeUndoably(values) {
-    this.#takeValues(values, false);
-  }
-
   /** @param {Values} values @param {boolean} moving */
   #takeValues(values, moving) {
     if (!this.#place) return;
     const changes = { ...this.#place.changes };
     for (const [name, value] of Object.entries(values)) {
-      if (value === this.defaults[name]) delete changes[name];
+      if (value === this.#fields.defaults[name]) delete changes[name];
       else changes[name] = String(value);
     }
     this.#change({ changes }, moving);
@@ -223,7 +202,7 @@ export class StepsView extends Part {
   #take(answer) {
     const place = /** @type {StepsPlace} */ (this.#place);
     this.#answer = answer;
-    this.defaults = /** @type {Values} */ (answer.preset_values);
+    this.#fields.defaults = /** @type {Values} */ (answer.preset_values);
     this.#place = { ...place, source: answer.source, frame: answer.frame };
     // If the user went back or forward meanwhile, another place is shown next.
     if (addressOf(placeOfAddress(location.hash)) === addressOf(place))
@@ -237,13 +216,13 @@ export class StepsView extends Part {
   #refused({ fields, message }) {
     const { changes, frame } = /** @type {StepsPlace} */ (this.#place);
     const refused = Object.keys(fields).filter((name) => name in changes);
-    const seen = refused.filter((name) => this.#made.get(name)?.isConnected);
+    const seen = refused.filter((name) => this.#fields.shows(name));
     if (seen.length > 0) {
       for (const name of seen) delete changes[name];
       history.replaceState(null, "", addressOf(/** @type {StepsPlace} */ (this.#place)));
       // The fields show the values that stay, and then why.
       this.#render();
-      for (const name of seen) this.#made.get(name)?.fail(fields[name] ?? "");
+      for (const name of seen) this.#fields.fail(name, fields[name] ?? "");
     }
     if (seen.length === 0 || seen.length < refused.length)
       this.#choice.fail(message, nearestFrame(fields["frame"] ?? "", frame));
@@ -291,7 +270,15 @@ export class StepsView extends Part {
     const { preset, values = {} } = this.#answer ?? {};
     // Of a preset just chosen, the values are not known yet.
     if (!this.#place || this.#place.preset !== preset) return /** @type {Values} */ (values);
-    return valuesAt(this.#place, this.defaults);
+    return valuesAt(this.#place, this.#fields.defaults);
+  }
+
+  /** The parameters as declared, with the methods that these steps belong to. */
+  get #schema() {
+    const models = this.#answer?.models ?? [];
+    return storeOf(this.hub).schema.map((entry) =>
+      entry.name === MODEL ? { ...entry, choices: models } : entry,
+    );
   }
 
   /** @returns {MethodStep | undefined} */
@@ -321,34 +308,7 @@ export class StepsView extends Part {
       table("step-numbers", [], rows),
     );
     this.#presentation?.update(step);
-    this.#showFields(step);
-  }
-
-  /** @param {MethodStep} step */
-  #showFields({ parameters }) {
-    const values = this.#values;
-    const known = storeOf(this.hub).schema.map(({ name }) => name);
-    const shown = parameters.filter((name) => known.includes(name));
-    this.#fieldList.show(shown, (name) => name);
-    this.#noFields.hidden = shown.length > 0;
-    const model = String(values[MODEL]);
-    for (const name of shown) {
-      const value = values[name];
-      if (value !== undefined) this.#made.get(name)?.show(value, model);
-    }
-  }
-
-  /** @param {string} name */
-  #field(name) {
-    const made = this.#made.get(name);
-    if (made) return made;
-    const field = new ParameterField();
-    const entry = storeOf(this.hub).schema.find((each) => each.name === name);
-    if (!entry) return field;
-    const choices = name === MODEL ? (this.#answer?.models ?? []) : entry.choices;
-    field.build({ ...entry, choices }, this, "step");
-    this.#made.set(name, field);
-    return field;
+    this.#fields.show(step.parameters, this.#values, this.#schema);
   }
 
   // --- keys and presenting -------------------------------------------------------------------
