@@ -64,7 +64,8 @@ class Wayfinder:
                 self._navigator = Navigator(guard, planner)
             self._navigator.use(guard, planner)
             self._navigator.see(sight, np.array([place.x, place.y, place.yaw]))
-            plan = self._navigator.plan(errand, now)
+            self._plan.write(self._navigator.plan(errand, now).facts())
+            local_map = self._local_map(self._navigator, sight.received)
         except Exception:  # noqa: BLE001
             # Without a plan the robot stays stopped; observing continues.
             if not self._failed:
@@ -72,8 +73,7 @@ class Wayfinder:
             self._failed = True
             return None
         self._failed = False
-        self._plan.write(plan.facts())
-        return self._local_map(self._navigator, sight.received)
+        return local_map
 
     def _local_map(self, navigator: Navigator, received: float) -> OccupancyMap | None:
         if received < self._map_due:

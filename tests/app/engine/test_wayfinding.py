@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -102,6 +104,18 @@ def test_a_failing_planner_gives_no_plan_and_is_logged_once(
     assert link.look() is None
     assert link.look() is None
     assert caplog.text.count("planning the way to the goal failed") == 1
+    monkeypatch.undo()
+    assert link.look() is not None
+
+
+@pytest.mark.parametrize("changed", [{"risk_per_metre": math.nan}, {"reason": "x" * (1 << 17)}])
+def test_a_plan_that_cannot_be_sent_leaves_the_source_open(
+    link: Link, monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any]
+) -> None:
+    """Whatever this raised would end the session of the cameras."""
+    made = Navigator.plan
+    monkeypatch.setattr(Navigator, "plan", lambda *args: replace(made(*args), **changed))
+    assert link.look() is None
     monkeypatch.undo()
     assert link.look() is not None
 
