@@ -20,6 +20,9 @@ from observer.navigation.errand import Errand, Goal
 from observer.navigation.plan import Plan
 from observer.types import Status
 
+# Until the operator has been present for a moment after an interruption.
+_CONTINUES = "driving was interrupted and continues in a moment"
+
 
 class Goals:
     """Goals of the observer; see the module. It reads no clock.
@@ -115,10 +118,10 @@ class Goals:
         return going.velocity if driven.consent.released else ZERO
 
     def sent(self, driven: DrivenRole) -> None:
-        """Note why the robot stands in spite of the velocity asked for, if it does."""
+        """Note why the robot stands in spite of the velocity planned, if it does."""
         if self.going is not None:
-            stationary = driven.sent == ZERO
-            self.going.hindrance = driven.hindrance if stationary else None
+            why = driven.hindrance or (None if driven.consent.released else _CONTINUES)
+            self.going.hindrance = why if driven.sent == ZERO else None
 
     def give_up(self, driven: DrivenRole, why: str | None, now: float) -> IncidentEvent | None:
         """End the goal at zero before it is reached; return its incident.

@@ -190,6 +190,23 @@ def test_a_brief_loss_of_sight_only_pauses_the_goal(bench: Bench) -> None:
     assert bench.state("observer") == "disarmed"
 
 
+def test_a_pause_after_a_loss_of_sight_has_its_reason(bench: Bench) -> None:
+    """The plan says that it drives on, but the operator has to be present for a moment first."""
+    prepare(bench)
+    start(bench)
+    stay(bench, 1.0)
+    bench.seeing = {"status": Status.LOST, "reasons": ("too dark",)}
+    bench.plan = plan(bench)
+    bench.tick()
+    bench.seeing = {}
+    bench.plan = plan(bench)
+    bench.tick()
+    assert bench.sent("observer") == (0.0, 0.0)
+    assert goal(bench).sentence == "Waiting: driving was interrupted and continues in a moment."
+    stay(bench, 1.0)
+    assert goal(bench).sentence == "Driving to the goal."
+
+
 @pytest.mark.parametrize("status", [Status.LOST, Status.DEGRADED])
 def test_a_loss_of_one_frame_only_pauses_the_goal(bench: Bench, status: Status) -> None:
     prepare(bench)
