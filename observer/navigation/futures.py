@@ -24,6 +24,8 @@ _TURN_RADPS, _TURNING_S = 0.9, 1.2
 # Standard deviations assumed where the tracker reports none.
 _UNKNOWN_POSITION_M: Final = 0.2
 _UNKNOWN_VELOCITY_MPS: Final = 0.3
+# Lower bound of the spread, by which distances are divided.
+_LEAST_SIGMA_M: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,8 @@ def futures(
     sigma_v = _known([one.velocity_sigma_mps for one in people], _UNKNOWN_VELOCITY_MPS)
     mean = place[:, None, None] + displaced(velocity, times)
     spread = np.sqrt(
-        sigma_p[:, None] ** 2
+        _LEAST_SIGMA_M**2
+        + sigma_p[:, None] ** 2
         + (sigma_v[:, None] * times) ** 2
         + acceleration_noise**2 * times**3 / 3
     )

@@ -81,7 +81,9 @@ def _looked(
     expected = (ways[:, 1] - ways[:, 0]) / short
     variance = _MANOEUVRE_MPS**2 + (sigma_mps or 0.0) ** 2
     squared = ((expected - velocity) ** 2).sum(axis=1)
-    likelihood = np.exp(-(squared - squared.min()) / (2 * variance))
+    # Relative to the best of those that are possible at all, so that not all of them vanish.
+    least = squared[habit.weights > 0].min()
+    likelihood = np.exp(np.minimum(least - squared, 0.0) / (2 * variance))
     weights = habit.weights * likelihood
     weights /= weights.sum()
     return _Habit(velocity, time, _faded(weights, passed, prior))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.guard.dead_reckoning import moved
+from observer.guard.dead_reckoning import inverse, moved
 from observer.guard.sight import FreeScan, SeenObstacle
 from observer.occupancy import BLOCKED, FREE, OccupancyMap
 from observer.robots.contract import SonarReading
@@ -79,19 +79,20 @@ class LocalMap:
         self._clear(rays, pose, time)
         self._block(_without(_surfaces(bearings, blocked), tracks), pose, time, _REMEMBERED_S)
 
-    def hear(self, sonars: Sequence[SonarReading], pose: Float64Array) -> None:
-        """Take in near echoes, which are soon forgotten."""
-        heard = [
-            (
-                each.x + each.range_m * math.cos(each.heading),
-                each.y + each.range_m * math.sin(each.heading),
-                each.received,
-            )
-            for each in sonars
-            if each.range_m is not None and each.range_m < _ECHO_M
-        ]
-        for x, y, received in heard:
-            self._block(np.array([[x, y]]), pose, received, _ECHO_S)
+    def hear(self, sonars: Sequence[SonarReading], then: Float64Array, pose: Float64Array) -> None:
+        """Take in near echoes, which are soon forgotten.
+
+        Args:
+            then: (S, 3) pose of the base as it stands now, in that of each reading.
+            pose: (3,) x, y, yaw of the base now.
+        """
+        for each, since in zip(sonars, then, strict=True):
+            if each.range_m is None or each.range_m >= _ECHO_M:
+                continue
+            x = each.x + each.range_m * math.cos(each.heading)
+            y = each.y + each.range_m * math.sin(each.heading)
+            echo = moved(np.array([[x, y]]), np.array(inverse(since)))
+            self._block(echo, pose, each.received, _ECHO_S)
 
     def stand(self, track: SeenObstacle, until: float) -> None:
         """Block the circle of a stationary track, given in the frame of the map."""

@@ -130,8 +130,12 @@ class Navigator:
         if not _usable_errand(errand, now):
             return self._standing(errand, now, "Waiting: the robot reports impossible values.")
         motion = _motion(errand, now)
-        self._map.hear(errand.sonars, np.array([motion.x, motion.y, motion.yaw]))
         self._follow_guard(errand, now)
+        self._map.hear(
+            errand.sonars,
+            self._then(errand.sonars),
+            np.array([motion.x, motion.y, motion.yaw]),
+        )
         left = math.hypot(errand.goal.x - motion.x, errand.goal.y - motion.y)
         if left <= REACHED_M:
             return self._standing(errand, now, "The goal is reached.")
@@ -213,7 +217,7 @@ class Navigator:
         if not fresh:
             return
         # Each reading is compared with where robot and person were when it was made.
-        past = self._side.past.then_from_now(np.array([one.received for one in fresh]))
+        past = self._then(fresh)
         gone = [
             number
             for number, known in self._known.items()
@@ -225,6 +229,10 @@ class Navigator:
         ]
         for number in gone:
             del self._known[number]
+
+    def _then(self, sonars: Sequence[SonarReading]) -> Float64Array:
+        """(S, 3) pose of the base as it stands now, in that of each reading."""
+        return self._side.past.then_from_now(np.array([one.received for one in sonars]))
 
     def _is_clear(
         self, place: tuple[float, float], sonar: SonarReading, then: Float64Array

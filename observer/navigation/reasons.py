@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from observer.geometry import Float64Array
 from observer.guard.sight import obstacle_named
 from observer.navigation.futures import Futures
 from observer.navigation.planner import Choice
@@ -20,6 +21,8 @@ LESS_CHANCE: Final = 0.01
 _STRAIGHT: Final = 1
 # A higher turn rate is not straight ahead, and a lower speed is a turn on the spot.
 _TURNS_RADPS, _ON_THE_SPOT_MPS = 0.2, 0.03
+# Somebody who gets no farther than this within the horizon stands.
+_STANDS_M: Final = 0.2
 # Added to probabilities so that zero has a logarithm.
 _NEVER: Final = 1e-12
 
@@ -88,7 +91,19 @@ def _decider(choice: Choice, people: Futures) -> Reason | None:
         return None
     track, meets = people.ids[who], float(risk.when_s[_STRAIGHT, who])
     sentence = f"Waiting for {obstacle_named(track)}: it would cross in {meets:.1f} s."
+    if _stands(people, who):
+        sentence = f"Waiting: {obstacle_named(track)} is in the way."
     return Reason(sentence, track, meets, _predicted(choice, people, who, meets))
+
+
+def _likeliest(people: Futures, who: int) -> Float64Array:
+    """(K, 2) places of a person on the most probable manoeuvre."""
+    return np.asarray(people.mean[who, int(np.argmax(people.weight[who]))])
+
+
+def _stands(people: Futures, who: int) -> bool:
+    way = _likeliest(people, who)
+    return math.dist(way[-1], way[0]) < _STANDS_M
 
 
 def _predicted(choice: Choice, people: Futures, who: int, meets_s: float) -> tuple[float, float]:
@@ -104,12 +119,11 @@ def _predicted(choice: Choice, people: Futures, who: int, meets_s: float) -> tup
 def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
     """Return the sentence that tells on which side the path passes an obstacle."""
     who = _index(people, decider)
-    # Its most probable manoeuvre.
-    way = people.mean[who, int(np.argmax(people.weight[who]))]
-    moves = way[-1] - way[0]
     named = obstacle_named(people.ids[who])
-    if math.hypot(*moves) < 0.2:
+    if _stands(people, who):
         return f"Driving around {named}."
+    way = _likeliest(people, who)
+    moves = way[-1] - way[0]
     path = choice.ways.poses[choice.best, :, :2]
     away = path - way
     nearest = int(np.argmin(np.hypot(away[:, 0], away[:, 1])))

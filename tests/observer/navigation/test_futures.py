@@ -90,3 +90,12 @@ def test_the_predicted_velocity_of_a_person_out_of_view_confirms_no_habit() -> N
         assert PRIOR[0] <= weights[0] <= goes_on
     # Nothing is known of a person who comes into question only now.
     assert habits.weights([replace(WALKER, id=8)], 2.4, PRIOR, {8})[0] == pytest.approx(PRIOR)
+
+
+def test_a_jump_in_velocity_that_no_permitted_manoeuvre_explains_keeps_the_weights() -> None:
+    """The prior excludes stopping and turning, and the track seems to stop from 20 m/s."""
+    only = (1.0, 0.0, 0.0, 0.0)
+    habits, fast = Habits(), replace(WALKER, vx=20.0)
+    habits.weights([fast], 0.0, only)
+    made = habits.weights([replace(fast, vx=0.0)], 0.5, only)
+    assert made[0] == pytest.approx(only)

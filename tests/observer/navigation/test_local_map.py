@@ -117,11 +117,11 @@ def test_repeated_near_echoes_block_their_cell_for_about_a_second() -> None:
         SonarReading(1, 0.0, 0.1, math.pi / 2, 2.5, 5.0),
         SonarReading(2, 0.0, -0.1, -math.pi / 2, None, 5.0),
     ]
-    local = LocalMap()
-    local.hear(readings, HERE)
+    local, stood = LocalMap(), np.zeros((len(readings), 3))
+    local.hear(readings, stood, HERE)
     assert not local.blocked(5.1).any()
     for k in range(8):
-        local.hear([replace(each, received=5.0 + 0.1 * k) for each in readings], HERE)
+        local.hear([replace(each, received=5.0 + 0.1 * k) for each in readings], stood, HERE)
     assert local.blocked(6.6).sum() == 1
     assert clearance(local, 0.5, 0.0, 6.6) == pytest.approx(0.5, abs=1.5 * CELL_M)
     assert not local.blocked(6.8).any()

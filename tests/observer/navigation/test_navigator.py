@@ -16,6 +16,7 @@ from observer.navigation.errand import Errand, Goal
 from observer.navigation.navigator import Navigator
 from observer.navigation.parameters import NavigationParameters
 from observer.navigation.plan import Plan
+from observer.occupancy import BLOCKED
 from observer.robots.contract import SonarReading
 from observer.robots.models import robot_spec
 from observer.types import Status
@@ -221,6 +222,16 @@ def test_impossible_values_stop_the_robot(value: float) -> None:
         assert made.reason == "Waiting: the camera frame contains impossible values."
 
 
+def test_exactly_known_obstacles_are_planned_around() -> None:
+    """Without any uncertainty, distances are divided by a standard deviation of zero."""
+    exact = replace(person(1.9, 0.0), position_sigma_m=0.0, velocity_sigma_mps=0.0)
+    navigator = Navigator(LIMITS, NavigationParameters(acceleration_noise=0.0))
+    navigator.see(sight(exact), np.zeros(3))
+    made = navigator.plan(ERRAND, 10.0)
+    assert abs(made.turn_rate_radps) > 0.1
+    assert math.isfinite(made.risk_per_metre)
+
+
 def test_an_unseen_person_is_forgotten_when_sonar_has_no_echo() -> None:
     navigator = Navigator(LIMITS, PLANNER)
     # Sonar would hear the person at the predicted place.
@@ -232,6 +243,40 @@ def test_an_unseen_person_is_forgotten_when_sonar_has_no_echo() -> None:
     assert there.waits_for == 3
     gone = navigator.plan(replace(ERRAND, time=10.5, sonars=quiet), 10.5)
     assert gone.waits_for is None
+
+
+def test_an_echo_is_where_the_sonar_pointed_when_it_was_read() -> None:
+    """A turning robot hears a post at 45° to its left, in readings that are up to 0.3 s old."""
+    navigator = Navigator(LIMITS, PLANNER)
+    for k in range(14):
+        time = 10.0 + 0.1 * k
+        read = time - 0.1 * (k % 3)
+        yaw, then = 1.0 * (time - 10.0), 1.0 * (read - 10.0)
+        heading = math.remainder(math.radians(45.0) - then, 2 * math.pi)
+        sonar = SonarReading(0, 0.0, 0.0, heading, 1.0, read)
+        # No floor is seen, which would show the post's place to be free.
+        navigator.see(replace(sight(time=time), scan=None), np.array([0.0, 0.0, yaw]))
+        errand = replace(
+            ERRAND, time=time, yaw=yaw, speed_mps=0.0, turn_rate_radps=1.0, sonars=(sonar,)
+        )
+        navigator.plan(errand, time)
+    made = navigator.local_map()
+    assert made is not None
+    places = np.argwhere(made.cells() == BLOCKED) * made.cell_m + (made.x, made.y)
+    assert len(places)
+    off = np.hypot(*(places + made.cell_m / 2 - 1.0 / math.sqrt(2)).T)
+    assert off.max() < 1.5 * made.cell_m
+
+
+def test_a_robot_boxed_in_by_standing_obstacles_does_not_say_that_they_move() -> None:
+    around = [
+        person(1.0 * math.cos(angle), 1.0 * math.sin(angle), number=k + 1)
+        for k, angle in enumerate(np.radians(np.arange(-100, 101, 25)).tolist())
+    ]
+    made = plan(*around, errand=replace(ERRAND, speed_mps=0.0))
+    assert made.speed_mps == 0.0
+    assert made.waits_for is not None
+    assert made.reason == f"Waiting: obstacle {made.waits_for} is in the way."
 
 
 def counts_after_a_quiet_sonar(
