@@ -16,7 +16,9 @@ from observer.intervals import half_95
 from observer.navigation.parameters import AllParameters
 from observer.number_format import format_number
 
-_HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % interval", "seen")
+_HEADER = (
+    "", "Samples", "Bias, m/s", "RMSE, m/s", "Max. error, m/s", "Within 95 % interval", "Measured",
+)  # fmt: skip
 _GROUPS = {
     "all": "", "direction": "moving: ", "way": "body moving ", "body": "body ", "track": "track ",
 }  # fmt: skip
@@ -37,7 +39,7 @@ def report_html(report: Report) -> str:
             _section("Incidents", "incidents", _incidents(report)),
             _section("Parameters", "parameters", _parameters(report)),
             _section("Calibration", "calibration", f"<pre>{escape(facts.calibration_yaml)}</pre>"),
-            _section("Versions", "versions", _table(("package", "version"),
+            _section("Versions", "versions", _table(("Package", "Version"),
                                                     sorted(facts.versions.items()))),
         )
     )  # fmt: skip
@@ -53,18 +55,18 @@ def _summary(report: Report) -> str:
     facts = report.facts
     began = datetime.fromtimestamp(facts.anchor.wall_ns / 1e9, UTC)
     rows = [
-        ("run", facts.id),
-        ("source", facts.source),
-        ("began", f"{began:%Y-%m-%d %H:%M:%S} UTC"),
-        ("length", f"{_length(report.duration_s)}, {report.frames} frames"),
-        ("images", facts.images),
-        ("preset", facts.preset or "none"),
+        ("Run ID", facts.id),
+        ("Source", facts.source),
+        ("Started", f"{began:%Y-%m-%d %H:%M:%S} UTC"),
+        ("Duration", f"{_length(report.duration_s)}, {report.frames} frames"),
+        ("Recorded images", facts.images),
+        ("Preset", facts.preset or "none"),
         *sorted(facts.notes.items()),
     ]
     if report.unfinished:
         rows.append(
             (
-                "recording",
+                "Recording",
                 "cut off: the recording has no end; everything up to that point is shown here",
             )
         )
@@ -111,8 +113,8 @@ def _errors(report: Report) -> str:
     return (
         f"{table}<p>Identity switches: {changes}. An error is the estimated speed minus the true "
         "speed at the same instant; ground truth is interpolated only between neighbouring "
-        "samples. <em>Seen</em> is the share of the time in which the body moved in view and was "
-        "measured.</p>"
+        "samples. <em>Measured</em> is the share of time with an estimate while the body "
+        "moved in view.</p>"
     )
 
 
@@ -126,7 +128,7 @@ def _compared(report: Report) -> str:
         for errors in each.errors
         if errors.group in ("all", "direction")
     ]
-    return f"<h3>By experiment and method</h3>{_table(('experiment', 'method', *_HEADER), rows)}"
+    return f"<h3>By experiment and method</h3>{_table(('Experiment', 'Method', *_HEADER), rows)}"
 
 
 def _error_row(errors: SpeedErrors) -> list[str]:
@@ -151,15 +153,15 @@ def _truth(report: Report) -> str:
     time = alignment.time
     rows = [
         (
-            "time offset of the ground truth",
+            "Time offset of the ground truth",
             f"{format_number(time.offset_s, 4)} ± {half_95(time.sigma_s):.4f} s (95 % interval)",
         ),
-        ("drift", f"{format_number(time.drift_ppm, 1)} ppm"),
-        ("correlation", f"{time.correlation:.3f}"),
-        ("overlap", f"{time.overlap_s:.1f} s"),
-        ("speed residual", f"{time.residual_mps:.3f} m/s"),
+        ("Drift", f"{format_number(time.drift_ppm, 1)} ppm"),
+        ("Correlation", f"{time.correlation:.3f}"),
+        ("Overlap", f"{time.overlap_s:.1f} s"),
+        ("Speed residual", f"{time.residual_mps:.3f} m/s"),
         (
-            "position residual",
+            "Position residual",
             "unknown"
             if alignment.frame_residual_m is None
             else f"{alignment.frame_residual_m:.3f} m",
@@ -167,13 +169,13 @@ def _truth(report: Report) -> str:
         *((f"{name} is", role) for name, role in alignment.roles.items()),
     ]
     notes = "".join(f"<li>{escape(note)}</li>" for note in alignment.notes)
-    return f"{said}{_table(('figure', 'value'), rows)}<ul>{notes}</ul>"
+    return f"{said}{_table(('Quantity', 'Value'), rows)}<ul>{notes}</ul>"
 
 
 def _segments(report: Report) -> str:
     segments = [(str(n), f"{time:.2f}") for n, time in report.segments.items()]
     statuses = [(status, str(n)) for status, n in sorted(report.statuses.items())]
-    return _table(("segment", "starts at, s"), segments) + _table(("status", "frames"), statuses)
+    return _table(("Segment", "Start, s"), segments) + _table(("Status", "Frames"), statuses)
 
 
 def _incidents(report: Report) -> str:
@@ -181,7 +183,7 @@ def _incidents(report: Report) -> str:
         return "<p>None were recorded.</p>"
     begin = report.facts.anchor.monotonic
     rows = [(format_number(i.received - begin, 2), i.kind, i.sentence) for i in report.incidents]
-    return _table(("s after the start", "what", ""), rows)
+    return _table(("Time, s", "Incident", ""), rows)
 
 
 def _parameters(report: Report) -> str:
@@ -191,7 +193,7 @@ def _parameters(report: Report) -> str:
     default = AllParameters().flat()
     rows = [(name, _word(v), _word(default.get(name))) for name, v in sorted(first.values.items())]
     changed = [row for row in rows if row[1] != row[2]]
-    said = _table(("changed from default", "value", "default"), changed) if changed else (
+    said = _table(("Changed parameter", "Value", "Default"), changed) if changed else (
         "<p>All started at their default values.</p>"
     )  # fmt: skip
     if later:
@@ -200,8 +202,8 @@ def _parameters(report: Report) -> str:
             for r in later
             for name, value in sorted(r.difference.items())
         ]
-        said += _table(("revision", "from frame", "changed", "to"), changes)
-    whole = _table(("parameter", "at the start"), [row[:2] for row in rows])
+        said += _table(("Revision", "From frame", "Parameter", "Value"), changes)
+    whole = _table(("Parameter", "Initial value"), [row[:2] for row in rows])
     return f"{said}<details><summary>All {len(rows)} parameters</summary>{whole}</details>"
 
 

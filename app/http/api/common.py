@@ -49,7 +49,7 @@ def who(request: Request, name: str | None = None) -> str:
     known = None if session is None else _server(request).driving.operators.name_at(session)
     if known is not None:
         return known
-    return where if request.client is None else f"somebody at {where}"
+    return where if request.client is None else f"an operator at {where}"
 
 
 def attachment(content: str | bytes, name: str, media_type: str) -> Response:

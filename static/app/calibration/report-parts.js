@@ -82,9 +82,9 @@ export function viewChart(views) {
   const caption = h(
     "figcaption.hint",
     h("span.chart-key.left"),
-    "left and ",
+    "Left and ",
     h("span.chart-key.right"),
-    `right image of each view. The chart's full height is ${fixed(most, 2)} px.`,
+    `right image of each view. Full height: ${fixed(most, 2)} px.`,
   );
   return h("figure", h("div.scroll-x", chart), caption);
 }

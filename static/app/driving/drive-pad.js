@@ -4,7 +4,7 @@ import { h, input, setAttribute, setText } from "../elements/dom.js";
 import { SONAR_HALF_ANGLE_DEG } from "../elements/facts.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
-import { fixed, sentence } from "../elements/words.js";
+import { age, fixed, sentence } from "../elements/words.js";
 import { storeOf } from "../parameters/parameter-store.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
@@ -228,9 +228,7 @@ export class DrivePad extends Part {
     if (guard && guard.limit_mps !== null) parts.push(`Limit ${fixed(guard.limit_mps, 2)} m/s`);
     if (this.hub.driver.role === "observer" && sight) {
       parts.push(
-        sight.age_s === null
-          ? "No vision data"
-          : `Vision data ${fixed(1000 * sight.age_s, 0)} ms old${degraded}`,
+        sight.age_s === null ? "No vision data" : `Vision data ${age(sight.age_s)} old${degraded}`,
       );
     }
     setText(this.#guardNumbers, parts.join(" · "));

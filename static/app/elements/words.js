@@ -193,6 +193,11 @@ export function duration(seconds) {
     .join(" ");
 }
 
+/** @param {number} seconds since something was made @returns {string} as in "85 ms" and "2 min 4.0 s" */
+export function age(seconds) {
+  return seconds < 1 ? `${fixed(1000 * seconds, 0)} ms` : duration(seconds);
+}
+
 /**
  * @param {number} count
  * @param {string} one as in "run"

@@ -4,7 +4,7 @@ import { fillList, h, setAttribute, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
 import { GLOSSARY } from "../elements/glossary.js";
-import { fixed } from "../elements/words.js";
+import { age, fixed } from "../elements/words.js";
 import { groupTitle } from "../parameters/value-words.js";
 
 /** @import { Status } from "../contract" */
@@ -141,7 +141,7 @@ function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) 
 function denseCloudInWords({ per_s, age_s, coarseness }) {
   if (!per_s || age_s === null) return "–";
   const grid = coarseness && coarseness > 1 ? `, at 1/${coarseness} size` : "";
-  return `${fixed(per_s, 1)} /s, ${fixed(1000 * age_s, 0)} ms old${grid}`;
+  return `${fixed(per_s, 1)} /s, ${age(age_s)} old${grid}`;
 }
 
 customElements.define("observer-status", StatusPanel);

@@ -62,6 +62,7 @@ export class RunView extends Part {
   #files = new RunExport(() => this.#chart.offers());
   /** Actions for the run, for the head of the page. */
   actions = h("div.row.run-actions", { hidden: true }, this.#files, this.#remove);
+  #again = h("div.stack", this.#truth, this.#rerun);
   #settings = h("div.stack");
   #body = h("div.run-view", { hidden: true });
   /** @type {string | null} */
@@ -87,11 +88,7 @@ export class RunView extends Part {
       this.#progress,
       this.#waiting,
       this.#chart,
-      h(
-        "div.run-columns",
-        h("div.stack", this.#truth, this.#rerun),
-        h("div.stack", this.#labels, this.#settings),
-      ),
+      h("div.run-columns", this.#again, h("div.stack", this.#labels, this.#settings)),
     );
     this.append(this.#error, this.#body);
     const parts = [this.#labels, this.#truth, this.#rerun, this.#files, this.#player];
@@ -186,7 +183,7 @@ export class RunView extends Part {
     this.#progress.watch(again ? run : null);
     this.#remove.disabled = run.state === "running";
     const empty = isEmpty(run);
-    this.#chart.hidden = this.#rerun.hidden = empty;
+    this.#chart.hidden = this.#again.hidden = empty;
     this.#playHelp.hidden = this.#play.hidden = empty || !hasImages(run);
     this.#renderPlay();
     this.#player.show(run);

@@ -7,6 +7,8 @@ import { showModal } from "./modal.js";
 /** Event of the window for every notice: its detail has `text` and `severity`. */
 export const NOTICE_SHOWN = "notice-shown";
 
+// More would cover the page, on a phone also the stop button. The log has them all.
+const MAX_SHOWN = 3;
 const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 
 /**
@@ -43,6 +45,7 @@ export function notify(text, kind = "done", offer) {
     for (const before of same) before.remove();
   }
   host.append(notice);
+  while (host.childElementCount > MAX_SHOWN) host.firstElementChild?.remove();
   const severity = kind === "error" ? "error" : "info";
   window.dispatchEvent(new CustomEvent(NOTICE_SHOWN, { detail: { text, severity } }));
   setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);

@@ -119,7 +119,7 @@ function sharing(offered, lists, revoking) {
     h(
       "fieldset.share-choice",
       { "aria-describedby": help.id },
-      h("legend", "The link is for"),
+      h("legend", "Access"),
       ...radios.map((radio, at) => h("label", radio, offered[at]?.label)),
     ),
     help,

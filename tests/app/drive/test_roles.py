@@ -199,7 +199,7 @@ def test_stop_reaches_all_robots_in_the_same_tick_and_latches(bench: Any) -> Non
         for role in ROLES:
             bench.drive(role, 0.3)
         bench.tick(5)
-    bench.take(StopRobots("somebody at 10.0.0.7"))
+    bench.take(StopRobots("an operator at 10.0.0.7"))
     for name, robot in bench.robots.items():
         assert robot.calls[-1] == ("stop",)
         assert bench.state(name) == "disarmed"
@@ -208,11 +208,11 @@ def test_stop_reaches_all_robots_in_the_same_tick_and_latches(bench: Any) -> Non
     for role in ROLES:
         bench.drive(role, 0.0)
         bench.hold(role, 0.3, 0.3)
-        refused(bench, ArmRobot(role, bench.leases[role]), "stopped by somebody at 10.0.0.7")
-        assert "stopped by somebody" in bench.why(role)
+        refused(bench, ArmRobot(role, bench.leases[role]), "stopped by an operator at 10.0.0.7")
+        assert "stopped by an operator" in bench.why(role)
         assert bench.sent(role) == (0.0, 0.0)
     bench.take(StopRobots("Eve"))
-    assert bench.roles.stopped.by == "somebody at 10.0.0.7"
+    assert bench.roles.stopped.by == "an operator at 10.0.0.7"
     bench.take(ResetStop("Ann"))
     bench.hold("observer", 0.3, 0.3)
     assert bench.state("observer") == "disarmed", "a reset arms nothing"

@@ -81,4 +81,4 @@ async def test_a_stop_is_logged_once_under_the_name_of_the_operator_at_that_brow
                 await other.recv()
                 await browser.post("/api/robots/reset")
                 await browser.post("/api/robots/stop")
-                assert (await stops())[-1] == "All robots were stopped by somebody at 127.0.0.1."
+                assert (await stops())[-1] == "All robots were stopped by an operator at 127.0.0.1."

@@ -44,7 +44,7 @@ async def test_robots_are_armed_stopped_and_reset(http: Any, drive: Any) -> None
     assert answer.json()["detail"] == "the obstacle is not connected"
     stopped = await http.post("/api/robots/stop")
     assert stopped.status_code == 200
-    assert stopped.json()["stopped"]["by"] == "somebody at 127.0.0.1"
+    assert stopped.json()["stopped"]["by"] == "an operator at 127.0.0.1"
     answer = await http.post("/api/robots/observer/arm")
     assert answer.status_code == 409
     assert (await http.post("/api/robots/reset")).json()["stopped"] is None
@@ -110,7 +110,7 @@ async def test_a_stop_does_not_wait_and_survives_the_process(
     await eventually(lambda: drive.robots)
     kinds = [type(command) for command in drive.commands[before:]]
     assert kinds.index(StopRobots) < kinds.index(ConnectRobot)
-    assert drive.stopped.by == "somebody at 127.0.0.1"
+    assert drive.stopped.by == "an operator at 127.0.0.1"
     assert (await http.get("/api/robots")).json()["process"]["restarts"] == 1
 
 

@@ -141,6 +141,10 @@ test("the label beside a box has no speed only where there is no motion to measu
   assert.equal(label({ motion: "in_place" }), "in place");
 });
 
+test("an age has a unit that suits it", () => {
+  assert.deepEqual([0.085, 1.04, 124].map(words.age), ["85 ms", "1.0 s", "2 min 4.0 s"]);
+});
+
 test("only what is in view is said to move; a prediction is not", () => {
   const gone = obstacle({ id: 4, range: 1, state: "coasting", points: 0, speed: 1.12 });
   const seen = { of: () => ({ speed: 0.4, speed_std: 0.05, ago_s: 1.4 }) };
