@@ -209,7 +209,7 @@ def _open_recording(path: Path) -> OpenedSource:
     from observer.recording.local_maps import maps_by_frame
     from observer.recording.source import RecordingSource
 
-    source = RecordingSource(path)
+    source = RecordingSource(path, run_clock=True)
     try:
         recording = source.recording
         return OpenedSource(source, recording.truth(), local_maps=maps_by_frame(recording))

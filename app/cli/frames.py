@@ -28,6 +28,7 @@ def frames(
     from app.reports.whole_files import write_file
     from app.workers.methods.frames import run_frames
     from observer.recording.reader import Recording
+    from observer.recording.run_times import RunTimes
     from observer.truth.alignment.aligned import AlignedTruth
 
     path, comparison = chosen_run(run, compared, data, database)
@@ -36,8 +37,8 @@ def frames(
         truth, alignment = recording.truth(), comparison and comparison.alignment
         capture = recording.capture() if alignment else None
         if alignment and capture is not None:
-            found = run_frames(recording, AlignedTruth(capture, alignment))
-        else:
-            found = run_frames(recording, truth)
+            aligned = AlignedTruth(capture, alignment)
+            truth = RunTimes(recording.frames).truth([(0, aligned)])
+        found = run_frames(recording, truth)
     write_file(output, json.dumps(plain(found), allow_nan=False).encode())
     typer.echo(f"wrote {output}", err=True)

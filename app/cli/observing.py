@@ -25,7 +25,7 @@ from observer.number_format import count_of
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.recording.payloads import Images
-from observer.sources.contract import NoFrame, SkippedFrame, Source
+from observer.sources.contract import NoFrame, SkippedFrame, Source, begins_segment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +150,8 @@ def _observe_all(
             kept.waited()
             continue
         kept.frame(frame)
+        if begins_segment(source):
+            observer.begin_segment()
         observation = observer.observe(frame)
         line = observation_line(observation, tentative=tentative)
         file.write(json.dumps(line, allow_nan=False) + "\n")

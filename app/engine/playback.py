@@ -144,7 +144,7 @@ class Player:
         if self._seekable is None or self._last_index < 0 or self._seekable.begins is None:
             return
         self._rewound = True
-        if self._seekable.begins == "observer":
+        if self._seekable.begins == "observer" and self._time_offset is not None:
             # The source had been reopened at this point, so its numbers and times were different.
             self._index_offset = self._last_index + 1
             self._time_offset = None

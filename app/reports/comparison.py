@@ -192,14 +192,13 @@ def gather_compared(
 
 def true_speeds(recording: Recording) -> list[dict[str, Any]]:
     """Return each body's true speed at each frame, as the database stores them."""
-    lines = list(recording.lines())
-    matched = tuple(recording.matched_truth())
+    times = RunTimes(recording.frames)
+    lines = times.lines(recording.lines())
+    matched = times.matched(recording.matched_truth())
     truth = recording.truth()
     if not matched and truth is not None:
         matched = pair_with_truth(lines, truth)
-    times = RunTimes(recording.frames)
-    matched = times.matched(matched)
-    segments = {float(line["time"]): int(line["segment"]) for line in times.lines(lines)}
+    segments = {float(line["time"]): int(line["segment"]) for line in lines}
     return [
         {
             "time": payload.time,
@@ -240,11 +239,11 @@ class ComparedRecording(Recording):
     def capture(self) -> Capture | None:
         return self._capture
 
-    def truth(self) -> SampledTruth | None:
+    def truths(self) -> tuple[tuple[int, SampledTruth | None], ...]:
         truth = self._comparison.truth
         if self._comparison.alignment is not None or truth is None:
-            return None
-        return CsvTruth(truth.path)
+            return ()
+        return ((0, CsvTruth(truth.path)),)
 
     def matched_truth(self) -> Iterator[MatchedTruth]:
         """Pair bodies and tracks by the alignment's matches, with a person's corrections."""

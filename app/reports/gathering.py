@@ -74,17 +74,14 @@ def gather(
         alignment: found earlier and kept with the run; None to compute it where it is needed.
         lines: of the same frames, observed differently than in the run; None for the run's own.
     """
-    matched = tuple(recording.matched_truth()) if lines is None else ()
-    if lines is None:
-        lines = recording.lines()
-    lines = tuple(lines)
+    times = RunTimes(recording.frames)
+    matched = times.matched(recording.matched_truth()) if lines is None else ()
+    observed = tuple(recording.lines() if lines is None else lines)
+    lines = times.lines(observed)
     words = "Ground truth was recorded with the run."
     if not matched:
-        truth, alignment, words = _truth(recording, lines, alignment)
+        truth, alignment, words = _truth(recording, times, observed, alignment)
         matched = () if truth is None else pair_with_truth(lines, truth)
-    times = RunTimes(recording.frames)
-    lines = times.lines(lines)
-    matched = times.matched(matched)
     true = _true_motions(lines, matched)
     seen, unmatched = seen_motions(lines, matched)
     rows = times.robots(recording.robot_rows())
@@ -112,11 +109,15 @@ def gather(
 
 
 def _truth(
-    recording: Recording, lines: Sequence[ObservationLine], alignment: Alignment | None
+    recording: Recording,
+    times: RunTimes,
+    lines: Sequence[ObservationLine],
+    alignment: Alignment | None,
 ) -> tuple[Truth | None, Alignment | None, str]:
-    sampled = recording.truth()
-    if sampled is not None:
-        return sampled, None, "Ground truth was recorded with the run."
+    """Return the truth on the run's clock; ``lines`` and ``alignment`` are on the source's."""
+    recorded = recording.truth()
+    if recorded is not None:
+        return recorded, None, "Ground truth was recorded with the run."
     capture = recording.capture()
     if capture is None:
         return None, None, "The recording contains no ground truth to compare with."
@@ -126,7 +127,7 @@ def _truth(
         except DynamicObserverError as error:
             return None, None, f"Motion capture was recorded, but it is not aligned yet: {error}."
     words = "Ground truth: motion capture received live, aligned with the run."
-    return AlignedTruth(capture, alignment), alignment, words
+    return times.truth([(0, AlignedTruth(capture, alignment))]), alignment, words
 
 
 def seen_motions(

@@ -178,6 +178,8 @@ class Moments:
                 if at == position:
                     return None
                 continue
+            if self._source.begins is not None:
+                observer.begin_segment()
             observer.observe(frame, trace if at == position else NoTrace())
         line = self._lines.get(self._frames[position])
         if line is None or "previous_left" not in trace:

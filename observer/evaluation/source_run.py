@@ -22,6 +22,7 @@ from observer.jsonl import ObservationLine, observation_line
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
+from observer.sources.contract import begins_segment
 from observer.types import StereoFrame
 
 # First frames that are not timed: caches and clock rates settle.
@@ -123,6 +124,8 @@ def run_opened(
             run = runs[name]
             if number not in spans[name]:
                 continue
+            if begins_segment(opened.source):
+                observer.begin_segment()
             if recorded:
                 with recorder.on():
                     observation = observer.observe(frame)

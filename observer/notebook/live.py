@@ -16,7 +16,7 @@ from observer.jsonl import ObservationLine, observation_line
 from observer.observer import Observer
 from observer.opening import OpenedSource
 from observer.parameters import Parameters, effective
-from observer.sources.contract import NoFrame, SkippedFrame, SourceInfo
+from observer.sources.contract import NoFrame, SkippedFrame, SourceInfo, begins_segment
 from observer.trace import FullTrace, NoTrace
 from observer.truth.contract import TrueBody, Truth
 from observer.types import Image, Observation, Obstacle, StereoFrame
@@ -145,6 +145,8 @@ class ObservedSource:
             elif not isinstance(frame, NoFrame):
                 done += 1
                 kept = FullTrace() if trace else None
+                if begins_segment(self._opened.source):
+                    self._observer.begin_segment()
                 observation = self._observer.observe(frame, NoTrace() if kept is None else kept)
                 truth = self._opened.truth
                 bodies = () if truth is None else truth.bodies(frame.time)

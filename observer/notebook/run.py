@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.errors import SourceError
-from observer.exporting.clouds import Cloud, Frame, cloud_at
+from observer.exporting.choices import CloudFrame
+from observer.exporting.clouds import Cloud, cloud_at
 from observer.exporting.errors import ExportError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.tables import TABLES, find_table
@@ -24,7 +25,7 @@ from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
 from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
-from observer.truth.sampled import SampledTruth
+from observer.truth.contract import Truth
 from observer.types import Image
 from observer.vision.rectification import Rectification
 
@@ -129,6 +130,14 @@ class LoadedRun:
         return np.array([frame.time for frame in self.recording.frames])
 
     @cached_property
+    def run_times(self) -> Float64Array:
+        """Times of the frames (N,) within the run, seconds; they always increase.
+
+        They equal ``times`` unless the engine was replaced during the run.
+        """
+        return np.array([time for _, time in RunTimes(self.recording.frames).frames])
+
+    @cached_property
     def tracks(self) -> tuple[Track, ...]:
         """Tracks of all obstacles, by segment and id."""
         seen: dict[tuple[int, int], list[tuple[ObservationLine, OutlinedEntry]]] = defaultdict(list)
@@ -138,8 +147,8 @@ class LoadedRun:
         return tuple(_track(*key, rows) for key, rows in sorted(seen.items(), key=lambda e: e[0]))
 
     @cached_property
-    def truth(self) -> SampledTruth | None:
-        """True bodies in the truth's own world; None where none were recorded."""
+    def truth(self) -> Truth | None:
+        """True bodies in the truth's own world, over ``run_times``; None if none were recorded."""
         return self.recording.truth()
 
     @property
@@ -252,7 +261,7 @@ class LoadedRun:
         rectified, _ = Rectification(self.recording.calibration()).apply(left, right)
         return np.ascontiguousarray(draw_overlay(rectified, line)[:, :, ::-1])
 
-    def cloud(self, position: int, frame: Frame = "camera") -> Cloud:
+    def cloud(self, position: int, frame: CloudFrame = "camera") -> Cloud:
         """Return the point cloud of a frame: as recorded, or from its images by dense stereo.
 
         Raises:

@@ -41,8 +41,9 @@ from observer.recording.payloads import (
     SkippedPayload,
     TruthPayload,
 )
+from observer.recording.run_times import RunTimes
 from observer.recording.topics import Topic
-from observer.truth.contract import TrueBody
+from observer.truth.contract import TrueBody, Truth
 from observer.truth.motion_capture import (
     BodySample,
     Capture,
@@ -139,18 +140,6 @@ class Recording:
         """Return the parameters that were used, in order."""
         return tuple(revision for _, revision in self.positioned_revisions)
 
-    def truth_samples(self) -> tuple[TruthSample, ...]:
-        """Return the ground truth at each frame, up to the first step back in time.
-
-        After a step back, e.g. at a restart of the engine, times repeat.
-        """
-        found: list[TruthSample] = []
-        for payload in self._payloads(topics.TRUTH, TruthPayload):
-            if found and payload.time <= found[-1].time:
-                break
-            found.append(self._true(payload))
-        return tuple(found)
-
     def _true(self, payload: TruthPayload) -> TruthSample:
         # Malformed vectors and quaternions raise ValueError.
         try:
@@ -158,16 +147,15 @@ class Recording:
         except ValueError:
             raise self._unlike_ours(topics.TRUTH.name) from None
 
-    def truth(self) -> SampledTruth | None:
-        """Return the true bodies over the frames' time; None where none were known."""
-        samples = self.truth_samples()
-        return SampledTruth(samples) if samples else None
+    def truth(self) -> Truth | None:
+        """Return the true bodies over the run's time (see ``RunTimes``); None if none are known."""
+        return RunTimes(self.frames).truth(self.truths())
 
     def truths(self) -> tuple[tuple[int, SampledTruth | None], ...]:
-        """Return the true bodies with the position of the first frame that they apply to.
+        """Return the true bodies on the source's clock, with the position of their first frame.
 
-        Where the frames' time steps back, e.g. at a restart of the engine, others begin: the same
-        times come again, but the bodies may be elsewhere.
+        Where an engine was replaced or the frames' time steps back, others begin: the same times
+        may come again, but the bodies may be elsewhere.
         """
         parts: list[tuple[int, list[TruthSample]]] = [(0, [])]
         position, newest = 0, -math.inf
@@ -175,10 +163,10 @@ class Recording:
         of_truth = msgspec.json.Decoder(TruthPayload)
         for topic, message in self.messages(topics.FRAME.name, topics.TRUTH.name):
             if topic == topics.FRAME.name:
-                time = self._decoded(of_frame, topic, message).time
-                if time < newest:
+                frame = self._decoded(of_frame, topic, message)
+                if position and (frame.begins == "observer" or frame.time < newest):
                     parts.append((position, []))
-                position, newest = position + 1, time
+                position, newest = position + 1, frame.time
                 continue
             payload, samples = self._decoded(of_truth, topic, message), parts[-1][1]
             if not samples or payload.time > samples[-1].time:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from observer.mount import CameraMount
@@ -45,7 +46,8 @@ def replay(
     """Observe a recording from its first frame on.
 
     With the run's own revisions and lossless images every result equals the run's to the last
-    digit, unless a frame is missing in the recording.
+    digit, unless a frame is missing in the recording. Segments are numbered through the run, also
+    where its engine was replaced.
 
     Args:
         revisions: as from ``replay_revisions``; each frame uses the newest one up to it.
@@ -54,23 +56,29 @@ def replay(
     mount = source.recording.facts.camera_mount() or mount
     newest = revisions[0]
     observer: Observer | None = None
+    # Number of the present observer's first segment, and of segments so far.
+    first = segments = 0
     source.rewind()
     while (item := source.read()) is not None:
         position = source.position - 1
         due = revisions.get(position)
         if due is not None:
             newest = due
+        if source.begins == "observer":
+            observer = None
+        if observer is not None and due is not None:
+            observer.use(*newest)
         if not isinstance(item, StereoFrame):
-            if due is not None and observer is not None:
-                observer.use(*newest)
             continue
-        if observer is None or source.begins == "observer":
+        if observer is None:
             parameters, revision = newest
             observer = Observer(
                 source.calibration, parameters, parameters_revision=revision, mount=mount
             )
-        elif due is not None:
-            observer.use(*newest)
+            first = segments
         if source.begins == "segment":
             observer.begin_segment()
-        yield observer.observe(item)
+        observation = observer.observe(item)
+        observation = replace(observation, segment=first + observation.segment)
+        segments = observation.segment + 1
+        yield observation

@@ -11,6 +11,7 @@ import msgspec
 from observer.errors import SourceError
 from observer.recording.payloads import Begins, RunFacts
 from observer.recording.reader import Recording
+from observer.recording.run_times import RunTimes
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import StereoFrame
 
@@ -25,25 +26,35 @@ class RecordingSource:
 
     Args:
         path: of the file, finished or not.
+        run_clock: deliver times on the run's clock, which also increases where an engine was
+            replaced; ``Recording.truth`` is on that clock. The other times are the same.
 
     Attributes:
         recording: the recording played. calibration: with which the run was observed.
+        times: of all frames as they are delivered, seconds.
         position, begins: as in ``SeekableSource``.
 
     Raises:
         SourceError: the file is not a recording, or it holds no images.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, *, run_clock: bool = False) -> None:
         self.recording = Recording(path)
         try:
             self.calibration = self.recording.calibration()
             self._check()
-            self.info = _info(self.recording.facts, str(path), len(self.recording.frames))
+            frames = self.recording.frames
+            self.info = _info(self.recording.facts, str(path), len(frames))
+            offsets = RunTimes(frames).offsets if run_clock else (0.0,) * len(frames)
+            self._offsets = offsets
+            self.times = tuple(f.time + offset for f, offset in zip(frames, offsets, strict=True))
         except BaseException:
             self.recording.close()
             raise
         self.position = 0
+        self.begins: Begins | None = None
+        # What began at unreadable frames read since the last readable one.
+        self._pending: Begins | None = None
 
     def _check(self) -> None:
         frames, name = self.recording.frames, self.recording.path.name
@@ -55,27 +66,30 @@ class RecordingSource:
                 "be read); record with jpeg or lossless images instead"
             )
 
-    @property
-    def begins(self) -> Begins | None:
-        return self.recording.frames[self.position - 1].begins if self.position else None
-
     def read(self) -> StereoFrame | SkippedFrame | None:
         frames = self.recording.frames
         if self.position >= len(frames):
             return None
-        recorded = frames[self.position]
+        recorded, offset = frames[self.position], self._offsets[self.position]
         self.position += 1
+        # A new observer also begins a new segment.
+        if self._pending == "observer":
+            self.begins = self._pending
+        else:
+            self.begins = recorded.begins or self._pending
         try:
             left, right = self.recording.pair(self.position - 1)
         except SourceError as error:
+            self._pending = self.begins
             return SkippedFrame(recorded.index, str(error))
+        self._pending = None
         return StereoFrame(
             index=recorded.index,
-            time=recorded.time,
+            time=self.times[self.position - 1],
             left=left,
             right=right,
             received=time.monotonic(),
-            right_time=recorded.right_time,
+            right_time=None if recorded.right_time is None else recorded.right_time + offset,
             odometry=recorded.odometry,
         )
 
@@ -85,10 +99,12 @@ class RecordingSource:
             raise SourceError(
                 f"there is no frame {position} in {self.info.spec}; frames are 0 to {count - 1}"
             )
-        self.position = position
+        if position != self.position:
+            self.position = position
+            self.begins = self._pending = None
 
     def rewind(self) -> None:
-        self.position = 0
+        self.seek(0)
 
     def close(self) -> None:
         """Close the file; safe to call twice."""

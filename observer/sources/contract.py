@@ -86,6 +86,10 @@ class NoFrame:
     trouble: str | None = None
 
 
+CameraSide = Literal["left", "right", "both"]
+CameraState = Literal["open", "waiting", "failed"]
+
+
 @dataclass(frozen=True)
 class CameraReport:
     """State of one camera of a live source.
@@ -100,9 +104,9 @@ class CameraReport:
         refused: one sentence for each setting that was asked for and not accepted.
     """
 
-    side: Literal["left", "right", "both"]
+    side: CameraSide
     device: str
-    state: Literal["open", "waiting", "failed"]
+    state: CameraState
     trouble: str | None
     settings: Mapping[str, str]
     refused: tuple[str, ...] = ()
@@ -148,7 +152,21 @@ class LiveSource(Protocol):
 
 
 @runtime_checkable
-class SeekableSource(Protocol):
+class SegmentedSource(Protocol):
+    """Ability of a source to tell where a run was interrupted: a recording."""
+
+    @property
+    def begins(self) -> Literal["observer", "segment"] | None:
+        """Return what restarted in the recorded run with the frame read last; None if nothing.
+
+        ``segment`` stands for ``Observer.begin_segment``. What restarted with an unreadable frame
+        is returned until a frame can be read.
+        """
+        ...
+
+
+@runtime_checkable
+class SeekableSource(SegmentedSource, Protocol):
     """Abilities of a source that can also jump between frames: a recording."""
 
     @property
@@ -156,14 +174,6 @@ class SeekableSource(Protocol):
         """Position of the frame that ``read`` gives next, from 0 to ``SourceInfo.frame_count``.
 
         Frames that the run dropped are not counted, so it is not the frame's index.
-        """
-        ...
-
-    @property
-    def begins(self) -> Literal["observer", "segment"] | None:
-        """Return what restarted in the recorded run with the frame read last; None if nothing.
-
-        ``segment`` stands for ``Observer.begin_segment``.
         """
         ...
 
@@ -214,3 +224,8 @@ class Source(Protocol):
     def close(self) -> None:
         """Release files and devices; safe to call twice."""
         ...
+
+
+def begins_segment(source: Source) -> bool:
+    """Return true if the frame read last is unrelated to the one before in the recorded run."""
+    return isinstance(source, SegmentedSource) and source.begins is not None

@@ -10,6 +10,7 @@ from observer.errors import CalibrationError, InputError, SourceError
 from observer.observer import Observer
 from observer.parameters import Parameters
 from observer.parameters.fields import PLANAR
+from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
 from observer.sources.contract import SeekableSource, SkippingSource, Source
 from observer.trace import FullTrace, NoTrace, TraceValues
@@ -176,11 +177,13 @@ def usual_frame(source: Source) -> int:
 
 
 def _most_significant(source: RecordingSource) -> int | None:
-    positions = {frame.index: k for k, frame in enumerate(source.recording.frames)}
+    # Numbers and times of frames repeat where an engine was replaced; the run's times do not.
+    times = RunTimes(source.recording.frames)
+    positions = {frame: k for k, frame in enumerate(times.frames)}
     found = [
-        (obstacle["significance"], -positions[line["frame"]])
-        for line in source.recording.lines()
-        if line["frame"] in positions
+        (obstacle["significance"], -positions[line["frame"], line["time"]])
+        for line in times.lines(source.recording.lines())
+        if (line["frame"], line["time"]) in positions
         for obstacle in line["obstacles"]
         if obstacle["motion"] == "moving" and obstacle["state"] == "confirmed"
     ]
@@ -222,16 +225,20 @@ def observe_pair(
     observer = Observer(calibration, parameters)
     matcher: TruthMatcher | None = None
     observation, trace = None, FullTrace()
+    began = False
     for position in range(first, frame + 1):
         item = reader.get(position)
+        # It may have begun with a frame that cannot be read.
+        began = began or reader.begins_segment(position)
         if not isinstance(item, StereoFrame):
             if position == frame:
                 raise SourceError(f"frame {frame} cannot be read: {item}")
             continue
         if observation is None:
             matcher = _matcher(truth, item.time, first)
-        elif reader.begins_segment(position):
+        elif began:
             observer.begin_segment()
+        began = False
         observation = observer.observe(item, trace if position == frame else NoTrace())
         bodies = [] if matcher is None else matcher.match(observation, item.time)
     assert observation is not None

@@ -21,6 +21,7 @@ from observer.geometry import Pose
 from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
+from observer.recording.run_times import RunTimes
 from observer.truth.contract import Truth
 from observer.vision.rectification import Rectification
 
@@ -38,7 +39,7 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
     """Return the answer of ``GET /api/runs/{id}/frames``: an entry for each recorded frame.
 
     Args:
-        truth: ground truth on the frames' clock and in their world; None if there is none.
+        truth: ground truth on the run's clock (see ``RunTimes``); None if there is none.
 
     Raises:
         InputError: the recorded observations are not in the format that this program writes.
@@ -46,14 +47,17 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
     """
     camera = Rectification(recording.calibration()).camera
     lines = list(recording.lines())
+    times = RunTimes(recording.frames)
     scores = None
     if truth is not None:
         size = camera.width, camera.height
-        scores = _Scores(tally(checked_lines(lines), truth, image_size=size))
+        scores = _Scores(tally(checked_lines(times.lines(lines)), truth, image_size=size))
     plans, goals = Plans(recording, truth), Goals(recording)
     entries = [
-        _entry(frame, line, camera, truth, scores, plans, goals.of(frame))
-        for frame, line in _with_lines(recording.frames, lines)
+        _entry(frame, line, camera, _bodies(truth, time), scores, plans, goals.of(frame))
+        for (frame, line), (_, time) in zip(
+            _with_lines(recording.frames, lines), times.frames, strict=True
+        )
     ]
     took = [entry.observed_ms for entry in entries if entry.observed_ms is not None]
     return RunFrames(
@@ -147,7 +151,7 @@ def _entry(
     frame: RecordedFrame,
     line: ObservationLine | None,
     camera: StereoCamera,
-    truth: Truth | None,
+    bodies: list[FrameBody],
     scores: _Scores | None,
     plans: Plans,
     goal: GoalNow | None,
@@ -160,7 +164,7 @@ def _entry(
         time=frame.time,
         status="lost" if line is None else line["status"],
         obstacles=[] if line is None else list(_obstacles(line, camera, false)),
-        truth=[] if truth is None else list(_bodies(truth, frame.time)),
+        truth=bodies,
         counts=None if scores is None else scores.up_to(place),
         observed_ms=None if took is None else round(took, _MS_DIGITS),
         plan=plans.of(frame, line, goal),
@@ -202,8 +206,14 @@ def _arrow(entry: ObstacleEntry, pose: Pose | None, camera: StereoCamera) -> lis
     return [round(value, _PX_DIGITS) for value in px.ravel().tolist()]
 
 
-def _bodies(truth: Truth, time: float) -> Iterator[FrameBody]:
-    for body in truth.bodies(time):
-        if body.role != "observer" and body.box_px is not None:
-            box = [round(float(value), _PX_DIGITS) for value in body.box_px]
-            yield FrameBody(body.name, round(body.speed, _SPEED_DIGITS), box)
+def _bodies(truth: Truth | None, time: float) -> list[FrameBody]:
+    """Return the true bodies that are visible; ``time`` is on the run's clock."""
+    return [
+        FrameBody(
+            body.name,
+            round(body.speed, _SPEED_DIGITS),
+            [round(float(value), _PX_DIGITS) for value in body.box_px],
+        )
+        for body in (() if truth is None else truth.bodies(time))
+        if body.role != "observer" and body.box_px is not None
+    ]

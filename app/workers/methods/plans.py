@@ -27,7 +27,7 @@ class Plans:
     """Maker of the plans of a run's frames, which must come in order.
 
     Args:
-        truth: ground truth on the frames' clock; its world is aligned with each segment's by
+        truth: ground truth on the run's clock; its world is aligned with each segment's by
             ``SegmentWorlds``.
     """
 
@@ -60,7 +60,7 @@ class Plans:
             segment=self._segment,
             camera=None if pose is None else self._camera(pose),
             obstacles=list(self._obstacles(line)),
-            truth=list(self._bodies(frame, pose)),
+            truth=list(self._bodies(frame.index, time, pose)),
             goal=way[0] if way else None,
             path=way[1:],
         )
@@ -103,13 +103,13 @@ class Plans:
         half = SIGMAS_95_2D * np.sqrt(np.maximum(values[::-1], 0.0))
         return [*_flat(half), _angle(vectors[:, 1])]
 
-    def _bodies(self, frame: RecordedFrame, pose: Pose | None) -> Iterator[PlanBody]:
+    def _bodies(self, index: int, time: float, pose: Pose | None) -> Iterator[PlanBody]:
         if self._truth is None or self._worlds is None:
             return
-        T_world_truth = self._worlds.at(self._segment, frame.index, frame.time, pose)
+        T_world_truth = self._worlds.at(self._segment, index, time, pose)
         if T_world_truth is None:
             return
-        for body in self._truth.bodies(frame.time):
+        for body in self._truth.bodies(time):
             if body.role != "observer":
                 at = T_world_truth.apply(body.position)
                 velocity = self._rotated(T_world_truth.rotate(body.velocity))

@@ -152,7 +152,7 @@ def _planned(source: Source, seconds: float) -> int:
 def _frames(source: Source, job: CompareMethods) -> Iterator[tuple[StereoFrame, Begins | None]]:
     """Yield the frames of the wanted seconds, each with what begins at it, if anything."""
     if job.newest and isinstance(source, RecordingSource):
-        times = [frame.time for frame in source.recording.frames]
+        times = source.times
         source.seek(next(k for k, t in enumerate(times) if t > times[-1] - job.seconds))
     begin: float | None = None
     while (item := source.read()) is not None:

@@ -87,8 +87,9 @@ class _Frames(RecordingSource):
 
     @property
     def recorded(self) -> RecordedFrame:
-        """Return the recorded facts of the last frame."""
-        return self.recording.frames[self.position - 1]
+        """Return the recorded facts of the last frame, and what began with it."""
+        recorded = self.recording.frames[self.position - 1]
+        return msgspec.structs.replace(recorded, begins=self.begins)
 
     def read(self) -> StereoFrame | SkippedFrame | None:
         item = super().read()
@@ -110,8 +111,6 @@ class _Kept:
         self.time = RunTime()
         self.frames = 0
         self.segments = 1
-        # Number of the present observer's first segment.
-        self._first_segment = 0
         self._writer = RecordingWriter(Path(job.output), facts)
         self._observed = ObservedWriter(self._writer, None)
         # Ground truth by the position of its first frame, of which the first is due next.
@@ -129,15 +128,12 @@ class _Kept:
         """Write a frame, at its position in the original recording, and its observation."""
         while self._truths and self._truths[0][0] <= position:
             self._observed = ObservedWriter(self._writer, self._truths.popleft()[1])
-        if self.frames and recorded.begins == "observer":
-            self._first_segment = self.segments
         self._writer.frame(
             frame,
             source_position=recorded.source_position,
             source_time=recorded.source_time,
             begins=recorded.begins,
         )
-        observation = replace(observation, segment=self._first_segment + observation.segment)
         self.segments = observation.segment + 1
         self.frames += 1
         self.time.add_recorded(recorded)

@@ -12,7 +12,14 @@ from dataclasses import dataclass
 from observer.camera import StereoCalibration
 from observer.evaluation.sweep.sources import SweepSource
 from observer.opening import OpenedSource, open_source
-from observer.sources.contract import NoFrame, SkippedFrame, Source, SourceInfo
+from observer.recording.payloads import Begins
+from observer.sources.contract import (
+    NoFrame,
+    SegmentedSource,
+    SkippedFrame,
+    Source,
+    SourceInfo,
+)
 from observer.truth.contract import Truth
 from observer.types import StereoFrame
 
@@ -23,10 +30,20 @@ class KeptSource:
     """Frames in memory as a source; fulfils ``Source``."""
 
     def __init__(
-        self, info: SourceInfo, calibration: StereoCalibration | None, frames: Sequence[Kept]
+        self,
+        info: SourceInfo,
+        calibration: StereoCalibration | None,
+        frames: Sequence[Kept],
+        begins: Sequence[Begins | None],
     ) -> None:
         self.info, self.calibration, self._frames = info, calibration, frames
+        self._begins = begins
         self._next = 0
+
+    @property
+    def begins(self) -> Begins | None:
+        """What began with the frame read last, as in ``SegmentedSource``."""
+        return self._begins[self._next - 1] if self._next else None
 
     def read(self) -> StereoFrame | SkippedFrame | NoFrame | None:
         """Return the next frame, None after the last one."""
@@ -48,6 +65,7 @@ class _Entry:
     info: SourceInfo
     calibration: StereoCalibration | None
     frames: tuple[Kept, ...]
+    begins: tuple[Begins | None, ...]
     truth: Truth | None
     size: int
 
@@ -81,22 +99,31 @@ class FrameCache:
                 self._kept.move_to_end(key)
         if entry is None:
             return open_source(source.benchmark.spec)
-        return OpenedSource(KeptSource(entry.info, entry.calibration, entry.frames), entry.truth)
+        kept = KeptSource(entry.info, entry.calibration, entry.frames, entry.begins)
+        return OpenedSource(kept, entry.truth)
 
     def _load(self, key: tuple[str, int], source: SweepSource) -> None:
         opened = open_source(source.benchmark.spec)
         frames: list[Kept] = []
+        begins: list[Begins | None] = []
         size = 0
         with closing(opened.source):
             while len(frames) < source.frames and (frame := _finite(opened.source)) is not None:
                 frames.append(frame)
+                read = opened.source
+                begins.append(read.begins if isinstance(read, SegmentedSource) else None)
                 if isinstance(frame, StereoFrame):
                     size += frame.left.nbytes + frame.right.nbytes
                 if size > self._most:
                     self._too_large.add(key)
                     return
             entry = _Entry(
-                opened.source.info, opened.source.calibration, tuple(frames), opened.truth, size
+                opened.source.info,
+                opened.source.calibration,
+                tuple(frames),
+                tuple(begins),
+                opened.truth,
+                size,
             )
         while self._kept and size + sum(e.size for e in self._kept.values()) > self._most:
             self._kept.popitem(last=False)

@@ -24,6 +24,7 @@ from observer.recording.reader import Recording
 from observer.recording.run_times import RunTimes
 from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
+from observer.truth.sampled import TruthSample
 from observer.types import StereoFrame
 
 from .conftest import record
@@ -34,8 +35,10 @@ STEP = 1 / 15
 
 def _go_on(path: Path) -> None:
     """Record as many frames again with another engine, for which the lab starts again."""
-    source = open_source("simulated:lab").source
+    opened = open_source("simulated:lab")
+    source, truth = opened.source, opened.truth
     assert source.calibration is not None
+    assert truth is not None
     observer = Observer(source.calibration, mount=source.info.mount)
     writer = RecordingWriter.resume(path)
     begin = time.monotonic()
@@ -47,6 +50,8 @@ def _go_on(path: Path) -> None:
         writer.frame(frame)
         line = {**observation_line(observer.observe(frame)), "segment": 1}
         writer.observation(line, frame.received)
+        bodies, pose = truth.bodies(frame.time), truth.camera_pose(frame.time)
+        writer.truth(TruthSample(frame.index, frame.time, bodies, pose), frame.received)
     writer.finish()
     source.close()
 

@@ -20,6 +20,7 @@ from observer.exporting.tables import TABLES, find_table
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
+from observer.truth.sampled import TruthSample
 from observer.types import StereoFrame
 
 from .conftest import CELLS, GOAL
@@ -39,6 +40,11 @@ def read_csv(name: str, recording: Recording) -> list[dict[str, str]]:
     rows = list(csv.DictReader(io.StringIO(file.getvalue())))
     assert len(rows) == count
     return rows
+
+
+def samples_of(recording: Recording) -> list[TruthSample]:
+    """Return the ground truth at each frame, in order."""
+    return [s for _, truth in recording.truths() if truth is not None for s in truth.samples]
 
 
 def test_every_number_has_its_unit() -> None:
@@ -70,7 +76,7 @@ def test_truth_after_a_restart_of_the_source_has_rows_too(
     path = tmp_path / "restarted.mcap"
     shutil.copy(recorded["none"], path)
     with Recording(path) as recording:
-        before = recording.truth_samples()
+        before = samples_of(recording)
     writer = RecordingWriter.resume(path)
     with closing(RecordingSource(recorded["lossless"])) as source:
         for sample in before[:3]:
@@ -89,7 +95,7 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
     recorded: dict[str, Path],
 ) -> None:
     with Recording(recorded["none"]) as recording:
-        true = [(s.frame, body) for s in recording.truth_samples() for body in s.bodies]
+        true = [(s.frame, body) for s in samples_of(recording) for body in s.bodies]
         rows = read_csv("truth", recording)
         assert [(int(r["frame"]), r["name"]) for r in rows] == [(f, b.name) for f, b in true]
         assert [float(r["x_m"]) for r in rows] == [b.position[0] for _, b in true]

@@ -75,12 +75,12 @@ def read_all(path: Path) -> None:
                      recording.parameter_revisions(), recording.frames,
                      maps_by_frame(recording)):  # fmt: skip
             list(each)
-        times = [sample.time for sample in recording.truth_samples()]
-        assert times == sorted(set(times))
-        truth = recording.truth()
-        if truth is not None:
-            for body in truth.bodies(times[0]):
+        for _, part in recording.truths():
+            times = [] if part is None else [sample.time for sample in part.samples]
+            assert times == sorted(set(times))
+            for body in () if part is None else part.bodies(times[0]):
                 assert body.position.shape == (3,)
+        recording.truth()
         capture = recording.capture()
         if capture is not None:
             for trajectory in capture.bodies.values():
