@@ -181,7 +181,7 @@ class RunRecorder(threading.Thread):
             revision=revision, values=values, frame=frame, difference=difference
         )
         now = time.monotonic()
-        self._give(lambda w: w.parameters(recorded, now))
+        self._give(lambda w: w.parameters(recorded, now), always=True)
 
     def robots(self, rows: Sequence[RobotRow], incidents: Sequence[Incident]) -> None:
         """Record the commands sent to robots and their reports."""
@@ -243,13 +243,21 @@ class RunRecorder(threading.Thread):
             self._ending = True
             self._changed.notify()
 
-    def _give(self, work: Work, size: int = 0) -> bool:
+    def _give(self, work: Work, size: int = 0, *, always: bool = False) -> bool:
+        """Queue a piece of work; return False if it was dropped.
+
+        Args:
+            size: bytes of its images.
+            always: never drop it, however slow the disk is: only for rare, small messages without
+                which a re-run would differ.
+        """
         with self._changed:
             if self._trouble is not None or self._ending:
                 return True
             full = size and self._waiting_bytes + size > self._most_bytes
             # At least one frame always fits, however large it is.
-            if (full and self._waiting_bytes) or len(self._waiting) >= _MOST_MESSAGES:
+            many = len(self._waiting) >= _MOST_MESSAGES and not always
+            if (full and self._waiting_bytes) or many:
                 self._dropped += 1
                 self._unreported_drops += 1
                 return False

@@ -57,14 +57,23 @@ class ParameterTables(Database):
         return dataclasses.replace(saved, values=translated(saved.values))
 
     def record_parameter_revision(
-        self, run_id: str | None, frame: int | None, revision: int, difference: ParameterValues
+        self,
+        run_id: str | None,
+        frame: int | None,
+        revision: int,
+        difference: ParameterValues,
+        *,
+        at: str | None = None,
     ) -> ParameterRevision:
         """Record that the values in ``difference`` hold from ``frame`` on.
+
+        Args:
+            at: when they changed; None: now.
 
         Raises:
             StorageMissing: there is no such run.
         """
-        record = ParameterRevision(run_id, frame, revision, dict(difference), utc_now())
+        record = ParameterRevision(run_id, frame, revision, dict(difference), at or utc_now())
         with self._writing() as session:
             session.add(Revision(**dataclasses.asdict(record)))
         return record

@@ -24,7 +24,7 @@ from app.server.parameters.in_force import (
     restored_parameters,
 )
 from app.server.shared import Shared
-from app.storage import PresetRecord, StorageExists, StorageUnreadable
+from app.storage import PresetRecord, StorageExists, StorageUnreadable, utc_now
 from observer.errors import InputError
 from observer.navigation.parameters import AllParameters
 from observer.parameters import PRESET_HELP, ParameterValue, translated
@@ -163,7 +163,9 @@ class ParameterManager:
         after = revision.after
         self._remember()
         note = self._storage.record_parameter_revision
-        self._writer.post(partial(note, run_id, frame, after.revision, revision.difference))
+        # It may be written only later, when a full disk has room again.
+        change = partial(note, run_id, frame, after.revision, revision.difference, at=utc_now())
+        self._writer.post(change)
 
     def _remember(self) -> None:
         now, save = self.current, self._storage.save_parameters

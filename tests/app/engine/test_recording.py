@@ -22,6 +22,7 @@ from app.engine.recording import RunRecorder
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.jsonl import ObservationLine
+from observer.navigation.parameters import AllParameters
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
@@ -151,6 +152,25 @@ def test_a_stalled_disk_costs_frames_not_time(tmp_path: Path) -> None:
         lost = [re.match(r"(\d+) messages", each.sentence) for each in recording.incidents()]
         # Reported in one sentence, or in two if the disk took a message in between.
         assert sum(int(each[1]) for each in lost if each is not None) == 97
+
+
+def test_a_stalled_disk_costs_no_change_of_parameters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.engine.recording._MOST_MESSAGES", 5)
+    path = tmp_path / "recording.mcap"
+    slow = SlowWriter(RecordingWriter(path, FACTS))
+    recorder = RunRecorder(slow, order(path))  # type: ignore[arg-type]
+    give(recorder, 0)
+    for number in range(20):
+        recorder.incident("test", f"incident {number}")
+    recorder.parameters(AllParameters().changed({"tracking.gate": 2.5}), 1)
+    assert recorder.facts().dropped >= 14
+    slow.gate.set()
+    ended(recorder)
+    with Recording(path) as recording:
+        (revision,) = recording.parameter_revisions()
+    assert revision.values["tracking.gate"] == 2.5
 
 
 def test_a_full_disk_ends_only_the_recording(

@@ -5,15 +5,17 @@ from __future__ import annotations
 import asyncio
 import sqlite3
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from structlog.testing import capture_logs
 
 from app.server import Server
 from app.server.status import status
 from app.server.writer import Writer
-from app.storage import RunState, Storage, StorageBusy, StorageError
+from app.storage import RunState, Storage, StorageBusy, StorageError, StorageFull
 
 from ...waiting import until_async
 from .servers import begin
@@ -84,3 +86,46 @@ async def test_a_failing_write_ends_neither_the_thread_nor_the_next_write() -> N
         assert writer.trouble is None
     finally:
         await asyncio.to_thread(writer.stop)
+
+
+async def test_changes_on_a_full_disk_are_told_and_stored_once_it_has_room() -> None:
+    stored: list[int] = []
+    room = False
+
+    def change(number: int) -> None:
+        if not room:
+            raise StorageFull("no space is left")
+        stored.append(number)
+
+    writer = Writer(again_s=0.05)
+    writer.start()
+    try:
+        for number in range(3):
+            assert writer.post(partial(change, number))
+        await until_async(lambda: "3 changes" in str(writer.trouble))
+        # Another write that fits changes neither the sentence nor the order.
+        assert await writer.submit(lambda: 5) == 5
+        assert "3 changes" in str(writer.trouble)
+        with capture_logs() as logs:
+            await asyncio.sleep(0.2)
+        assert not logs
+        room = True
+        await until_async(lambda: writer.trouble is None)
+        assert writer.post(partial(change, 3))
+        await until_async(lambda: len(stored) == 4)
+    finally:
+        await asyncio.to_thread(writer.stop)
+    assert stored == [0, 1, 2, 3]
+    assert writer.dropped == 0
+
+
+async def test_changes_that_never_fit_are_counted_at_the_end() -> None:
+    def full() -> None:
+        raise StorageFull("no space is left")
+
+    writer = Writer(queue_length=4)
+    writer.start()
+    for _ in range(6):
+        await until_async(lambda: writer.post(full))
+    await asyncio.to_thread(writer.stop)
+    assert writer.dropped >= 6
