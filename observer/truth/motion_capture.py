@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from observer.errors import TruthError
 from observer.geometry import Float64Array
 
+SAME_INSTANT_S = 1e-5
+"""Samples of a body at most this far apart are one, written twice with a rounded stamp, seconds."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodySample:
@@ -114,11 +117,14 @@ class Capture:
 
 
 def rising_samples(samples: Iterable[BodySample]) -> dict[str, list[BodySample]]:
-    """Return samples by body in order of arrival, without those whose stamp did not increase."""
+    """Return samples by body in order of arrival, without those whose stamp did not increase.
+
+    An increase within ``SAME_INSTANT_S`` is none.
+    """
     bodies: dict[str, list[BodySample]] = {}
     for sample in samples:
         kept = bodies.setdefault(sample.name, [])
-        if not kept or sample.time > kept[-1].time:
+        if not kept or sample.time > kept[-1].time + SAME_INSTANT_S:
             kept.append(sample)
     return bodies
 

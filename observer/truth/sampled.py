@@ -13,6 +13,7 @@ import scipy
 
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody
+from observer.truth.motion_capture import SAME_INSTANT_S
 
 # Samples further apart than this bound a gap, in which nothing is known.
 _MAX_GAP_FRAMES = 3.0
@@ -51,7 +52,9 @@ class SampledTruth:
     def __init__(self, samples: tuple[TruthSample, ...]) -> None:
         self.samples = samples
         times = [sample.time for sample in samples]
-        interval = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        steps = np.diff(times)
+        steps = steps[steps > SAME_INSTANT_S]
+        interval = float(np.median(steps)) if len(steps) else 0.0
         cameras: dict[int, Pose] = {}
         bodies: dict[int, dict[int, TrueBody]] = {}
         for index, sample in enumerate(samples):

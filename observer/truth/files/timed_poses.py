@@ -32,7 +32,7 @@ from observer.truth.files.units import (
     length_word,
     too_far_for_a_room,
 )
-from observer.truth.motion_capture import Capture, Trajectory
+from observer.truth.motion_capture import SAME_INSTANT_S, Capture, Trajectory
 
 _TUM = ("t", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 _POSITION = ("x", "y", "z")
@@ -163,8 +163,8 @@ class _Table:
         self.rows.refuse(at[lost], f"the time must be given and at most {MOST_SECONDS:g} s")
         steps = np.append(np.inf, np.diff(self.times[at]))
         self.rows.refuse(at[steps < 0], f"the time is earlier than the previous one of {name}")
-        self.repeated += int(np.count_nonzero(steps == 0))
-        at = at[steps > 0]
+        self.repeated += int(np.count_nonzero(steps <= SAME_INSTANT_S))
+        at = at[steps > SAME_INSTANT_S]
         times, positions = self.times[at], self.positions[at]
         known = np.isfinite(positions)
         partial = known.any(axis=1) & ~known.all(axis=1)

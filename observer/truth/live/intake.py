@@ -14,7 +14,7 @@ from observer.truth.files.units import MOST_METRES, ROOM_M, too_far_for_a_room
 from observer.truth.live.clock import ClockFitter
 from observer.truth.live.contract import MOST_KEPT, LiveCaptureReport, LiveState
 from observer.truth.live.stamps import StampReader
-from observer.truth.motion_capture import BodySample
+from observer.truth.motion_capture import SAME_INSTANT_S, BodySample
 
 # Without a pose for this long, nothing is being received.
 _QUIET_S = 1.0
@@ -140,7 +140,7 @@ class Intake:
             name, position, rotation = timed.item
             known = self._bodies[name]
             # A stamp that repeats or arrives out of order adds nothing.
-            if known.time is not None and timed.time <= known.time:
+            if known.time is not None and timed.time <= known.time + SAME_INSTANT_S:
                 continue
             known.time = timed.time
             if len(self._samples) >= MOST_KEPT:

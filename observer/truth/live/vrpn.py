@@ -85,7 +85,7 @@ def check_cookie(cookie: bytes) -> str | None:
     Raises:
         VrpnError: it has another major version, or is not VRPN at all.
     """
-    greeting = cookie.split(b"\0")[0].decode("ascii", "replace").strip()
+    greeting = cookie[:COOKIE_LENGTH].split(b"\0")[0].decode("ascii", "replace").strip()
     if not cookie.startswith(_ANY_VERSION):
         raise VrpnError(f"it is not a VRPN server: it starts with {cookie[:COOKIE_LENGTH]!r}")
     if not cookie.startswith(_MAJOR):

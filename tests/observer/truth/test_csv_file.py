@@ -172,6 +172,16 @@ def test_bodies_are_unknown_before_after_and_in_gaps(tmp_path: Path) -> None:
     assert truth.bodies(0.14)[0].position[0] == 0.1
 
 
+def test_samples_in_pairs_leave_no_gaps_between_the_pairs(tmp_path: Path) -> None:
+    times = [k / 10 + late for k in range(10) for late in (0.0, 1e-7)]
+    samples = [TruthSample(k, t, (body(x=t),)) for k, t in enumerate(times)]
+    truth = written(tmp_path, *samples)
+    for time in (0.05, 0.33, 0.1 + 5e-8, 0.94):
+        (found,) = truth.bodies(time)
+        assert found.position[0] == pytest.approx(min(time, times[-1]), abs=1e-6)
+    assert truth.bodies(0.96) == ()
+
+
 def test_reads_rows_in_any_order_and_ignores_extra_columns(tmp_path: Path) -> None:
     path = tmp_path / "truth.csv"
     path.write_text(

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from observer.errors import TruthError
+from observer.truth.alignment.curves import between
 
 from .conftest import Read
 
@@ -133,6 +134,17 @@ def test_samples_with_repeated_times_are_ignored_and_reported(read: Read) -> Non
     assert body.times.tolist() == [0.0, 1.0]
     assert body.positions.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
     assert "2 samples with a repeated time are ignored" in capture.notes
+
+
+def test_samples_written_twice_with_rounded_times_are_one(read: Read) -> None:
+    rows = [f"{k / 100 + late:.7f} {k} 2 3 0 0 0 1" for k in range(50) for late in (0.0, 1e-7)]
+    capture = read("\n".join(rows))
+    body = capture.bodies["body"]
+    assert body.positions[:, 0].tolist() == list(range(50))
+    assert "50 samples with a repeated time are ignored" in capture.notes
+    # No gap between them.
+    halfway = between(body.times, body.positions, body.times[:-1] + 0.005)
+    assert np.allclose(halfway[:, 0], np.arange(49) + 0.5)
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n"])
