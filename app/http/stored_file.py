@@ -11,6 +11,8 @@ from starlette.responses import FileResponse
 from starlette.staticfiles import NotModifiedResponse
 from starlette.types import Receive, Scope, Send
 
+from app.http.etags import has_already
+
 # RFC 9110, 14.1.2: one part of a Range header; longer numbers are no positions in a file.
 _PART = re.compile(r"\s*(?:(\d{1,18})-(\d{1,18})?|-(\d{1,18}))\s*")
 
@@ -22,16 +24,12 @@ class StoredFileResponse(FileResponse):
         headers = Headers(scope=scope)
         self.stat_result = await asyncio.to_thread(os.stat, self.path)
         self.set_stat_headers(self.stat_result)
-        if self.headers["etag"] in _tags(headers.get("if-none-match", "")):
+        if has_already(headers, self.headers["etag"]):
             return await NotModifiedResponse(self.headers)(scope, receive, send)
         if "range" in headers and not _is_valid(headers["range"]):
             kept = [(name, value) for name, value in scope["headers"] if name != b"range"]
             scope = {**scope, "headers": kept}
         return await super().__call__(scope, receive, send)
-
-
-def _tags(if_none_match: str) -> list[str]:
-    return [tag.strip().removeprefix("W/") for tag in if_none_match.split(",")]
 
 
 def _is_valid(range: str) -> bool:

@@ -27,6 +27,7 @@ from websockets.typing import Subprotocol
 
 from app.http.compressed import takes_gzip
 from app.http.errors import SafeJSON
+from app.http.etags import has_already
 from app.http.gate.admission import session_of
 from app.http.gate.headers import VIEWER_POLICY
 from app.http.sockets.connections import GOING_AWAY, BadMessage, close, until_one_ends
@@ -147,7 +148,7 @@ async def viewer_page_of_session(request: Request, door: Door) -> Response:
         "ETag": page.tag,
         "Vary": "Accept-Encoding",
     }
-    if request.headers.get("if-none-match") == page.tag:
+    if has_already(request.headers, page.tag):
         return Response(None, 304, headers)
     if takes_gzip(request.headers):
         return HTMLResponse(page.compressed, headers={**headers, "Content-Encoding": "gzip"})
