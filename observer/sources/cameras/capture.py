@@ -32,6 +32,8 @@ _LOW_LATENCY = (
 _DEFAULT_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322}
 # Codecs by MPEG-TS stream type, which a container may carry instead of a name.
 _STREAM_TYPES = {0x1B: "H264", 0x24: "HEVC", 0x02: "MPEG2", 0x10: "MPEG4"}
+# FFmpeg's AV_NOPTS_VALUE.
+_NO_TIMESTAMP = -(2.0**63)
 # A stamp outside this age is not on the host's monotonic clock.
 _PLAUSIBLE_AGE_S = (-0.005, 2.0)
 
@@ -50,6 +52,10 @@ class Capture(Protocol):
 
     def stamp(self) -> float | None:
         """Exposure of the grabbed frame, seconds of ``time.monotonic``; None where unknown."""
+        ...
+
+    def sent(self) -> float | None:
+        """Timestamp of the grabbed frame on the stream's own clock, seconds; None without any."""
         ...
 
     def settle(self) -> AppliedSettings:
@@ -136,6 +142,9 @@ class DeviceCapture(_OpenCvCapture):
         self._stamped = self._stamped and is_monotonic_stamp(stamp, time.monotonic())
         return stamp if self._stamped else None
 
+    def sent(self) -> float | None:
+        return None
+
     def settle(self) -> AppliedSettings:
         # Loaded here because its ioctls exist on Linux only.
         from observer.sources.cameras.v4l2.applying import apply_settings
@@ -167,6 +176,12 @@ class NetworkCapture(_OpenCvCapture):
 
     def stamp(self) -> float | None:
         return None
+
+    def sent(self) -> float | None:
+        # Without timestamps, as of MJPEG, FFmpeg counts frames at a rate that it assumes.
+        if self._capture.get(cv2.CAP_PROP_PTS) == _NO_TIMESTAMP:
+            return None
+        return self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
 
     def settle(self) -> AppliedSettings:
         width = round(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))

@@ -68,7 +68,8 @@ class Backlog:
     camera makes them. Only their pace shows this, so the first frame after a stall counts as old
     too. As many may be queued as the camera made during the stall, and a busy computer decodes them
     hardly faster than it makes others: they are old until as many have come, or until some come at
-    the camera's pace, because the network has lost the rest.
+    at the camera's pace, because the network has lost the rest. A queue that drains no faster than
+    that is noticed only where the stream has timestamps, by ``Lag``.
 
     Attributes:
         drains: whether the last frame was an old one that followed another one.
@@ -120,6 +121,53 @@ class Backlog:
             return False
         # A camera whose frames come in bursts is accepted after a while.
         return interval >= 0.5 * period or passed_s > self._LONGEST_S
+
+
+class Lag:
+    """Tells by a stream's own timestamps which frames waited in a queue.
+
+    A frame's lag is its arrival minus its timestamp, compared with the least one of the last
+    minute: so a queue is noticed however slowly it drains, at any pace. The clocks of cameras drift
+    by less than 10 ms in that time.
+
+    Attributes:
+        since: arrival of the first of the late frames that came in a row; None after one in time.
+    """
+
+    _MOST_S = 0.1
+    _MOST_PERIODS = 2.0
+    # Seconds: the least lags are kept by so long a time each, and of so many such times.
+    _TIME_S, _TIMES = 10.0, 6
+    # A longer step between timestamps is another clock.
+    _LONGEST_STEP_S = 30.0
+
+    def __init__(self) -> None:
+        self.since: float | None = None
+        self._sent: float | None = None
+        # By begin of its time, host's clock.
+        self._least: deque[tuple[float, float]] = deque(maxlen=self._TIMES)
+
+    def holds(self, arrival: float, sent: float, period: float) -> bool:
+        """Return whether the frame that arrived at this moment is an old one.
+
+        Args:
+            arrival: host's monotonic clock, seconds. sent: timestamp of the stream, seconds.
+            period: of the camera, seconds.
+        """
+        if self._sent is None or not 0 < sent - self._sent <= self._LONGEST_STEP_S:
+            self._least.clear()
+        self._sent = sent
+        lag = arrival - sent
+        if not self._least or arrival - self._least[-1][0] > self._TIME_S:
+            self._least.append((arrival, lag))
+        elif lag < self._least[-1][1]:
+            self._least[-1] = self._least[-1][0], lag
+        late = lag - min(least for _, least in self._least)
+        if late <= max(self._MOST_S, self._MOST_PERIODS * period):
+            self.since = None
+        elif self.since is None:
+            self.since = arrival
+        return self.since is not None
 
 
 class Waiting:

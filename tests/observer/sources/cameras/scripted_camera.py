@@ -96,6 +96,9 @@ class ScriptedCapture:
                 return 1234.5
         return self._stamp - self._script().get("behind_s", 0.0)
 
+    def sent(self) -> float | None:
+        return None
+
     def settle(self) -> AppliedSettings:
         width, height = self._script()["size"]
         refused = ("gain 7 is not offered by it",) if self._settings.gain == 7 else ()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from observer.sources.cameras.capture import is_monotonic_stamp
-from observer.sources.cameras.freshness import Backlog, Period, Repeats
+from observer.sources.cameras.freshness import Backlog, Lag, Period, Repeats
 from observer.sources.cameras.messages import (
     Failed,
     Grabbed,
@@ -100,6 +100,38 @@ def test_frames_at_pace_are_new_although_a_stall_may_have_queued_more() -> None:
     held = [backlog.holds(3.0 + T * index, T) for index in range(30)]
     assert held[0]
     assert not any(held[6:])
+
+
+@pytest.mark.parametrize("pace", [1.0, 1.05, 1.1, 2.0])
+@pytest.mark.parametrize("start", [0.0, -7000.0, 1.7e9])
+def test_timestamps_tell_the_age_of_a_queue_that_drains_at_any_pace(
+    pace: float, start: float
+) -> None:
+    lag, free = Lag(), 0.0
+    fresh: list[float] = []
+    old: list[float] = []
+    for index in range(1500):
+        made = index * T
+        arrival = max(10.8 if 10.0 <= made < 10.8 else made, free)
+        free = arrival + T / pace if made >= 10.0 else arrival
+        # The camera's clock runs a little too fast.
+        held = lag.holds(arrival + 0.01 * (index % 2), start + made * 1.0001, T)
+        (old if held else fresh).append(arrival - made)
+    assert max(fresh) < 0.13
+    assert min(old) > 0.08
+    assert len(old) > 8
+
+
+def test_another_clock_of_the_timestamps_makes_no_frame_old() -> None:
+    lag, held = Lag(), []
+    for index in range(400):
+        # The camera restarts its clock, then sets it ahead.
+        sent = T * index - (5.0 if index >= 100 else 0.0) + (3.0 if index >= 200 else 0.0)
+        held.append(lag.holds(T * index, sent, T))
+    assert not any(held)
+    # A step back of the clock by hours and one ahead, both beyond what a queue explains.
+    assert not lag.holds(400 * T, -9000.0, T)
+    assert not lag.holds(401 * T, 9000.0, T)
 
 
 def test_a_camera_slower_than_assumed_is_accepted_once_its_period_is_measured() -> None:
