@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.special import ndtr
 
 from observer.geometry import Float64Array, along_arc
 from observer.guard.dead_reckoning import moved
@@ -37,10 +38,13 @@ from observer.vision.lifecycle import is_provisional
 
 # m/s per second: how fast the velocity of a person out of view may change, one sigma.
 _CHANGED_MPS: Final = 0.3
-# Time unseen after which sonar may show a person to be gone, and how much nearer than its centre
-# a body echoes.
+# Time unseen after which sonar may show a person to be gone, how much nearer than its centre a
+# body echoes, and the probability with which it must have echoed if it were there.
 _UNSEEN_S: Final = 0.35
 _BODY_M: Final = 0.2
+_SURELY: Final = 0.95
+# Standard deviation below which a place counts as exactly known.
+_EXACTLY_M: Final = 1e-3
 # Where the tracker states no uncertainty.
 _UNKNOWN_M, _UNKNOWN_MPS = 0.2, 0.3
 # Larger values of metres, m/s or radians are errors, as is NaN.
@@ -223,7 +227,7 @@ class Navigator:
             for number, known in self._known.items()
             if any(
                 sonar.received - known.seen >= _UNSEEN_S
-                and self._is_clear(_in_base(_aged(known, sonar.received), motion), sonar, then)
+                and self._is_clear(_aged(known, sonar.received), motion, sonar, then)
                 for sonar, then in zip(fresh, past, strict=True)
             )
         ]
@@ -235,21 +239,32 @@ class Navigator:
         return self._side.past.then_from_now(np.array([one.received for one in sonars]))
 
     def _is_clear(
-        self, place: tuple[float, float], sonar: SonarReading, then: Float64Array
+        self, one: SeenObstacle, motion: Motion, sonar: SonarReading, then: Float64Array
     ) -> bool:
-        """Return whether a reading shows that nobody was at a place.
+        """Return whether a reading shows that a person was not where predicted.
+
+        The cone must cover that place, and its uncertainty so far that the person would have echoed
+        almost surely.
 
         Args:
-            place: metres ahead and to the left of the robot as it stands now.
+            one: predicted to the time of the reading. motion: of the robot now.
             then: (3,) pose of the base as it stands now, in that of the reading.
         """
         p = self._limits
-        ((x, y),) = moved(np.array([place]), then).tolist()
-        away = math.hypot(x - sonar.x, y - sonar.y)
-        off = math.atan2(y - sonar.y, x - sonar.x) - sonar.heading
+        ((x, y),) = moved(np.array([_in_base(one, motion)]), then).tolist()
+        c, s = math.cos(sonar.heading), math.sin(sonar.heading)
+        dx, dy = x - sonar.x, y - sonar.y
+        along, aside, away = c * dx + s * dy, c * dy - s * dx, math.hypot(dx, dy)
+        half = along * math.tan(math.radians(p.sonar_half_angle_deg))
         echo = math.inf if sonar.range_m is None else sonar.range_m
-        within = math.cos(off) > math.cos(math.radians(p.sonar_half_angle_deg))
-        return within and away < min(echo - _BODY_M, p.sonar_reach_m)
+        reach = min(echo - _BODY_M, p.sonar_reach_m)
+        if abs(aside) >= half or away >= reach:
+            return False
+        sigma = max(one.position_sigma_m or 0.0, _EXACTLY_M)
+        # Any part of the body echoes.
+        edges = np.array([half + one.radius_m - aside, -half - one.radius_m - aside])
+        left, right = ndtr(edges / sigma).tolist()
+        return bool((left - right) * ndtr((reach - away) / sigma) >= _SURELY)
 
     def _people(self, motion: Motion, now: float) -> list[SeenObstacle]:
         """Return the people who matter, predicted to the present."""

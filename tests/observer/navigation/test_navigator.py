@@ -319,6 +319,13 @@ def test_a_quiet_reading_counts_only_if_the_person_was_out_of_view_by_then() -> 
     assert not counts_after_a_quiet_sonar(stands, age_s=0.3)
 
 
+def test_a_quiet_reading_counts_only_if_the_person_would_surely_have_echoed() -> None:
+    """Whose velocity is hardly known may be beside the cone that covers the predicted place."""
+    stands = person(1.2, 0.0)
+    assert not counts_after_a_quiet_sonar(stands, age_s=0.0)
+    assert counts_after_a_quiet_sonar(replace(stands, velocity_sigma_mps=0.5), age_s=0.0)
+
+
 def test_a_quiet_reading_counts_for_where_the_robot_looked_then() -> None:
     # 23° off the axis when the sonar was read; the robot has turned towards the person since.
     stands = person(1.2 * math.cos(0.7), 1.2 * math.sin(0.7))
