@@ -114,7 +114,7 @@ def test_every_goal_state_is_shown_and_accessible(
     driving.get_by_role("button", name="Cancel goal").focus()
     page.keyboard.press("Tab")
     page.keyboard.press("Enter")
-    expect(why).to_contain_text("obstacle 3: on the straight path they would meet in 1.4 s")
+    expect(why).to_contain_text("obstacle 3: driving straight on, the robot would meet it in 1.4 s")
     expect(why).to_contain_text("0.001 accepted, 0.0002 planned")
     expect(refused).to_have_text(
         [

@@ -21,11 +21,13 @@ export function figuresOfGoal(goal) {
   ];
 }
 
-/** @param {GoalNow} goal @returns {string} as in "obstacle 3: on the straight path they would meet in 1.4 s" */
+/** @param {GoalNow} goal @returns {string} as in "obstacle 3: driving straight on, the robot would meet it in 1.4 s" */
 function deciderInWords({ waits_for, meets_s }) {
   if (waits_for === null) return "no obstacle";
   const when =
-    meets_s === null ? "" : `: on the straight path they would meet in ${fixed(meets_s, 1)} s`;
+    meets_s === null
+      ? ""
+      : `: driving straight on, the robot would meet it in ${fixed(meets_s, 1)} s`;
   return `${trackInWords(waits_for)}${when}`;
 }
 

@@ -34,7 +34,7 @@ test("who decides and the risks are told as far as they are known", () => {
   );
   assert.equal(
     figures({ waits_for: -2, meets_s: 1.42 })[0],
-    "an object that has started to move: on the straight path they would meet in 1.4 s",
+    "an object that has started to move: driving straight on, the robot would meet it in 1.4 s",
   );
   assert.equal(
     figures({ planned_risk_per_metre: 1e-9 })[1],
