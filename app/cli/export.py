@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,14 +11,12 @@ from app.cli.progress import ProgressCallback, progress_bar
 from app.cli.run_choice import RunArgument
 from app.cli.storage_options import DataOption, chosen_settings
 from observer.errors import InputError
+from observer.exporting.choices import BagStorage, CloudFrame, TableFormat
 
 if TYPE_CHECKING:
     from observer.recording.reader import Recording
 
 _ENDINGS = (".csv", ".parquet", ".tum", ".mp4", ".ply", ".zip")
-_Tables = Literal["csv", "parquet"]
-_CloudFrame = Literal["world", "camera"]
-_Storage = Literal["sqlite3", "mcap"]
 
 
 def export(
@@ -42,15 +40,17 @@ def export(
         int | None,
         typer.Option(help="For .tum: the trajectory of this obstacle instead of the camera's."),
     ] = None,
-    tables: Annotated[_Tables, typer.Option(help="Format of the tables in a .zip file.")] = "csv",
+    tables: Annotated[
+        TableFormat, typer.Option(help="Format of the tables in a .zip file.")
+    ] = "csv",
     frame: Annotated[
         int, typer.Option(min=0, help="For .ply and .zip: index of the recorded frame, from 0.")
     ] = 0,
     cloud_frame: Annotated[
-        _CloudFrame, typer.Option(help="Coordinate frame of the points of the cloud.")
+        CloudFrame, typer.Option(help="Coordinate frame of the points of the cloud.")
     ] = "world",
     ros2: Annotated[bool, typer.Option("--ros2", help="Write a bag for ros2 bag play.")] = False,
-    storage: Annotated[_Storage, typer.Option(help="For the messages of the bag.")] = "sqlite3",
+    storage: Annotated[BagStorage, typer.Option(help="For the messages of the bag.")] = "sqlite3",
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an existing output.")
     ] = False,
@@ -91,7 +91,7 @@ def export(
     typer.echo(f"{output}: {summary}{unfinished}", err=True)
 
 
-def _bag(recording: Recording, part: Path, storage: _Storage, progress: ProgressCallback) -> str:
+def _bag(recording: Recording, part: Path, storage: BagStorage, progress: ProgressCallback) -> str:
     from observer.exporting.ros2 import write_ros2_bag
 
     counts = write_ros2_bag(recording, part, storage=storage, progress=progress)
@@ -129,7 +129,7 @@ def _video(recording: Recording, part: Path, progress: ProgressCallback) -> str:
     return f"{video.pictures} pictures as {video.codec}"
 
 
-def _cloud(recording: Recording, part: Path, frame: int, cloud_frame: _CloudFrame) -> str:
+def _cloud(recording: Recording, part: Path, frame: int, cloud_frame: CloudFrame) -> str:
     from observer.exporting.clouds import cloud_at, write_ply
 
     cloud = cloud_at(recording, frame, cloud_frame)
@@ -141,9 +141,9 @@ def _cloud(recording: Recording, part: Path, frame: int, cloud_frame: _CloudFram
 def _archive(
     recording: Recording,
     part: Path,
-    tables: _Tables,
+    tables: TableFormat,
     frame: int,
-    cloud_frame: _CloudFrame,
+    cloud_frame: CloudFrame,
     progress: ProgressCallback,
 ) -> str:
     from observer.exporting.archive import write_archive

@@ -7,20 +7,18 @@ import json
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 
 from observer.errors import DynamicObserverError
-from observer.exporting.clouds import Frame, cloud_at, write_ply
+from observer.exporting.choices import CloudFrame, TableFormat
+from observer.exporting.clouds import cloud_at, write_ply
 from observer.exporting.errors import ExportError
 from observer.exporting.run_video import write_run_video
 from observer.exporting.table_files import check_parquet, write_csv, write_parquet
 from observer.exporting.tables import TABLES, Table
 from observer.exporting.trajectories import write_tum
 from observer.recording.reader import Recording
-
-TableFormat = Literal["csv", "parquet"]
 
 
 def write_archive(
@@ -29,7 +27,7 @@ def write_archive(
     *,
     tables: TableFormat = "csv",
     cloud_position: int = 0,
-    cloud_frame: Frame = "world",
+    cloud_frame: CloudFrame = "world",
     progress: Callable[[int, int | None], None] | None = None,
 ) -> None:
     """Write the zip; its README lists what the recording does not contain.
@@ -106,7 +104,7 @@ class _Archive:
         finally:
             video.unlink(missing_ok=True)
 
-    def add_cloud(self, position: int, frame: Frame) -> None:
+    def add_cloud(self, position: int, frame: CloudFrame) -> None:
         try:
             cloud = cloud_at(self._recording, position, frame)
         except DynamicObserverError as error:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import as_gray
+from observer.exporting.choices import CloudFrame
 from observer.exporting.errors import ExportError
 from observer.exporting.foxglove_messages import read_cloud
 from observer.geometry import Pose
@@ -20,7 +21,6 @@ from observer.recording.reader import Recording
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map, point_cloud
 
-Frame = Literal["camera", "world"]
 # More than any screen shows; a 640x480 pair yields a third of it.
 _MAX_POINTS = 1_000_000
 
@@ -36,13 +36,13 @@ class Cloud:
 
     points: NDArray[np.float32]
     colors: NDArray[np.uint8]
-    frame: Frame
+    frame: CloudFrame
     source: Literal["recorded", "computed"]
     index: int
     time: float
 
 
-def cloud_at(recording: Recording, position: int, frame: Frame = "camera") -> Cloud:
+def cloud_at(recording: Recording, position: int, frame: CloudFrame = "camera") -> Cloud:
     """Return the cloud of a frame: as recorded, else by dense stereo from the images.
 
     Args:

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from observer.errors import SourceError
+from observer.exporting.choices import BagStorage
 from observer.exporting.errors import ExportError
 from observer.exporting.foxglove_messages import read_cloud, read_log, read_stamp
 from observer.exporting.ros2_messages import RosMessages
@@ -30,7 +31,6 @@ from observer.recording.payloads import MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
 from observer.vision.rectification import Rectification
 
-BagStorage = Literal["sqlite3", "mcap"]
 BAG_VERSION: Literal[8] = 8
 _SIDES: dict[str, Literal["left", "right"]] = {
     topics.LEFT_RAW.name: "left",

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from observer.exporting.choices import TableName
 from observer.exporting.errors import ExportError
 from observer.recording.reader import Recording
 
@@ -49,7 +50,7 @@ class Column:
 class Table:
     """Table with its columns, and a reader that yields the record of each row."""
 
-    name: str
+    name: TableName
     help: str
     columns: tuple[Column, ...]
     records: Callable[[Recording], Iterator[Mapping[str, Any]]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -16,6 +16,7 @@ from app.http.made_file import MadeFileResponse
 from app.server.errors import FieldError
 from app.server.runs.files import ChartFormat, ExportFormat
 from app.server.runs.truths import kept_choices
+from observer.exporting.choices import TableFormat, TableName
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -23,13 +24,13 @@ Instant = Annotated[
     float | None,
     Query(ge=-1e12, le=1e12, allow_inf_nan=False, description="Source time, s; none: its end."),
 ]
-_CHART_KINDS = {
+_CHART_KINDS: dict[ChartFormat, str] = {
     "csv": "text/csv; charset=utf-8",
     "png": "image/png",
     "svg": "image/svg+xml",
     "pdf": "application/pdf",
 }
-_EXPORT_KINDS = {
+_EXPORT_KINDS: dict[ExportFormat, str] = {
     "zip": "application/zip",
     "csv": "text/csv; charset=utf-8",
     "parquet": "application/vnd.apache.parquet",
@@ -37,7 +38,7 @@ _EXPORT_KINDS = {
     "ply": "application/octet-stream",
     "ros2": "application/zip",
 }
-_TABLES = ("csv", "parquet")
+_TABLES = get_args(TableFormat)
 
 
 def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
@@ -119,18 +120,7 @@ async def get_export(
         Query(description="zip: everything; ros2: a zip of a bag for ros2 bag play."),
     ] = "zip",
     table: Annotated[
-        Literal[
-            "obstacles",
-            "frames",
-            "truth",
-            "matched_truth",
-            "odometry",
-            "robots",
-            "goal",
-            "map",
-            "parameters",
-        ]
-        | None,
+        TableName | None,
         Query(description="For csv and parquet; default: obstacles."),
     ] = None,
 ) -> Response:
