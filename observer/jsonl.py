@@ -13,6 +13,11 @@ from typing_extensions import TypedDict
 from observer.geometry import Pose
 from observer.types import Observation, Obstacle, Unseen
 
+# Values of ``Status``, ``TrackState`` and ``MotionState``, as JSON has them.
+StatusWord = Literal["ok", "degraded", "lost"]
+StateWord = Literal["tentative", "confirmed", "coasting"]
+MotionWord = Literal["moving", "in_place", "stopped"]
+
 
 class PoseEntry(TypedDict):
     """``T_world_camera``."""
@@ -30,8 +35,8 @@ class ObstacleEntry(TypedDict):
     """
 
     id: int
-    state: Literal["tentative", "confirmed", "coasting"]
-    motion: Literal["moving", "in_place", "stopped"]
+    state: StateWord
+    motion: MotionWord
     position: list[float] | None
     velocity: list[float] | None
     speed: float
@@ -75,7 +80,7 @@ class FrameLine(TypedDict):
     frame: int
     time: float
     segment: int
-    status: Literal["ok", "degraded", "lost"]
+    status: StatusWord
     reasons: list[str]
     parameters_revision: int
     pose: PoseEntry | None

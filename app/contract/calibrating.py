@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated
 
 from app.contract.values import JsonObject, means
+from observer.calibration.boards.board import BoardKind
 
 
 @dataclass(frozen=True)
 class BoardFacts:
-    kind: Literal["chessboard", "charuco"]
+    kind: BoardKind
     columns: int
     rows: int
     square_mm: float

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from app.contract.values import means
+from observer.jsonl import MotionWord, StateWord
 
 # Half axes of a normal distribution's 95 % ellipse in two dimensions, in standard deviations.
 SIGMAS_95_2D = 2.448
@@ -17,8 +18,8 @@ _AT = "Metres ahead and to the left of the camera's position at the start of the
 @dataclass(frozen=True)
 class PlanObstacle:
     id: int
-    state: Literal["tentative", "confirmed", "coasting"]
-    motion: Literal["moving", "in_place", "stopped"]
+    state: StateWord
+    motion: MotionWord
     at: Annotated[Sequence[float], means(_AT)]
     velocity: Annotated[Sequence[float] | None, means("m/s, along the same axes.")]
     ellipse: Annotated[

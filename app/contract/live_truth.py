@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from app.contract.values import means
 from observer.rig.rig import Role
+from observer.truth.live.contract import LiveState
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class LiveTruthStatus:
     spec: str
     observer: str | None
     ignore: Sequence[str]
-    state: Literal["connecting", "receiving", "waiting"]
+    state: LiveState
     trouble: str | None
     notes: Sequence[str]
     bodies: Sequence[CaptureBody]

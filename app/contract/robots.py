@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 from app.contract.parameters import ParameterValues
 from app.contract.values import means
+from observer.guard.guard import Level
+from observer.motion_profiles.playing import Phase
 from observer.navigation.plan import RefusedPath
 from observer.rig.rig import Role
 from observer.robots.contract import RobotReport
@@ -39,7 +41,7 @@ class Velocity:
 class GuardVerdict:
     """Velocity that the guard permits; zones are corners in the robot's base frame, metres."""
 
-    level: Literal["clear", "slow", "stop"]
+    level: Level
     reason: str | None
     limit_mps: Annotated[float | None, means("Maximum speed along the current arc.")]
     stop_zone: Sequence[tuple[float, float]]
@@ -71,7 +73,7 @@ class ProgrammeNow:
     """Programme in progress."""
 
     name: str
-    phase: Literal["gesture", "driving"]
+    phase: Phase
     round: Annotated[int, means("Current repetition, from 1 to repeat.")]
     elapsed_s: float
     duration_s: float
@@ -79,12 +81,15 @@ class ProgrammeNow:
     reverse: bool
 
 
+GoalState = Literal["driving", "reached", "ended"]
+
+
 @dataclass(frozen=True)
 class GoalNow:
     """Goal to which the observer drives, or drove last. Places are metres ahead of the robot and
     to its left, as it stands now."""
 
-    state: Literal["driving", "reached", "ended"]
+    state: GoalState
     sentence: Annotated[str, means("What the robot does and why, or why it ended.")]
     place: Annotated[tuple[float, float] | None, means("null: no longer known.")]
     distance_m: float | None
@@ -108,7 +113,8 @@ class GoalNow:
     ] = ()
 
 
-# States in which a robot takes commands: it stands still or drives.
+RobotState = Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
+# Those in which a robot takes commands: it stands still or drives.
 DRIVEN_STATES = ("armed", "moving")
 
 
@@ -119,7 +125,7 @@ class RobotNow:
     port: str
     name: str | None
     world: str
-    state: Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
+    state: RobotState
     operator: str | None
     present: bool
     why: Annotated[str | None, means("Why it does not move as asked, or is disarmed.")]

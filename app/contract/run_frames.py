@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from app.contract.frame_plan import FramePlan, PlanMap
 from app.contract.robots import GoalNow
 from app.contract.values import means
+from observer.jsonl import MotionWord, StateWord, StatusWord
 
 _BOX = "u0, v0, u1, v1 in the rectified left image, pixels."
 
@@ -16,8 +17,8 @@ _BOX = "u0, v0, u1, v1 in the rectified left image, pixels."
 @dataclass(frozen=True)
 class FrameObstacle:
     id: int
-    state: Literal["tentative", "confirmed", "coasting"]
-    motion: Literal["moving", "in_place", "stopped"]
+    state: StateWord
+    motion: MotionWord
     speed: Annotated[float, means("m/s.")]
     speed_std: float | None
     box_px: Annotated[Sequence[float], means(_BOX)]
@@ -56,7 +57,7 @@ class FrameCounts:
 class FrameEntry:
     frame: Annotated[int, means("Its number on the source.")]
     time: Annotated[float, means("On the source's clock, s.")]
-    status: Literal["ok", "degraded", "lost"]
+    status: StatusWord
     obstacles: Sequence[FrameObstacle]
     truth: Sequence[FrameBody]
     counts: Annotated[FrameCounts | None, means("null without ground truth.")]

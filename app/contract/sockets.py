@@ -89,11 +89,14 @@ class OperatorMessage:
     type: Literal["operator"] = "operator"
 
 
+LinkQuality = Literal["good", "slow", "lost"]
+
+
 @dataclass(frozen=True)
 class LinkMessage:
     """Speed of this connection."""
 
-    quality: Literal["good", "slow", "lost"]
+    quality: LinkQuality
     rtt_ms: float | None
     delay_ms: float | None
     sentence: Annotated[str | None, means("Why the robots are stopped; null while they are not.")]

@@ -9,7 +9,9 @@ from typing import Annotated, Literal
 from app.contract.calibrating import CalibratingFacts
 from app.contract.live_truth import LiveTruthStatus
 from app.contract.values import means
+from observer.jsonl import StatusWord
 from observer.recording.payloads import Images
+from observer.sources.contract import CameraSide, CameraState
 
 # Seconds after which what is shown is said to be stale.
 STALE_AFTER_S = 1.0
@@ -65,9 +67,9 @@ class PlaybackStatus:
 
 @dataclass(frozen=True)
 class LiveCamera:
-    side: Literal["left", "right", "both"]
+    side: CameraSide
     device: str
-    state: Literal["open", "waiting", "failed"]
+    state: CameraState
     trouble: str | None
     settings: Annotated[Mapping[str, str], means("Settings as the camera applied them.")]
     refused: Annotated[Sequence[str], means("Settings that it did not accept.")]
@@ -257,7 +259,7 @@ class EgoMotionStatus:
     """Motion of the camera from the frame that the newest one was compared with."""
 
     model: str
-    status: Literal["ok", "degraded", "lost"]
+    status: StatusWord
     matches: int
     inliers: int
     dt: Annotated[float | None, means("Time between the two frames, s.")]

@@ -8,23 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final
 
 from app.contract.drive import PLAN_FRESH_S
-from app.contract.robots import GoalNow
+from app.contract.robots import GoalNow, GoalState
 from app.drive.consent import ZERO, Velocity
 from observer.navigation.errand import REACHED_M, Errand, Goal
 from observer.navigation.plan import Plan
 from observer.robots.contract import RobotReport
 from observer.types import Odometry
 
-State = Literal["driving", "reached", "ended"]
 _NO_PLAN: Final = "Waiting for a plan of the path."
 
 
 @dataclass(frozen=True)
 class _End:
-    state: State
+    state: GoalState
     sentence: str
     time: float
 
@@ -69,7 +68,7 @@ class Going:
         plan = self._plan
         return ZERO if plan is None else (plan.speed_mps, plan.turn_rate_radps)
 
-    def end(self, state: State, sentence: str, now: float) -> None:
+    def end(self, state: GoalState, sentence: str, now: float) -> None:
         """Note its end."""
         self._end = _End(state, sentence, now)
         self._plan = None

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +13,13 @@ from numpy.typing import ArrayLike
 from app.contract.robots import DRIVEN_STATES, GoalNow, GuardVerdict, RobotNow
 from app.viewer.shapes import thinned
 from observer.geometry import Float64Array, Pose
+from observer.guard.guard import Level
 from observer.guard.parameters import GuardParameters
 from observer.mount import CameraMount
 from observer.navigation.errand import REACHED_M
 from observer.navigation.plan import MOST_REFUSED, RefusedPath
 from observer.robots.contract import RobotReport
 
-Level = Literal["clear", "slow", "stop"]
 MOST_OUTLINE_LINES = 7
 MOST_ZONE_LINES = 48
 MOST_SONARS = 16

@@ -17,9 +17,9 @@ from app.viewer.robot_marks import (
     MOST_REFUSED_LINES,
     MOST_SONAR_LINES,
     MOST_ZONE_LINES,
-    Level,
     RobotMarks,
 )
+from observer.guard.guard import Level
 from observer.obstacle_colors import Rgb
 
 _PATH, _REFUSED, _MEETING = LAYERS["path"].colors

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 from typing_extensions import TypedDict
 
 from app.contract.events import LiveLine
-from observer.jsonl import ObservationLine
+from observer.jsonl import ObservationLine, StateWord
 from observer.truth.matching import TrueBodyEntry
 
 
@@ -19,7 +18,7 @@ class SeenSpeed(TypedDict):
     """Part of an ``observer.jsonl.ObstacleEntry`` that the server keeps."""
 
     id: int
-    state: Literal["tentative", "confirmed", "coasting"]
+    state: StateWord
     velocity_time: float
     speed: float
     speed_std: float | None

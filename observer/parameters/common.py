@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from typing import Literal
 
-from observer.parameters.fields import KLT, PLANAR, STEREO, Real, Stage, Whole, choice, number
+from observer.parameters.fields import (
+    KLT,
+    PLANAR,
+    STEREO,
+    Model,
+    Real,
+    Stage,
+    Whole,
+    choice,
+    number,
+)
 
 
 class EgoMotionParameters(Stage):
     """The method and its estimate of the camera's motion."""
 
-    model: Literal["rigid", "homography", "affine", "monocular"] = choice(
-        "rigid", title="Method", basic=True
-    )
+    model: Model = choice("rigid", title="Method", basic=True)
     """rigid estimates 3D ego-motion from stereo and separates motion from parallax. The planar
     methods map image to image: affine (six parameters) is the paper's, homography (eight) also fits
     a plane in perspective. monocular uses only the left image. Switching between rigid, monocular

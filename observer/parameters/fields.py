@@ -8,14 +8,15 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
 ParameterValue = float | int | bool | str
 
 # Values of ego_motion.model, which chooses the method.
-MODELS = ("rigid", "homography", "affine", "monocular")
+Model = Literal["rigid", "homography", "affine", "monocular"]
+MODELS: tuple[Model, ...] = get_args(Model)
 # Methods that track points by KLT over time, and methods that use both images.
 KLT: tuple[str, ...] = ("rigid", "monocular")
 STEREO: tuple[str, ...] = ("rigid", "homography", "affine")

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from observer.intervals import half_95
+from observer.jsonl import MotionWord
 from observer.recording.payloads import MatchedBody
 
 Rgba = tuple[float, float, float, float]
 
 VELOCITY: Rgba = (1.0, 0.3, 0.0, 0.9)
 WHITE: Rgba = (1.0, 1.0, 1.0, 1.0)
-_MOTIONS: dict[str, Rgba] = {
+_MOTIONS: dict[MotionWord, Rgba] = {
     "moving": (1.0, 0.85, 0.0, 0.45),
     "in_place": (0.45, 0.85, 0.45, 0.45),
     "stopped": (0.3, 0.6, 1.0, 0.45),

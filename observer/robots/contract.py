@@ -77,6 +77,11 @@ class SonarReading:
     received: float
 
 
+BatteryLevel = Literal["good", "low", "critical"]
+# Names of a report's counters.
+COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
+
+
 @dataclass(frozen=True)
 class RobotReport:
     """Current state of a robot. None where the robot does not report a value.
@@ -124,7 +129,7 @@ class RobotReport:
     rear_bumpers: tuple[bool, ...] = ()
     stop_pressed: bool | None = None
     battery_v: float | None = None
-    battery: Literal["good", "low", "critical"] | None = None
+    battery: BatteryLevel | None = None
     charging: str | None = None
     temperature_c: float | None = None
     sonars: tuple[SonarReading, ...] = ()

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from observer.robots.arcos import Command, command
 from observer.robots.config_reply import CONFIG_REPLY, decode_config
-from observer.robots.contract import RobotPhase, RobotReport, Sent
+from observer.robots.contract import COUNTERS, RobotPhase, RobotReport, Sent
 from observer.robots.handshake import (
     MOTORS_OFF,
     STANDSTILL,
@@ -42,7 +42,6 @@ _FAREWELL_S = 0.1
 # CLOSE may be lost: it is repeated while status packets, every 100 ms, still come.
 _GOODBYES, _SILENT_S = 3, 0.15
 _CLOSE_S = 1.9
-_COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
 _STOP = (command(Command.E_STOP), *STANDSTILL[1:], MOTORS_OFF)
 
 
@@ -315,7 +314,7 @@ class Pioneer:
         self._line = None
 
     def _report(self, now: float) -> RobotReport:
-        counters = dict.fromkeys(_COUNTERS, 0) | self._counters
+        counters = dict.fromkeys(COUNTERS, 0) | self._counters
         if (line := self._line) is not None:
             counters["packets"] += line.parser.packets
             counters["bad_packets"] += line.parser.bad_packets

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Literal
 
 from observer.robots.arcos import Command, command
-from observer.robots.contract import REPORT_FRESH_S
+from observer.robots.contract import REPORT_FRESH_S, BatteryLevel
 from observer.robots.sip import RobotStatus
 
 SILENCE_FAULT_S = 1.0
@@ -67,7 +66,7 @@ class RobotWatch:
         return sum(self._battery) / len(self._battery) if self._battery else None
 
     @property
-    def battery(self) -> Literal["good", "low", "critical"] | None:
+    def battery(self) -> BatteryLevel | None:
         volts = self.battery_v
         if volts is None:
             return None

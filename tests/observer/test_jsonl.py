@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
 from observer.drawing import silhouette_mask
 from observer.evaluation.lines import checked_lines
-from observer.jsonl import observation_line
-from observer.types import Observation, Obstacle, Status
+from observer.jsonl import MotionWord, StateWord, StatusWord, observation_line
+from observer.types import MotionState, Observation, Obstacle, Status, TrackState
 
 from .builders import an_obstacle
 
@@ -50,3 +51,9 @@ def test_evaluation_accepts_lines_with_and_without_silhouettes() -> None:
     (entry,) = line["obstacles"]
     older = {name: value for name, value in entry.items() if name != "silhouette"}
     assert checked_lines([line]) == checked_lines([{**line, "obstacles": [older]}])
+
+
+def test_the_words_are_those_of_the_enumerations() -> None:
+    assert get_args(StatusWord) == tuple(Status)
+    assert get_args(StateWord) == tuple(TrackState)
+    assert get_args(MotionWord) == tuple(MotionState)

@@ -12,7 +12,7 @@ from app.http.api.values import Corners, SquareMm
 from app.server import FieldError
 from app.server.calibrating.session import board_of
 from observer.calibration.boards.board import A4_COLUMNS, A4_ROWS, A4_SQUARE_MM, BoardKind
-from observer.calibration.boards.printing import board_pdf, board_svg
+from observer.calibration.boards.printing import Paper, board_pdf, board_svg
 from observer.errors import CalibrationError
 
 router = APIRouter(tags=["calibrating"])
@@ -35,7 +35,7 @@ def get_board(
     columns: Annotated[Corners, Query(description="Inner corners across.")] = A4_COLUMNS,
     rows: Annotated[Corners, Query()] = A4_ROWS,
     square_mm: Annotated[SquareMm, Query()] = A4_SQUARE_MM,
-    paper: Literal["A4", "A3", "Letter"] = "A4",
+    paper: Paper = "A4",
 ) -> Response:
     """Print it at 100 %.
 

@@ -17,11 +17,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Literal
 
 from app.contract.drive import COMMAND_FRESH_S
-
-Quality = Literal["good", "slow", "lost"]
+from app.contract.sockets import LinkQuality
 
 _WINDOW_S = 10.0
 # Seconds per second by which two clocks drift apart at most: one millisecond in the window.
@@ -52,7 +50,7 @@ class LinkState:
             arrival. None if unknown.
     """
 
-    quality: Quality
+    quality: LinkQuality
     rtt_s: float | None
     delay_s: float | None
 
@@ -111,7 +109,7 @@ class CommandAge:
         rtt, delay = self._rtt(now), None
         if self._age is not None and now - self._age[0] <= _LATELY_S:
             delay = self._age[1]
-        quality: Quality = "good"
+        quality: LinkQuality = "good"
         if not self._trips or now - self._trips[-1][0] > _LOST_S:
             quality = "lost"
         elif now - self._late <= _LATE_SHOWN_S or not self.is_fit(now):

@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase, RobotReport, Sent
+from observer.robots.contract import (
+    COUNTERS,
+    SETPOINT_FRESH_S,
+    RobotLimits,
+    RobotPhase,
+    RobotReport,
+    Sent,
+)
 from observer.robots.models import RobotSpec
 from observer.robots.network.messages import Hello, OdometryMessage, Permit
 from observer.types import Odometry
@@ -54,9 +61,7 @@ class ExternalWatch:
         self._permit_times: dict[int, float] = {}
         self._place = _Place()
         self._delay = _Delay()
-        self._counters = dict.fromkeys(
-            ("packets", "bad_packets", "unknown_packets", "reconnects"), 0
-        )
+        self._counters = dict.fromkeys(COUNTERS, 0)
 
     # --- events of the connection ------------------------------------------------------------
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import get_args
+
 import numpy as np
 
 from observer.simulation.facets import Material
 from observer.simulation.people.figure import Cloth
-from observer.simulation.specs.people import ClothesSpec
+from observer.simulation.specs.people import ClothesSpec, Pattern, Tone
 
 # Blue, green, red: tones that people wear.
-_TONES = {
+_TONES: Mapping[Tone, tuple[int, int, int]] = {
     "black": (28, 26, 26),
     "charcoal": (58, 54, 52),
     "grey": (120, 118, 116),
@@ -22,7 +25,7 @@ _TONES = {
     "ochre": (52, 128, 184),
 }
 TONES = tuple(_TONES)
-PATTERNS = ("plain", "folded", "denim", "striped", "checked", "printed")
+PATTERNS: tuple[Pattern, ...] = get_args(Pattern)
 _SKIN = ((148, 178, 214), (110, 150, 196), (80, 112, 160), (50, 70, 104))
 _HAIR = ((24, 26, 30), (30, 44, 66), (60, 100, 140), (120, 124, 126))
 
@@ -32,7 +35,7 @@ def dressed(clothes: ClothesSpec, seed: int) -> dict[Cloth, Material]:
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0xC107E5]))
     skin, hair = _SKIN[rng.integers(len(_SKIN))], _HAIR[rng.integers(len(_HAIR))]
 
-    def cloth(kind: str, tone: str | None, pattern: str | None) -> Material:
+    def cloth(kind: str, tone: Tone | None, pattern: Pattern | None) -> Material:
         first = tone or TONES[rng.integers(len(TONES))]
         others = [name for name in TONES if name != first]
         second = others[rng.integers(len(others))]

@@ -25,7 +25,7 @@ from observer.sources.cameras.messages import (
 from observer.sources.cameras.process import GrabberProcess
 from observer.sources.cameras.settings import CameraSettings
 from observer.sources.cameras.spec import CameraTarget
-from observer.sources.contract import CameraReport
+from observer.sources.contract import CameraReport, CameraSide, CameraState
 from observer.types import Image
 
 # A fault is reported within 200 ms of the last frame; the rest allows for a late read.
@@ -71,7 +71,7 @@ class LiveCamera:
 
     def __init__(
         self,
-        side: Literal["left", "right", "both"],
+        side: CameraSide,
         target: CameraTarget,
         settings: CameraSettings,
         opener: str,
@@ -181,7 +181,7 @@ class LiveCamera:
         settings = {} if opened is None else dict(opened.settings)
         if self.target.network and opened is not None and self.period.measured:
             settings["rate"] = f"{1 / self.period.seconds:.1f} per s, measured"
-        stopped: Literal["failed", "waiting"] = "failed" if self._insists else "waiting"
+        stopped: CameraState = "failed" if self._insists else "waiting"
         return CameraReport(
             side=self.side,
             device=self.target.name,

@@ -7,7 +7,6 @@ import select
 import subprocess
 import time
 from collections.abc import Sequence
-from typing import Literal
 
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
@@ -17,7 +16,13 @@ from observer.sources.cameras.messages import Grabbed
 from observer.sources.cameras.pairing import Skews, judge
 from observer.sources.cameras.spec import CamerasSpec
 from observer.sources.cameras.usb import bandwidth_hints
-from observer.sources.contract import LIVE_PATIENCE_S, LiveReport, NoFrame, SourceInfo
+from observer.sources.contract import (
+    LIVE_PATIENCE_S,
+    CameraSide,
+    LiveReport,
+    NoFrame,
+    SourceInfo,
+)
 from observer.types import Image, StereoFrame
 
 _OPENING_S = 15.0
@@ -68,7 +73,7 @@ class CameraSource:
         now = time.monotonic()
         self._last_read = now
         self._pairless_since = now
-        sides: tuple[Literal["left", "right", "both"], ...] = ("left", "right")
+        sides: tuple[CameraSide, ...] = ("left", "right")
         self._cameras = [
             LiveCamera(side, target, spec.settings, opener, now)
             for side, target in zip(
