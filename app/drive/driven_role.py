@@ -9,20 +9,17 @@ Nothing here waits or reads a clock; the loop passes the time. The states::
 
 from __future__ import annotations
 
-import logging
-from typing import Literal
-
 from app.contract.drive import IncidentEvent, IncidentKind
+from app.contract.robots import RobotState
 from app.drive import reasons
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO, Consent, Velocity
+from app.drive.guarding import AskedGuard
 from app.drive.ramp import least, ramped
 from app.runtime.errors import ProcessRefused
-from observer.guard.guard import Guard, Verdict, sight_trouble
+from observer.guard.guard import Guard, Verdict
 from observer.rig.rig import Role
 from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, Sent
-
-_log = logging.getLogger(__name__)
 
 # A command or report that would expire before the next tick is already invalid at this one: no
 # robot moves on an expired one, and a late tick has this much margin.
@@ -33,9 +30,6 @@ _EXPIRED = "no command from the operator arrived in time"
 # What the operator must do before the robot drives again.
 RELEASE_FIRST = "release the controls once, then continue"
 _INTERRUPTED = f"driving was interrupted: {RELEASE_FIRST}"
-_GUARD_FAILED = "the guard failed; see the log of the drive process"
-
-State = Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
 
 
 class DrivenRole:
@@ -49,13 +43,12 @@ class DrivenRole:
         sent: velocity really sent last.
         hindrance: the reason why it does not drive as requested, one sentence.
         why_disarmed: the reason for the last disarming.
-        verdict: the guard's last verdict.
         report: the robot's last report.
     """
 
     def __init__(self, role: Role, guard: Guard) -> None:
         self.role: Role = role
-        self._guard = guard
+        self._guard = AskedGuard(role, guard)
         self.connection: Connection | None = None
         self.consent = Consent()
         self.armed = False
@@ -66,9 +59,7 @@ class DrivenRole:
         self._reached = ZERO
         self.hindrance: str | None = None
         self.why_disarmed: str | None = None
-        self.verdict: Verdict | None = None
         self.report: RobotReport | None = None
-        self._guard_trouble: str | None = None
         self._unsure_since: float | None = None
         # Why the operator has to let go.
         self._interruption = _INTERRUPTED
@@ -82,7 +73,12 @@ class DrivenRole:
         return None if self.connection is None else self.connection.robot
 
     @property
-    def state(self) -> State | None:
+    def verdict(self) -> Verdict | None:
+        """Return the guard's last verdict; None without a robot."""
+        return self._guard.verdict
+
+    @property
+    def state(self) -> RobotState | None:
         """Return the state in one word; None without a robot."""
         connection, report = self.connection, self.report
         if connection is None:
@@ -108,10 +104,9 @@ class DrivenRole:
         self.armed = False
         self.asked = self.sent = self._reached = ZERO
         self.consent.withdraw()
-        self.hindrance = self.why_disarmed = self.verdict = self.report = None
-        self._guard_trouble = None
+        self.hindrance = self.why_disarmed = self.report = None
         self._unsure_since = None
-        self._guard.forget(self.role)
+        self._guard.forget()
         return before
 
     def let_go(self) -> Robot | None:
@@ -278,7 +273,7 @@ class DrivenRole:
         connection = self.connection
         if self.role != "observer" or connection is None:
             return None
-        return sight_trouble(tick.sight, tick.now, connection.world) or self._guard_trouble
+        return self._guard.blindness(tick, connection.world)
 
     def drive(self, tick: Tick, played: Velocity | None) -> Sent | None:
         """Send the velocity permitted at this moment and return it; None while it is not armed.
@@ -288,15 +283,14 @@ class DrivenRole:
         """
         self.asked = self._asked(played)
         self.hindrance = self._hindrance(tick, played is not None)
-        robot, report = self.robot, self.report
-        if robot is None or report is None:
-            self.verdict = self._guard_trouble = None
+        connection, robot, report = self.connection, self.robot, self.report
+        if connection is None or robot is None or report is None:
+            self._guard.withdraw()
             self.sent = self._reached = ZERO
             return None
         wanted = ZERO if self.hindrance is not None else self.asked
         # Also for an unarmed robot: the zones are shown, and the guard must know the path.
-        verdict = self.verdict = self._ask_guard(report, tick, wanted)
-        self._guard_trouble = self._own_trouble(verdict, tick)
+        verdict = self._guard.ask(report, tick, connection.world, wanted)
         if not self.armed:
             self.sent = self._reached = ZERO
             return None
@@ -339,40 +333,6 @@ class DrivenRole:
         if self.report is not None and self.report.wanted is not None:
             return self.report.wanted if self.consent.present else ZERO
         return self.consent.velocity
-
-    def _ask_guard(self, report: RobotReport, tick: Tick, wanted: Velocity) -> Verdict:
-        assert self.connection is not None
-        try:
-            return self._guard.limit(
-                self.role,
-                wanted,
-                (report.speed_mps, report.turn_rate_radps),
-                tick.sight if self.role == "observer" else None,
-                self.connection.world,
-                report.sonars,
-                report.radius_m,
-                report.width_m,
-                report.length_m,
-                tick.now,
-            )
-        except Exception as error:  # noqa: BLE001
-            # Whatever fails in the guard, the robots stop, and the loop goes on to report it.
-            if self.verdict is None or self.verdict.reason != _GUARD_FAILED:
-                _log.exception("the guard failed: %s", type(error).__name__)
-            return Verdict("stop", True, 0.0, 0.0, _GUARD_FAILED, 0.0, (), ())
-
-    def _own_trouble(self, verdict: Verdict, tick: Tick) -> str | None:
-        """Return why the guard cannot judge a usable sight, as when it failed, one sentence.
-
-        Trouble with the sight itself is looked up anew at each tick, so that it ends with the first
-        good frame.
-        """
-        connection = self.connection
-        if not verdict.blind or connection is None:
-            return None
-        if sight_trouble(tick.sight, tick.now, connection.world) is not None:
-            return None
-        return verdict.reason or "the guard cannot rely on the camera view"
 
     def _hindrance(self, tick: Tick, played: bool) -> str | None:
         """Return why nothing may be driven at all, one sentence; None where something may."""
