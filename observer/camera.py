@@ -15,6 +15,8 @@ from observer.geometry import Float64Array, is_rotation
 # Metres: a baseline outside these limits is almost certainly in other units.
 MIN_BASELINE_M = 0.001
 MAX_BASELINE_M = 2.0
+# A square of a board is a few centimetres wide, and a baseline is seldom longer than 50 of them.
+_MOST_SQUARES = 50.0
 # Focal lengths as shares of the image's width: fields of view of 157 to 3 degrees without
 # distortion.
 FOCAL_SHARES = (0.1, 20.0)
@@ -86,7 +88,7 @@ class StereoCalibration:
         baseline = self.baseline
         if baseline == 0:
             raise CalibrationError("T must not be zero: the two cameras need a baseline")
-        if not MIN_BASELINE_M <= baseline <= MAX_BASELINE_M:
+        if not is_plausible_baseline(baseline):
             raise CalibrationError(
                 f"T gives a baseline of {baseline:g} m, which is outside "
                 f"{MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m{_unit_hint(baseline)}"
@@ -154,6 +156,11 @@ class StereoCalibration:
         return float(np.linalg.norm(self.T))
 
     @property
+    def fb(self) -> float:
+        """Focal length of the left camera times baseline, pixel metres: see ``StereoCamera.fb``."""
+        return float(self.K1[0, 0]) * self.baseline
+
+    @property
     def is_rectified(self) -> bool:
         """Return whether images of this pair can be used as they are, without remapping."""
         return bool(
@@ -178,15 +185,24 @@ class StereoCalibration:
         )
 
 
+def is_plausible_baseline(metres: float) -> bool:
+    """Return whether two cameras may be this far apart."""
+    return MIN_BASELINE_M <= metres <= MAX_BASELINE_M
+
+
+def may_be_squares(baseline: float) -> bool:
+    """Return whether a baseline that is too long for metres may be in squares of a board."""
+    return MAX_BASELINE_M < baseline <= _MOST_SQUARES
+
+
 def _unit_hint(baseline: float) -> str:
     """Return in which units this baseline would be plausible, as the rest of a sentence."""
     fitting = [
         f"if T is in {unit}, divide it by {divisor} ({baseline / divisor:.3g} m)"
         for unit, divisor in (("millimetres", 1000), ("centimetres", 100))
-        if MIN_BASELINE_M <= baseline / divisor <= MAX_BASELINE_M
+        if is_plausible_baseline(baseline / divisor)
     ]
-    # A calibration board's square is a few centimetres; few baselines exceed 50 squares.
-    if MAX_BASELINE_M < baseline <= 50:
+    if may_be_squares(baseline):
         fitting.append(
             "if T is in squares of the board, multiply it by the side of a square in metres"
         )

@@ -74,8 +74,7 @@ def tape_check(
                 f"a tape check needs distances from {low:g} to {high:g} m, not {value:g} m from "
                 f"the {name}"
             )
-    focal = float(calibration.K1[0, 0])
-    per_disparity = tape_m / (focal * calibration.baseline)
+    per_disparity = tape_m / calibration.fb
     sigma = math.hypot(
         tape_m * depth_bias_share(calibration, tape_m, bias, lasting_px),
         tape_m * per_disparity * _SPOT_PX,
@@ -85,7 +84,7 @@ def tape_check(
     share, expected = difference / tape_m, half_95(sigma)
     scale = tape_m / rig_m
     # d = f B / Z; rig_m corresponds to the measured disparity.
-    offset_px = focal * calibration.baseline * (1 / tape_m - 1 / rig_m)
+    offset_px = calibration.fb * (1 / tape_m - 1 / rig_m)
     check = TapeCheck(
         rig_m=rig_m,
         tape_m=tape_m,
@@ -95,7 +94,7 @@ def tape_check(
         agrees=abs(difference) <= expected,
         square_m=None if square_m is None else square_m * scale,
         baseline_m=calibration.baseline * scale,
-        vergence_deg=math.degrees(offset_px / focal),
+        vergence_deg=math.degrees(offset_px / float(calibration.K1[0, 0])),
         sentence="",
     )
     return replace(check, sentence=_sentence(check, square_m))

@@ -137,7 +137,7 @@ def depth_bias_share(
         bias: of the fit. lasting_px: of ``HeldOut``: a persistent row error implies an equal
             column error, by distortion that the lens model does not cover.
     """
-    per_disparity = distance_m / (float(calibration.K1[0, 0]) * calibration.baseline)
+    per_disparity = distance_m / calibration.fb
     known = 0.0 if bias is None else bias.relative_sigma(per_disparity)
     return math.hypot(known, lasting_px * per_disparity)
 

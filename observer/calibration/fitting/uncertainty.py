@@ -150,12 +150,11 @@ def depth_change(truth: StereoCalibration, wrong: StereoCalibration) -> Float64A
     Returns:
         (P, 2): relative error, and pixels of disparity (as of a focal length of K1), at P places.
     """
-    f, B = float(truth.K1[0, 0]), truth.baseline
     # Far apart in disparity, and both far from any singularity.
-    depths = np.array([15.0, 60.0]) * B
+    depths = np.array([15.0, 60.0]) * truth.baseline
     errors = np.stack([_relative_error(truth, wrong, depth) for depth in depths])
     # error = scale - offset Z / (f B): a disparity that is too large makes depth too small.
-    per_px = depths / (f * B)
+    per_px = depths / truth.fb
     offset = -(errors[1] - errors[0]) / (per_px[1] - per_px[0])
     scale = errors[0] + offset * per_px[0]
     return np.stack([scale, offset], axis=1)

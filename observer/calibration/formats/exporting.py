@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from observer.calibration.formats.opencv_file import calibration_text
+from observer.calibration.formats.ros_file import ROS_MODELS
 from observer.calibration.formats.understanding import NamedFile
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
@@ -14,9 +15,6 @@ from observer.geometry import Float64Array, Pose
 from observer.vision.rectification import Rectification
 
 ExportKind = Literal["opencv", "ros", "kalibr"]
-
-# Models that camera_calibration_parsers and image_proc know, by the number of coefficients.
-_ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 
 
 def export_calibration(
@@ -73,12 +71,12 @@ def _camera_info(
         D = np.concatenate([D, np.zeros(max(0, 5 - len(D)))])
         if len(D) > 8 and not D[8:].any():
             D = D[:8]
-        if len(D) not in _ROS_MODELS:
+        if len(D) not in ROS_MODELS:
             raise CalibrationError(
                 f"{key} holds {len(D)} distortion coefficients, but ROS supports only plumb_bob "
                 "(5) and rational_polynomial (8); export for OpenCV, or calibrate with 5 or 8"
             )
-        model = _ROS_MODELS[len(D)]
+        model = ROS_MODELS[len(D)]
     lines = [
         f"image_width: {calibration.width}",
         f"image_height: {calibration.height}",

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from observer.calibration.formats.plain_data import NamedData
-from observer.calibration.formats.ros_file import ros_draft
+from observer.calibration.formats.ros_file import ROS_MODELS, ros_draft
 from observer.calibration.formats.understanding import Draft
 from observer.errors import CalibrationError
 from observer.text_files import PlainData
@@ -28,8 +28,6 @@ _KEYS = {
 _SINGLE = ("width", "height")
 _SECTION = re.compile(r"\s*\[([^\]]*)\]\s*")
 _NUMBERS = re.compile(r"\s*([-+.\d]|nan\b|inf\b)", re.IGNORECASE)
-# The lens models that camera_calibration writes, by their number of coefficients.
-_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 
 
 @dataclass
@@ -58,7 +56,7 @@ class _Camera:
                     "each camera"
                 )
         count = len(self.numbers["distortion"])
-        if count not in _MODELS:
+        if count not in ROS_MODELS:
             raise CalibrationError(
                 f"{source}: distortion must contain 5 or 8 numbers, not {count}; ost.txt supports "
                 "no other lens models; use left.yaml and right.yaml from camera_calibration"
@@ -69,7 +67,7 @@ class _Camera:
             else self.numbers[title]
             for title, key in _KEYS.items()
         }
-        return source, data | {"distortion_model": _MODELS[count], "camera_name": self.title}
+        return source, data | {"distortion_model": ROS_MODELS[count], "camera_name": self.title}
 
 
 def ost_draft(files: Sequence[tuple[str, str]]) -> Draft:

@@ -19,6 +19,9 @@ from observer.errors import CalibrationError
 from observer.geometry import Float64Array, is_rotation
 from observer.text_files import FileModel, one_of, validated
 
+# Lens models, except for fisheye, that camera_calibration writes and image_proc knows, by their
+# number of coefficients.
+ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 _DISTORTION_MODELS: dict[str, DistortionModel] = {
     "plumb_bob": "radtan",
     "rational_polynomial": "radtan",

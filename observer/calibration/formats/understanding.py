@@ -20,11 +20,10 @@ from observer.calibration.formats.units import (
     LengthUnit,
     UnitUnclear,
     implausible,
-    is_plausible,
     metres,
     unit_words,
 )
-from observer.camera import DistortionModel, StereoCalibration
+from observer.camera import DistortionModel, StereoCalibration, is_plausible_baseline
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
@@ -183,7 +182,7 @@ class Draft:
         """
         used, left, right = unit or self.unit, self.left, self.right
         length = float(np.linalg.norm(self.T))
-        if length and np.isfinite(length) and not is_plausible(length * metres(used)):
+        if length and np.isfinite(length) and not is_plausible_baseline(length * metres(used)):
             raise UnitUnclear(self.located(implausible(length, used)), length, used)
         D1, D2 = (
             camera.D if smooth is None else smooth.D

@@ -12,7 +12,12 @@ from collections.abc import Mapping
 from typing import Literal, TypeAlias
 
 from observer.calibration.formats.known import UNIT_HELP
-from observer.camera import MAX_BASELINE_M, MIN_BASELINE_M
+from observer.camera import (
+    MAX_BASELINE_M,
+    MIN_BASELINE_M,
+    is_plausible_baseline,
+    may_be_squares,
+)
 from observer.errors import CalibrationError
 
 Unit = Literal["m", "mm", "cm", "in"]
@@ -27,8 +32,6 @@ _WORDS: Mapping[Unit, str] = {
     "in": "inches",
 }
 _SAID = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})?\s*(m|mm|cm|in)\s*", re.ASCII)
-# A square of a board is a few centimetres wide, and a baseline is seldom longer than 50 of them.
-_MOST_SQUARES = 50.0
 
 
 class UnitUnclear(CalibrationError):
@@ -78,11 +81,6 @@ def unit_words(unit: LengthUnit) -> str:
     return f"units of {1e3 * unit:.6g} mm" if isinstance(unit, float) else _WORDS[unit]
 
 
-def is_plausible(baseline_m: float) -> bool:
-    """Return whether two cameras may be this far apart, metres."""
-    return MIN_BASELINE_M <= baseline_m <= MAX_BASELINE_M
-
-
 def implausible(baseline: float, unit: LengthUnit) -> str:
     """Return the clause on a baseline that is implausible in this unit; it begins with T.
 
@@ -101,12 +99,12 @@ def _question(baseline: float, unit: LengthUnit, request: str) -> str:
         f"in {_WORDS[each]} ({_length(baseline * factor)}), {request.format(each)}"
         for each, factor in _METRES.items()
         # Cameras are seldom calibrated in inches, and whoever does so knows.
-        if each not in (unit, "in") and is_plausible(baseline * factor)
+        if each not in (unit, "in") and is_plausible_baseline(baseline * factor)
     ]
     squares = f"in squares of a board of 25 mm, {request.format('25mm')}"
     if not fitting:
         return f"no unit of length gives a plausible baseline; if the file is {squares}"
-    if MAX_BASELINE_M < baseline <= _MOST_SQUARES:
+    if may_be_squares(baseline):
         fitting.append(squares)
     return f"if the file is {'; if '.join(fitting)}"
 
