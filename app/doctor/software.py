@@ -10,9 +10,9 @@ from collections.abc import Collection, Iterator
 from importlib import metadata
 
 from app.doctor.finding import Finding, Section
+from observer.version import COMPLETE, installed_version
 
 _SECTION = Section("Software")
-_DISTRIBUTION = "dynamic-observer"
 _NEEDED_PYTHON = (3, 11)
 # Reported with their versions; the others only need to be present.
 _SHOWN = ("numpy", "scipy", "opencv-python-headless", "fastapi", "uvicorn", "viser", "sqlalchemy")
@@ -22,13 +22,13 @@ _OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python",
 
 def program_version() -> str:
     """Return the installed version, or ``unknown`` if the program runs without installation."""
-    return _version(_DISTRIBUTION) or "unknown"
+    return installed_version(COMPLETE) or "unknown"
 
 
 def examine_software() -> Iterator[Finding]:
     """Check Python, packages, OpenCV's video support and cores."""
     yield _python()
-    yield from _packages(metadata.requires(_DISTRIBUTION) or [] if _version(_DISTRIBUTION) else [])
+    yield from _packages(metadata.requires(COMPLETE) or [] if installed_version(COMPLETE) else [])
     yield from _video_support(_video_backends())
     yield _cores(_usable_cores())
 
@@ -44,19 +44,19 @@ def _packages(requirements: Collection[str]) -> Iterator[Finding]:
     """Check that the required packages are installed; ``requirements`` as in the metadata."""
     if not requirements:
         yield _SECTION.warning(
-            f"{_DISTRIBUTION} is not installed as a package, so its dependencies were not checked; "
+            f"{COMPLETE} is not installed as a package, so its dependencies were not checked; "
             "make setup installs it"
         )
         return
     needed = [_name(each) for each in requirements if "extra ==" not in each]
-    missing = [name for name in needed if _version(name) is None]
+    missing = [name for name in needed if installed_version(name) is None]
     if missing:
         yield _SECTION.problem(
             f"packages are missing: {', '.join(missing)}; make setup installs them"
         )
-    versions = [f"{name} {_version(name)}" for name in _SHOWN if _version(name)]
+    versions = [f"{name} {installed_version(name)}" for name in _SHOWN if installed_version(name)]
     yield _SECTION.ok(f"packages: {', '.join(versions)}")
-    several = [name for name in _OPENCV if _version(name)]
+    several = [name for name in _OPENCV if installed_version(name)]
     if len(several) > 1:
         yield _SECTION.warning(
             f"{' and '.join(several)} are installed side by side and overwrite each other's files; "
@@ -67,13 +67,6 @@ def _packages(requirements: Collection[str]) -> Iterator[Finding]:
 def _name(requirement: str) -> str:
     match = re.match(r"[A-Za-z0-9._-]+", requirement)
     return match.group(0) if match else requirement
-
-
-def _version(distribution: str) -> str | None:
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _video_backends() -> frozenset[str]:

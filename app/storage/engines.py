@@ -13,7 +13,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
 from app.storage.errors import StorageError
-from observer.version import install_command, pip_install
+from observer.extras import package_missing, pip_install
 
 _written_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
 # Name of our connections in PostgreSQL's pg_stat_activity.
@@ -60,10 +60,7 @@ def database_url(location: str | Path) -> URL:
 
 def _missing(url: URL, error: ImportError) -> str:
     if url.get_backend_name() == "postgresql":
-        return (
-            "PostgreSQL databases need the Python package psycopg; install it with: "
-            + install_command("postgres", "psycopg[binary]")
-        )
+        return package_missing("a PostgreSQL database", "postgres", "psycopg[binary]")
     return (
         f"databases of the kind {url.drivername} need the Python package {error.name}; "
         f"install it with: {pip_install(str(error.name))}"

@@ -20,8 +20,8 @@ import numpy as np
 
 from observer.coppeliasim.address import Address
 from observer.errors import SourceError
+from observer.extras import package_missing
 from observer.geometry import Float64Array
-from observer.version import install_command
 
 # Seconds for a whole call; shorter than the time after which a silent engine counts as hung.
 ANSWER_WITHIN_S = 1.0
@@ -219,8 +219,7 @@ class Connection:
 def _check_installed() -> None:
     if importlib.util.find_spec("coppeliasim_zmqremoteapi_client") is None:
         raise CoppeliaSimUnreachable(
-            "CoppeliaSim needs its client package; install it with: "
-            + install_command("coppeliasim", "coppeliasim-zmqremoteapi-client")
+            package_missing("CoppeliaSim", "coppeliasim", "coppeliasim-zmqremoteapi-client")
         )
 
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from observer.exporting.errors import missing_extra
+from observer.exporting.errors import ExportError
 from observer.exporting.foxglove_messages import RecordedCloud, RecordedLog
+from observer.extras import package_missing
 from observer.geometry import Pose
 from observer.recording.camera_frames import CameraModel
 from observer.recording.drawn import VELOCITY, WHITE, DrawnBody, Rgba
@@ -51,7 +52,7 @@ class RosMessages:
         try:
             from rosbags.typesys import Stores, get_typestore
         except ImportError:
-            raise missing_extra("rosbags", "ros", "a ROS 2 bag") from None
+            raise ExportError(package_missing("a ROS 2 bag", "ros", "rosbags")) from None
         self.store: Any = get_typestore(Stores.ROS2_HUMBLE)
 
     def _make(self, name: str, *fields: Any, **named: Any) -> Any:

@@ -6,8 +6,9 @@ import csv
 from itertools import islice
 from typing import IO, Any
 
-from observer.exporting.errors import missing_extra
+from observer.exporting.errors import ExportError
 from observer.exporting.tables import Table
+from observer.extras import package_missing
 from observer.recording.reader import Recording
 
 # Rows of a Parquet file that are written per batch.
@@ -68,5 +69,5 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow  # type: ignore[import-untyped]
         from pyarrow import parquet
     except ImportError:
-        raise missing_extra("pyarrow", "parquet", "a Parquet file") from None
+        raise ExportError(package_missing("a Parquet file", "parquet", "pyarrow")) from None
     return pyarrow, parquet

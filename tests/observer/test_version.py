@@ -1,4 +1,4 @@
-"""The installed version, and the command that installs optional packages."""
+"""The installed version, and how to install optional packages."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from observer import version
+from observer import extras, version
 
 
 def _only(installed: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -33,11 +33,19 @@ def test_packages_are_installed_into_the_python_in_use_as_the_distribution_allow
 ) -> None:
     _only(installed, monkeypatch)
     assert version.library_version() == told
-    command = version.install_command("cluster", "distributed", "pyarrow")
+    command = extras.install_command("cluster", "distributed", "pyarrow")
     assert command == f"{sys.executable} -m pip install {wanted}"
 
 
 def test_a_command_can_be_pasted_into_a_shell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/home/ada/my lab/python")
     command = "'/home/ada/my lab/python' -m pip install 'psycopg[binary]'"
-    assert version.pip_install("psycopg[binary]") == command
+    assert extras.pip_install("psycopg[binary]") == command
+
+
+def test_missing_packages_are_counted_and_named_without_their_own_extras() -> None:
+    one = extras.package_missing("a database", "postgres", "psycopg[binary]")
+    assert one.startswith("a database needs the package psycopg, which is not installed; ")
+    two = extras.package_missing("a sweep", "cluster", "distributed", "pyarrow")
+    assert two.startswith("a sweep needs the packages distributed and pyarrow, which are not ")
+    assert f"install them with: {sys.executable} -m pip install " in two

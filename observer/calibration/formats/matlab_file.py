@@ -26,8 +26,8 @@ from observer.calibration.formats.understanding import (
 )
 from observer.calibration.formats.units import LengthUnit, Unit
 from observer.errors import CalibrationError
+from observer.extras import package_missing
 from observer.geometry import Float64Array
-from observer.version import install_command
 
 _CLASS = "stereoParameters"
 _INTRINSICS = ("IntrinsicMatrix", "K", "IntrinsicMatrixInternal")
@@ -133,8 +133,8 @@ def _stereo_parameters(name: str, content: bytes) -> tuple[str, _Struct]:
         return title, _Struct(name, value)
     if importlib.util.find_spec("matio") is None:
         raise CalibrationError(
-            f"{name}: {title} is a MATLAB object, and reading it needs the package mat-io; install "
-            f"it with: {install_command('matlab', 'mat-io')} -- or save it as a struct, "
+            f"{name}: {title} is a MATLAB object; "
+            f"{package_missing('reading it', 'matlab', 'mat-io')} -- or save it as a struct, "
             f"{_AS_STRUCT}"
         )
     properties = value.properties

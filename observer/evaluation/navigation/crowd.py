@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.errors import InputError
+from observer.extras import package_missing
 from observer.geometry import Float64Array
-from observer.version import package_missing
 
 # Step of the simulation; half and twice as much gave similar figures.
 _STEP_S = 0.05
@@ -260,7 +260,7 @@ def crowd_missing() -> str | None:
     """Return one sentence on how to install a missing package for crowds, or None."""
     if importlib.util.find_spec("jupedsim") is not None:
         return None
-    return package_missing("a crowd", "jupedsim", "crowd")
+    return package_missing("a crowd", "crowd", "jupedsim")
 
 
 def _scattered(

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from observer.errors import DynamicObserverError, InputError
 from observer.evaluation.sweep.task import Outcome, Task, run_task
-from observer.version import install_command
+from observer.extras import package_missing
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -50,13 +50,7 @@ class ClusterChoice:
 def cluster_missing() -> str | None:
     """Return one sentence on how to install missing packages for sweeps, or None."""
     missing = [n for n in ("distributed", "pyarrow") if importlib.util.find_spec(n) is None]
-    if not missing:
-        return None
-    return (
-        f"a sweep needs the package{'s' if missing[1:] else ''} {' and '.join(missing)}, "
-        f"{'which are' if missing[1:] else 'which is'} not installed; install with: "
-        f"{install_command('cluster', *missing)}"
-    )
+    return package_missing("a sweep", "cluster", *missing) if missing else None
 
 
 @contextmanager

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from observer.errors import TruthError
+from observer.extras import package_missing
 from observer.geometry import Float64Array
 from observer.truth.files.body_names import BodyNames
 from observer.truth.files.units import FASTEST_HZ, LENGTHS_M, MOST_METRES, length_word
 from observer.truth.motion_capture import Capture, Trajectory
-from observer.version import install_command
 
 # The second byte of every C3D file, and its smallest size: header and parameters.
 _KEY = 0x50
@@ -51,8 +51,8 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
     """
     if not is_c3d_installed():
         raise TruthError(
-            f"{name}: reading C3D files needs the package c3d; install it with: "
-            f"{install_command('c3d', 'c3d')} -- or export the trajectories as CSV"
+            f"{name}: {package_missing('reading C3D files', 'c3d', 'c3d')} -- or export the "
+            "trajectories as CSV"
         )
     if path.stat().st_size < _LEAST_BYTES:
         raise TruthError(f"{name}: the C3D file is truncated; export it again")

@@ -94,7 +94,7 @@ def test_missing_package_is_named_with_alternatives(
     with pytest.raises(TruthError) as caught:
         read(WHOLE)
     assert str(caught.value) == (
-        "upload: reading C3D files needs the package c3d; install it with: "
+        "upload: reading C3D files needs the package c3d, which is not installed; install it with: "
         f"{sys.executable} -m pip install 'dynamic-observer[c3d]' "
         "-- or export the trajectories as CSV"
     )
