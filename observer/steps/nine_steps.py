@@ -29,6 +29,20 @@ _STEPS: tuple[Callable[[ObservedPair], PaperStep], ...] = (
 COUNT = len(_STEPS)
 
 
+def one_step(pair: ObservedPair, number: int) -> PaperStep:
+    """Return a step of an observed pair.
+
+    Args:
+        number: from 1.
+
+    Raises:
+        ValueError: there is no such step.
+    """
+    if not 1 <= number <= COUNT:
+        raise ValueError(f"the method has steps 1 to {COUNT}, not {number}")
+    return _STEPS[number - 1](pair)
+
+
 def nine_steps(pair: ObservedPair) -> tuple[PaperStep, ...]:
     """Return all nine steps of an observed pair, in order."""
     return tuple(step(pair) for step in _STEPS)

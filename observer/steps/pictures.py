@@ -32,7 +32,7 @@ from observer.number_format import count_of
 from observer.obstacle_labels import obstacle_label
 from observer.steps.formulas import text
 from observer.steps.image_steps import differences
-from observer.steps.nine_steps import COUNT, nine_steps
+from observer.steps.nine_steps import one_step
 from observer.steps.pair import ObservedPair
 from observer.steps.paper_step import PaperStep
 from observer.steps.space_steps import shown_obstacles, true_speed_of
@@ -62,9 +62,7 @@ def step_figure(pair: ObservedPair, number: int, *, labelled: bool = False) -> F
     Raises:
         ValueError: there is no such step.
     """
-    if not 1 <= number <= COUNT:
-        raise ValueError(f"the method has steps 1 to {COUNT}, not {number}")
-    step = nine_steps(pair)[number - 1]
+    step = one_step(pair, number)
     figure = _nothing(pair, step.missing) if step.missing else _DRAWN[number - 1](pair)
     for axes in figure.axes:
         for image in axes.images:

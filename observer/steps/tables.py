@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from observer.steps.nine_steps import COUNT, nine_steps
+from observer.steps.nine_steps import one_step
 from observer.steps.pair import ObservedPair
 from observer.steps.space_steps import true_speed_of
 from observer.vision.stereo import sample_disparity
@@ -26,9 +26,7 @@ def step_table(pair: ObservedPair, number: int) -> str:
     Raises:
         ValueError: there is no such step.
     """
-    if not 1 <= number <= COUNT:
-        raise ValueError(f"the method has steps 1 to {COUNT}, not {number}")
-    step = nine_steps(pair)[number - 1]
+    step = one_step(pair, number)
     header, rows = ((), ()) if step.missing else _TABLES[number - 1](pair)
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
@@ -48,7 +46,7 @@ def _cell(value: Any) -> Any:
 
 def _images(pair: ObservedPair) -> _Rows:
     return ("name", "value", "unit"), [
-        (number.name, number.value, number.unit) for number in nine_steps(pair)[0].numbers
+        (number.name, number.value, number.unit) for number in one_step(pair, 1).numbers
     ]
 
 
