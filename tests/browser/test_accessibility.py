@@ -80,6 +80,22 @@ def look(server: Server, open_panel: OpenPanel, request: pytest.FixtureRequest) 
     server.api.post("/api/playback", json={"paused": False}).raise_for_status()
 
 
+# The tab and the method that are selected, and one each that is not.
+_BACKGROUNDS = """() => ["[role=tab]", ".segmented label"].map((each) => {
+  const all = [...document.querySelectorAll(each)];
+  const chosen = (one) => one.ariaSelected === "true" || one.querySelector(":checked") !== null;
+  return [all.find(chosen), all.find((one) => !chosen(one))].map(
+    (one) => getComputedStyle(one).backgroundColor);
+})"""
+
+
+def _selection_is_seen_in_contrast_themes(page: Page) -> None:
+    page.emulate_media(forced_colors="active", reduced_motion="reduce")
+    for selected, other in page.evaluate(_BACKGROUNDS):
+        assert selected != other
+    page.emulate_media(forced_colors="none", reduced_motion="reduce")
+
+
 @pytest.mark.parametrize("look", looks("light", "dark"), indirect=True)
 def test_live_page_and_tabs_are_accessible(look: _Look) -> None:
     page = look.page
@@ -91,6 +107,7 @@ def test_live_page_and_tabs_are_accessible(look: _Look) -> None:
         page.get_by_role("tab", name=tab).click()
         page.wait_for_timeout(100)
         look.unfolded(tab)
+    _selection_is_seen_in_contrast_themes(page)
 
     with look.opened("menu"):
         page.get_by_role("button", name="Menu").click()

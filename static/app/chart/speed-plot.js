@@ -43,7 +43,7 @@ const LABEL_ROWS = 3;
 const HEADROOM = 1.15;
 
 export class SpeedPlot {
-  #probe = h("span", { hidden: true });
+  #probe = h("span.colour-probe", { hidden: true });
   /** @type {Curve[]} */
   #curves = [];
   /** @type {Marks} */

@@ -17,7 +17,7 @@ const TRUTH = "white";
 /** Fills its container, with the image centred and as large as fits. */
 export class FramePicture extends HTMLElement {
   #canvas = h("canvas", { role: "img" });
-  #probe = h("span", { hidden: true });
+  #probe = h("span.colour-probe", { hidden: true });
   /** @type {ImageBitmap | null} */
   #bitmap = null;
   /** @type {FrameEntry | null} */
