@@ -17,11 +17,11 @@ from observer.calibration.boards.board import Board, BoardSighting, BoardView
 from observer.calibration.boards.board_pictures import draw_board, small_picture
 from observer.calibration.boards.collecting import Look, ViewCollector
 from observer.calibration.boards.detection import detect_board
+from observer.calibration.cover_check import CoverCheck
 from observer.camera import as_gray
 from observer.errors import InputError
 from observer.opening import OpenedSource
 from observer.sources.contract import SkippedFrame
-from observer.sources.cover_check import CoverCheck
 from observer.types import Image, StereoFrame
 
 _log = logging.getLogger(__name__)

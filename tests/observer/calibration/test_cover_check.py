@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.sources.cover_check import CoverCheck
+from observer.calibration.cover_check import CoverCheck
 
 RNG = np.random.default_rng(0)
 SCENE = cv2.GaussianBlur(RNG.uniform(0, 255, (240, 320)).astype(np.float32), (0, 0), 4)
