@@ -322,12 +322,12 @@ class Engine:
         recorder, frame = session.recorder, played.frame
         if recorder is None:
             return
-        recorder.observation(
-            line, event.received, event.ego_motion, event.truth, self._truth.why_none
-        )
         if session.truth is not None:
             sample = session.truth.sample(frame.index, frame.time, played.source_time)
             recorder.truth(sample, frame.received)
+        recorder.observation(
+            line, event.received, event.ego_motion, event.truth, self._truth.why_none
+        )
         if local_map is not None:
             recorder.local_map(LocalMapPayload(frame=frame.index, time=frame.time, map=local_map))
 

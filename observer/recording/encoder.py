@@ -172,23 +172,23 @@ class Encoder:
                 frame=line["frame"], time=line["time"], values=dict(ego_motion)
             )
             messages.append(self._own(topics.EGO_MOTION, values, received))
-        self._keep(messages)
         if truth or no_truth is not None:
             bodies = [MatchedBody.of(entry) for entry in truth]
             matched = MatchedTruth(
                 frame=line["frame"], time=line["time"], bodies=bodies, sentence=no_truth
             )
             boxes = drawn_truth(bodies)
-            self._keep(
-                [
-                    self._own(topics.MATCHED_TRUTH, matched, received),
-                    self._made(topics.TRUE_SCENE, foxglove.scene(boxes, wall), received),
-                    self._made(topics.TRUE_EDGES, foxglove.box_edges(boxes, wall), received),
-                ]
-            )
+            messages += [
+                self._own(topics.MATCHED_TRUTH, matched, received),
+                self._made(topics.TRUE_SCENE, foxglove.scene(boxes, wall), received),
+                self._made(topics.TRUE_EDGES, foxglove.box_edges(boxes, wall), received),
+            ]
+        # Together: a killed writer must not leave obstacles without the truth that they are
+        # compared with, which would count them as false.
+        self._keep(messages)
 
     def truth(self, sample: TruthSample, received: float) -> None:
-        """Record the ground truth at a frame.
+        """Record the ground truth at a frame, before its observation.
 
         ``frame`` and ``time`` are those of the frame as observed; the world is the truth's own.
         """

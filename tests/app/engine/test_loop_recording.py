@@ -72,6 +72,9 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
         assert matched == [[None]] * 4
         truth = recording.truth()
         assert truth is not None
+        # Truth first: a killed engine leaves no observation without it.
+        order = [topic for topic, _ in recording.messages("/truth", "/observation")]
+        assert order == ["/truth", "/observation"] * 4
         # In the truth's own world frame, at the frame's time.
         assert truth.bodies(100.0)[0].position.tolist() == [100.0, 0.0, 5.0]
 

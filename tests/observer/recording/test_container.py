@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -325,3 +326,35 @@ def test_playing_a_recording_without_images_is_refused(
     path = write_run(tmp_path / "recording.mcap", "none")
     with pytest.raises(SourceError, match="was recorded without images"):
         RecordingSource(path)
+
+
+def test_a_killed_writer_leaves_no_observation_without_its_truth(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    frames: tuple[StereoFrame, ...],
+    facts: Callable[..., RunFacts],
+    line: Any,
+) -> None:
+    # Every call ends a chunk, after which the writer may be killed.
+    monkeypatch.setattr("observer.recording.writer.CHUNK_S", 0.0)
+    path, cut = tmp_path / "recording.mcap", tmp_path / "cut.mcap"
+    body = {
+        "id": 1, "name": "cart", "role": "obstacle", "position": [0.0, 0.0, 3.0],
+        "velocity": [0.5, 0.0, 0.0], "speed": 0.5, "size": [0.4, 0.4, 0.3], "yaw": 0.0,
+        "visible": 1.0, "commanded_speed": None, "track_id": 3,
+    }  # fmt: skip
+    sizes = []
+    writer = RecordingWriter(path, facts("none"))
+    for frame in frames[:5]:
+        writer.frame(frame)
+        writer.observation(line(frame), frame.received, truth=[body])
+        sizes.append(writer.size)
+    writer.finish()
+    content = path.read_bytes()
+    with Recording(path) as recording:
+        ends = [chunk.end for chunk in recording._contents.chunks]
+    assert len(ends) > 2 * len(sizes)
+    for end in ends[1:]:
+        cut.write_bytes(content[:end])
+        with Recording(cut) as recording:
+            assert len(list(recording.lines())) == len(list(recording.matched_truth()))
