@@ -236,6 +236,16 @@ def two_runs(server: Server) -> Iterator[list[str]]:
 
 
 @pytest.fixture
+def lab_before_and_after(server: Server, eventually: Eventually) -> Iterator[None]:
+    """The lab is open at the beginning of the test, and again after it, uncalibrated."""
+    eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
+    yield
+    server.api.delete("/api/calibrating")
+    if server.get("/status")["source"]["spec"] != "simulated:lab":
+        server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
+
+
+@pytest.fixture
 def keep_picture() -> KeepPicture:
     """Save a screenshot under ``artefacts/`` for people to look at."""
 

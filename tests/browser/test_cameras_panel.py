@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,9 @@ from playwright.sync_api import Page, expect
 
 from observer.sources.cameras.spec import parse_devices
 
-from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
+from .conftest import Json, KeepPicture, OpenPanel, Server
+
+pytestmark = pytest.mark.usefixtures("lab_before_and_after")
 
 Picker = Callable[..., tuple[Page, list[str], Json]]
 _PORTS = ["/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
@@ -41,15 +43,6 @@ def _device(number: int, **changed: Any) -> Json:
         "controls": [],
     }
     return {**device, **changed}
-
-
-@pytest.fixture(autouse=True)
-def _the_lab_before_and_after(server: Server, eventually: Eventually) -> Iterator[None]:
-    eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
-    yield
-    server.api.delete("/api/calibrating")
-    if server.get("/status")["source"]["spec"] != "simulated:lab":
-        server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -12,16 +11,9 @@ from playwright.sync_api import Error, Page, Route, expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
+pytestmark = pytest.mark.usefixtures("lab_before_and_after")
+
 _MARKED = "[role=option][aria-selected=true]"
-
-
-@pytest.fixture(autouse=True)
-def _the_lab_before_and_after(server: Server, eventually: Eventually) -> Iterator[None]:
-    eventually(lambda: server.get("/status")["engine"]["state"] == "preview", 40)
-    yield
-    server.api.delete("/api/calibrating")
-    if server.get("/status")["source"]["spec"] != "simulated:lab":
-        server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()
 
 
 def _newcomers_sources(page: Page) -> Page:

@@ -5,18 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.geometry import Float64Array
 from observer.kernels.body_pose import fit_body, place_members
 from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.measurement import Members
 
+from .matrices import positive
 from .oracles import body_pose as oracle
-
-
-def positive(rng: np.random.Generator, count: int, sigma: float) -> Float64Array:
-    """(N, 3, 3) symmetric positive matrices."""
-    factor = rng.normal(0.0, sigma, (count, 3, 3))
-    return np.asarray(factor @ factor.transpose(0, 2, 1) + 0.1 * sigma**2 * np.eye(3))
 
 
 @pytest.mark.parametrize("count", [0, 1, 25])

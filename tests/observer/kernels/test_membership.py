@@ -5,16 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.geometry import Float64Array
 from observer.kernels.membership import against_rest, moves_along, place_on_body
 
+from .matrices import positive
 from .oracles import membership as oracle
-
-
-def positive(rng: np.random.Generator, count: int, sigma: float) -> Float64Array:
-    """(N, 3, 3) symmetric positive matrices."""
-    factor = rng.normal(0.0, sigma, (count, 3, 3))
-    return np.asarray(factor @ factor.transpose(0, 2, 1) + 0.1 * sigma**2 * np.eye(3))
 
 
 @pytest.mark.parametrize("instants", [0, 1, 16])
