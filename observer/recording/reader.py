@@ -132,6 +132,10 @@ class Recording:
             else:
                 recorded = self._decoded(decoder, topic, message)
                 values, difference = translated(recorded.values), translated(recorded.difference)
+                if found and not difference:
+                    # A new engine does not know what the replaced one used.
+                    before = found[-1][1].values
+                    difference = {k: v for k, v in values.items() if before.get(k, v) != v}
                 revision = msgspec.structs.replace(recorded, values=values, difference=difference)
                 found.append((position, revision))
         return tuple(found)

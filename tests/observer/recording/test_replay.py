@@ -14,6 +14,7 @@ from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
 from observer.recording.payloads import ParameterRevision, RunFacts
+from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
 from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
@@ -133,6 +134,20 @@ def test_revisions_are_stored_with_their_changes(
     assert [r.difference for r in revisions] == list(CHANGES.values())
     assert source.recording.facts.camera_mount() == source.info.mount
     source.close()
+
+
+def test_a_change_while_the_engine_is_replaced_is_a_difference(
+    write_run: Callable[..., Path], tmp_path: Path, frames: tuple[StereoFrame, ...]
+) -> None:
+    path = tmp_path / "recording.mcap"
+    write_run(path)
+    for revision, values in enumerate([{"a": 1.0, "b": 2.0}, {"a": 1.0, "b": 3.0}], start=1):
+        writer = RecordingWriter.resume(path)
+        writer.parameters(ParameterRevision(revision=revision, values=values), 0.0)
+        writer.frame(frames[0])
+        writer.finish()
+    with Recording(path) as recording:
+        assert [r.difference for r in recording.parameter_revisions()] == [{}, {"b": 3.0}]
 
 
 def test_open_source_opens_a_recording_with_its_truth(
