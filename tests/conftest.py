@@ -26,13 +26,13 @@ from playwright.sync_api import Browser, Page
 from observer.simulation import rendering
 from observer.simulation.facets import Material
 from observer.simulation.textures import Texture, paint
+from tools import ROOT
 
 from . import firefox
 from .chromium import hide, launched, without_viewer
 from .leftovers import no_process_left_behind
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-SHARED_DATA = REPOSITORY.parent / "shared" / "data"
+SHARED_DATA = ROOT.parent / "shared" / "data"
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 # How long threads and processes may take to end after the test.
@@ -139,7 +139,7 @@ def no_process_left() -> Callable[[], AbstractContextManager[None]]:
 @pytest.fixture(scope="session")
 def repository() -> Path:
     """The repository's root."""
-    return REPOSITORY
+    return ROOT
 
 
 @pytest.fixture(scope="session")

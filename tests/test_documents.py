@@ -20,13 +20,13 @@ import observer
 from app.cli.command_line import COMMANDS, load_command
 from app.contract.scene import LAYERS
 from observer.navigation.parameters import AllParameters
+from tools import ROOT
 
 from .visible_words import visible
 
-REPOSITORY = Path(__file__).parents[1]
-PAGES = REPOSITORY / "docs" / "pages"
+PAGES = ROOT / "docs" / "pages"
 DOCUMENTS = ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md", "SECURITY.md", "docker/README.md")
-ALL = [*DOCUMENTS, *sorted(str(page.relative_to(REPOSITORY)) for page in PAGES.glob("*.md"))]
+ALL = [*DOCUMENTS, *sorted(str(page.relative_to(ROOT)) for page in PAGES.glob("*.md"))]
 ROOMS = "app|observer|static|tests|tools|docker|docs|notebooks"
 # Made by a build, so it may be absent here.
 MADE = {"docs/site"}
@@ -38,9 +38,9 @@ PAPER = "A Hybrid Approach for Dynamic Observer to Detect and Track Dynamic Obst
 
 @pytest.mark.parametrize("document", ALL)
 def test_every_path_and_module_that_is_named_exists(document: str) -> None:
-    text = (REPOSITORY / document).read_text()
+    text = (ROOT / document).read_text()
     paths = set(re.findall(rf"`((?:{ROOMS})/[\w./-]*)`", text))
-    missing = [path for path in paths - MADE if not (REPOSITORY / path).exists()]
+    missing = [path for path in paths - MADE if not (ROOT / path).exists()]
     assert missing == []
     for name in set(re.findall(r"`((?:app|observer)(?:\.[a-z_]+)+)(?:\.[A-Z]\w*)?`", text)):
         assert _exists(name), name
@@ -55,7 +55,7 @@ def _exists(name: str) -> bool:
 
 @pytest.mark.parametrize("package", ["observer", "app"])
 def test_the_architecture_lists_the_layers_that_are_enforced(package: str) -> None:
-    settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
     enforced = [
         [set(layer.split(" | ")) for layer in contract["layers"]]
         for contract in settings["tool"]["importlinter"]["contracts"]
@@ -76,25 +76,25 @@ def test_the_architecture_lists_the_layers_that_are_enforced(package: str) -> No
 def test_the_architecture_lists_the_folders_of_the_page() -> None:
     _, _, table = _architecture().partition("| folder | what is in it |")
     told = re.findall(r"^\| `([\w-]+)` \|", table, re.MULTILINE)
-    folders = [each.name for each in (REPOSITORY / "static" / "app").iterdir() if each.is_dir()]
+    folders = [each.name for each in (ROOT / "static" / "app").iterdir() if each.is_dir()]
     assert sorted(told) == sorted(folders)
 
 
 def _architecture() -> str:
-    return (REPOSITORY / "ARCHITECTURE.md").read_text()
+    return (ROOT / "ARCHITECTURE.md").read_text()
 
 
 def test_the_readme_is_short() -> None:
-    assert len((REPOSITORY / "README.md").read_text().splitlines()) <= README_LINES
+    assert len((ROOT / "README.md").read_text().splitlines()) <= README_LINES
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_every_link_between_documents_leads_somewhere(document: str) -> None:
     """Links within the documentation are checked when it is built."""
-    folder = (REPOSITORY / document).parent
-    for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", (REPOSITORY / document).read_text()):
+    folder = (ROOT / document).parent
+    for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", (ROOT / document).read_text()):
         path, _, anchor = target.partition("#")
-        file = folder / path if path else REPOSITORY / document
+        file = folder / path if path else ROOT / document
         assert file.exists(), target
         if anchor:
             assert anchor in _anchors(file), target
@@ -108,8 +108,8 @@ def _anchors(document: Path) -> set[str]:
 @pytest.mark.parametrize("document", ALL)
 def test_every_command_shown_exists(document: str) -> None:
     """Checks the names of commands and every option that follows."""
-    targets = set(re.findall(r"^([a-z-]+):", (REPOSITORY / "Makefile").read_text(), re.MULTILINE))
-    for code in _code((REPOSITORY / document).read_text()):
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for code in _code((ROOT / document).read_text()):
         for name, rest in re.findall(r"dynamic-observer ([a-z][a-z-]*)([^#|&;]*)", code):
             assert name in COMMANDS, code
             taken = {option for each in load_command(name).params for option in each.opts}
@@ -130,7 +130,7 @@ def _code(text: str) -> Iterator[str]:
 @pytest.mark.parametrize("document", [name for name in ALL if name.startswith(("README", "docs"))])
 def test_every_label_named_is_on_the_page(document: str) -> None:
     """A label is written in italics and in full, as on the page: *Start run*."""
-    assert _wrong_labels((REPOSITORY / document).read_text()) == []
+    assert _wrong_labels((ROOT / document).read_text()) == []
 
 
 def test_a_label_that_is_not_on_the_page_would_be_found() -> None:
@@ -183,7 +183,7 @@ def test_every_message_in_troubleshooting_exists_in_the_code() -> None:
 
 
 def _words(*patterns: str) -> str:
-    files = [file for pattern in patterns for file in sorted(REPOSITORY.glob(pattern))]
+    files = [file for pattern in patterns for file in sorted(ROOT.glob(pattern))]
     return "\n".join(file.read_text() for file in files)
 
 
@@ -193,7 +193,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("documentation") / "site"
     done = subprocess.run(
         [sys.executable, "-m", "tools.docs", str(folder)],
-        cwd=REPOSITORY,
+        cwd=ROOT,
         capture_output=True,
         text=True,
         timeout=100,
@@ -274,7 +274,7 @@ def test_the_references_are_complete(site: Path) -> None:
 
 
 def test_every_optional_extra_is_listed() -> None:
-    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     _, _, table = (PAGES / "server.md").read_text().partition("| extra | for |")
     listed = re.findall(r"^\| `([\w-]+)` \|", table, re.MULTILINE)
     assert listed == sorted(set(project["optional-dependencies"]) - {"dev", "docs"})
@@ -282,7 +282,7 @@ def test_every_optional_extra_is_listed() -> None:
 
 def test_every_page_is_in_the_readme() -> None:
     """Except those generated or filled in when the documentation is built."""
-    linked = re.findall(r"docs/pages/([\w-]+\.md)", (REPOSITORY / "README.md").read_text())
+    linked = re.findall(r"docs/pages/([\w-]+\.md)", (ROOT / "README.md").read_text())
     pages = {page.name for page in PAGES.glob("*.md")} - {"index.md", "library.md"}
     assert set(linked) == pages
 

@@ -11,8 +11,9 @@ import re
 import pytest
 
 from app.contract.glossary import GLOSSARY
+from tools import ROOT
 
-from .visible_words import REPOSITORY, Text, page_texts, python_texts, script_texts, visible
+from .visible_words import Text, page_texts, python_texts, script_texts, visible
 
 # Wordings to avoid in everything that a person reads, whatever the term: regular expressions, as
 # ``Term.avoided``.
@@ -110,9 +111,9 @@ def test_texts_of_all_packages_are_checked() -> None:
 
 def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
     found = [
-        f"{file.relative_to(REPOSITORY)}: {text.splitlines()[0]}"
+        f"{file.relative_to(ROOT)}: {text.splitlines()[0]}"
         for room in ("app", "observer")
-        for file in sorted((REPOSITORY / room).rglob("*.py"))
+        for file in sorted((ROOT / room).rglob("*.py"))
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
         if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
         and (text := ast.get_docstring(node))
@@ -127,5 +128,5 @@ def test_every_term_is_defined_in_whole_sentences() -> None:
     assert len(set(names)) == len(names)
     for term in GLOSSARY:
         assert re.fullmatch(r"[A-Z].*\.", term.meaning), term.name
-        page = REPOSITORY / "docs" / "pages" / term.page
+        page = ROOT / "docs" / "pages" / term.page
         assert not term.page or term.page == "guard.md" or page.is_file(), term.page

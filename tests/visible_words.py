@@ -10,9 +10,9 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from html.parser import HTMLParser
-from pathlib import Path
 
-REPOSITORY = Path(__file__).parents[1]
+from tools import ROOT
+
 # Files with the avoided words themselves or with database statements.
 NO_TEXTS = (
     "app/storage/migrations",
@@ -99,17 +99,13 @@ READERS = {".py": python_texts, ".js": script_texts, ".html": page_texts}
 def visible() -> list[Text]:
     """Return the place and content of every user-visible text."""
     files = [
-        *(
-            file
-            for room in ("app", "observer", "tools")
-            for file in (REPOSITORY / room).rglob("*.py")
-        ),
-        *(REPOSITORY / "static" / "app").rglob("*.js"),
-        *(REPOSITORY / "static").glob("*.html"),
+        *(file for room in ("app", "observer", "tools") for file in (ROOT / room).rglob("*.py")),
+        *(ROOT / "static" / "app").rglob("*.js"),
+        *(ROOT / "static").glob("*.html"),
     ]
     texts = []
     for file in sorted(files):
-        name = str(file.relative_to(REPOSITORY))
+        name = str(file.relative_to(ROOT))
         if not name.startswith(NO_TEXTS):
             for line, text in READERS[file.suffix](file.read_text(encoding="utf-8")):
                 texts.append((f"{name}:{line}", " ".join(text.split())))

@@ -19,11 +19,11 @@ from typing import Any
 import pytest
 
 from app.storage import Storage
+from tools import ROOT
 
 from .bench import Refused, served, wait_until
 from .web import SOCKETS, Web, listed, nothing_changes, told
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 EVIL = "http://evil.example"
 FILES = "multipart/form-data; boundary=x"
 FORMS = ("text/plain", "application/x-www-form-urlencoded", FILES)
@@ -50,7 +50,7 @@ def everything(web: Web) -> Iterator[tuple[str, str]]:
         "/viewer/",
     ):
         yield "GET", path
-    static = REPOSITORY / "static"
+    static = ROOT / "static"
     for file in static.rglob("*"):
         if file.is_file() and "node_modules" not in file.parts:
             yield "GET", f"/static/{file.relative_to(static).as_posix()}"

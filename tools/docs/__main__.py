@@ -15,7 +15,8 @@ from mkdocs.commands.build import build
 from mkdocs.config import load_config
 from mkdocs.exceptions import Abort, MkDocsException
 
-ROOT = Path(__file__).resolve().parents[2]
+from tools import ROOT
+
 SITE = ROOT / "docs" / "site"
 # Written last: if it is missing, other files may be missing too.
 STAMP = ".complete"

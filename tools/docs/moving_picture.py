@@ -17,8 +17,8 @@ from PIL import Image
 import observer
 from observer.drawing import draw_text
 from observer.types import Image as Picture
+from tools import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PICTURE = ROOT / "docs" / "pages" / "images" / "paper-and-default.webp"
 # The seed is fixed, so that the picture is the same each time.
 _SOURCE = "simulated:lab?seed=7"

@@ -21,8 +21,8 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
 
 from app.client.server_process import RunningServer, running_server
+from tools import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "pages" / "images"
 _QUALITY = 72
 _DESKTOP: ViewportSize = {"width": 1280, "height": 800}

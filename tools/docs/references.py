@@ -20,8 +20,8 @@ from app.cli.command_line import COMMANDS, load_command
 from app.cli.parameters import basic_parameters, parameter_table, preset_table
 from app.contract.glossary import GLOSSARY
 from observer.navigation.parameters import AllParameters
+from tools import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 _PROGRAM = "dynamic-observer"
 
 

@@ -22,7 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+from tools import ROOT
+
 # pip-audit's own pin: every index that reports vulnerabilities knows it.
 _PROBE = "pip_audit"
 _TIMEOUT_S = 5

@@ -16,6 +16,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+# Not from ``tools``, which a build cannot import.
 ROOT = Path(__file__).resolve().parents[2]
 STATIC = ROOT / "static"
 VENDOR = STATIC / "vendor"

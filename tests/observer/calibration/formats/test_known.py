@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -15,8 +14,7 @@ from observer.calibration.formats.known import (
     tools,
     tools_in_words,
 )
-
-REPOSITORY = Path(__file__).parents[4]
+from tools import ROOT
 
 
 def test_every_file_kind_is_declared_once() -> None:
@@ -35,7 +33,7 @@ def test_every_file_kind_is_declared_once() -> None:
     ],
 )
 def test_every_user_facing_list_names_every_tool(place: str, paragraph: str) -> None:
-    found = re.search(paragraph, (REPOSITORY / place).read_text(), re.DOTALL)
+    found = re.search(paragraph, (ROOT / place).read_text(), re.DOTALL)
     assert found is not None
     assert [tool for tool in tools() if tool not in found[0]] == []
 

@@ -7,7 +7,6 @@ import re
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,8 +22,8 @@ from observer.robots.network.messages import (
     welcome_line,
 )
 from observer.robots.network.robot import ExternalRobot, parse_external
+from tools import ROOT
 
-ROOT = Path(__file__).resolve().parents[4]
 DRIVE_S = 0.02
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from observer.truth.files.known import FORMATS, CaptureKind, formats_in_words, names_in_words
-
-REPOSITORY = Path(__file__).parents[4]
+from tools import ROOT
 
 
 def test_every_reader_has_a_format() -> None:
@@ -28,7 +26,7 @@ def test_every_reader_has_a_format() -> None:
     ],
 )
 def test_every_user_facing_list_names_every_format(place: str, paragraph: str) -> None:
-    found = re.search(paragraph, (REPOSITORY / place).read_text(), re.DOTALL)
+    found = re.search(paragraph, (ROOT / place).read_text(), re.DOTALL)
     assert found is not None
     words = " ".join(found[0].split())
     assert [each.name for each in FORMATS if each.name not in words] == []
