@@ -42,7 +42,7 @@ class KeptSource:
 
     @property
     def begins(self) -> Begins | None:
-        """What began with the frame read last, as in ``SegmentedSource``."""
+        """Return what began with the frame read last, as in ``SegmentedSource``."""
         return self._begins[self._next - 1] if self._next else None
 
     def read(self) -> StereoFrame | SkippedFrame | NoFrame | None:
