@@ -22,8 +22,8 @@ from observer.guard.sight import SeenObstacle
 _STOPPING_S: Final = 0.35
 _TURN_RADPS, _TURNING_S = 0.9, 1.2
 # Standard deviations assumed where the tracker reports none.
-_UNKNOWN_POSITION_M: Final = 0.2
-_UNKNOWN_VELOCITY_MPS: Final = 0.3
+UNKNOWN_POSITION_M: Final = 0.2
+UNKNOWN_VELOCITY_MPS: Final = 0.3
 # Lower bound of the spread, by which distances are divided.
 _LEAST_SIGMA_M: Final = 1e-3
 
@@ -68,8 +68,8 @@ def futures(
         return Futures((), np.zeros(0), times, np.zeros((*empty.shape, 2)), empty, weights)
     place = np.array([(one.x, one.y) for one in people])
     velocity = np.array([(one.vx, one.vy) for one in people])
-    sigma_p = _known([one.position_sigma_m for one in people], _UNKNOWN_POSITION_M)
-    sigma_v = _known([one.velocity_sigma_mps for one in people], _UNKNOWN_VELOCITY_MPS)
+    sigma_p = _known([one.position_sigma_m for one in people], UNKNOWN_POSITION_M)
+    sigma_v = _known([one.velocity_sigma_mps for one in people], UNKNOWN_VELOCITY_MPS)
     mean = place[:, None, None] + displaced(velocity, times)
     spread = np.sqrt(
         _LEAST_SIGMA_M**2

@@ -21,7 +21,7 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.side import Side
 from observer.guard.sight import SIGHT_FRESH_S, SeenObstacle, Sight
 from observer.navigation.errand import REACHED_M, Errand
-from observer.navigation.futures import futures
+from observer.navigation.futures import UNKNOWN_POSITION_M, UNKNOWN_VELOCITY_MPS, futures
 from observer.navigation.habits import Habits
 from observer.navigation.local_map import LocalMap
 from observer.navigation.parameters import NavigationParameters
@@ -45,8 +45,6 @@ _BODY_M: Final = 0.2
 _SURELY: Final = 0.95
 # Standard deviation below which a place counts as exactly known.
 _EXACTLY_M: Final = 1e-3
-# Where the tracker states no uncertainty.
-_UNKNOWN_M, _UNKNOWN_MPS = 0.2, 0.3
 # Larger values of metres, m/s or radians are errors, as is NaN.
 _IMPOSSIBLE: Final = 1e6
 # Assumed for a robot that does not report its outline.
@@ -364,8 +362,8 @@ def _in_base(one: SeenObstacle, motion: Motion) -> tuple[float, float]:
 def _aged(known: _Known, now: float) -> SeenObstacle:
     """Return the track predicted to the present."""
     one, age = known.track, max(now - known.seen, 0.0)
-    sigma_p = _UNKNOWN_M if one.position_sigma_m is None else one.position_sigma_m
-    sigma_v = _UNKNOWN_MPS if one.velocity_sigma_mps is None else one.velocity_sigma_mps
+    sigma_p = UNKNOWN_POSITION_M if one.position_sigma_m is None else one.position_sigma_m
+    sigma_v = UNKNOWN_VELOCITY_MPS if one.velocity_sigma_mps is None else one.velocity_sigma_mps
     return replace(
         one,
         x=one.x + one.vx * age,
