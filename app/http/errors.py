@@ -47,11 +47,19 @@ _NO_PAGE = """<!doctype html>
     <meta name="viewport" content="width=device-width, initial-scale=1">
     <meta name="color-scheme" content="light dark">
     <title>Page not found · Dynamic Observer</title>
+    <link rel="icon" href="/static/logo.svg" type="image/svg+xml">
+    <script src="/static/app/shell/theme-start.js"></script>
+    <link rel="stylesheet" href="/static/style/tokens.css">
+    <link rel="stylesheet" href="/static/style/base.css">
+    <link rel="stylesheet" href="/static/style/not-found.css">
   </head>
   <body>
-    <h1>Page not found</h1>
-    <p>There is no page at this address.</p>
-    <p><a href="/">Back to Dynamic Observer</a> · <a href="/help/">Documentation</a></p>
+    <main>
+      <img src="/static/logo.svg" alt="" width="44" height="44">
+      <h1>Page not found</h1>
+      <p>There is no page at this address.</p>
+      <p><a href="/">Back to Dynamic Observer</a> · <a href="/help/">Documentation</a></p>
+    </main>
   </body>
 </html>
 """

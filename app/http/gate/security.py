@@ -224,7 +224,9 @@ def refused_page(page: str, refusal: Refusal) -> str:
     """Return the sign-in page, with the refusal's reason where that says more than the page."""
     if not refusal.on_page:
         return page
-    detail = html.escape(refusal.detail[:1].upper() + refusal.detail[1:])
+    # How to sign in, which follows the reason, is what the page says below.
+    reason = refusal.detail.partition(";")[0] if refusal.status == 401 else refusal.detail
+    detail = html.escape(reason[:1].upper() + reason[1:])
     return page.replace(_PLACE_OF_REFUSAL, f'<p role="alert">{detail}.</p>')
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from pathlib import Path
 from typing import Any
 
@@ -88,5 +89,8 @@ async def test_a_browser_is_shown_a_page_where_there_is_none(built: Path, serve:
             assert answer.headers["Content-Type"] == "text/html; charset=utf-8", path
             assert '<a href="/">' in answer.text
             assert (await served.http.get(path)).json() == {"detail": "Not Found"}
+        # What gives the page its look and its theme is there.
+        for file in re.findall('(?:src|href)="(/static/[^"]+)"', answer.text):
+            assert (await served.http.get(file)).status_code == 200, file
         answer = await served.http.get("/api/nonsense", headers=browser)
         assert answer.json() == {"detail": "Not Found"}

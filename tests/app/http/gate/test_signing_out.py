@@ -141,7 +141,7 @@ async def test_a_refused_token_is_shown_on_the_page(served: Any, token: str) -> 
         assert 'role="alert">' not in plain.text
         wrong = await client.post("/sign-in", data={"token": "<b>wrong"})
         assert wrong.status_code == 401
-        assert "Wrong token" in wrong.text
+        assert "Wrong token.</p>" in wrong.text
         assert "<b>wrong" not in wrong.text
         assert COOKIE not in client.cookies
         right = await client.post("/sign-in", data={"token": token})
