@@ -10,6 +10,10 @@ from pathlib import Path
 
 from app.settings import is_every_address
 
+ONLY_HERE = (
+    "Only this computer can open these links, because the server listens on {host}. Start it with "
+    "--host 0.0.0.0 to let others in."
+)
 # Interface prefixes of containers and virtual machines, which no other computer can reach.
 _VIRTUAL = ("docker", "br-", "veth", "virbr", "podman", "cni", "lxc", "vmnet", "vboxnet", "bridge")
 # Files written by Docker and by Podman, and the networks in which they place containers.
@@ -17,6 +21,11 @@ _CONTAINER_FILES = (Path("/.dockerenv"), Path("/run/.containerenv"))
 _CONTAINER_NETWORKS = tuple(map(ipaddress.ip_network, ("172.16.0.0/12", "10.88.0.0/16")))
 # Reserved for documentation: nothing is sent there, but the system names the source address.
 _FAR = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
+
+
+def token_link(address: str, token: str) -> str:
+    """Return the link that signs a browser in."""
+    return f"{address}/?token={token}"
 
 
 @dataclass(frozen=True)

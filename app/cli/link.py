@@ -29,8 +29,8 @@ def link(
 
     The first one that works on other computers is also drawn as a QR code.
     """
+    from app.addresses import ONLY_HERE, token_link
     from app.client.announced import find_server
-    from app.http.sharing import ONLY_HERE, token_link
 
     server = find_server(chosen_settings(data=data).data)
     address = server.address

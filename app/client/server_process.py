@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from app.addresses import token_link
 from app.client.server_api import ServerApi
 from observer.errors import DynamicObserverError
 
@@ -45,7 +46,7 @@ class RunningServer:
     @property
     def link(self) -> str:
         """Return the link that signs a browser in."""
-        return f"http://127.0.0.1:{self.port}/?token={self.token}"
+        return token_link(f"http://127.0.0.1:{self.port}", self.token)
 
     def request(self, method: str, path: str, body: Any = None) -> Any:
         """Send one REST request, from any thread, and return the decoded JSON reply.

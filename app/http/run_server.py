@@ -18,7 +18,7 @@ import structlog
 import uvicorn
 from fastapi import FastAPI
 
-from app.addresses import ServerAddress
+from app.addresses import ServerAddress, token_link
 from app.client.announced import AnnouncedServer, announced
 from app.contract.events import EngineState
 from app.http.gate.strangers import GuardedListener, Strangers, guarded_protocol
@@ -26,7 +26,6 @@ from app.http.gate.token import load_token
 from app.http.library_log import LibraryLog
 from app.http.own_browser import open_page
 from app.http.server import create_app
-from app.http.sharing import token_link
 from app.runtime.endless import keep_running
 from app.runtime.heap import keep_for_good
 from app.server import Server

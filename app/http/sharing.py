@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import io
 
-from app.addresses import ServerAddress, is_loopback
+from app.addresses import ONLY_HERE, ServerAddress, is_loopback, token_link
 from app.contract.sharing import ShareLink, ShareLinks
 from app.http.gate.access import Access
 from app.http.gate.origins import parse_host
 from app.http.gate.read_only_links import ReadOnlyLink
 from app.settings import Settings
-
-ONLY_HERE = (
-    "Only this computer can open these links, because the server listens on {host}. Start it with "
-    "--host 0.0.0.0 to let others in."
-)
 
 
 class Sharing:
@@ -51,11 +46,6 @@ class Sharing:
         note = None if links else ONLY_HERE.format(host=settings.host)
         here = ShareLink(address.here, token_link(address.here, token), here=True)
         return ShareLinks(access.value, [*links, here], note)
-
-
-def token_link(address: str, token: str) -> str:
-    """Return the link that signs a browser in."""
-    return f"{address}/?token={token}"
 
 
 def qr_svg(text: str) -> bytes:
