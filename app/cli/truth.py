@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli.truth_options import AngleReading, AnglesOption, RateOption
-from observer.truth.files.known import names_in_words
+from app.cli.truth_options import AnglesOption, RateOption
+from observer.truth.files.known import AngleReading, names_in_words
 
 
 def truth(

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from observer.errors import InputError
+from observer.truth.files.known import AngleReading
 
 if TYPE_CHECKING:
     from observer.geometry import Pose
     from observer.truth.alignment.choices import BodyRole
 
-# Same as ``observer.truth.files.angles.AngleReading``, whose import takes half a second.
-AngleReading = Literal["helical", "euler_xyz"]
 RateOption = Annotated[
     float | None,
     typer.Option(help="Frame rate of a file that does not state it (Tracker 3.5)."),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from app.contract.values import means
-from observer.truth.files.angles import AngleReading
+from observer.truth.files.known import AngleReading
 
 
 @dataclass(frozen=True)

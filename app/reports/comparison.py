@@ -29,7 +29,7 @@ from observer.truth.alignment.camera_on_body import CameraOnBody
 from observer.truth.alignment.observed import TrackKey
 from observer.truth.alignment.result import Alignment
 from observer.truth.csv_file import CsvTruth
-from observer.truth.files.angles import AngleReading
+from observer.truth.files.known import AngleReading
 from observer.truth.files.recognition import file_kind, read_capture
 from observer.truth.matching import entry
 from observer.truth.motion_capture import Capture

@@ -14,7 +14,7 @@ from observer.truth.alignment.observed import ObservedRun
 from observer.truth.alignment.result import Alignment
 from observer.truth.contract import Truth
 from observer.truth.csv_file import CsvTruth
-from observer.truth.files.angles import AngleReading
+from observer.truth.files.known import AngleReading
 from observer.truth.files.recognition import file_kind, read_capture
 from observer.truth.motion_capture import Capture
 

@@ -9,8 +9,7 @@ from fastapi import APIRouter, File, Form, UploadFile
 from app.contract.truths import TruthEntry
 from app.http.api.common import NameInPath, TheServer, plain_name
 from app.http.api.refusals import refusals
-from observer.truth.files.angles import AngleReading
-from observer.truth.files.known import formats_in_words
+from observer.truth.files.known import AngleReading, formats_in_words
 
 router = APIRouter(prefix="/truth", tags=["truth"])
 

@@ -23,7 +23,7 @@ from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecor
 from app.storage.comparison import StoredTruth, comparison_truth
 from observer.errors import DynamicObserverError
 from observer.truth.alignment.camera_on_body import CameraOnBody
-from observer.truth.files.angles import AngleReading
+from observer.truth.files.known import AngleReading
 
 log = structlog.get_logger(__name__)
 

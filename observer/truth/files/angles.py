@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import scipy
@@ -19,8 +18,7 @@ from numpy.typing import NDArray
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array, rotation_matrix
-
-AngleReading = Literal["helical", "euler_xyz"]
+from observer.truth.files.known import AngleReading
 
 # Files round quaternions to as few as three digits.
 _UNIT_WITHIN = 1e-2

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 CaptureKind = Literal["vicon csv", "motive csv", "c3d", "plain csv", "tum"]
+# Meaning of Vicon's three angles.
+AngleReading = Literal["helical", "euler_xyz"]
 
 
 @dataclass(frozen=True)

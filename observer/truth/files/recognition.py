@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import BinaryIO, Literal
 
 from observer.errors import TruthError
-from observer.truth.files.angles import AngleReading
 from observer.truth.files.c3d_file import is_c3d, read_c3d
-from observer.truth.files.known import CaptureKind, understood_in_words
+from observer.truth.files.known import AngleReading, CaptureKind, understood_in_words
 from observer.truth.files.motive_csv import is_motive, read_motive
 from observer.truth.files.text_lines import TextLines
 from observer.truth.files.timed_poses import (

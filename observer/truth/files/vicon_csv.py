@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from observer.errors import TruthError
 from observer.geometry import Float64Array
 from observer.truth.files.angles import (
-    AngleReading,
     find_reading,
     quaternion_rotations,
     rotations,
 )
 from observer.truth.files.body_names import BodyNames
+from observer.truth.files.known import AngleReading
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
 from observer.truth.files.text_lines import TextLines, separator_of
 from observer.truth.files.units import FASTEST_HZ, MOST_METRES, MOST_RADIANS, length_word

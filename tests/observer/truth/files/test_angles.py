@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from observer.geometry import Float64Array
-from observer.truth.files.angles import AngleReading, AnglesUnclear, find_reading, rotations
+from observer.truth.files.angles import AnglesUnclear, find_reading, rotations
+from observer.truth.files.known import AngleReading
 
 from .conftest import Read, places, tracker_csv
 
