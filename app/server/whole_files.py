@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 from collections.abc import Iterator
 from pathlib import Path
 
 from app.server.errors import FieldError
 from app.storage import StorageFull
-from observer.whole_files import whole_file
+from observer.whole_files import NO_SPACE, whole_file
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -34,7 +33,7 @@ def storage_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno in NO_SPACE:
             raise StorageFull(f"no space is left to write {path}; free some disk space") from error
         raise FieldError(
             ("body",), f"{path} cannot be written: {error.strerror or error}"

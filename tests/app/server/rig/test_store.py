@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from app.storage import StorageFull
 from observer.geometry import Pose
 from observer.rig.rig import LIMITS, Rig, RigMount, RigValue
 from observer.rig.rig_file import read_rig
+from observer.whole_files import NO_SPACE
 
 FULL = Rig(
     mount=RigMount(height_m=RigValue(0.4), tilt_deg=RigValue(5.0, 0.2)),
@@ -86,15 +86,16 @@ def test_a_folder_in_place_of_the_file_is_refused_and_the_old_rig_stays(path: Pa
     assert store.rig is not FULL
 
 
+@pytest.mark.parametrize("cause", sorted(NO_SPACE))
 def test_a_full_disk_leaves_the_old_file_intact(
-    path: Path, monkeypatch: pytest.MonkeyPatch
+    path: Path, monkeypatch: pytest.MonkeyPatch, cause: int
 ) -> None:
     store = loaded(path)
     store.keep(FULL)
     before = path.read_text()
 
     def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
+        raise OSError(cause, os.strerror(cause))
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(StorageFull, match="no space is left to write"):
