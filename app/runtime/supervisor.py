@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 from app.runtime.attempts import Attempts
 from app.runtime.child import ChildEnded, ChildProcess
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
+from app.runtime.listeners import Listeners
 from app.runtime.requests import Reply
 from app.runtime.supervisor_limits import SupervisorLimits
 
@@ -82,7 +83,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._command = tuple(command)
         self._limits = limits
         self._inherited = dict(slots)
-        self._subscribers: list[Callable[[_Event], None]] = []
+        self._listeners: Listeners[_Event] = Listeners()
         self._active: ChildProcess | None = None
         # Started but not in service: the standby, or the next process while it starts.
         self._standby: ChildProcess | None = None
@@ -209,13 +210,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         Returns:
             The function that ends the subscription.
         """
-        self._subscribers.append(callback)
-
-        def unsubscribe() -> None:
-            if callback in self._subscribers:
-                self._subscribers.remove(callback)
-
-        return unsubscribe
+        return self._listeners.subscribe(callback)
 
     @property
     def health(self) -> ProcessHealth:
@@ -291,7 +286,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         reason = f"the {self.what} {ending if complaint == _ENDED else complaint}"
         _log.error("%s", reason)
         self._count_failure(self._active_since)
-        self._publish(self.lost(self._generation, reason))
+        self._listeners.publish(self.lost(self._generation, reason))
 
     async def _look_after_standby(self) -> None:
         now = time.monotonic()
@@ -312,10 +307,10 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             self._active, self._standby = child, None
             self._active_since = now
             self._generation += 1
-            self._publish(self.started(self._generation, child.pid))
+            self._listeners.publish(self.started(self._generation, child.pid))
             state = child.newest(self.state)
             if state is not None:
-                self._publish(state)
+                self._listeners.publish(state)
             if self._first is not None and not self._first.done():
                 self._first.set_result(None)
 
@@ -364,15 +359,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         if event is None or not child.ready:
             self._wake.set()
         if event is not None and child is self._active:
-            self._publish(event)
-
-    def _publish(self, event: _Event) -> None:
-        for callback in tuple(self._subscribers):
-            try:
-                callback(event)
-            except Exception:  # noqa: BLE001
-                # A failing subscriber must affect neither the others nor the supervision.
-                _log.exception("a listener failed at %s", type(event).__name__)
+            self._listeners.publish(event)
 
     # --- ending ----------------------------------------------------------------------------
 
