@@ -26,6 +26,10 @@ UNHEARD_S = 0.7
 _ENABLE_WITHIN_S = 1.0
 # More permits than are sent within ``UNHEARD_S``.
 _MOST_UNCONFIRMED = 100
+# Factor by which a robot may exceed its limits, as when it is pushed, and more that its odometry
+# may change between two messages before that counts as a jump.
+_FASTER = 2.0
+_SLACK_M, _SLACK_RAD = 0.05, 0.1
 _ZERO = (0.0, 0.0)
 # Fields of a report taken from the robot's hello, and from its newest odometry.
 _OF_HELLO = ("name", "radius_m", "width_m", "length_m")
@@ -86,7 +90,8 @@ class ExternalWatch:
             return
         self._counters["packets"] += 1
         self._said = message
-        self._place.move(message)
+        if self._hello is not None:
+            self._place.move(message, self._hello.limits)
         # A delayed message arrives now but describes an earlier moment.
         self._heard = max(self._heard, now - self._delay.of(message.time, now))
         sent_at = self._permit_times.get(message.permit)
@@ -232,7 +237,7 @@ class ExternalWatch:
             limits=self.limits,
             sent=self.sent,
             wanted=self._wanted,
-            counters=dict(self._counters),
+            counters={**self._counters, "odometry_jumps": self._place.jumps},
             **{name: getattr(hello, name) for name in _OF_HELLO if hello},
             **{name: getattr(said, name) for name in _OF_ODOMETRY if said},
         )
@@ -263,20 +268,29 @@ class ExternalWatch:
 
 
 class _Place:
-    """The robot's odometry, accumulated over its connections whatever origin each has."""
+    """The robot's odometry, accumulated over its connections whatever origin each has.
+
+    Attributes:
+        jumps: how often its numbers jumped farther than it can drive, as when they were reset; a
+            jump counts as standing still.
+    """
 
     def __init__(self) -> None:
         self.odometry: Odometry | None = None
+        self.jumps = 0
         self._last: OdometryMessage | None = None
 
     def begin_anew(self) -> None:
         self._last = None
 
-    def move(self, message: OdometryMessage) -> None:
+    def move(self, message: OdometryMessage, limits: RobotLimits) -> None:
         last, here = self._last, self.odometry or Odometry(0.0, 0.0, 0.0)
         self._last = message
         if last is None:
             self.odometry = here
+            return
+        if _jumped(last, message, limits):
+            self.jumps += 1
             return
         # From the robot's odometry frame to ours.
         turn = here.yaw - last.yaw
@@ -287,6 +301,16 @@ class _Place:
             here.y + s * dx + c * dy,
             here.yaw + math.remainder(message.yaw - last.yaw, 2 * math.pi),
         )
+
+
+def _jumped(last: OdometryMessage, message: OdometryMessage, limits: RobotLimits) -> bool:
+    dt = _FASTER * (message.time - last.time)
+    driven = math.hypot(message.x - last.x, message.y - last.y)
+    turned = abs(math.remainder(message.yaw - last.yaw, 2 * math.pi))
+    return (
+        driven > limits.speed_mps * dt + _SLACK_M
+        or turned > limits.turn_rate_radps * dt + _SLACK_RAD
+    )
 
 
 class _Delay:

@@ -158,7 +158,7 @@ def test_replayed_messages_change_nothing(robot: ExternalRobot, free_port: int) 
     raw = RawRobot(free_port)
     began = time.monotonic()
     for sequence in (1, 2, 3):
-        raw.odometry(sequence, x=sequence)
+        raw.odometry(sequence, x=0.01 * sequence)
     until(lambda: robot.report().counters["packets"] == 3)
     # Only replayed packets from here on; they do not count as a sign of life.
     while robot.report().fault is None:
@@ -168,6 +168,6 @@ def test_replayed_messages_change_nothing(robot: ExternalRobot, free_port: int) 
     report = robot.report()
     assert report.fault == "no odometry received for 0.5 s"
     assert report.odometry is not None
-    assert report.odometry.x == 2
+    assert report.odometry.x == pytest.approx(0.02)
     assert report.counters["bad_packets"] > 5
     raw.close()

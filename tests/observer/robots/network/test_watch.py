@@ -235,6 +235,8 @@ def test_odometry_accumulates_from_any_origin() -> None:
     for x, y, yaw in ((5, 5, 1.0), (5 + math.cos(1.0), 5 + math.sin(1.0), 1.0 + math.pi / 2)):
         scene.more = {"x": x, "y": y, "yaw": yaw}
         scene.step()
+        # Long enough to have driven there.
+        scene.now += 2.0
     place = scene.watch.report(scene.now, 0.25).odometry
     assert place is not None
     assert (place.x, place.y, place.yaw) == pytest.approx((1, 0, math.pi / 2))
@@ -244,11 +246,40 @@ def test_odometry_accumulates_from_any_origin() -> None:
     for x, yaw in ((-3, math.pi - 0.1), (-4, -math.pi + 0.1)):
         scene.more = {"x": x, "y": 0, "yaw": yaw}
         scene.step()
+        # Long enough to have driven there.
+        scene.now += 2.0
     place = scene.watch.report(scene.now, 0.25).odometry
     assert place is not None
     turn = math.pi / 2 - (math.pi - 0.1)
     assert (place.x, place.y, place.yaw) == pytest.approx(
         (1 - math.cos(turn), -math.sin(turn), math.pi / 2 + 0.2)
+    )
+
+
+@pytest.mark.parametrize("to", [{"x": -5.0}, {"y": 0.4}, {"yaw": 2.0}])
+def test_a_jump_of_its_odometry_does_not_count_as_driven(to: dict[str, float]) -> None:
+    """As after a restart of the robot's own odometry: a goal must stay where it was."""
+    scene = Scene()
+    scene.more = {"x": 0.02}
+    scene.steps(0.2)
+    before = scene.watch.report(scene.now, 0.25)
+    scene.more = to
+    scene.steps(0.2)
+    after = scene.watch.report(scene.now, 0.25)
+    assert after.odometry == before.odometry
+    assert after.counters == {
+        **before.counters,
+        "packets": before.counters["packets"] + 4,
+        "odometry_jumps": 1,
+    }
+    # From there on it counts on.
+    scene.more = {**to, "x": to.get("x", 0.0) + 0.02}
+    scene.steps(0.05)
+    place = scene.watch.report(scene.now, 0.25).odometry
+    assert place is not None
+    assert before.odometry is not None
+    assert math.dist((place.x, place.y), (before.odometry.x, before.odometry.y)) == pytest.approx(
+        0.02
     )
 
 
