@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from html import escape
 from importlib.resources import files
 
+from matplotlib.figure import Figure
+
 from app.reports.report import Report
 from app.reports.report_figure import ReportFigure
 from observer.evaluation.speed_errors import SpeedErrors
@@ -20,8 +22,11 @@ _HEADER = (
     "", "Samples", "Bias, m/s", "RMSE, m/s", "Max. error, m/s", "Within 95 % interval", "Measured",
 )  # fmt: skip
 _GROUPS = {
-    "all": "", "direction": "moving: ", "way": "body moving ", "body": "body ", "track": "track ",
+    "all": "", "direction": "Moving ", "way": "Body moving ", "body": "Body ", "track": "Track ",
 }  # fmt: skip
+# Labels that do not follow the words for their group.
+_LABELS = {"whole run": "Whole run", "at rest": "At rest", "left": "Moving to the left",
+           "right": "Moving to the right"}  # fmt: skip
 
 
 def report_html(report: Report) -> str:
@@ -32,7 +37,7 @@ def report_html(report: Report) -> str:
     body = "\n".join(
         (
             f"<header><h1>{escape(facts.name or facts.id)}</h1>{_summary(report)}</header>",
-            _section("Figures", "figures", "".join(map(_figure, report.figures))),
+            _section("Figures", "figures", _figures(report.figures)),
             _section("Speed errors", "errors", _errors(report)),
             _section("Ground truth and alignment", "truth", _truth(report)),
             _section("Segments and frames", "segments", _segments(report)),
@@ -86,18 +91,30 @@ def _length(duration_s: float | None) -> str:
     return " ".join([*words, f"{rest / 10:.1f} s"])
 
 
-def _figure(each: ReportFigure) -> str:
-    heading = f"Figure {each.number}. {each.title}"
-    if each.figure is None:
-        return (
-            f'<figure id="{each.name}" class="missing"><figcaption><b>{escape(heading)}.</b> '
-            f"Not shown: {escape(each.missing)}</figcaption></figure>"
+def _figures(figures: Sequence[ReportFigure]) -> str:
+    """Return the figures made, then each reason why others are missing, once."""
+    made: list[str] = []
+    missing: dict[str, list[str]] = {}
+    for each in figures:
+        heading = f"Figure {each.number}. {each.title}"
+        if each.figure is None:
+            missing.setdefault(each.missing, []).append(heading)
+        else:
+            made.append(_figure(each, each.figure, heading))
+    for reason, headings in missing.items():
+        listed = "".join(f"<li>{escape(heading)}</li>" for heading in headings)
+        made.append(
+            f'<div class="missing"><p><b>Not shown:</b> {escape(reason)}</p><ul>{listed}</ul></div>'
         )
+    return "".join(made)
+
+
+def _figure(each: ReportFigure, figure: Figure, heading: str) -> str:
     if each.kind == "chart":
-        shown = themed_svg(each.figure, each.name)
+        shown = themed_svg(figure, each.name)
         shown = f'<div class="chart" role="img" aria-label="{escape(heading)}">{shown}</div>'
     else:
-        data = base64.b64encode(figure_bytes(each.figure, each.name, "jpg")).decode()
+        data = base64.b64encode(figure_bytes(figure, each.name, "jpg")).decode()
         shown = f'<img alt="{escape(heading)}" src="data:image/jpeg;base64,{data}">'
     return (
         f'<figure id="{each.name}">{shown}<figcaption><b>{escape(heading)}.</b> '
@@ -134,14 +151,16 @@ def _compared(report: Report) -> str:
 def _error_row(errors: SpeedErrors) -> list[str]:
     figures = (errors.bias_mps, errors.rmse_mps, errors.maximum_mps)
     named = f"{_GROUPS[errors.group]}{errors.label}"
+    if errors.group in ("all", "direction"):
+        named = _LABELS.get(errors.label, named)
     if errors.group == "track":
         named = f"{named} of {errors.body}"
     return [
         named,
         str(errors.samples),
-        *("-" if value is None else format_number(value, 3) for value in figures),
-        "-" if errors.coverage is None else f"{100 * errors.coverage:.0f} %",
-        "-" if errors.seen_share is None else f"{100 * errors.seen_share:.0f} %",
+        *("–" if value is None else format_number(value, 3) for value in figures),
+        "–" if errors.coverage is None else f"{100 * errors.coverage:.0f} %",
+        "–" if errors.seen_share is None else f"{100 * errors.seen_share:.0f} %",
     ]
 
 
@@ -198,7 +217,7 @@ def _parameters(report: Report) -> str:
     )  # fmt: skip
     if later:
         changes = [
-            (str(r.revision), "-" if r.frame is None else str(r.frame), name, _word(value))
+            (str(r.revision), "–" if r.frame is None else str(r.frame), name, _word(value))
             for r in later
             for name, value in sorted(r.difference.items())
         ]

@@ -16,7 +16,7 @@ import { Part } from "../elements/part.js";
 import { duration, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { notify, exclusiveRunner } from "../shell/notice.js";
-import { runHref, size } from "./run-words.js";
+import { RECORDING_CHOICES, runHref, size } from "./run-words.js";
 
 /** @import { RecordingStatus, Status } from "../contract" */
 
@@ -30,13 +30,6 @@ const STATES = {
   calibrating: "Calibrating",
   failed: "Failed",
 };
-
-/** Choices of which images to record. @type {[string, string][]} */
-const RECORDING_CHOICES = [
-  ["jpeg", "JPEG"],
-  ["lossless", "Lossless"],
-  ["none", "None"],
-];
 
 class RunBar extends Part {
   #words = h("span");

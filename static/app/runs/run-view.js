@@ -25,7 +25,14 @@ import { RunGoal } from "./run-goal.js";
 import { RunLabels } from "./run-labels.js";
 import { RunPlayer } from "./run-player.js";
 import { removeRun } from "./run-search.js";
-import { calibrationInWords, compareHref, facts, hasImages, isEmpty } from "./run-words.js";
+import {
+  calibrationInWords,
+  compareHref,
+  facts,
+  hasImages,
+  isEmpty,
+  RECORDING_CHOICES,
+} from "./run-words.js";
 
 /** @import { Calibration, Run, RunChart as Chart } from "../contract" */
 /** @import { ParameterEntry, Values } from "../parameters/parameter-store.js" */
@@ -241,6 +248,7 @@ export class RunView extends Part {
 function settingsOf(run, library, schema) {
   const { preset, calibration_id: calibration, record, versions } = run;
   const parameters = /** @type {Values} */ (run.parameters);
+  const recorded = RECORDING_CHOICES.find(([choice]) => choice === record)?.[1];
   /** @type {[string, string][]} */
   const lines = [
     ["Run ID", run.id],
@@ -248,7 +256,7 @@ function settingsOf(run, library, schema) {
     ["Duration", duration(run.duration_s)],
     ["Preset", preset ?? "custom values"],
     ["Calibration", calibrationInWords(calibration, run.source, library)],
-    ["Recorded images", record ?? "no recording"],
+    ["Recorded images", recorded ?? "No recording"],
     ...Object.entries(versions),
   ];
   const known = schema.filter(({ name }) => name in parameters);
@@ -263,6 +271,7 @@ function settingsOf(run, library, schema) {
       "settings",
       [],
       known.map((entry) => tableRow(entry.title, valueInWords(parameters[entry.name], entry))),
+      "Parameters",
     ),
   );
 }

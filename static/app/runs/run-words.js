@@ -6,6 +6,13 @@ import { counted, duration, when } from "../elements/words.js";
 
 const UNITS = ["B", "kB", "MB", "GB", "TB"];
 
+/** Choices of which images to record. @type {[string, string][]} */
+export const RECORDING_CHOICES = [
+  ["jpeg", "JPEG"],
+  ["lossless", "Lossless"],
+  ["none", "None"],
+];
+
 /** @param {number | null | undefined} bytes @returns {string} as in "1.4 GB" */
 export function size(bytes) {
   if (bytes === null || bytes === undefined) return "–";

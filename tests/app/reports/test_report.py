@@ -97,7 +97,7 @@ def test_the_page_is_self_contained_and_complete(html: str) -> None:
         *(f"Figure {number}." for number in range(9, 18)),
         "a &lt;short&gt; run", "A &lt;guard&gt; stop.", "20260101-120000-abcdef",
         "simulated:lab", "2023-11-14 22:13:20 UTC", "dynamic-observer", "0.1.0",
-        "K1: !!opencv-matrix", "flow.residual_threshold_px", "1.25", "moving: right",
+        "K1: !!opencv-matrix", "flow.residual_threshold_px", "1.25", "Moving to the right",
         "Ground truth was recorded with the run.", "RMSE, m/s", "prefers-color-scheme: dark",
         "@media print",
     ):  # fmt: skip
@@ -109,7 +109,10 @@ def test_the_page_is_self_contained_and_complete(html: str) -> None:
 def test_missing_recordings_are_stated(bare: Path, tmp_path: Path) -> None:
     made = make_report(bare, lambda _done, _of: None)
     html = report_html(made)
-    assert html.count("Not shown: recording.mcap was recorded without images") == 8
+    # Each reason once, below what is shown; the point cloud of figure 16 has one of its own.
+    assert html.count("<b>Not shown:</b> recording.mcap was recorded without images") == 2
+    assert html.count("<li>Figure ") == 8
+    assert html.index("Figure 17.") < html.index("Figure 9.")
     assert "The recording contains no ground truth to compare with." in html
     assert "Errors cannot be computed." in html
     assert "data:image" not in html
