@@ -35,6 +35,7 @@ _FOOTER = struct.Struct("<QQI")
 _FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
 # A record that claims to be larger than this is none.
 _LARGEST = 1 << 32
+_LARGEST_INDEX = 1 << 26
 
 
 class Entry(NamedTuple):
@@ -162,15 +163,30 @@ def chunk_index(offset: int, head: bytes) -> ChunkIndex:
 
 
 def message_entries(file: BinaryIO, chunk: ChunkPlace, channel: int) -> Sequence[Entry]:
-    """Return the entries of one channel's messages in a chunk, in order."""
+    """Return the entries of one channel's messages in a chunk, in order.
+
+    Where the index is damaged, they are found in the chunk itself; none if that is damaged too.
+    """
     if chunk.rebuilt is not None:
         return chunk.rebuilt.get(channel, ())
     place = chunk.index.message_index_offsets.get(channel)
     if place is None:
         return ()
+    try:
+        return _indexed(file, place, channel)
+    except (struct.error, ValueError, EOFError, McapError):
+        records = _unpacked(file, chunk)
+        return () if records is None else entries_of(records).get(channel, ())
+
+
+def _indexed(file: BinaryIO, place: int, channel: int) -> Sequence[Entry]:
     file.seek(place)
-    _, length = RECORD.unpack(_exactly(file, RECORD.size))
+    opcode, length = RECORD.unpack(_exactly(file, RECORD.size))
+    if opcode != Opcode.MESSAGE_INDEX or length > _LARGEST_INDEX:
+        raise ValueError("there is no message index")
     index = MessageIndex.read(ReadDataStream(io.BytesIO(_exactly(file, length))))
+    if index.channel_id != channel:
+        raise ValueError("the message index is that of another channel")
     return tuple(Entry(*record) for record in index.records)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -259,7 +261,7 @@ class Recording:
     @property
     def next_image(self) -> int:
         """Number that the next pair of images would have."""
-        return self._first_image + len(self._image_places[_SIDES[0]])
+        return self._first_image + self._images
 
     @property
     def images_held(self) -> range:
@@ -273,17 +275,30 @@ class Recording:
 
     def _image(self, side: str, number: int) -> Image:
         places = self._image_places[side]
-        k = number - self._first_image
-        if not 0 <= k < len(places):
+        if not 0 <= number - self._first_image < self._images:
             raise SourceError(f"{self.path.name} has no images for this frame")
-        chunk, offset = places[k]
-        message = self._message_at(chunk, offset)
-        if message.sequence != number:
-            raise SourceError(f"{self.path.name} is damaged: its images are out of order")
+        message = self._numbered_message(places, number)
         schema = self._contents.schemas[self._contents.channels[message.channel].schema_id].name
         if schema == topics.LEFT_RAW.schema_name:
             return raw_pixels(message.data)
         return jpeg_pixels(message.data)
+
+    def _numbered_message(self, places: Sequence[tuple[ChunkPlace, int]], number: int) -> Message:
+        """Return the image of this number; where others are lost, it comes some places earlier."""
+        # Places whose numbers are known to be lower, and higher.
+        lower, higher = -1, len(places)
+        k = number - self._first_image
+        while lower + 1 < higher:
+            k = min(max(k, lower + 1), higher - 1)
+            message = self._message_at(*places[k])
+            if message.sequence == number:
+                return message
+            if message.sequence < number:
+                lower = k
+            else:
+                higher = k
+            k += number - message.sequence
+        raise SourceError(f"{self.path.name} is damaged: the images of this frame are lost")
 
     @cached_property
     def _image_places(self) -> dict[str, list[tuple[ChunkPlace, int]]]:
@@ -297,15 +312,32 @@ class Recording:
         return found
 
     @cached_property
+    def _images(self) -> int:
+        """Number of pairs, with those that are lost between others."""
+        places = self._image_places[_SIDES[0]]
+        if not places:
+            return 0
+        try:
+            return self._message_at(*places[-1]).sequence + 1 - self._first_image
+        except SourceError:
+            return len(places)
+
+    @cached_property
     def _first_image(self) -> int:
         # Not 0 in a saved clip, which begins in the middle of a run.
-        places = self._image_places[_SIDES[0]]
-        return self._message_at(*places[0]).sequence if places else 0
+        for k, place in enumerate(self._image_places[_SIDES[0]]):
+            with contextlib.suppress(SourceError):
+                return self._message_at(*place).sequence - k
+        return 0
 
     def _message_at(self, chunk: ChunkPlace, offset: int) -> Message:
         if self._unpacked is None or self._unpacked[0] != chunk.offset:
             self._unpacked = chunk.offset, chunk_records(self._file, chunk, self.path.name)
-        return next(messages_of(self._unpacked[1], offset))
+        try:
+            return next(messages_of(self._unpacked[1], offset))
+        except (StopIteration, struct.error):
+            name = self.path.name
+            raise SourceError(f"{name} is damaged: an image is not in its place") from None
 
     # --- messages ----------------------------------------------------------------------------
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TypeVar
 
 import msgspec
 
@@ -13,6 +15,8 @@ from observer.jsonl import ObservationLine, OutlinedEntry
 from observer.recording.payloads import MatchedTruth, RecordedFrame, RobotRow
 from observer.recording.run_time import RunTime
 from observer.truth.contract import TrueBody, Truth
+
+_Item = TypeVar("_Item")
 
 
 class RunTimes:
@@ -45,9 +49,7 @@ class RunTimes:
         if self._same:
             return tuple(lines)
         found: list[ObservationLine] = []
-        after = _Offsets(self._frames, self.offsets)
-        for line in lines:
-            offset = after.of(line["frame"], line["time"])
+        for line, offset in self._with_offsets(lines, lambda line: (line["frame"], line["time"])):
             obstacles: list[OutlinedEntry] = [
                 {**entry, "velocity_time": entry["velocity_time"] + offset}
                 for entry in line["obstacles"]
@@ -59,11 +61,19 @@ class RunTimes:
         """Return true bodies beside these frames, in order."""
         if self._same:
             return tuple(matched)
-        after = _Offsets(self._frames, self.offsets)
         return tuple(
-            msgspec.structs.replace(each, time=each.time + after.of(each.frame, each.time))
-            for each in matched
+            msgspec.structs.replace(each, time=each.time + offset)
+            for each, offset in self._with_offsets(matched, lambda each: (each.frame, each.time))
         )
+
+    def _with_offsets(
+        self, items: Iterable[_Item], of: Callable[[_Item], tuple[int, float]]
+    ) -> Iterator[tuple[_Item, float]]:
+        """Yield each item with the run's clock minus the source's at its frame, or near it."""
+        places = FramePlaces(self._frames)
+        for item in items:
+            at = places.of(*of(item))
+            yield item, self.offsets[places.near if at is None else at]
 
     def truth(self, truths: Iterable[tuple[int, Truth | None]]) -> Truth | None:
         """Return ground truth on the run's clock; None if there is none at all.
@@ -91,20 +101,47 @@ class RunTimes:
         return time if self.span[0] <= time <= self.span[1] else None
 
 
-class _Offsets:
-    """Offsets of the run's clock by frame; frames are asked for in order."""
+class FramePlaces:
+    """Finds the positions of a recording's frames by number and time, asked for in order.
 
-    def __init__(self, frames: Sequence[RecordedFrame], offsets: Sequence[float]) -> None:
-        self._frames, self._offsets = frames, offsets
-        self._at = 0
+    Both repeat where an engine was replaced. There the time steps back, unless the source's clock
+    goes on, and then no time repeats.
 
-    def of(self, frame: int, time: float) -> float:
-        """Return the offset at a frame, or that of the frame before if there is no such frame."""
-        for at in range(self._at, len(self._frames)):
-            if (self._frames[at].index, self._frames[at].time) == (frame, time):
-                self._at = at
-                break
-        return self._offsets[self._at]
+    Args:
+        frames: of the recording, in order.
+
+    Attributes:
+        near: position found last, or of the first frame of a later part that must have begun since.
+    """
+
+    def __init__(self, frames: Sequence[RecordedFrame]) -> None:
+        self.near = 0
+        # By part: its frames, and the time of the last one.
+        self._parts: list[tuple[dict[tuple[int, float], int], float]] = []
+        self._part = 0
+        self._newest = -math.inf
+        for position, frame in enumerate(frames):
+            places, last = self._parts[-1] if self._parts else ({}, math.inf)
+            key = frame.index, frame.time
+            if frame.begins == "observer" or frame.time < last or key in places:
+                places = {}
+                self._parts.append((places, frame.time))
+            places[key] = position
+            self._parts[-1] = places, frame.time
+
+    def of(self, frame: int, time: float) -> int | None:
+        """Return the position of a frame, or None if it is missing, as in a damaged file."""
+        begun = self._part + (time < self._newest)
+        self._newest = time
+        for part in range(begun, len(self._parts)):
+            places, last = self._parts[part]
+            found = places.get((frame, time))
+            if found is not None or (time <= last and part > self._part):
+                self._part = part
+                self.near = min(places.values()) if found is None else found
+            if found is not None or time <= last:
+                return found
+        return None
 
 
 class _RunTruth:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -21,7 +21,7 @@ from observer.geometry import Pose
 from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
-from observer.recording.run_times import RunTimes
+from observer.recording.run_times import FramePlaces, RunTimes
 from observer.truth.contract import Truth
 from observer.vision.rectification import Rectification
 
@@ -78,23 +78,10 @@ def _with_lines(
 
     Where a part of the file is damaged, a line may be left without its frame.
     """
-    # Numbers and times repeat where an engine was replaced.
-    ahead = Counter((frame.index, frame.time) for frame in frames)
-    at = 0
-    for frame in frames:
-        own = frame.index, frame.time
-        ahead[own] -= 1
-        while at < len(lines) and (of := _frame_of(lines[at])) != own and not ahead[of]:
-            at += 1
-        if at == len(lines) or _frame_of(lines[at]) != own:
-            yield frame, None
-            continue
-        at += 1
-        yield frame, lines[at - 1]
-
-
-def _frame_of(line: ObservationLine) -> tuple[int, float]:
-    return line["frame"], line["time"]
+    places = FramePlaces(frames)
+    placed = {places.of(line["frame"], line["time"]): line for line in lines}
+    for position, frame in enumerate(frames):
+        yield frame, placed.get(position)
 
 
 class _Scores:

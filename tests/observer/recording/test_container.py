@@ -358,3 +358,41 @@ def test_a_killed_writer_leaves_no_observation_without_its_truth(
         cut.write_bytes(content[:end])
         with Recording(cut) as recording:
             assert len(list(recording.lines())) == len(list(recording.matched_truth()))
+
+
+@pytest.mark.parametrize("lost", ["index", "chunk", "both"])
+@pytest.mark.parametrize("where", ["first", "middle"])
+def test_damage_costs_only_the_images_there(
+    lost: str,
+    where: str,
+    write_run: Callable[..., Path],
+    tmp_path: Path,
+    frames: tuple[StereoFrame, ...],
+) -> None:
+    path = write_run(tmp_path / "recording.mcap")
+    with Recording(path) as recording:
+        places = recording._image_places[topics.LEFT_RAW.name]
+        chunks = list({place.offset: place for place, _ in places}.values())
+        chunk = chunks[0 if where == "first" else len(chunks) // 2]
+        within = {k for k, (place, _) in enumerate(places) if place.offset == chunk.offset}
+    middle = chunk.offset + chunk.index.chunk_length
+    begin, end = {
+        "index": (middle, chunk.end),
+        "chunk": (chunk.offset + 200, middle),
+        "both": (chunk.offset + 200, chunk.end),
+    }[lost]
+    content = bytearray(path.read_bytes())
+    content[begin:end] = bytes(end - begin)
+    path.write_bytes(content)
+    source = RecordingSource(path)
+    read = []
+    while (item := source.read()) is not None:
+        read.append(item)
+    source.close()
+    assert len(read) == len(frames)
+    assert 0 < len(within) < len(frames)
+    missing = set() if lost == "index" else within
+    assert {k for k, item in enumerate(read) if not isinstance(item, StereoFrame)} == missing
+    for item, frame in zip(read, frames, strict=True):
+        if isinstance(item, StereoFrame):
+            np.testing.assert_array_equal(item.left, frame.left)

@@ -27,6 +27,10 @@ from observer.types import StereoFrame
         # A killed engine leaves a frame without its line; the next one counts from 0 again.
         ("f0 l0 f1 l1 f2 f0 l0 f1 l1 f2 l2", [0, 1, None, 0, 1, 2]),
         ("f0 l0 l1 f2 l2 f3 f0 l0", [0, 2, None, 0]),
+        # A frame is lost whose number comes again after the engine was replaced.
+        ("f0 l0 l1 f2 l2 f3 l3 f0 l0 f1 l1 f2 l2 f3 l3", [0, 2, 3, 0, 1, 2, 3]),
+        # The first frames of the second engine are lost.
+        ("f0 l0 f1 l1 f2 l2 l0 l1 f2 l2", [0, 1, 2, 2]),
     ],
 )
 def test_each_frame_has_its_own_line(
