@@ -115,62 +115,126 @@ def distance_equation(
     Returns:
         The equation; None if too few points fit one motion.
     """
-    f, B = camera.fx, camera.baseline
-    mid, focal = np.array([camera.cx, camera.cy]), np.array([camera.fx, camera.fy])
-    before, now = (((px - mid) / focal).T for px in (seen.before_px, seen.now_px))
-    d_before, d_now = seen.before_disparity / f, seen.now_disparity / f
-    g_before, g_now = (1 + (m[0] - d) ** 2 for m, d in ((before, d_before), (now, d_now)))
-    rays = np.concatenate([before, np.ones((1, before.shape[1]))])
+    views = _views(seen, camera)
     R, t = seen.T_now_before.rotation, np.array(seen.T_now_before.translation)
     theta = np.array(start, dtype=np.float64)
-    sigma = TYPICAL_SIGMA_PX / f
-    size = rays.shape[1]
-    if size < _LEAST_POINTS or not np.linalg.norm(t) > 0:
+    sigma = TYPICAL_SIGMA_PX / camera.fx
+    if views.rays.shape[1] < _LEAST_POINTS or not np.linalg.norm(t) > 0:
         return None
-    J = np.zeros((3, size, 8))
     for _ in range(_STEPS):
-        p = R @ rays
-        rho = (d_before + g_before * theta[0]) / B
-        q = p + t[:, None] * rho
-        w = 1 / q[2]
-        x, y, depth = q[0] * w, q[1] * w, rho * w
-        residual = np.stack([now[0] - x, now[1] - y, d_now + g_now * theta[0] - B * depth])
-        # Derivative of the second view's prediction by the first one's disparity.
-        lever = np.stack([(t[0] - x * t[2]) * w, (t[1] - y * t[2]) * w, w - depth * w * t[2]])
-        lever[:2] /= B
-        px, py, pz = p * w
-        J[0, :, 0], J[0, :, 1], J[0, :, 2] = -x * py, pz + x * px, -py
-        J[1, :, 0], J[1, :, 1], J[1, :, 2] = -pz - y * py, y * px, px
-        J[0, :, 3] = J[1, :, 4] = depth
-        J[0, :, 5], J[1, :, 5] = -x * depth, -y * depth
-        J[2, :, 0], J[2, :, 1], J[2, :, 5] = -B * depth * py, B * depth * px, -B * depth**2
-        J[:, :, 6] = lever * g_before
-        J[2, :, 6] -= g_now
-        J[:, :, 7] = 0.0
-        noise = sigma * np.sqrt(1 + lever**2)
-        length = np.sqrt(((residual / noise) ** 2).mean(axis=0))
-        spread = max(1.0, MAD_TO_SIGMA * median(length))
-        fits = tukey_weights(length, spread)
-        if np.count_nonzero(fits) < _LEAST_POINTS:
+        residual, J, lever = _linearised(views, R, t, theta[0])
+        weight = _weights(residual, sigma * np.sqrt(1 + lever**2))
+        if weight is None:
             return None
-        weight = (fits / (spread * noise) ** 2).ravel()
         rows = J.reshape(-1, 8)
         weighted = rows * weight[:, None]
         H, b = weighted.T @ rows, weighted.T @ residual.ravel()
         if seen.distance_m is not None:
-            fitted_m = float(np.linalg.norm(t))
-            row = np.concatenate([np.zeros(3), t / fitted_m, [0.0, -seen.distance_m]])
-            row /= seen.distance_std_m
-            H += np.outer(row, row)
-            b += row * (seen.distance_m * (1 + theta[1]) - fitted_m) / seen.distance_std_m
+            _add_distance(H, b, t, theta[1], seen.distance_m, seen.distance_std_m)
         held, pull = H.copy(), b.copy()
         held[7, 7] += scale_sigma**-2
         pull[7] -= theta[1] * scale_sigma**-2
         # If all points are equally far, only the prior determines v and s.
-        step = np.linalg.solve(held + 1e-9 * np.diag(np.diag(held)), pull)
-        at, before_step = theta, (H, b)
+        solved = np.linalg.solve(held + 1e-9 * np.diag(np.diag(held)), pull)
+        step = np.asarray(solved, dtype=np.float64)
+        at = theta
         R, t, theta = rotation_matrix(step[:3]) @ R, t + step[3:6], theta + step[6:]
-    H, b = before_step
+    return _without_motion(H, b, at)
+
+
+@dataclass(frozen=True, eq=False)
+class _Views:
+    """Two views of N points, in units of the focal lengths.
+
+    Attributes:
+        rays: (3, N) in the first view, with z = 1. now: (2, N) in the second one.
+        d_before, d_now: (N,) disparities. g_before, g_now: (N,) their g; see the module.
+        baseline: metres.
+    """
+
+    rays: Float64Array
+    now: Float64Array
+    d_before: Float64Array
+    d_now: Float64Array
+    g_before: Float64Array
+    g_now: Float64Array
+    baseline: float
+
+
+def _views(seen: SeenTwice, camera: StereoCamera) -> _Views:
+    mid, focal = np.array([camera.cx, camera.cy]), np.array([camera.fx, camera.fy])
+    before, now = (((px - mid) / focal).T for px in (seen.before_px, seen.now_px))
+    d_before, d_now = seen.before_disparity / camera.fx, seen.now_disparity / camera.fx
+    g_before, g_now = (1 + (m[0] - d) ** 2 for m, d in ((before, d_before), (now, d_now)))
+    rays = np.concatenate([before, np.ones((1, before.shape[1]))])
+    return _Views(rays, now, d_before, d_now, g_before, g_now, camera.baseline)
+
+
+def _linearised(
+    views: _Views, R: Float64Array, t: Float64Array, vergence: float
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Predict the second view, x, y and disparity, and differentiate the prediction.
+
+    Args:
+        R, t: ``T_now_before``. vergence: rad.
+
+    Returns:
+        residual (3, N); J (3, N, 8) by rotation, translation, vergence and scale; and its
+        derivative (3, N) by the first view's disparity.
+    """
+    B = views.baseline
+    p = R @ views.rays
+    rho = (views.d_before + views.g_before * vergence) / B
+    q = p + t[:, None] * rho
+    w = 1 / q[2]
+    x, y, depth = q[0] * w, q[1] * w, rho * w
+    residual = np.stack(
+        [views.now[0] - x, views.now[1] - y, views.d_now + views.g_now * vergence - B * depth]
+    )
+    lever = np.stack([(t[0] - x * t[2]) * w, (t[1] - y * t[2]) * w, w - depth * w * t[2]])
+    lever[:2] /= B
+    px, py, pz = p * w
+    J = np.zeros((3, len(rho), 8))
+    J[0, :, 0], J[0, :, 1], J[0, :, 2] = -x * py, pz + x * px, -py
+    J[1, :, 0], J[1, :, 1], J[1, :, 2] = -pz - y * py, y * px, px
+    J[0, :, 3] = J[1, :, 4] = depth
+    J[0, :, 5], J[1, :, 5] = -x * depth, -y * depth
+    J[2, :, 0], J[2, :, 1], J[2, :, 5] = -B * depth * py, B * depth * px, -B * depth**2
+    J[:, :, 6] = lever * views.g_before
+    J[2, :, 6] -= views.g_now
+    return residual, J, lever
+
+
+def _weights(residual: Float64Array, noise: Float64Array) -> Float64Array | None:
+    """Weights (3 N,) of the residuals (3, N) with this noise (3, N), robust to moving points.
+
+    None if too few points fit one motion.
+    """
+    length = np.sqrt(((residual / noise) ** 2).mean(axis=0))
+    spread = max(1.0, MAD_TO_SIGMA * median(length))
+    fits = tukey_weights(length, spread)
+    if np.count_nonzero(fits) < _LEAST_POINTS:
+        return None
+    return np.asarray((fits / (spread * noise) ** 2).ravel(), dtype=np.float64)
+
+
+def _add_distance(
+    H: Float64Array, b: Float64Array, t: Float64Array, scale: float, moved_m: float, std_m: float
+) -> None:
+    """Add to the normal equations that the wheels moved by ``moved_m`` within ``std_m``."""
+    fitted_m = float(np.linalg.norm(t))
+    row = np.concatenate([np.zeros(3), t / fitted_m, [0.0, -moved_m]])
+    row /= std_m
+    H += np.outer(row, row)
+    b += row * (moved_m * (1 + scale) - fitted_m) / std_m
+
+
+def _without_motion(H: Float64Array, b: Float64Array, at: Float64Array) -> DistanceEquation | None:
+    """Eliminate R and t from the normal equations at v and s = ``at``; None if they are singular.
+
+    Args:
+        H: (8, 8). b: (8,).
+    """
     gain = np.linalg.solve(H[:6, :6], H[:6, 6:]).T
     information = H[6:, 6:] - gain @ H[:6, 6:]
     information = (information + information.T) / 2
