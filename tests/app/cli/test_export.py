@@ -5,15 +5,19 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import sqlite3
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
+from app.cli.command_line import load_command
 from app.cli.keeping import keeping
 from observer.calibration.formats.opencv_file import calibration_text
+from observer.exporting.choices import TableName
 from observer.jsonl import observation_line
 from observer.observer import Observer
 from observer.opening import open_source
@@ -23,8 +27,18 @@ from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
 from observer.types import StereoFrame
+from tools import ROOT
 
 from .shell import Done
+
+
+def test_the_command_and_the_page_name_every_table() -> None:
+    (option,) = (each for each in load_command("export").params if each.name == "table")
+    told = set(re.findall(r"\w+", getattr(option, "help", "")))
+    assert told >= set(get_args(TableName))
+    page = (ROOT / "static/app/runs/run-export.js").read_text(encoding="utf-8")
+    listed = page.partition("const TABLES = [")[2].partition("];")[0]
+    assert re.findall(r'\["(\w+)"', listed) == list(get_args(TableName))
 
 
 @pytest.fixture(scope="module")

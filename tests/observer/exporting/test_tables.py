@@ -10,10 +10,12 @@ import shutil
 import sys
 from contextlib import closing
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from observer.exporting.choices import TableName
 from observer.exporting.errors import ExportError
 from observer.exporting.table_files import write_csv, write_parquet
 from observer.exporting.tables import TABLES, find_table
@@ -45,6 +47,10 @@ def read_csv(name: str, recording: Recording) -> list[dict[str, str]]:
 def samples_of(recording: Recording) -> list[TruthSample]:
     """Return the ground truth at each frame, in order."""
     return [s for _, truth in recording.truths() if truth is not None for s in truth.samples]
+
+
+def test_every_table_can_be_chosen() -> None:
+    assert get_args(TableName) == tuple(TABLES)
 
 
 def test_every_number_has_its_unit() -> None:
