@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.errors import NotObservable
 from observer.geometry import Float64Array
@@ -118,6 +119,34 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
     Raises:
         NotObservable: no lag has enough overlap, or there is no clear peak.
     """
+    allowed = _allowed_lags(found, search)
+    if not found.varied:
+        raise NotObservable(
+            "the speed is constant within its noise, which fits any time offset; let the robot "
+            "start, stop or turn once during the recording"
+        )
+    values = np.where(allowed, found.values, -1.0)
+    best = _highest(values, found.overlap_s)
+    if values[best] < MIN_CORRELATION:
+        raise NotObservable(_too_little(float(values[best])))
+    if best in (0, len(values) - 1) or not (allowed[best - 1] and allowed[best + 1]):
+        raise NotObservable(
+            "the best time offset lies at the edge of the overlap of the recordings; record the "
+            "same motion for longer, including a start or a stop"
+        )
+    others = _other_peaks(values, best)
+    if not len(others):
+        return float(found.lags[best]), None
+    _refuse_rival(found, values, best, others)
+    return float(found.lags[best]), float(values[others].max())
+
+
+def _allowed_lags(found: Correlation, search: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """(N,) whether each lag has enough overlap and lies in the search range.
+
+    Raises:
+        NotObservable: none does.
+    """
     enough = MIN_OVERLAP_S
     if search is None:
         enough = max(enough, _MIN_SHARE * found.shorter_s)
@@ -129,55 +158,54 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
             f"speeds are known on both sides for less than {enough:.1f} s, too short to determine "
             "the time offset; record the same motion for longer"
         )
-    if not found.varied:
-        raise NotObservable(
-            "the speed is constant within its noise, which fits any time offset; let the robot "
-            "start, stop or turn once during the recording"
-        )
+    return np.asarray(allowed, dtype=np.bool_)
+
+
+def _highest(values: Float64Array, overlap_s: Float64Array) -> int:
+    """Return the index of the likeliest of the correlations (N,) with these overlaps (N,)."""
+    # Log-likelihood against no relation at all: agreement counts by its duration.
+    unexplained = np.maximum(1 - np.clip(values, 0, 1) ** 2, _LEAST_UNEXPLAINED)
+    best = int(np.argmax(-overlap_s * np.log(unexplained)))
+    # Weighting by overlap shifts the maximum slightly off the peak of the correlation.
+    first = max(best - _CLOSE_STEPS, 0)
+    return first + int(np.argmax(values[first : best + _CLOSE_STEPS + 1]))
+
+
+def _other_peaks(values: Float64Array, best: int) -> NDArray[np.intp]:
+    """Return the indices (M,) of the peaks of the correlations (N,) besides the best one."""
     # Imported late: that takes as long as reading a stored alignment, which does not need it.
     from scipy.signal import find_peaks
 
-    values = np.where(allowed, found.values, -1.0)
-    # Log-likelihood against no relation at all: agreement counts by its duration.
-    unexplained = np.maximum(1 - np.clip(values, 0, 1) ** 2, _LEAST_UNEXPLAINED)
-    best = int(np.argmax(-found.overlap_s * np.log(unexplained)))
-    # Weighting by overlap shifts the maximum slightly off the peak of the correlation.
-    first = max(best - _CLOSE_STEPS, 0)
-    best = first + int(np.argmax(values[first : best + _CLOSE_STEPS + 1]))
-    peak = float(values[best])
-    if peak < MIN_CORRELATION:
-        raise NotObservable(_too_little(peak))
-    edge = best in (0, len(values) - 1) or not (allowed[best - 1] and allowed[best + 1])
-    if edge:
-        raise NotObservable(
-            "the best time offset lies at the edge of the overlap of the recordings; record the "
-            "same motion for longer, including a start or a stop"
-        )
     others, _ = find_peaks(values, prominence=_MIN_PROMINENCE)
     # A flat top may be reported as a second peak.
     apart = [
         float(values[min(int(k), best) : max(int(k), best) + 1].min()) < float(values[k]) - 0.02
         for k in others
     ]
-    others = others[np.array(apart, dtype=bool)]
-    if not len(others):
-        return float(found.lags[best]), None
-    second = int(others[np.argmax(values[others])])
+    return np.asarray(others[np.array(apart, dtype=bool)], dtype=np.intp)
+
+
+def _refuse_rival(
+    found: Correlation, values: Float64Array, best: int, others: NDArray[np.intp]
+) -> None:
+    """Refuse a best lag that another peak equals.
+
+    Raises:
+        NotObservable: names both lags.
+    """
     # Equal agreement over a much shorter time is only a part of the motion that was repeated.
     rivals = others[found.overlap_s[others] >= _RIVAL_OVERLAP * found.overlap_s[best]]
-    for rival in rivals[np.argsort(-values[rivals])][:1]:
-        left = max(1 - peak**2, _ROUNDING)
-        if values[rival] > 0 and 1 - values[rival] ** 2 < _AMBIGUITY * left:
-            here, there = (
-                format_number(float(found.lags[k]), 2, signed=True) for k in (best, rival)
-            )
-            raise NotObservable(
-                f"the speeds agree almost equally well at time offsets {here} s "
-                f"and {there} s (correlations {peak:.3f} and "
-                f"{values[rival]:.3f}), as for a periodic motion; record a start or a stop, or "
-                "give the approximate offset"
-            )
-    return float(found.lags[best]), float(values[second])
+    if not len(rivals):
+        return
+    peak, rival = float(values[best]), int(rivals[np.argmax(values[rivals])])
+    left = max(1 - peak**2, _ROUNDING)
+    if values[rival] > 0 and 1 - values[rival] ** 2 < _AMBIGUITY * left:
+        here, there = (format_number(float(found.lags[k]), 2, signed=True) for k in (best, rival))
+        raise NotObservable(
+            f"the speeds agree almost equally well at time offsets {here} s and {there} s "
+            f"(correlations {peak:.3f} and {values[rival]:.3f}), as for a periodic motion; record "
+            "a start or a stop, or give the approximate offset"
+        )
 
 
 def refined(
