@@ -7,6 +7,7 @@ import logging
 from app.drive.connection import Tick
 from app.drive.consent import Velocity
 from observer.guard.guard import Guard, Verdict, sight_trouble
+from observer.guard.outline import Outline
 from observer.rig.rig import Role
 from observer.robots.contract import RobotReport
 
@@ -64,9 +65,7 @@ class AskedGuard:
                 tick.sight if self._role == "observer" else None,
                 world,
                 report.sonars,
-                report.radius_m,
-                report.width_m,
-                report.length_m,
+                Outline.of(report.length_m, report.width_m, report.radius_m),
                 tick.now,
             )
         except Exception as error:  # noqa: BLE001

@@ -106,9 +106,7 @@ class Guard:
         sight: Sight | None,
         world: str,
         sonars: tuple[SonarReading, ...],
-        radius_m: float | None,
-        width_m: float | None,
-        length_m: float | None,
+        outline: Outline,
         now: float,
     ) -> Verdict:
         """Return which part of the wanted velocity is permitted; takes 0.3 ms.
@@ -117,7 +115,7 @@ class Guard:
             wanted: m/s forward and rad/s to the left, finite. measured: the same by its encoders;
                 None stands for the value permitted last.
             sight: the newest; ignored for the obstacle robot. world: in which the robot drives.
-            sonars: newest readings. radius_m, width_m, length_m: its outline.
+            sonars: newest readings. outline: the robot's.
             now: the host's monotonic clock. Call at least five times a second, so that the guard
                 knows where the robot has driven since a frame.
         """
@@ -126,7 +124,6 @@ class Guard:
         if side is None:
             side = self._sides[role] = Side()
         side.advance(now, measured)
-        outline = Outline.of(length_m, width_m, radius_m)
         wanted = _within(wanted, p)
         trouble = sight_trouble(sight, now, world) if role == "observer" else None
         if trouble is None and role == "observer":

@@ -26,6 +26,7 @@ from observer.evaluation.navigation.perception_check import PerceptionCheck, Per
 from observer.evaluation.navigation.robot import SPEC, Robot
 from observer.geometry import Float64Array
 from observer.guard.guard import Guard, Verdict
+from observer.guard.outline import Outline
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.navigation.errand import REACHED_M, Errand, Goal
@@ -110,6 +111,7 @@ class Moment:
 
 
 Watch = Callable[[Moment], None]
+_OUTLINE = Outline(SPEC.length_m, SPEC.width_m, SPEC.radius_m)
 
 
 @dataclass
@@ -190,9 +192,7 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
             sight,
             WORLD,
             heard,
-            SPEC.radius_m,
-            SPEC.width_m,
-            SPEC.length_m,
+            _OUTLINE,
             time,
         )
         tally.verdict(verdict, wanted)

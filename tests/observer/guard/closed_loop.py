@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer.guard.guard import Guard, Level
+from observer.guard.outline import Outline as BodyOutline
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.robots.contract import SonarReading
@@ -154,7 +155,7 @@ def drive(lab: Lab, wish: Wish, seconds: float, seed: int = 0, *, sonar: bool = 
         wanted = wish(time - 10)
         verdict = guard.limit(
             "observer", wanted, (lab.v, lab.w), ready[-1] if ready else None, "w",
-            tuple(sonars.values()), AMIGO.radius_m, *size[::-1], time,
+            tuple(sonars.values()), BodyOutline(*size, AMIGO.radius_m), time,
         )  # fmt: skip
         if wanted != (0.0, 0.0) and ready:
             lab.levels[verdict.level] = lab.levels.get(verdict.level, 0) + 1

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from observer.guard.guard import Guard, Verdict, sight_trouble
+from observer.guard.outline import Outline
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan, SeenObstacle, Sight, sight_of
 from observer.rig.rig import Role
@@ -21,6 +22,7 @@ from observer.types import Status
 BEARINGS = tuple(np.radians(np.arange(-30.0, 30.1, 2.0)).tolist())
 AMIGO = robot_spec("amigo-sh")
 P = GuardParameters()
+OUTLINE = Outline(0.33, 0.28, 0.18)
 
 
 def scan(blocked: float | None = None, begins: float = 1.0, ends: float = 4.0) -> FreeScan:
@@ -69,7 +71,7 @@ class Loop:
                 self.role, wanted, measured,
                 sight(self.now - 0.05, seen, obstacles=obstacles), "real",
                 sonars(self.now - 0.1, echo, only=only) if sonar else (),
-                AMIGO.radius_m, AMIGO.width_m, AMIGO.length_m, self.now,
+                Outline.of(AMIGO.length_m, AMIGO.width_m, AMIGO.radius_m), self.now,
             )  # fmt: skip
         return verdict
 
@@ -130,7 +132,7 @@ def test_a_declared_turning_circle_hides_nothing_ahead(role: Role, direction: fl
             seen = scan(wall_m if direction > 0 and not heard else None, begins=0.0)
             verdict = guard.limit(
                 role, (0.3 * direction, 0.0), (0.0, 0.0), sight(now, seen), "real", readings,
-                radius_m, width_m, length_m, now,
+                Outline.of(length_m, width_m, radius_m), now,
             )  # fmt: skip
             is_there = heard or role == "observer"
             assert (verdict.level == "stop") == is_there, (radius_m, heard, verdict)
@@ -140,7 +142,7 @@ def test_a_blind_observer_is_stopped_and_never_clear() -> None:
     guard = Guard(P)
     for wanted in ((0.3, 0.0), (0.0, 0.0), (-0.3, 0.0)):
         verdict = guard.limit(
-            "observer", wanted, (0.0, 0.0), None, "real", sonars(1.0), 0.2, 0.3, 0.3, 1.0
+            "observer", wanted, (0.0, 0.0), None, "real", sonars(1.0), Outline(0.3, 0.3, 0.2), 1.0
         )
         assert (verdict.level, verdict.blind) == ("stop", True)
         assert (verdict.speed_mps, verdict.turn_rate_radps) == (0.0, 0.0)
@@ -174,7 +176,7 @@ def test_outdated_sonar_readings_are_ignored() -> None:
     loop.now += 0.02
     verdict = loop.guard.limit(
         "observer", (0.3, 0.0), (0.0, 0.0), sight(loop.now), "real",
-        sonars(loop.now - P.sonar_fresh_s - 0.01), 0.18, 0.28, 0.33, loop.now,
+        sonars(loop.now - P.sonar_fresh_s - 0.01), OUTLINE, loop.now,
     )  # fmt: skip
     assert verdict.level == "stop"
 
@@ -214,8 +216,8 @@ def test_turning_on_the_spot_requires_a_clear_circle() -> None:
     loop = Loop()
     loop.now += 0.02
     verdict = loop.guard.limit(
-        "observer", (0.0, 0.5), (0.0, 0.0), sight(loop.now), "real", front_only, 0.18, 0.28,
-        0.33, loop.now,
+        "observer", (0.0, 0.5), (0.0, 0.0), sight(loop.now), "real", front_only, OUTLINE,
+        loop.now,
     )  # fmt: skip
     assert verdict.level == "stop"
 
@@ -283,7 +285,7 @@ def test_the_obstacle_robot_relies_on_sonar_alone() -> None:
     assert loop.ask((0.4, 0.0), sonar=False).level == "clear"
     assert loop.ask((0.4, 0.0), echo=0.15).level == "stop"
     blind = Guard(P).limit(
-        "obstacle", (0.4, 0.0), (0.0, 0.0), None, "real", (), None, None, None, 1.0
+        "obstacle", (0.4, 0.0), (0.0, 0.0), None, "real", (), Outline.of(None, None, None), 1.0
     )
     assert (blind.level, blind.blind) == ("clear", False)
 
@@ -295,9 +297,7 @@ def test_the_obstacle_robot_stays_stopped_when_its_sonar_falls_silent(
     guard, heard = Guard(P), sonars(100.0, 0.15)
     for tick in range(75):
         now = 100.0 + 0.02 * tick
-        verdict = guard.limit(
-            "obstacle", wanted, (0.0, 0.0), None, "real", heard, 0.18, 0.28, 0.33, now
-        )
+        verdict = guard.limit("obstacle", wanted, (0.0, 0.0), None, "real", heard, OUTLINE, now)
         assert (verdict.level, verdict.speed_mps) == ("stop", 0.0), now
     assert verdict.reason == "its sonar has been silent for more than 0.6 s"
 
@@ -313,7 +313,7 @@ def test_silent_sonars_block_the_direction_they_face(role: Role) -> None:
         )
         return loop.guard.limit(
             role, (speed, 0.0), (0.0, 0.0), sight(loop.now, scan(begins=0.0)), "real", readings,
-            0.18, 0.28, 0.33, loop.now,
+            OUTLINE, loop.now,
         ).level  # fmt: skip
 
     # Sonars 0 and 5 point aside, 1 to 4 forward, 6 and 7 backward.

@@ -11,6 +11,7 @@ import pytest
 from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.guard import Guard
 from observer.guard.intruders import SonarWatch
+from observer.guard.outline import Outline as BodyOutline
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.robots.contract import SonarReading
@@ -140,7 +141,7 @@ def verdicts(
         sight = Sight(k, now, now, "real", Status.OK, (), True, (), free)
         verdict = guard.limit(
             "observer", wanted, wanted, sight, "real", tuple(sonars.values()),
-            AMIGO.radius_m, AMIGO.width_m, AMIGO.length_m, now,
+            BodyOutline(AMIGO.length_m, AMIGO.width_m, AMIGO.radius_m), now,
         )  # fmt: skip
         # Skip the first round of readings.
         if k > 45:
