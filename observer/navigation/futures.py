@@ -22,8 +22,8 @@ from observer.guard.sight import SeenObstacle
 _STOPPING_S: Final = 0.35
 _TURN_RADPS, _TURNING_S = 0.9, 1.2
 # Standard deviations assumed where the tracker reports none.
-UNKNOWN_POSITION_M: Final = 0.2
-UNKNOWN_VELOCITY_MPS: Final = 0.3
+_UNKNOWN_POSITION_M: Final = 0.2
+_UNKNOWN_VELOCITY_MPS: Final = 0.3
 # Lower bound of the spread, by which distances are divided.
 _LEAST_SIGMA_M: Final = 1e-3
 
@@ -55,27 +55,25 @@ def futures(
     weights: Float64Array,
     times: Float64Array,
     acceleration_noise: float,
+    since: Sequence[float] | None = None,
 ) -> Futures:
     """Return where people may be, in the frame in which they are given.
 
     Args:
-        people: N tracks, in a fixed frame. weights: (N, M) as from ``Habits``.
+        people: N tracks as last seen, in a fixed frame. weights: (N, M) as from ``Habits``.
         times: (K,) seconds from now.
         acceleration_noise: within one manoeuvre, m/s^2 in a band of 1 Hz.
+        since: seconds since each person was seen, whose manoeuvre began then; zero if None.
     """
     if not people:
         empty = np.zeros((*weights.shape, len(times)))
         return Futures((), np.zeros(0), times, np.zeros((*empty.shape, 2)), empty, weights)
     place = np.array([(one.x, one.y) for one in people])
     velocity = np.array([(one.vx, one.vy) for one in people])
-    sigma_p = _known([one.position_sigma_m for one in people], UNKNOWN_POSITION_M)
-    sigma_v = _known([one.velocity_sigma_mps for one in people], UNKNOWN_VELOCITY_MPS)
-    mean = place[:, None, None] + displaced(velocity, times)
-    spread = np.sqrt(
-        _LEAST_SIGMA_M**2
-        + sigma_p[:, None] ** 2
-        + (sigma_v[:, None] * times) ** 2
-        + acceleration_noise**2 * times**3 / 3
+    passed = times + np.zeros((len(people), 1)) if since is None else times + np.c_[list(since)]
+    mean = place[:, None, None] + displaced(velocity, passed)
+    spread = np.stack(
+        [spread_of(*each, acceleration_noise) for each in zip(people, passed, strict=True)]
     )
     return Futures(
         ids=tuple(one.id for one in people),
@@ -87,8 +85,20 @@ def futures(
     )
 
 
+def spread_of(one: SeenObstacle, times: Float64Array, acceleration_noise: float) -> Float64Array:
+    """(K,) standard deviations of a person's place, metres, at times (K,) since it was seen."""
+    sigma_p = _UNKNOWN_POSITION_M if one.position_sigma_m is None else one.position_sigma_m
+    sigma_v = _UNKNOWN_VELOCITY_MPS if one.velocity_sigma_mps is None else one.velocity_sigma_mps
+    variance = sigma_p**2 + (sigma_v * times) ** 2 + acceleration_noise**2 * times**3 / 3
+    return np.asarray(np.sqrt(_LEAST_SIGMA_M**2 + variance))
+
+
 def displaced(velocity: Float64Array, times: Float64Array) -> Float64Array:
-    """(N, M, K, 2) displacements, metres, in times (K,) at velocities (N, 2) m/s, by manoeuvre."""
+    """(N, M, K, 2) displacements, metres, by manoeuvre.
+
+    Args:
+        velocity: (N, 2) m/s at its beginning. times: (K,) or (N, K) seconds since then.
+    """
     vx, vy = velocity[:, :1], velocity[:, 1:]
     stopping = _STOPPING_S / np.log(2)
     straight = (times, np.zeros_like(times))
@@ -102,7 +112,3 @@ def displaced(velocity: Float64Array, times: Float64Array) -> Float64Array:
     x = np.stack([vx * a - vy * b for a, b in ways], axis=1)
     y = np.stack([vy * a + vx * b for a, b in ways], axis=1)
     return np.stack([x, y], axis=-1)
-
-
-def _known(values: Sequence[float | None], otherwise: float) -> Float64Array:
-    return np.array([otherwise if value is None else value for value in values])

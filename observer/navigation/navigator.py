@@ -21,7 +21,7 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.side import Side
 from observer.guard.sight import SIGHT_FRESH_S, SeenObstacle, Sight
 from observer.navigation.errand import REACHED_M, Errand
-from observer.navigation.futures import UNKNOWN_POSITION_M, UNKNOWN_VELOCITY_MPS, futures
+from observer.navigation.futures import futures, spread_of
 from observer.navigation.habits import Habits
 from observer.navigation.local_map import LocalMap
 from observer.navigation.parameters import NavigationParameters
@@ -36,15 +36,11 @@ from observer.robots.contract import SonarReading
 from observer.types import Status
 from observer.vision.lifecycle import is_provisional
 
-# m/s per second: how fast the velocity of a person out of view may change, one sigma.
-_CHANGED_MPS: Final = 0.3
 # Time unseen after which sonar may show a person to be gone, how much nearer than its centre a
 # body echoes, and the probability with which it must have echoed if it were there.
 _UNSEEN_S: Final = 0.35
 _BODY_M: Final = 0.2
-_SURELY: Final = 0.95
-# Standard deviation below which a place counts as exactly known.
-_EXACTLY_M: Final = 1e-3
+_PROBABLY: Final = 0.9
 # Larger values of metres, m/s or radians are errors, as is NaN.
 _IMPOSSIBLE: Final = 1e6
 # Assumed for a robot that does not report its outline.
@@ -61,6 +57,15 @@ class _Known:
 
     track: SeenObstacle
     seen: float
+
+    def age_s(self, now: float) -> float:
+        """Return the seconds since it was seen."""
+        return max(now - self.seen, 0.0)
+
+    def carried(self, now: float) -> SeenObstacle:
+        """Return the track where it is if it went on as it was seen to."""
+        one, age = self.track, self.age_s(now)
+        return replace(one, x=one.x + one.vx * age, y=one.y + one.vy * age)
 
 
 class Navigator:
@@ -113,7 +118,7 @@ class Navigator:
         there = [self._known[one.id].track for one in sight.obstacles if not one.coasting]
         for number, known in list(self._known.items()):
             if is_provisional(number) and number not in numbers:
-                before = _aged(known, sight.received)
+                before = known.carried(sight.received)
                 if any(_overlap(before, one) for one in there):
                     del self._known[number]
 
@@ -146,13 +151,15 @@ class Navigator:
             return self._standing(errand, now, trouble)
         radius = _RADIUS_M if errand.radius_m is None else errand.radius_m
         self._forget_where_clear(errand.sonars, motion, now)
-        seen = self._people(motion, now)
-        planner = self._planner
-        weights = self._habits.weights(seen, now, planner.prior, self._out_of_view())
-        people = futures(seen, weights, TIMES, planner.acceleration_noise)
-        for one in seen:
-            if math.hypot(one.vx, one.vy) < _STATIONARY_MPS:
-                self._map.stand(one, now + _STATIONARY_S)
+        known = self._people(motion, now)
+        tracks, planner = [one.track for one in known], self._planner
+        weights = self._habits.weights(tracks, now, planner.prior, self._out_of_view())
+        people = futures(
+            tracks, weights, TIMES, planner.acceleration_noise, [one.age_s(now) for one in known]
+        )
+        for each in known:
+            if math.hypot(each.track.vx, each.track.vy) < _STATIONARY_MPS:
+                self._map.stand(each.carried(now), now + _STATIONARY_S)
         around = Surroundings.of(
             self._map,
             (errand.goal.x, errand.goal.y),
@@ -225,7 +232,7 @@ class Navigator:
             for number, known in self._known.items()
             if any(
                 sonar.received - known.seen >= _UNSEEN_S
-                and self._is_clear(_aged(known, sonar.received), motion, sonar, then)
+                and self._is_clear(known, motion, sonar, then)
                 for sonar, then in zip(fresh, past, strict=True)
             )
         ]
@@ -237,18 +244,18 @@ class Navigator:
         return self._side.past.then_from_now(np.array([one.received for one in sonars]))
 
     def _is_clear(
-        self, one: SeenObstacle, motion: Motion, sonar: SonarReading, then: Float64Array
+        self, known: _Known, motion: Motion, sonar: SonarReading, then: Float64Array
     ) -> bool:
         """Return whether a reading shows that a person was not where predicted.
 
-        The cone must cover that place, and its uncertainty so far that the person would have echoed
-        almost surely.
+        The cone must cover that place, and its uncertainty so far that the person would very
+        probably have echoed.
 
         Args:
-            one: predicted to the time of the reading. motion: of the robot now.
-            then: (3,) pose of the base as it stands now, in that of the reading.
+            motion: of the robot now. then: (3,) pose of the base as it stands now, in that of the
+                reading.
         """
-        p = self._limits
+        p, one = self._limits, known.carried(sonar.received)
         ((x, y),) = moved(np.array([_in_base(one, motion)]), then).tolist()
         c, s = math.cos(sonar.heading), math.sin(sonar.heading)
         dx, dy = x - sonar.x, y - sonar.y
@@ -258,18 +265,18 @@ class Navigator:
         reach = min(echo - _BODY_M, p.sonar_reach_m)
         if abs(aside) >= half or away >= reach:
             return False
-        sigma = max(one.position_sigma_m or 0.0, _EXACTLY_M)
+        age = np.array([known.age_s(sonar.received)])
+        (sigma,) = spread_of(one, age, self._planner.acceleration_noise).tolist()
         # Any part of the body echoes.
         edges = np.array([half + one.radius_m - aside, -half - one.radius_m - aside])
         left, right = ndtr(edges / sigma).tolist()
-        return bool((left - right) * ndtr((reach - away) / sigma) >= _SURELY)
+        return bool((left - right) * ndtr((reach - away) / sigma) >= _PROBABLY)
 
-    def _people(self, motion: Motion, now: float) -> list[SeenObstacle]:
-        """Return the people who matter, predicted to the present."""
+    def _people(self, motion: Motion, now: float) -> list[_Known]:
+        """Return the people who matter."""
         memory = self._planner.memory_s
         self._known = {i: k for i, k in self._known.items() if now - k.seen < memory}
-        people = [_aged(known, now) for known in self._known.values()]
-        return [one for one in people if self._matters(one, motion)]
+        return [one for one in self._known.values() if self._matters(one.carried(now), motion)]
 
     def _out_of_view(self) -> frozenset[int]:
         """Return the numbers of the people not seen in the newest frame."""
@@ -357,17 +364,3 @@ def _in_base(one: SeenObstacle, motion: Motion) -> tuple[float, float]:
     c, s = math.cos(motion.yaw), math.sin(motion.yaw)
     dx, dy = one.x - motion.x, one.y - motion.y
     return c * dx + s * dy, c * dy - s * dx
-
-
-def _aged(known: _Known, now: float) -> SeenObstacle:
-    """Return the track predicted to the present."""
-    one, age = known.track, max(now - known.seen, 0.0)
-    sigma_p = UNKNOWN_POSITION_M if one.position_sigma_m is None else one.position_sigma_m
-    sigma_v = UNKNOWN_VELOCITY_MPS if one.velocity_sigma_mps is None else one.velocity_sigma_mps
-    return replace(
-        one,
-        x=one.x + one.vx * age,
-        y=one.y + one.vy * age,
-        position_sigma_m=math.hypot(sigma_p, sigma_v * age + _CHANGED_MPS * age**2 / 2),
-        velocity_sigma_mps=math.hypot(sigma_v, _CHANGED_MPS * age),
-    )

@@ -47,6 +47,15 @@ def test_uncertainty_grows_and_unknown_sigmas_increase_it() -> None:
     assert (futures([unknown], np.array([PRIOR]), TIMES, NOISE).sigma[0, 0] > sure).all()
 
 
+def test_the_manoeuvre_of_a_person_out_of_view_began_when_the_person_was_last_seen() -> None:
+    """The same places, whether predicted at the last sight or half a second after it."""
+    later = futures([WALKER], np.array([PRIOR]), TIMES, NOISE, [0.5])
+    seen = futures([WALKER], np.array([PRIOR]), TIMES + 0.5, NOISE)
+    np.testing.assert_allclose(later.mean, seen.mean)
+    np.testing.assert_allclose(later.sigma, seen.sigma)
+    assert later.times == pytest.approx(TIMES)
+
+
 def test_no_people_give_no_futures() -> None:
     assert len(futures([], np.zeros((0, len(PRIOR))), TIMES, NOISE)) == 0
 

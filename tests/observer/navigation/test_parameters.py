@@ -22,11 +22,11 @@ BEARINGS = tuple(np.radians(np.arange(-30.0, 30.1, 3.0)).tolist())
 FREE = FreeScan(BEARINGS, (None,) * 21, (0.3,) * 21, (5.0,) * 21)
 SIGHT = Sight(1, 10.0, 10.02, "real", Status.OK, (), True, (), FREE)
 ERRAND = Errand(Goal(1, 5.0, 0.0, 1e-3), 10.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.26, 0.38, 0.44)
-# Crossing from the left or standing beside the path, each pair a little farther away.
+# Crossing from the left or standing beside the path, each group a little farther away.
 PEOPLE = [
     SeenObstacle(3, 0.8 + 0.3 * k, y, 0.0, vy, 0.3, 0.05, 0.1, False)
     for k in range(6)
-    for y, vy in ((1.2, -0.5), (0.7, 0.0))
+    for y, vy in ((1.2, -0.5), (0.7, 0.0), (1.0, 0.0))
 ]
 
 
