@@ -20,7 +20,8 @@ class Evaluation:
 
     Attributes:
         frames: compared. frames_without_world: left out, because their world cannot be related to
-            that of the ground truth.
+            that of the ground truth. frames_without_truth: left out, because nothing is known at
+            their times.
         frames_degraded, frames_lost: of all frames, by the method's status.
         truth_count: obstacles that count, summed over frames. matched: those found.
         recall: matched / truth_count.
@@ -44,6 +45,7 @@ class Evaluation:
 
     frames: int
     frames_without_world: int
+    frames_without_truth: int
     frames_degraded: int
     frames_lost: int
     truth_count: int
@@ -87,6 +89,7 @@ class Evaluation:
 FIGURE_TITLES: dict[str, str] = {
     "frames": "frames compared",
     "frames_without_world": "frames without a common world frame",
+    "frames_without_truth": "frames without ground truth",
     "frames_degraded": "frames degraded",
     "frames_lost": "frames lost",
     "truth_count": "moving obstacles in view, summed over frames",
@@ -128,6 +131,7 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
     return Evaluation(
         frames=frames,
         frames_without_world=sum(t.frames_without_world for t in tallies),
+        frames_without_truth=sum(t.frames_without_truth for t in tallies),
         frames_degraded=sum(t.frames_degraded for t in tallies),
         frames_lost=sum(t.frames_lost for t in tallies),
         truth_count=len(samples),

@@ -146,7 +146,8 @@ class Tally:
 
     Attributes:
         frames: compared frames. frames_without_world: those left out because the segment's
-            world cannot be related to the truth's.
+            world cannot be related to the truth's. frames_without_truth: those left out because
+            the truth, which knows the camera's pose at other frames, knows nothing at theirs.
         frames_degraded, frames_lost: of all frames, by the method's status.
         false: instances with no moving true obstacle nearby. surplus_boxes: second instances on one
             body.
@@ -157,6 +158,7 @@ class Tally:
 
     frames: int = 0
     frames_without_world: int = 0
+    frames_without_truth: int = 0
     frames_degraded: int = 0
     frames_lost: int = 0
     false: list[FalseInstance] = field(default_factory=list)
@@ -199,6 +201,7 @@ class _Comparison:
         self._sides: dict[int, frozenset[int]] = {}
         self._together: dict[int, tuple[int, int]] = {}
         self._worlds = SegmentWorlds(truth)
+        self._camera_known = False
 
     def run(self, lines: Sequence[Line]) -> Tally:
         for line in lines:
@@ -207,6 +210,9 @@ class _Comparison:
             world = self._world(line)
             if world is None:
                 self._tally.frames_without_world += 1
+                continue
+            if self._is_unknown(line.time):
+                self._tally.frames_without_truth += 1
                 continue
             self._tally.frames += 1
             self._compare(line, world)
@@ -220,6 +226,13 @@ class _Comparison:
         pose = None if line.pose is None else _pose(line.pose)
         T_world_truth = self._worlds.at(line.segment, line.frame, line.time, pose)
         return None if T_world_truth is None else T_world_truth.inverse()
+
+    def _is_unknown(self, time: float) -> bool:
+        """Return whether nothing is known at an instant; nobody in sight is something else."""
+        if self._truth.camera_pose(time) is not None:
+            self._camera_known = True
+            return False
+        return self._camera_known and not self._truth.bodies(time)
 
     def _compare(self, line: Line, world: Pose) -> None:
         instances = instances_of(line, world)

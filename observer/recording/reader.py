@@ -126,7 +126,8 @@ class Recording:
     @cached_property
     def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:
         """Parameter revisions, each with the position of the first frame that it applies to."""
-        found, position = [], 0
+        found: list[tuple[int, ParameterRevision]] = []
+        position = 0
         decoder = msgspec.json.Decoder(ParameterRevision)
         for topic, message in self.messages(topics.FRAME.name, topics.PARAMETERS.name):
             if topic == topics.FRAME.name:

@@ -16,6 +16,7 @@ from observer.evaluation.results import FALSE_LISTED, listed
 from observer.evaluation.tally import tally
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody
+from observer.truth.sampled import SampledTruth, TruthSample
 
 from .hand_made import DT, RIGHT, SIZE, StraightTruth, entry, evaluate, line, perfect
 
@@ -287,6 +288,19 @@ def test_later_segment_is_placed_by_the_true_camera_pose() -> None:
     assert left_out.frames == 0
     assert left_out.frames_without_world == 20
     assert left_out.recall is None
+
+
+def test_a_frame_at_which_nothing_is_known_counts_neither_way() -> None:
+    truth = StraightTruth(RIGHT, camera=Pose.identity())
+    lines = perfect(truth, 20)
+    samples = tuple(
+        TruthSample(k, k * DT, truth.bodies(k * DT), truth.camera_pose(k * DT))
+        for k in range(20)
+        if k not in (12, 19)
+    )
+    found = evaluate(lines, SampledTruth(samples))
+    # One missing sample is interpolated; at the end there is none to interpolate with.
+    assert (found.frames, found.frames_without_truth, found.false) == (19, 1, 0)
 
 
 def test_several_runs_are_summarised_together() -> None:
