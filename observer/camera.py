@@ -17,6 +17,8 @@ MIN_BASELINE_M = 0.001
 MAX_BASELINE_M = 2.0
 # A square of a board is a few centimetres wide, and a baseline is seldom longer than 50 of them.
 _MOST_SQUARES = 50.0
+# Image sizes in pixels, in each direction.
+MIN_IMAGE_PX, MAX_IMAGE_PX = 8, 16384
 # Focal lengths as shares of the image's width: fields of view of 157 to 3 degrees without
 # distortion.
 FOCAL_SHARES = (0.1, 20.0)
@@ -54,10 +56,10 @@ class StereoCalibration:
     distortion_model: DistortionModel = "radtan"
 
     def __post_init__(self) -> None:
-        if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
+        if not all(MIN_IMAGE_PX <= size <= MAX_IMAGE_PX for size in (self.width, self.height)):
             raise CalibrationError(
-                f"image_width and image_height must be between 8 and 16384 pixels, "
-                f"not {self.width} x {self.height}"
+                f"image_width and image_height must be between {MIN_IMAGE_PX} and {MAX_IMAGE_PX} "
+                f"pixels, not {self.width} x {self.height}"
             )
         for name in ("K1", "K2", "R"):
             self._set(name, (3, 3))

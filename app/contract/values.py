@@ -17,8 +17,9 @@ Fact = TypeVar("Fact")
 # Object of JSON whose content is declared elsewhere or free, and is not checked.
 JsonObject = dict[str, Any]
 
-# Maximum number of characters in what a person calls something.
+# Maximum numbers of characters in what a person calls something, and in what opens a source.
 LONGEST_NAME = 100
+LONGEST_SPEC = 1000
 
 
 def means(description: str) -> Any:

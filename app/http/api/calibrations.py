@@ -31,6 +31,7 @@ from app.storage import CalibrationRecord
 from observer.calibration.formats.exporting import ExportKind
 from observer.calibration.formats.known import UNIT_HELP, formats_in_words
 from observer.calibration.formats.understanding import Cameras, NamedFile
+from observer.camera import MAX_IMAGE_PX
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
@@ -45,8 +46,8 @@ class CalibrationChange(In):
 class TapeCheckStart(In):
     """A spot in the rectified left image and its tape-measured distance from the left lens."""
 
-    u: Annotated[Finite, Field(ge=0, le=16384)]
-    v: Annotated[Finite, Field(ge=0, le=16384)]
+    u: Annotated[Finite, Field(ge=0, le=MAX_IMAGE_PX)]
+    v: Annotated[Finite, Field(ge=0, le=MAX_IMAGE_PX)]
     measured_m: Annotated[Finite, Field(gt=0, le=100)]
 
 
@@ -184,8 +185,8 @@ async def get_preview(record: Listed, server: TheServer) -> Response:
 async def get_depth(
     record: Listed,
     server: TheServer,
-    u: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
-    v: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
+    u: Annotated[float, Query(ge=0, le=MAX_IMAGE_PX, allow_inf_nan=False)],
+    v: Annotated[float, Query(ge=0, le=MAX_IMAGE_PX, allow_inf_nan=False)],
 ) -> PlaceDepth:
     """``u``, ``v`` are pixels of the rectified left image, as the preview shows it."""
     return await ask(server.engine, MeasureDepth(record.text, u, v), field=("query", "u"))

@@ -11,11 +11,11 @@ from app.contract.pixel import Pixel
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.server.asking import ask
+from observer.camera import MAX_IMAGE_PX
 
 router = APIRouter(tags=["pixels"])
 
-_MOST_PX = 16384
-Coordinate = Annotated[float, Query(ge=-_MOST_PX, le=_MOST_PX, allow_inf_nan=False)]
+Coordinate = Annotated[float, Query(ge=-MAX_IMAGE_PX, le=MAX_IMAGE_PX, allow_inf_nan=False)]
 
 
 @router.get(

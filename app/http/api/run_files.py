@@ -10,6 +10,7 @@ from app.contract.runs import Run, RunChart
 from app.contract.values import filled, json_text
 from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
+from app.http.api.values import FARTHEST_S
 from app.http.cancel_on_disconnect import while_there
 from app.http.gate.headers import REPORT_POLICY
 from app.http.made_file import MadeFileResponse
@@ -22,7 +23,12 @@ router = APIRouter(prefix="/runs", tags=["runs"])
 
 Instant = Annotated[
     float | None,
-    Query(ge=-1e12, le=1e12, allow_inf_nan=False, description="Source time, s; none: its end."),
+    Query(
+        ge=-FARTHEST_S,
+        le=FARTHEST_S,
+        allow_inf_nan=False,
+        description="Source time, s; none: its end.",
+    ),
 ]
 _CHART_KINDS: dict[ChartFormat, str] = {
     "csv": "text/csv; charset=utf-8",

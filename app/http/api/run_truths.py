@@ -11,7 +11,7 @@ from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, CameraOnBodyFa
 from app.contract.values import filled, known
 from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
-from app.http.api.values import ONE_LINE, Changes, Finite, In, Name, notes_on
+from app.http.api.values import FARTHEST_S, ONE_LINE, Changes, Finite, In, Name, notes_on
 from app.http.cancel_on_disconnect import while_there
 from observer.truth.alignment.camera_on_body import FARTHEST_M, LARGEST_DEG
 
@@ -50,7 +50,7 @@ class AlignStart(In):
         default_factory=dict,
         description="Body of each track (SEGMENT/NUMBER); null: none of them.",
     )
-    expected_offset_s: Annotated[Finite, Field(ge=-1e12, le=1e12)] | None = Field(
+    expected_offset_s: Annotated[Finite, Field(ge=-FARTHEST_S, le=FARTHEST_S)] | None = Field(
         None,
         description="Approximate time offset to add to the times of the ground truth, within 2 s; "
         "for periodic motion. null: it is estimated.",

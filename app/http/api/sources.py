@@ -10,6 +10,7 @@ from pydantic import Field, StrictBool, StrictInt
 from app.contract.commands import SetPlayback
 from app.contract.sources import SourceEntry
 from app.contract.status import FASTEST_RATE, SLOWEST_RATE, PlaybackStatus, Status
+from app.contract.values import LONGEST_SPEC
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import LAST_FRAME, Finite, Identifier, In, Spec
@@ -54,7 +55,9 @@ async def get_sources(server: TheServer) -> list[SourceEntry]:
     responses={200: {"content": {"image/jpeg": {}}}, **refusals(404, 422, 503)},
 )
 async def get_picture(
-    spec: Annotated[str, Query(min_length=1, max_length=1000)], server: TheServer, request: Request
+    spec: Annotated[str, Query(min_length=1, max_length=LONGEST_SPEC)],
+    server: TheServer,
+    request: Request,
 ) -> Response:
     """256 x 128 pixels. Made at the first request, which may take seconds, and kept."""
     entries = await server.source.recent.entries()

@@ -7,6 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 
 from app.contract.steps import MethodSteps, StepFormat
+from app.contract.values import LONGEST_SPEC
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import LAST_FRAME, MOST_CHANGES, Name
@@ -34,7 +35,7 @@ def _choice(
         str | None,
         Query(
             min_length=1,
-            max_length=1000,
+            max_length=LONGEST_SPEC,
             description="simulated:SCENARIO, run:ID or a source that was opened before; default: "
             "the open one.",
         ),

@@ -10,6 +10,7 @@ from app.contract.truths import TruthEntry
 from app.http.api.common import NameInPath, TheServer, plain_name
 from app.http.api.refusals import refusals
 from observer.truth.files.known import AngleReading, formats_in_words
+from observer.truth.files.units import FASTEST_HZ
 
 router = APIRouter(prefix="/truth", tags=["truth"])
 
@@ -36,7 +37,9 @@ async def post_truth(
     server: TheServer,
     rate_hz: Annotated[
         float | None,
-        Form(gt=0, le=100_000, allow_inf_nan=False, description="If the file does not state it."),
+        Form(
+            gt=0, le=FASTEST_HZ, allow_inf_nan=False, description="If the file does not state it."
+        ),
     ] = None,
     angles: Annotated[
         AngleReading | None,

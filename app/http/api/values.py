@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, StrictInt, StrictStr
 
 from app.contract.parameters import ParameterValues
-from app.contract.values import LONGEST_NAME
+from app.contract.values import LONGEST_NAME, LONGEST_SPEC
 from observer.calibration.boards.board import (
     MAX_SIDE_CORNERS,
     MAX_SQUARE_MM,
@@ -30,7 +30,9 @@ Tag = Annotated[str, Field(strict=True, min_length=1, max_length=60, pattern=ONE
 Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=NO_NUL)]
 # Id of a lease or a calibration, or name of a programme.
 Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
-Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
+Spec = Annotated[str, Field(strict=True, min_length=1, max_length=LONGEST_SPEC)]
+# Times and differences of times on any clock stay below this, s.
+FARTHEST_S = 1e12
 # Inner corners of a board across or down, and the side of its squares.
 Corners = Annotated[int, Field(ge=MIN_SIDE_CORNERS, le=MAX_SIDE_CORNERS)]
 SquareMm = Annotated[float, Field(ge=MIN_SQUARE_MM, le=MAX_SQUARE_MM, allow_inf_nan=False)]

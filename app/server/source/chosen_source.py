@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from app.contract.values import LONGEST_SPEC
 from app.server.calibrations.library import find_calibration
 from app.server.errors import FieldError, NotThere
 from app.server.source.camera_match import calibration_of_cameras
@@ -12,7 +13,6 @@ from observer.errors import SourceError
 from observer.opening import source_kind
 from observer.recording.run_folder import find_recording
 
-_LONGEST_SPEC = 1000
 # Prefix of a spec that names the recording of a stored run by the run's id, not by its path.
 RUN = "run:"
 
@@ -41,7 +41,7 @@ def check_spec(source: str) -> None:
     Raises:
         FieldError: the text is empty, too long, or has unreadable characters.
     """
-    if not source.isprintable() or not 0 < len(source) <= _LONGEST_SPEC:
+    if not source.isprintable() or not 0 < len(source) <= LONGEST_SPEC:
         raise FieldError(
             ("body", "source"),
             "give simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, "

@@ -8,9 +8,13 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 from urllib.parse import parse_qsl
 
+from observer.camera import MAX_IMAGE_PX
 from observer.errors import SourceError
 
 Auto: TypeAlias = Literal["auto"]
+
+# Smallest image in each direction.
+_LEAST_PX = 16
 
 
 @dataclass(frozen=True)
@@ -91,8 +95,10 @@ def _read_size(text: str) -> tuple[int, int]:
     if not (_is_number(width) and _is_number(height)):
         raise ValueError("WIDTHxHEIGHT in pixels, for example 640x480")
     size = (int(width), int(height))
-    if not all(16 <= length <= 16384 for length in size):
-        raise ValueError("16 to 16384 pixels in each direction, for example 640x480")
+    if not all(_LEAST_PX <= length <= MAX_IMAGE_PX for length in size):
+        raise ValueError(
+            f"{_LEAST_PX} to {MAX_IMAGE_PX} pixels in each direction, for example 640x480"
+        )
     return size
 
 
