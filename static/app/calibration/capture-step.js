@@ -156,14 +156,15 @@ export class CaptureStep extends Part {
    * @param {CalibratingFacts} now
    * @param {string | null} trouble what is wrong with the cameras
    */
-  #say({ look, views }, trouble) {
+  #say({ look, views, computing }, trouble) {
     const added = this.#known
       ? views.filter(({ name }) => !this.#known?.has(name)).at(-1)
       : undefined;
     this.#known = new Set(views.map(({ name }) => name));
-    const next = look?.next ?? "";
+    const next = computing ? "" : (look?.next ?? "");
     // The next place is shown below; do not say it twice.
-    const usual = look?.words.startsWith("Already captured") ? "Already captured" : look?.words;
+    const asked = look?.words.startsWith("Already captured") ? "Already captured" : look?.words;
+    const usual = computing ? "Computing the calibration" : asked;
     const captured = added && `Captured ${added.name}${look?.enough ? "; enough views" : ""}`;
     const words = trouble ?? captured ?? usual ?? "Waiting for the first image";
     const time = performance.now();

@@ -4,6 +4,7 @@ import { h, paint, setAttribute, setText } from "../elements/dom.js";
 import { STALE_AFTER_S } from "../elements/facts.js";
 import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
+import { STATE_WORDS } from "../elements/words.js";
 import { EnlargeButton } from "./enlarge-button.js";
 import { PixelQuestion } from "./pixel-question.js";
 import { ViewSocket } from "./view-socket.js";
@@ -16,8 +17,9 @@ export const VIEWS = {
   left: {
     title: "Left",
     help:
-      "Green stars are features, lines their flow. Obstacles: red moves, orange moves in place, " +
-      "blue has stopped, grey is out of view; the visible part is shaded. " +
+      "Green stars are features, lines their flow. Obstacles: " +
+      `red ${STATE_WORDS.moving}, orange ${STATE_WORDS.in_place}, blue ${STATE_WORDS.stopped}, ` +
+      `grey ${STATE_WORDS.coasting}; the visible part is shaded. ` +
       "Click any point to ask why it counts as moving or not.",
   },
   warped: {
