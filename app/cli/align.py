@@ -84,7 +84,7 @@ def align(
         recorded_capture,
         true_speeds,
     )
-    from app.reports.whole_files import write_file
+    from app.reports.result_files import write_file
     from observer.recording.reader import Recording
     from observer.recording.run_folder import find_recording
     from observer.truth.alignment.alignment import align as solve

@@ -49,9 +49,9 @@ def chart(
     """
     from app.contract.values import plain
     from app.reports.comparison import gather_compared
+    from app.reports.result_files import write_file
     from app.reports.run_chart import chart_csv, chart_values
     from app.reports.stretches import during
-    from app.reports.whole_files import write_file
     from observer.recording.reader import Recording
 
     ending = output.suffix.lower()

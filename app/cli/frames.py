@@ -25,7 +25,7 @@ def frames(
     """
     from app.contract.values import plain
     from app.reports.comparison import ComparedRecording
-    from app.reports.whole_files import write_file
+    from app.reports.result_files import write_file
     from app.workers.methods.frames import run_frames
     from observer.recording.reader import Recording
     from observer.recording.run_times import RunTimes

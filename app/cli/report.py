@@ -41,7 +41,7 @@ def report(
     from app.reports.experiments import beside_published
     from app.reports.page import report_html
     from app.reports.report import make_report, write_figures
-    from app.reports.whole_files import write_file
+    from app.reports.result_files import write_file
 
     with progress_bar("report") as progress:
         made = make_report(path, progress, comparison=comparison)

@@ -31,7 +31,7 @@ def reproduce(
     from app.reports.page import report_html
     from app.reports.report import write_figures
     from app.reports.reproduction import play_experiments, reproduction_report
-    from app.reports.whole_files import write_file
+    from app.reports.result_files import write_file
     from observer.motion_profiles.library import library_text, load_profile
 
     for name in PROGRAMMES:

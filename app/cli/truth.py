@@ -27,7 +27,7 @@ def truth(
 
     Its bodies, frame rate, units, angles and gaps.
     """
-    from app.reports.whole_files import write_file
+    from app.reports.result_files import write_file
     from observer.truth.files.angles import AnglesUnclear
 
     try:

@@ -15,8 +15,8 @@ from app.reports.comparison import Comparison, gather_compared
 from app.reports.gathering import Gathered
 from app.reports.pictures import pictures
 from app.reports.report_figure import ReportFigure, Step
+from app.reports.result_files import write_file
 from app.reports.speed_figure import speed_figure
-from app.reports.whole_files import write_file
 from observer.evaluation.speed_errors import SpeedErrors, identity_changes, speed_errors
 from observer.figures import FORMATS, figure_bytes
 from observer.recording.payloads import Incident, ParameterRevision, RunFacts

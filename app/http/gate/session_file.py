@@ -11,7 +11,7 @@ import structlog
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from app.http.gate.sessions import SessionAge, Sessions
-from app.server.whole_files import write_whole
+from app.server.data_files import write_whole
 from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.contract.rig import RigNumber
+from app.server.data_files import storage_errors, write_whole
 from app.server.errors import FieldError
-from app.server.whole_files import storage_errors, write_whole
 from app.settings import RIG_FILE
 from observer.errors import InputError
 from observer.rig.rig import MOUNT_KEYS, Rig, RigMount, RigValue, RobotModel, Role

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from app.contract.robots import CheckEntry, CheckRecord
 from app.contract.values import filled, of_plain, plain
+from app.server.data_files import storage_errors, write_whole
 from app.server.errors import Conflict, NotThere
 from app.server.robots.circumstances import Circumstances
-from app.server.whole_files import storage_errors, write_whole
 from observer.rig.rig import Role
 
 _NAME = re.compile(r"\d{4}-\d\d-\d\dT\d{4}-(observer|obstacle)(-\d{1,3})?", re.ASCII)

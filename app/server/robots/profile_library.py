@@ -6,8 +6,8 @@ import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.server.data_files import write_whole
 from app.server.errors import Conflict, FieldError, NotThere
-from app.server.whole_files import write_whole
 from observer.errors import InputError
 from observer.motion_profiles.library import load_profile, profile_names, read_profile
 from observer.motion_profiles.profile import MotionProfile

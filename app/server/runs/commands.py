@@ -14,8 +14,8 @@ import structlog
 
 from app.runtime.child import exit_words
 from app.runtime.worker import Worker
+from app.server.data_files import storage_errors
 from app.server.errors import NotAvailable
-from app.server.whole_files import storage_errors
 from app.storage import DataFolder, StorageFull
 from observer.errors import DynamicObserverError
 

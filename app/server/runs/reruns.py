@@ -17,13 +17,13 @@ from app.contract.status import RerunStatus
 from app.contract.values import filled
 from app.runtime.jobs import Progress
 from app.runtime.worker import JobFailed
+from app.server.data_files import storage_errors
 from app.server.errors import NotAvailable
 from app.server.parameters.in_force import ParametersInForce
 from app.server.runs.ending import write_end
 from app.server.runs.result_rows import result_rows
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
-from app.server.whole_files import storage_errors
 from app.storage import RunRecord, RunState, StorageError, StorageFull
 from app.versions import versions
 from app.workers.rerun.messages import Rerun, Rerunned

@@ -15,10 +15,10 @@ from app.contract.commands import LiveTruthOrder
 from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, AlignmentFacts
 from app.contract.truths import TruthEntry, TruthInfo, TruthReading
 from app.contract.values import JsonObject, filled, of_plain, plain
+from app.server.data_files import storage_errors
 from app.server.errors import FieldError, NotThere
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
-from app.server.whole_files import storage_errors
 from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecord
 from app.storage.comparison import StoredTruth, comparison_truth
 from observer.errors import DynamicObserverError

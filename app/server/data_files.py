@@ -1,4 +1,4 @@
-"""Atomic replacement of small files in the data folder."""
+"""Files in the data folder: written atomically, failures as the server's own errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Atomic writing of result files: an incomplete one is never visible."""
+"""Files with results, written completely or not at all."""
 
 from __future__ import annotations
 
