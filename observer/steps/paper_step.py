@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.geometry import Float64Array
-from observer.steps.formulas import (
-    Formula,
-)
+from observer.steps.formulas import Formula
 from observer.steps.pair import ObservedPair
 
 
