@@ -2,7 +2,7 @@
 
 import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
 import { helpButton } from "./help-button.js";
-import { rangeInWords, roundOff, valueInWords } from "./value-words.js";
+import { rangeInWords, roundOff, unitInWords, valueInWords } from "./value-words.js";
 
 /** @import { ParameterEntry, ParameterValue, Values } from "./parameter-store.js" */
 
@@ -168,7 +168,7 @@ export class ParameterField extends HTMLElement {
     const display = (/** @type {ParameterValue} */ value) => {
       const text = roundOff(value);
       if (!typing) number.value = text;
-      slider.setAttribute("aria-valuetext", `${text} ${entry.unit}`);
+      slider.setAttribute("aria-valuetext", `${text} ${unitInWords(entry.unit)}`);
     };
     const gesture = this.#gesture(display);
     slider.addEventListener("input", () => gesture.move(scale.valueAt(slider.valueAsNumber)));
@@ -199,7 +199,7 @@ export class ParameterField extends HTMLElement {
       display(value);
       slider.value = String(scale.placeOf(Number(value)));
     };
-    return h("div.parameter-controls", slider, number, h("span.unit", entry.unit));
+    return h("div.parameter-controls", slider, number, h("span.unit", unitInWords(entry.unit)));
   }
 
   /**

@@ -7,6 +7,11 @@ export function roundOff(value) {
   return typeof value === "number" ? String(Number(value.toPrecision(7))) : String(value ?? "");
 }
 
+/** @param {string} unit in ASCII, as declared @returns {string} as printed: "m/s²", "m/s²/√Hz" */
+export function unitInWords(unit) {
+  return unit.replaceAll("^2", "²").replace(/sqrt\((\w+)\)/, "√$1");
+}
+
 /**
  * @param {ParameterValue | undefined} value
  * @param {Pick<ParameterEntry, "type" | "unit">} entry
@@ -14,7 +19,8 @@ export function roundOff(value) {
  */
 export function valueInWords(value, { type, unit }) {
   if (type === "boolean") return value ? "on" : "off";
-  return unit ? `${roundOff(value)} ${value === 1 ? singular(unit) : unit}` : roundOff(value);
+  const words = unitInWords(value === 1 ? singular(unit) : unit);
+  return words ? `${roundOff(value)} ${words}` : roundOff(value);
 }
 
 /** @param {string} unit as in "frames", "grey levels/px" and "m/s" @returns {string} for the number 1 */
@@ -41,7 +47,7 @@ export function differences(schema, sides) {
 /** @param {ParameterEntry} entry @returns {string} as in "0.1 to 20 px", empty if it has none */
 export function rangeInWords({ minimum, maximum, unit, type }) {
   if (type !== "number" && type !== "integer") return "";
-  return `${roundOff(minimum)} to ${roundOff(maximum)}${unit ? ` ${unit}` : ""}`;
+  return `${roundOff(minimum)} to ${roundOff(maximum)}${unit ? ` ${unitInWords(unit)}` : ""}`;
 }
 
 /** @param {string} group as in "ego_motion" @returns {string} as in "Ego motion" */
