@@ -214,6 +214,11 @@ def test_image_top_view_and_chart_of_a_run_show_the_same_instant(
     for _ in range(10):
         page.keyboard.press("ArrowRight")
     expect(place).not_to_contain_text("frame 2 /")
+    # On a portrait tablet the image, twice as wide as high, fills its place.
+    page.set_viewport_size({"width": 768, "height": 1024})
+    image = player.locator("canvas").bounding_box()
+    assert image is not None
+    assert image["width"] / image["height"] == pytest.approx(2, abs=0.05)
 
     slider.press("Home")
     player.get_by_role("button", name="Play").click()
