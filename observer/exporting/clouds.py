@@ -107,17 +107,14 @@ def write_ply(cloud: Cloud, file: IO[bytes]) -> None:
 
 
 def _pose_at(recording: Recording, position: int) -> Pose:
-    at = recording.frames[position]
-    for line in recording.lines():
-        if line["frame"] == at.index and line["time"] == at.time:
-            pose = line_pose(line)
-            if pose is not None:
-                return pose
-            break
-    raise ExportError(
-        f"the camera's pose at frame {at.index} is not known, so its cloud can only be given in "
-        f"the camera frame"
-    )
+    line = next((line for at, line in recording.positioned_lines() if at == position), None)
+    pose = None if line is None else line_pose(line)
+    if pose is None:
+        raise ExportError(
+            f"the camera's pose at frame {recording.frames[position].index} is not known, so its "
+            "cloud can only be given in the camera frame"
+        )
+    return pose
 
 
 def _recorded(

@@ -9,6 +9,7 @@ however long observing took.
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -29,6 +30,7 @@ from observer.recording.drawn import drawn_obstacles, drawn_truth
 from observer.recording.images import jpeg_data, raw_pixels
 from observer.recording.payloads import MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
+from observer.recording.run_times import FramePlaces
 from observer.vision.rectification import Rectification
 
 BAG_VERSION: Literal[8] = 8
@@ -146,15 +148,15 @@ class _Run:
         info = self.ros.camera_info(model, given.width, given.height, side, at)
         yield _Timed(f"/camera/{side}/camera_info", at, info)
 
-    def _frame(self, message: Message, _: str) -> Iterator[_Timed]:
+    def _frame(self, message: Message, topic: str) -> Iterator[_Timed]:
         frame = msgspec.json.decode(message.data, type=RecordedFrame)
         if frame.odometry is not None:
-            at = self._clock.of_frame(frame.index, frame.time)
+            at = self._clock.of_frame(topic, frame.index, frame.time)
             yield _Timed("/odom", at, self.ros.odometry(frame.odometry, at))
 
-    def _observation(self, message: Message, _: str) -> Iterator[_Timed]:
+    def _observation(self, message: Message, topic: str) -> Iterator[_Timed]:
         line = msgspec.json.decode(message.data)
-        at = self._clock.of_frame(line["frame"], line["time"])
+        at = self._clock.of_frame(topic, line["frame"], line["time"])
         yield _Timed("/observation", at, self.ros.text(json.dumps(line)))
         yield _Timed("/obstacles", at, self.ros.bodies(drawn_obstacles(line), at))
         T_world_camera = line_pose(line)
@@ -163,9 +165,9 @@ class _Run:
             yield _Timed("/tf", at, moving)
             yield _Timed("/camera/pose", at, self.ros.pose(T_world_camera, at))
 
-    def _truth(self, message: Message, _: str) -> Iterator[_Timed]:
+    def _truth(self, message: Message, topic: str) -> Iterator[_Timed]:
         matched = msgspec.json.decode(message.data, type=MatchedTruth)
-        at = self._clock.of_frame(matched.frame, matched.time)
+        at = self._clock.of_frame(topic, matched.frame, matched.time)
         yield _Timed("/truth", at, self.ros.bodies(drawn_truth(matched.bodies), at))
 
     def _cloud(self, message: Message, _: str) -> Iterator[_Timed]:
@@ -230,18 +232,23 @@ class ExposureClock:
             stamps.append(base_ns + round((frames[k].time - base_time) * _SECOND_NS))
         self._wall = np.maximum.accumulate(np.array(wall, dtype=np.int64))
         self._stamps = np.array(stamps, dtype=np.int64)
-        self._by_frame = {
-            (frame.index, frame.time): stamp for frame, stamp in zip(frames, stamps, strict=True)
-        }
+        # By topic, because each is asked for in its own order.
+        self._places: defaultdict[str, FramePlaces] = defaultdict(lambda: FramePlaces(frames))
 
     @property
     def begin_ns(self) -> int:
         """Stamp of the first frame."""
         return int(self._stamps[0])
 
-    def of_frame(self, index: int, time: float) -> int:
-        """Return the stamp of a frame by number and time; the last one if it was not recorded."""
-        return self._by_frame.get((index, time), int(self._stamps[-1]))
+    def of_frame(self, topic: str, index: int, time: float) -> int:
+        """Return the stamp of a frame by number and time, or of one near it that was recorded.
+
+        Args:
+            topic: whose messages are asked for in the order of the recording.
+        """
+        places = self._places[topic]
+        at = places.of(index, time)
+        return int(self._stamps[places.near if at is None else at])
 
     def of_wall(self, wall_ns: int) -> int:
         """Return the stamp at an instant of the wall clock: a frame's stamp at its reception."""

@@ -12,6 +12,7 @@ from observer.exporting.errors import ExportError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.video import FALLBACK_RATE, OverlayVideo
 from observer.recording.reader import Recording
+from observer.recording.run_times import RunTimes
 from observer.vision.rectification import Rectification
 
 # Players and encoders refuse rates outside these.
@@ -40,22 +41,19 @@ def write_run_video(
             "with jpeg or lossless images"
         )
     rectified = Rectification(recording.calibration())
-    positions = {
-        (frame.index, frame.time): position for position, frame in enumerate(recording.frames)
-    }
+    count, times = len(recording.frames), RunTimes(recording.frames).frames
     video = OverlayVideo(path, frame_rate(recording))
     try:
-        for done, line in enumerate(recording.lines(), 1):
-            position = positions.get((line["frame"], line["time"]))
+        for done, (position, line) in enumerate(recording.positioned_lines(), 1):
             if position is not None:
                 try:
                     left = rectified.apply_left(recording.pair(position)[0])
                 except SourceError:
                     # Its images were lost; the previous picture stays.
                     continue
-                video.add(draw_overlay(left, line), line["time"])
+                video.add(draw_overlay(left, line), times[position][1])
             if progress is not None:
-                progress(done, len(positions))
+                progress(done, count)
         video.finish()
     finally:
         video.abort()

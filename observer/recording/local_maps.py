@@ -85,16 +85,16 @@ def _goes_on(frame: RecordedFrame, begin: RecordedFrame) -> bool:
 def _poses(recording: Recording, mount: CameraMount) -> Iterator[Pose | None]:
     """Yield ``T_world_base`` of each frame; None where it is unknown."""
     T_camera_base = mount.T_base_camera.inverse()
-    lines = recording.lines()
-    line = next(lines, None)
-    for frame in recording.frames:
-        if line is None or (line.get("frame"), line.get("time")) != (frame.index, frame.time):
-            # The frame was not observed.
-            yield None
-            continue
+    try:
+        lines = dict(recording.positioned_lines())
+    except (KeyError, TypeError):
+        # They are not in the format that this program writes.
+        lines = {}
+    for position in range(len(recording.frames)):
+        line = lines.get(position)
         try:
-            pose = line_pose(line)
+            # Without a line, the frame was not observed.
+            pose = None if line is None else line_pose(line)
         except (KeyError, TypeError, ValueError):
             pose = None
         yield None if pose is None else pose @ T_camera_base
-        line = next(lines, None)

@@ -43,7 +43,7 @@ from observer.recording.payloads import (
     SkippedPayload,
     TruthPayload,
 )
-from observer.recording.run_times import RunTimes
+from observer.recording.run_times import FramePlaces, RunTimes
 from observer.recording.topics import Topic
 from observer.truth.contract import TrueBody, Truth
 from observer.truth.motion_capture import (
@@ -122,6 +122,15 @@ class Recording:
         decoder = msgspec.json.Decoder(dict[str, Any])
         for topic, message in self.messages(topics.OBSERVATION.name):
             yield cast(ObservationLine, self._decoded(decoder, topic, message))
+
+    def positioned_lines(self) -> Iterator[tuple[int | None, ObservationLine]]:
+        """Yield the lines, each with the position of its frame; None if that is lost.
+
+        Numbers and times of frames may repeat; see ``FramePlaces``.
+        """
+        places = FramePlaces(self.frames)
+        for line in self.lines():
+            yield places.of(line["frame"], line["time"]), line
 
     @cached_property
     def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import median
 
@@ -21,7 +21,7 @@ from observer.geometry import Pose
 from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
-from observer.recording.run_times import FramePlaces, RunTimes
+from observer.recording.run_times import RunTimes
 from observer.truth.contract import Truth
 from observer.vision.rectification import Rectification
 
@@ -46,7 +46,8 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         CalibrationError: the recorded calibration cannot be used.
     """
     camera = Rectification(recording.calibration()).camera
-    lines = list(recording.lines())
+    placed = list(recording.positioned_lines())
+    lines, by_position = [line for _, line in placed], dict(placed)
     times = RunTimes(recording.frames)
     scores = None
     if truth is not None:
@@ -54,10 +55,11 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         scores = _Scores(tally(checked_lines(times.lines(lines)), truth, image_size=size))
     plans, goals = Plans(recording, truth), Goals(recording)
     entries = [
-        _entry(frame, line, camera, _bodies(truth, time), scores, plans, goals.of(frame))
-        for (frame, line), (_, time) in zip(
-            _with_lines(recording.frames, lines), times.frames, strict=True
+        # A killed engine leaves a frame without a line.
+        _entry(
+            frame, by_position.get(k), camera, _bodies(truth, time), scores, plans, goals.of(frame)
         )
+        for k, (frame, (_, time)) in enumerate(zip(recording.frames, times.frames, strict=True))
     ]
     took = [entry.observed_ms for entry in entries if entry.observed_ms is not None]
     return RunFrames(
@@ -69,19 +71,6 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         count=len(entries),
         maps=plan_maps(recording),
     )
-
-
-def _with_lines(
-    frames: Sequence[RecordedFrame], lines: Sequence[ObservationLine]
-) -> Iterator[tuple[RecordedFrame, ObservationLine | None]]:
-    """Yield each frame with its line, or None: a killed engine leaves a frame without one.
-
-    Where a part of the file is damaged, a line may be left without its frame.
-    """
-    places = FramePlaces(frames)
-    placed = {places.of(line["frame"], line["time"]): line for line in lines}
-    for position, frame in enumerate(frames):
-        yield frame, placed.get(position)
 
 
 class _Scores:

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,10 @@ from app.workers.methods.frames import run_frames
 from observer.errors import SourceError
 from observer.evaluation.source_run import run_source
 from observer.evaluation.sources import described
-from observer.jsonl import observation_line
+from observer.exporting import run_video
+from observer.exporting.clouds import _pose_at as cloud_pose
+from observer.exporting.ros2 import ExposureClock
+from observer.jsonl import line_pose, observation_line
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import preset
@@ -34,6 +38,7 @@ from observer.sources.contract import begins_segment
 from observer.truth.contract import TrueBody
 from observer.truth.sampled import TruthSample
 from observer.types import StereoFrame
+from observer.vision.rectification import Rectification
 
 from ...observer.recording.conftest import facts_of
 from ...observer.recording.conftest import frames as frames
@@ -179,6 +184,29 @@ def test_a_new_observer_begins_although_its_first_frame_is_lost(
     expected = [observation_line(new.observe(frame)) for frame in frames[1:SECOND]]
     assert [_bare(line) for line in again[FIRST:]] == [_bare(line) for line in expected]
     assert {line["segment"] for line in again[FIRST:]} == {1}
+
+
+def test_exports_take_each_observation_for_that_of_its_own_frame(
+    restarted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[int, float]] = []
+    video = SimpleNamespace(finish=lambda: None, abort=lambda: None)
+    video.add = lambda picture, time: seen.append((int(picture), time))
+    monkeypatch.setattr(run_video, "OverlayVideo", lambda *_: video)
+    monkeypatch.setattr(run_video, "draw_overlay", lambda left, _: left)
+    monkeypatch.setattr(Rectification, "apply_left", lambda _, left: left)
+    monkeypatch.setattr(Recording, "pair", lambda _, position: (position, position))
+    with Recording(restarted) as recording:
+        clock = ExposureClock(recording)
+        lines = list(recording.lines())
+        stamps = [clock.of_frame("/observation", line["frame"], line["time"]) for line in lines]
+        assert (np.diff(stamps) > 0).all()
+        pose, expected = cloud_pose(recording, FIRST + 5), line_pose(lines[FIRST + 5])
+        assert expected is not None
+        assert pose.translation.tolist() == expected.translation.tolist()
+        run_video.write_run_video(recording, restarted.with_suffix(".mp4"))
+    assert [position for position, _ in seen] == list(range(FIRST + SECOND))
+    assert (np.diff([time for _, time in seen]) > 0).all()
 
 
 def _bare(line: Any) -> dict[str, Any]:
