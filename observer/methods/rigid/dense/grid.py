@@ -16,6 +16,9 @@ from observer.types import Image
 # Columns that resolve a person at 6 m; more would cost more and tell little.
 _COLUMNS = 320
 _LEAST_REDUCTION = 2
+# But where the baseline is short, cells are smaller: so many of them are the disparity at this
+# distance, metres, for up to so many columns.
+_REACH_CELLS, _REACH_M, _MOST_COLUMNS = 2.0, 5.0, 480
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +37,9 @@ class Grid:
     @staticmethod
     def of(camera: StereoCamera) -> Grid:
         """Return the grid for the images of a camera."""
-        reduction = max(_LEAST_REDUCTION, round(camera.width / _COLUMNS))
+        resolving = int(camera.fb / (_REACH_CELLS * _REACH_M))
+        wanted = min(round(camera.width / _COLUMNS), resolving)
+        reduction = max(_LEAST_REDUCTION, round(camera.width / _MOST_COLUMNS), wanted)
         return Grid(camera, reduction, camera.width // reduction, camera.height // reduction)
 
     @property

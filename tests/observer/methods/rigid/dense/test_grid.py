@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -69,6 +71,16 @@ def test_images_of_any_size_give_a_similar_number_of_cells(width: int, reduction
     grid = Grid.of(camera(width, width // 2))
     assert grid.reduction == reduction
     assert grid.shape == (width // 2 // reduction, width // reduction)
+
+
+@pytest.mark.parametrize(
+    ("width", "baseline", "reduction"),
+    [(848, 0.05, 2), (848, 0.12, 3), (1280, 0.05, 3), (1280, 0.12, 4), (1920, 0.01, 4)],
+)
+def test_a_short_baseline_takes_smaller_cells(width: int, baseline: float, reduction: int) -> None:
+    """So that people stand out of what is behind them, but within limits."""
+    rig = replace(camera(width, width // 2), fx=0.5 * width, fy=0.5 * width, baseline=baseline)
+    assert Grid.of(rig).reduction == reduction
 
 
 def test_a_cell_has_the_mean_brightness_of_its_pixels() -> None:
