@@ -23,9 +23,9 @@ _LAG_S, _LAG_SLACK_S = 0.13, 0.07
 # Least difference that is no noise: standard deviations, and grey values.
 _SIGMAS, _LEAST_GREY = 4.0, 4.0
 _LEAST_CELLS = 100
-# Light flickers, as under leaves, if a quarter of what is seen again looks brighter or darker than
-# a moment ago by this share; in steady light noise and texture make up half of that.
-_FLICKER_SHARE = 0.06
+# Light flickers, as under leaves, if a quarter of what is seen again looks brighter or darker, by
+# this share, than everything around it was a moment ago. Texture and noise stay within that.
+_FLICKER_SHARE = 0.005
 # The exposure swings if all of the image is brighter or darker than a moment ago by this factor.
 _SWING = 1.25
 # Both come in gusts: gains for a frame that changes more than those before, and for one that
@@ -116,21 +116,23 @@ class GreyChange:
             return now[:0]
         # Only what is at its old depth tells of the light: somebody who enters the view does not.
         here = grey.ravel()[now[alike]].astype(np.float32)
-        there = before.grey.ravel()[then[alike]].astype(np.float32)
-        gain = median(np.maximum(here, 1) / np.maximum(there, 1))
-        usual = np.float32(gain) * there
+        there, darkest, brightest = (
+            look.ravel()[then[alike]].astype(np.float32)
+            for look in (before.grey, before.darkest, before.brightest)
+        )
+        gain = np.float32(median(np.maximum(here, 1) / np.maximum(there, 1)))
+        usual = gain * there
         difference = np.abs(here - usual)
         self._swing = _gusts(self._swing, abs(math.log(gain)))
-        self._note_flicker(difference / np.maximum(usual, np.float32(BLACK)))
+        beyond = np.maximum(gain * darkest - here, here - gain * brightest)
+        self._note_flicker(np.maximum(beyond, 0) / np.maximum(usual, np.float32(BLACK)))
         limit = max(_SIGMAS * MAD_TO_SIGMA * median(difference), _LEAST_GREY)
         looks = (grey.ravel(), before.darkest.ravel(), before.brightest.ravel())
-        changed: NDArray[np.intp] = now[
-            differs(now, then, *looks, np.float32(gain), np.float32(limit))
-        ]
+        changed: NDArray[np.intp] = now[differs(now, then, *looks, gain, np.float32(limit))]
         return changed
 
     def _note_flicker(self, share: NDArray[np.float32]) -> None:
-        """Note the share (N,) by which each cell is brighter or darker than a moment ago."""
+        """Note the share (N,) by which each cell is brighter or darker than all around it was."""
         now = median(share[share >= median(share)])
         self._flicker = now if self._flicker is None else _gusts(self._flicker, now)
 

@@ -89,7 +89,8 @@ def test_light_flickers_when_much_of_the_static_scene_changes_brightness(shaded:
     change = GreyChange(GRID)
     for k in range(12):
         frame, grey = look(k * LAG_S, ROOM)
-        dark = rng.random(GRID.shape) < shaded
+        leaves = rng.random((GRID.height // 8 + 1, GRID.width // 8 + 1)) < shaded
+        dark = leaves.repeat(8, axis=0).repeat(8, axis=1)[: GRID.height, : GRID.width]
         lit = np.where(dark, 0.8, 1.0) * grey * (1 + 0.02 * k)
         change.changed(frame, lit.astype(np.uint8), ALL)
     assert change.light.flickers is (shaded > 0.2)
@@ -102,6 +103,19 @@ def test_noise_and_texture_under_steady_light_do_not_flicker() -> None:
         pose = Pose(np.eye(3), np.array([0.01 * k, 0.0, 0.01 * k]))
         frame, grey = look(k * LAG_S, [*ROOM, HAND], pose, bright=HAND)
         change.changed(frame, (grey + rng.normal(0, 1.5, GRID.shape)).astype(np.uint8), ALL)
+    assert not change.light.flickers
+
+
+def test_texture_finer_than_the_cells_does_not_flicker_as_the_camera_moves() -> None:
+    """Between frames it falls on the cells differently: each is compared with all around it."""
+    rng = np.random.default_rng(3)
+    change = GreyChange(GRID)
+    fine = rng.integers(40, 200, (2 * GRID.height + 40, 2 * GRID.width + 40)).astype(np.float64)
+    for k in range(12):
+        frame, _ = look(k * LAG_S, ROOM)
+        part = fine[k % 2 :, k % 2 :][: 2 * GRID.height, : 2 * GRID.width]
+        grey = part.reshape(GRID.height, 2, GRID.width, 2).mean(axis=(1, 3))
+        change.changed(frame, grey.astype(np.uint8), ALL)
     assert not change.light.flickers
 
 
