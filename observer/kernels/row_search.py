@@ -11,8 +11,11 @@ from observer.kernels.compiled import (
     SINGLES1,
     SINGLES2,
     WHOLE,
+    WHOLES1,
+    WHOLES2,
     Bytes,
     Flags,
+    Indices,
     Singles,
     kernel,
     part,
@@ -218,3 +221,35 @@ def contradicted_by_rows(
         found = _best(cost, px[n, 0], reduction, uniqueness, least_gap)
         wrong[n] = _contradicts(cost, held[n], found, reduction, uniqueness, least_gap, near_px)
     return wrong
+
+
+@kernel(BYTES2, BYTES2, WHOLES2, WHOLES1, WHOLES1, WHOLE)
+def least_differences(
+    first: Bytes,
+    second: Bytes,
+    cells: Indices,
+    lowest: Indices,
+    highest: Indices,
+    side: int,
+) -> Singles:
+    """(N,) mean differences per cell of the blocks around N cells from those that match best.
+
+    Args:
+        first, second: (h, w) left and right image. cells: (N, 2) columns and rows.
+        lowest, highest: (N,) the disparities, cells, from and up to which blocks are compared.
+        side: of a block; odd.
+
+    Returns:
+        The least differences; infinite where no block lies in both images.
+    """
+    out = np.full(len(cells), np.inf, np.float32)
+    height, width = first.shape
+    for n in range(len(cells)):
+        column, row = cells[n, 0] - side // 2, cells[n, 1] - side // 2
+        begin, end = max(column - highest[n], 0), min(column - lowest[n], width - side)
+        if column < 0 or row < 0 or column + side > width or row + side > height or end < begin:
+            continue
+        cost = np.empty(end - begin + 1, np.uint16)
+        _costs(first, row, column, second, begin, side, cost)
+        out[n] = np.float32(cost[_least(cost)]) / np.float32(side * side)
+    return out

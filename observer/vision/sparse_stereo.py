@@ -16,9 +16,10 @@ from observer.types import Image
 _REDUCTION = 2
 # Side of the compared blocks, in the reduced images.
 _BLOCK_PX = 9
-# Gradients are compared rather than grey levels, because the cameras' brightness differs; they are
-# capped at this, so that one edge does not outvote the rest (as in OpenCV's StereoBM).
-_CAP = 31
+# Gradients are compared rather than grey levels, because the cameras' brightness differs. This is
+# none; they are capped at as much to either side, so that one edge does not outvote the rest (as in
+# OpenCV's StereoBM).
+FLAT = 31
 # The best disparity must cost this share less than all but its neighbours,
 _UNIQUENESS = np.float32(0.1)
 # and this many grey levels per pixel less: among equal repetitions, noise would pick one.
@@ -114,10 +115,14 @@ class RowSearch:
 
 
 def _gradients(image: Image, border: int, left: int) -> NDArray[np.uint8]:
-    """(h, w) capped horizontal gradients of the reduced image, padded by these borders, pixels."""
-    small = cv2.pyrDown(image)
-    steep = cv2.Sobel(small, cv2.CV_8U, 1, 0, delta=_CAP)
-    _, capped = cv2.threshold(steep, 2 * _CAP, 0, cv2.THRESH_TRUNC)
+    """(h, w) gradients of the reduced image, padded by these borders, pixels."""
+    steep = row_gradients(np.asarray(cv2.pyrDown(image), np.uint8))
     return np.asarray(
-        cv2.copyMakeBorder(capped, border, border, left, border, cv2.BORDER_REPLICATE), np.uint8
+        cv2.copyMakeBorder(steep, border, border, left, border, cv2.BORDER_REPLICATE), np.uint8
     )
+
+
+def row_gradients(image: Image) -> NDArray[np.uint8]:
+    """(h, w) capped horizontal gradients of an image (h, w); ``FLAT`` where there is none."""
+    steep = cv2.Sobel(image, cv2.CV_8U, 1, 0, delta=FLAT)
+    return np.asarray(cv2.threshold(steep, 2 * FLAT, 0, cv2.THRESH_TRUNC)[1], np.uint8)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.kernels.row_search import contradicted_by_rows, search_rows
+from observer.kernels.row_search import contradicted_by_rows, least_differences, search_rows
 
 from .oracles import row_search as oracle
 
@@ -63,3 +63,17 @@ def test_flat_images_and_empty_input_give_no_disparity() -> None:
         assert not recurs.any()
         held = np.full(len(some), 8.0, np.float32)
         assert not contradicted_by_rows(flat, wide, some, held, *how, NEAR_PX).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_least_differences_match_numpy(seed: int) -> None:
+    first, second = pair(seed, 24, 63, 17)
+    rng = np.random.default_rng(seed)
+    cells = rng.integers((-2, -2), (WIDTH + 10, HEIGHT + 10), (80, 2))
+    lowest = rng.integers(0, 20, 80)
+    highest = lowest + rng.integers(-1, 12, 80)
+    least = least_differences(first, second, cells, lowest, highest, SIDE)
+    expected = oracle.least_differences(first, second, cells, lowest, highest, SIDE)
+    assert np.isinf(expected).any()
+    assert np.isfinite(expected).any()
+    np.testing.assert_allclose(least, expected, rtol=1e-6)

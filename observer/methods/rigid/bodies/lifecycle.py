@@ -182,6 +182,7 @@ def _confirmed(
     track.crosses = surely and _crosses(track, camera_position)
     far = track.far and not track.lies
     shown = far or track.merged_s == 0 or _shown_by_many(track)
+    shown &= not track.wrong_match
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:

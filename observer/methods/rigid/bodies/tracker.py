@@ -37,6 +37,7 @@ from observer.methods.rigid.bodies.segment_tracking import (
     without_segments,
 )
 from observer.methods.rigid.bodies.spawning import spawned
+from observer.methods.rigid.bodies.wrong_match import note_wrong_matches
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.ground import GroundPlane
@@ -109,6 +110,8 @@ class BodyTracker:
         # Bodies that were found just now are no more certain than others.
         found = [track for track in self.tracks if track.frames == 0]
         note_lasting_errors(found, now, parameters.evidence)
+        if scene is not None:
+            note_wrong_matches(self.tracks, points, scene, now)
         points = self.update_lifecycle(points, now.position, reach, now.dt, p)
         for track in self.tracks:
             track.carry_box(now.T_camera_world, now.camera)

@@ -54,6 +54,34 @@ def contradicted_by_rows(
     return (ambiguous | (np.abs(found - held) > near_px)) & np.isfinite(held)
 
 
+def least_differences(
+    first: NDArray[np.uint8],
+    second: NDArray[np.uint8],
+    cells: NDArray[np.int64],
+    lowest: NDArray[np.int64],
+    highest: NDArray[np.int64],
+    side: int,
+) -> NDArray[np.float64]:
+    """(N,) least mean differences, infinite where unknown; the arguments are the kernel's."""
+    half, least = side // 2, np.full(len(cells), np.inf)
+
+    def block(image: NDArray[np.uint8], column: int, row: int) -> NDArray[np.int64] | None:
+        found = image[
+            max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1
+        ]
+        inside = row >= half and column >= half and found.shape == (side, side)
+        return found.astype(np.int64) if inside else None
+
+    for n, (column, row) in enumerate(cells.tolist()):
+        own = block(first, column, row)
+        others = [block(second, column - d, row) for d in range(lowest[n], highest[n] + 1)]
+        apart = [
+            np.abs(own - other).mean() for other in others if own is not None and other is not None
+        ]
+        least[n] = min(apart, default=np.inf)
+    return least
+
+
 def _blocks(
     px: NDArray[np.float32], reduction: int, side: int, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -1,0 +1,117 @@
+"""Tracks that move only because static points are matched with another repetition of a pattern.
+
+A static point that is matched at disparity d' instead of d is placed on the same line of sight, but
+at d / d' of its depth. While the camera moves at V, that place moves at (1 - d / d') V: it follows
+the camera. So a body that moves along with the camera may be static, at a disparity that its
+velocity tells. If its points match there nearly as well, nothing shows that it moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.kernels.row_search import least_differences
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import VELOCITY
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.types import TrackState
+from observer.vision.sparse_stereo import FLAT, row_gradients
+
+# m/s: a slower camera tells nothing.
+_LEAST_MPS = 0.05
+# Shares of the camera's velocity with which a wrong match may seem to move, and most of a velocity
+# that may lead elsewhere.
+_LEAST_SHARE, _MOST_SHARE, _ELSEWHERE_SHARE = 0.1, 0.95, 0.5
+# Cells: side of the blocks that are compared.
+_SIDE = 9
+# Pixels: how well the matched disparity is known; and the other one, with a share of how far they
+# are apart.
+_MATCHED_PX, _OTHER_PX, _OTHER_SHARE = 1.0, 2.0, 0.1
+# Of a block's texture, the other match may leave so much more unexplained than the one chosen.
+_UNEXPLAINED_SHARE = 0.3
+# Points that must be comparable.
+_LEAST_POINTS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Horizontal gradients (h, w) of both reduced images, and of one without any texture."""
+
+    left: NDArray[np.uint8]
+    right: NDArray[np.uint8]
+    flat: NDArray[np.uint8]
+
+    @staticmethod
+    def of(scene: DenseScene) -> _Pair:
+        left = row_gradients(scene.left)
+        return _Pair(left, row_gradients(scene.right), np.full_like(left, FLAT))
+
+
+def note_wrong_matches(
+    tracks: list[BodyTrack], points: TrackedPoints, scene: DenseScene, now: CameraStep
+) -> None:
+    """Note which tentative tracks move as static points would that are matched wrongly."""
+    camera_mps = -now.T_world_camera.rotate(now.rate.shift)
+    pair = None
+    for track in [t for t in tracks if t.state is TrackState.TENTATIVE and t.rigid]:
+        share = _share_of(camera_mps, track.mean[VELOCITY])
+        if share is None:
+            track.wrong_match = False
+            continue
+        pair = pair or _Pair.of(scene)
+        mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
+        alike = _match_as_well(points.px[mine], points.disparity[mine], 1 - share, pair, scene)
+        if len(alike) >= _LEAST_POINTS:
+            track.wrong_match = bool(alike.mean() > 0.5)
+
+
+def _share_of(camera_mps: Float64Array, velocity: Float64Array) -> float | None:
+    """Return which share of the camera's velocity (3,) m/s a velocity (3,) is; None if another."""
+    square = float(camera_mps @ camera_mps)
+    if square < _LEAST_MPS**2:
+        return None
+    share = float(velocity @ camera_mps) / square
+    if not _LEAST_SHARE <= abs(share) <= _MOST_SHARE:
+        return None
+    elsewhere = np.linalg.norm(velocity - share * camera_mps)
+    return share if elsewhere <= _ELSEWHERE_SHARE * np.linalg.norm(velocity) else None
+
+
+def _match_as_well(
+    px: NDArray[np.float32],
+    disparity: Float64Array,
+    ratio: float,
+    pair: _Pair,
+    scene: DenseScene,
+) -> NDArray[np.bool_]:
+    """(K,) of those of N points that can be compared, which match as well at another disparity.
+
+    Args:
+        px: (N, 2) pixels. disparity: (N,) px, as matched. ratio: of the other to it.
+    """
+    other = ratio * disparity
+    apart = np.abs(disparity - other)
+    reach = np.maximum(_OTHER_PX, _OTHER_SHARE * apart)
+    distinct = apart > reach + _MATCHED_PX
+    disparity, other, reach = disparity[distinct], other[distinct], reach[distinct]
+    cells = np.rint(scene.grid.to_cells(px[distinct].astype(np.float64))).astype(np.int64)
+
+    def differences(
+        image: NDArray[np.uint8], low: Float64Array, high: Float64Array
+    ) -> NDArray[np.float32]:
+        least, most = low / scene.grid.reduction, high / scene.grid.reduction
+        first = np.maximum(np.floor(least), 0).astype(np.int64)
+        last = np.ceil(most).astype(np.int64)
+        return least_differences(pair.left, image, cells, first, last, _SIDE)
+
+    texture = differences(pair.flat, np.zeros(len(cells)), np.zeros(len(cells)))
+    chosen = differences(pair.right, disparity - _MATCHED_PX, disparity + _MATCHED_PX)
+    there = differences(pair.right, other - reach, other + reach)
+    known = np.isfinite(texture) & np.isfinite(chosen) & np.isfinite(there)
+    return np.asarray((there <= chosen + _UNEXPLAINED_SHARE * texture)[known])

@@ -1,0 +1,102 @@
+"""A pattern that is matched with another of its repetitions seems to follow the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.wrong_match import note_wrong_matches
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.types import TrackState
+from observer.vision.camera_rate import CameraRate
+
+from ..solid_worlds import CAMERA, GRID, ROOM, patch, points_on, seen
+from ..solid_worlds import step_to as now_at
+from .judging import P, judge_frames
+
+MakeTrack = Callable[..., BodyTrack]
+
+# m/s: the camera drives ahead.
+AHEAD = np.array([0.0, 0.0, 0.4])
+# px: a static pattern, and its repetition with which it is matched. Points at the latter seem to
+# recede at three quarters of the camera's speed.
+TRUE, MATCHED = 8.0, 32.0
+PERIOD = round((MATCHED - TRUE) / GRID.reduction)
+DEPTH_M = CAMERA.fb / MATCHED
+FOLLOWING = tuple((1 - TRUE / MATCHED) * AHEAD)
+
+
+def pair(period: int | None, seed: int = 0) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Images of a wall at the true disparity, whose texture repeats after so many cells."""
+    rng = np.random.default_rng(seed)
+    height, width = GRID.shape
+    shift = round(TRUE / GRID.reduction)
+    wall = rng.integers(40, 200, (height, width + shift))
+    if period is not None:
+        wall = np.tile(wall[:, :period], (1, width // period + 2))[:, : width + shift]
+    noisy = [
+        np.clip(image + rng.normal(0, 2, (height, width)), 0, 255).astype(np.uint8)
+        for image in (wall[:, :width], wall[:, shift:])
+    ]
+    return noisy[0], noisy[1]
+
+
+def scene_of(images: tuple[NDArray[np.uint8], NDArray[np.uint8]]) -> DenseScene:
+    return replace(seen(ROOM), left=images[0], right=images[1])
+
+
+def noted(track: BodyTrack, scene: DenseScene, camera_mps: NDArray[np.float64] = AHEAD) -> bool:
+    """What is noted of a track whose nine points are at the matched disparity."""
+    points = points_on(patch(0.0, 0.0, DEPTH_M, 0.1)).but(obstacle=np.full(9, track.id))
+    now = replace(now_at(), rate=CameraRate(np.zeros(3), -camera_mps))
+    note_wrong_matches([track], points, scene, now)
+    return track.wrong_match
+
+
+def test_a_repetition_that_follows_the_camera_may_stand(make_track: MakeTrack) -> None:
+    assert noted(make_track((0.0, 0.0, DEPTH_M), FOLLOWING), scene_of(pair(PERIOD)))
+
+
+def test_a_texture_of_its_own_does_move(make_track: MakeTrack) -> None:
+    """The body is where it is matched; a wall farther away looks different."""
+    left, _ = pair(None)
+    right = np.roll(left, -round(MATCHED / GRID.reduction), axis=1)
+    assert not noted(make_track((0.0, 0.0, DEPTH_M), FOLLOWING), scene_of((left, right)))
+
+
+@pytest.mark.parametrize(
+    "velocity", [(0.3, 0.0, 0.1), (0.0, 0.0, -0.5), (0.0, 0.0, 0.4), (0.0, 0.0, 0.02)]
+)
+def test_what_moves_otherwise_than_a_wrong_match_would_is_not_compared(
+    make_track: MakeTrack, velocity: tuple[float, float, float]
+) -> None:
+    """It crosses, approaches fast, keeps the distance or stands."""
+    track = make_track((0.0, 0.0, DEPTH_M), velocity)
+    track.wrong_match = True
+    assert not noted(track, scene_of(pair(PERIOD)))
+
+
+def test_a_camera_that_stands_shows_nothing_of_it(make_track: MakeTrack) -> None:
+    track = make_track((0.0, 0.0, DEPTH_M), FOLLOWING)
+    assert not noted(track, scene_of(pair(PERIOD)), np.zeros(3))
+
+
+def test_a_track_that_is_reported_keeps_its_certainty(make_track: MakeTrack) -> None:
+    track = make_track((0.0, 0.0, DEPTH_M), FOLLOWING)
+    track.state = TrackState.CONFIRMED
+    assert not noted(track, scene_of(pair(PERIOD)))
+
+
+@pytest.mark.parametrize("wrong", [True, False])
+def test_points_that_may_be_matched_wrongly_do_not_confirm(
+    make_track: MakeTrack, *, wrong: bool
+) -> None:
+    track = make_track((0.0, 0.0, 3.0), (0.0, 0.0, 0.5), sigma=0.02)
+    track.points, track.wrong_match = 9, wrong
+    state = judge_frames(track, 2 * P.confirm_hits)
+    assert state is (TrackState.TENTATIVE if wrong else TrackState.CONFIRMED)
