@@ -34,7 +34,7 @@ _PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
 # disparity.
 _LYING_PX, _LYING_SHARE = 0.15, 0.03
 # Cells: disparity of points above which it alone tells whether they approach or recede.
-_TELLING_CELLS = 5.0
+_TELLING_CELLS = 3.5
 
 
 @dataclass(frozen=True, eq=False)
