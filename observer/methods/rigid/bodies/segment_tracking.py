@@ -260,7 +260,8 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
         return
     rows, columns = scene.grid.at(points.px[members])
     judged = widened(scene.near, 1)[rows, columns].mean() > _NEAR_SHARE
-    track.far = not tells_approach(median(points.disparity[members]), scene.grid)
+    typical = median(points.disparity[members])
+    track.far = not tells_approach(typical, scene.grid, flickers=scene.light.flickers)
     stands = scene.standing[rows, columns] | np.isnan(scene.disparity[rows, columns])
     track.off_ground = not mostly_lie(~stands)
     if scene.ground is not None:

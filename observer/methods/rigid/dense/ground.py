@@ -33,8 +33,9 @@ _PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
 # Most by which a point on the ground may be nearer than the plane: px, plus a share of the
 # disparity.
 _LYING_PX, _LYING_SHARE = 0.15, 0.03
-# Cells: disparity of points above which it alone tells whether they approach or recede.
-_TELLING_CELLS = 3.5
+# Cells: disparity of points above which it alone tells whether they approach or recede; and where
+# light flickers, which shifts matches.
+_TELLING_CELLS, _TELLING_IN_FLICKER_CELLS = 3.5, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,12 +177,20 @@ def near_enough(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.bool_]
     Args:
         disparity: (h, w) px, NaN unknown.
     """
-    camera = grid.camera
+    return np.asarray(disparity > np.float32(_judged_px(grid)), np.bool_)
+
+
+def tells_approach(disparity: float, grid: Grid, *, flickers: bool = False) -> bool:
+    """Return whether points of this disparity, px, tell by it alone if they approach or recede.
+
+    Args:
+        flickers: the light does.
+    """
+    cells = _TELLING_IN_FLICKER_CELLS if flickers else _TELLING_CELLS
+    return disparity > max(_judged_px(grid), cells * grid.reduction)
+
+
+def _judged_px(grid: Grid) -> float:
+    """Return the least disparity, px, of cells that are near enough to be judged."""
     least, most = _LEAST_CELLS * grid.reduction, _PRECISE_CELLS * grid.reduction
-    near = min(max(least, camera.fb / _NEAR_M), most)
-    return np.asarray(disparity > np.float32(near), np.bool_)
-
-
-def tells_approach(disparity: float, grid: Grid) -> bool:
-    """Return whether points of this disparity, px, tell by it alone if they approach or recede."""
-    return disparity > _TELLING_CELLS * grid.reduction
+    return min(max(least, grid.camera.fb / _NEAR_M), most)

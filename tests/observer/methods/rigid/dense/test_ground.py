@@ -12,7 +12,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from observer.geometry import Pose
-from observer.methods.rigid.dense.ground import Ground, GroundPlane, above_ground, near_enough
+from observer.methods.rigid.dense.ground import (
+    Ground,
+    GroundPlane,
+    above_ground,
+    near_enough,
+    tells_approach,
+)
 from observer.mount import CameraMount
 
 from ..solid_worlds import (
@@ -285,3 +291,16 @@ def test_the_reach_depends_on_the_baseline(baseline_m: float, reach_m: float) ->
     for z, near in ((0.95 * reach_m, True), (1.05 * reach_m, False)):
         disparity = np.full(grid.shape, grid.camera.fx * baseline_m / z, np.float32)
         assert (near_enough(disparity, grid) == near).all()
+
+
+@pytest.mark.parametrize(
+    ("baseline_m", "flickers", "reach_m"),
+    [(0.05, False, 3.6), (0.05, True, 2.5), (0.12, False, 7.5), (0.12, True, 6.0)],
+)
+def test_points_tell_approach_where_cells_can_be_judged_and_nearer_in_flickering_light(
+    baseline_m: float, reach_m: float, *, flickers: bool
+) -> None:
+    grid = replace(GRID, camera=replace(GRID.camera, baseline=baseline_m))
+    at, beyond = (grid.camera.fb / reach for reach in (0.97 * reach_m, 1.03 * reach_m))
+    assert tells_approach(at, grid, flickers=flickers)
+    assert not tells_approach(beyond, grid, flickers=flickers)
