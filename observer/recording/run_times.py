@@ -119,6 +119,8 @@ class FramePlaces:
         # By part: its frames, and the time of the last one.
         self._parts: list[tuple[dict[tuple[int, float], int], float]] = []
         self._part = 0
+        # Whether the clock's step back led to this part, or a line whose frame is missing.
+        self._stepped = True
         self._newest = -math.inf
         for position, frame in enumerate(frames):
             places, last = self._parts[-1] if self._parts else ({}, math.inf)
@@ -131,12 +133,18 @@ class FramePlaces:
 
     def of(self, frame: int, time: float) -> int | None:
         """Return the position of a frame, or None if it is missing, as in a damaged file."""
-        begun = self._part + (time < self._newest)
+        steps = time < self._newest
+        # A missing frame is found in the next part if that repeats its number and time; the part
+        # begins with the line after it.
+        begins = steps and not self._stepped and (frame, time) in self._parts[self._part][0]
+        begun = self._part + (steps and not begins)
         self._newest = time
         for part in range(begun, len(self._parts)):
             places, last = self._parts[part]
             found = places.get((frame, time))
             if found is not None or (time <= last and part > self._part):
+                if steps or part > self._part:
+                    self._stepped = steps
                 self._part = part
                 self.near = min(places.values()) if found is None else found
             if found is not None or time <= last:

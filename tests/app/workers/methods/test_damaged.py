@@ -29,6 +29,9 @@ from observer.types import StereoFrame
         ("f0 l0 l1 f2 l2 f3 f0 l0", [0, 2, None, 0]),
         # A frame is lost whose number comes again after the engine was replaced.
         ("f0 l0 l1 f2 l2 f3 l3 f0 l0 f1 l1 f2 l2 f3 l3", [0, 2, 3, 0, 1, 2, 3]),
+        # The last frame before the engine was replaced is lost, and others of its number follow.
+        ("f0 l0 f1 l1 l2 f0 l0 f1 l1 f2 l2", [0, 1, 0, 1, 2]),
+        ("f0 l0 l1 f0 l0 f1 l1 f0 l0 f1 l1", [0, 0, 1, 0, 1]),
         # The first frames of the second engine are lost.
         ("f0 l0 f1 l1 f2 l2 l0 l1 f2 l2", [0, 1, 2, 2]),
     ],
