@@ -204,6 +204,8 @@ class _Comparison:
         self._camera_known = False
 
     def run(self, lines: Sequence[Line]) -> Tally:
+        poses = (self._truth.camera_pose(line.time) for line in lines)
+        self._camera_known = any(pose is not None for pose in poses)
         for line in lines:
             self._tally.frames_degraded += line.status == "degraded"
             self._tally.frames_lost += line.status == "lost"
@@ -229,10 +231,9 @@ class _Comparison:
 
     def _is_unknown(self, time: float) -> bool:
         """Return whether nothing is known at an instant; nobody in sight is something else."""
-        if self._truth.camera_pose(time) is not None:
-            self._camera_known = True
+        if not self._camera_known or self._truth.camera_pose(time) is not None:
             return False
-        return self._camera_known and not self._truth.bodies(time)
+        return not self._truth.bodies(time)
 
     def _compare(self, line: Line, world: Pose) -> None:
         instances = instances_of(line, world)

@@ -303,6 +303,16 @@ def test_a_frame_at_which_nothing_is_known_counts_neither_way() -> None:
     assert (found.frames, found.frames_without_truth, found.false) == (19, 1, 0)
 
 
+@pytest.mark.parametrize("known", [range(10), range(10, 20)])
+def test_frames_before_and_after_the_truth_count_neither_way(known: range) -> None:
+    truth = StraightTruth(RIGHT, camera=Pose.identity())
+    samples = tuple(
+        TruthSample(k, k * DT, truth.bodies(k * DT), truth.camera_pose(k * DT)) for k in known
+    )
+    found = evaluate(perfect(truth, 20), SampledTruth(samples))
+    assert (found.frames, found.frames_without_truth, found.false) == (10, 10, 0)
+
+
 def test_several_runs_are_summarised_together() -> None:
     truth = StraightTruth(RIGHT)
     good = tally(checked_lines(perfect(truth, 20)), truth)
