@@ -38,7 +38,7 @@ class Writer:
 
     It retries a locked database for ``patience_s``. Meanwhile the queue fills; once it is full,
     writes are refused (``submit``) or dropped and counted (``post``). Posted writes for which the
-    disk has no room wait until it has, in order.
+    disk has no room wait until it has, in order; submitted ones do not wait behind them.
 
     Attributes:
         trouble: one sentence on the last failed write, or on those that wait for room; None after a
