@@ -133,7 +133,7 @@ class GreyChange:
 
     def _note_flicker(self, share: NDArray[np.float32]) -> None:
         """Note the share (N,) by which each cell is brighter or darker than all around it was."""
-        now = median(share[share >= median(share)])
+        now = float(np.quantile(share, 0.75))
         self._flicker = now if self._flicker is None else _gusts(self._flicker, now)
 
 

@@ -82,16 +82,19 @@ def test_overexposed_cells_are_not_compared(gains: tuple[float, float]) -> None:
     assert not changed(*lit).any()
 
 
+@pytest.mark.parametrize("settling", [0.0, 0.02])
 @pytest.mark.parametrize("shaded", [0.1, 0.4])
-def test_light_flickers_when_much_of_the_static_scene_changes_brightness(shaded: float) -> None:
-    """Shadows of leaves, in different places in each frame, while the exposure settles."""
+def test_light_flickers_when_much_of_the_static_scene_changes_brightness(
+    shaded: float, settling: float
+) -> None:
+    """Shadows of leaves, in different places in each frame, also while the exposure settles."""
     rng = np.random.default_rng(1)
     change = GreyChange(GRID)
     for k in range(12):
         frame, grey = look(k * LAG_S, ROOM)
         leaves = rng.random((GRID.height // 8 + 1, GRID.width // 8 + 1)) < shaded
         dark = leaves.repeat(8, axis=0).repeat(8, axis=1)[: GRID.height, : GRID.width]
-        lit = np.where(dark, 0.8, 1.0) * grey * (1 + 0.02 * k)
+        lit = np.where(dark, 0.8, 1.0) * grey * (1 + settling * k)
         change.changed(frame, lit.astype(np.uint8), ALL)
     assert change.light.flickers is (shaded > 0.2)
 
