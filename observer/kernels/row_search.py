@@ -232,7 +232,7 @@ def least_differences(
     highest: Indices,
     side: int,
 ) -> Singles:
-    """(N,) mean differences per cell of the blocks around N cells from those that match best.
+    """(N,) mean absolute differences between the block around each of N cells and its best match.
 
     Args:
         first, second: (h, w) left and right image. cells: (N, 2) columns and rows.

@@ -67,7 +67,8 @@ class BodyTrack:
             surroundings.
         off_ground: no more than half of its points are on cells that do not stand out of the
             ground. lies: more than half of them lie on it, by their own disparities.
-        wrong_match: while tentative, it moves as static points would that are matched wrongly.
+        wrong_match: while tentative: in the last frame with dense depth, it moved as static points
+            would that are matched wrongly.
         far: it is seen by points alone, too far away to tell whether they approach or recede.
         stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None

@@ -26,7 +26,8 @@ from observer.vision.sparse_stereo import FLAT, row_gradients
 # m/s: a slower camera tells nothing.
 _LEAST_MPS = 0.05
 # Shares of the camera's velocity with which a wrong match may seem to move, and most of a velocity
-# that may lead elsewhere.
+# that may lead elsewhere. By the formula it may also approach faster than the camera drives; that
+# is never held back, for safety.
 _LEAST_SHARE, _MOST_SHARE, _ELSEWHERE_SHARE = 0.1, 0.95, 0.5
 # Cells: side of the blocks that are compared.
 _SIDE = 9
@@ -67,12 +68,11 @@ def note_wrong_matches(
         pair = pair or _Pair.of(scene)
         mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
         alike = _match_as_well(points.px[mine], points.disparity[mine], 1 - share, pair, scene)
-        if len(alike) >= _LEAST_POINTS:
-            track.wrong_match = bool(alike.mean() > 0.5)
+        track.wrong_match = len(alike) >= _LEAST_POINTS and bool(alike.mean() > 0.5)
 
 
 def _share_of(camera_mps: Float64Array, velocity: Float64Array) -> float | None:
-    """Return which share of the camera's velocity (3,) m/s a velocity (3,) is; None if another."""
+    """Return a velocity (3,) as a share of the camera's, m/s; None if no wrong match has it."""
     square = float(camera_mps @ camera_mps)
     if square < _LEAST_MPS**2:
         return None
@@ -90,7 +90,7 @@ def _match_as_well(
     pair: _Pair,
     scene: DenseScene,
 ) -> NDArray[np.bool_]:
-    """(K,) of those of N points that can be compared, which match as well at another disparity.
+    """(K,) whether each point that can be compared matches as well at another disparity.
 
     Args:
         px: (N, 2) pixels. disparity: (N,) px, as matched. ratio: of the other to it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,8 +17,8 @@ from observer.types import Image
 # Columns that resolve a person at 6 m; more would cost more and tell little.
 _COLUMNS = 320
 _LEAST_REDUCTION = 2
-# But where the baseline is short, cells are smaller: so many of them are the disparity at this
-# distance, metres, for up to so many columns.
+# But where the baseline is short, cells are smaller, so that the disparity at this distance,
+# metres, spans so many of them; with at most so many columns.
 _REACH_CELLS, _REACH_M, _MOST_COLUMNS = 2.0, 5.0, 480
 
 
@@ -39,7 +40,7 @@ class Grid:
         """Return the grid for the images of a camera."""
         resolving = int(camera.fb / (_REACH_CELLS * _REACH_M))
         wanted = min(round(camera.width / _COLUMNS), resolving)
-        reduction = max(_LEAST_REDUCTION, round(camera.width / _MOST_COLUMNS), wanted)
+        reduction = max(_LEAST_REDUCTION, math.ceil(camera.width / _MOST_COLUMNS), wanted)
         return Grid(camera, reduction, camera.width // reduction, camera.height // reduction)
 
     @property

@@ -184,7 +184,7 @@ def tells_approach(disparity: float, grid: Grid, *, flickers: bool = False) -> b
     """Return whether points of this disparity, px, tell by it alone if they approach or recede.
 
     Args:
-        flickers: the light does.
+        flickers: whether the light does.
     """
     cells = _TELLING_IN_FLICKER_CELLS if flickers else _TELLING_CELLS
     return disparity > max(_judged_px(grid), cells * grid.reduction)

@@ -75,10 +75,20 @@ def test_a_texture_of_its_own_does_move(make_track: MakeTrack) -> None:
 def test_what_moves_otherwise_than_a_wrong_match_would_is_not_compared(
     make_track: MakeTrack, velocity: tuple[float, float, float]
 ) -> None:
-    """It crosses, approaches fast, keeps the distance or stands."""
+    """It crosses, keeps the distance or stands; a fast approach is never held back."""
     track = make_track((0.0, 0.0, DEPTH_M), velocity)
     track.wrong_match = True
     assert not noted(track, scene_of(pair(PERIOD)))
+
+
+def test_points_that_cannot_be_compared_say_nothing(make_track: MakeTrack) -> None:
+    """Without texture at the other disparity, as beyond the image's border, it counts as moving."""
+    track = make_track((0.0, 0.0, DEPTH_M), FOLLOWING)
+    track.wrong_match = True
+    points = points_on(patch(-0.62 * DEPTH_M, 0.0, DEPTH_M, 0.02)).but(obstacle=np.full(9, 1))
+    now = replace(now_at(), rate=CameraRate(np.zeros(3), -AHEAD))
+    note_wrong_matches([track], points, scene_of(pair(PERIOD)), now)
+    assert not track.wrong_match
 
 
 def test_a_camera_that_stands_shows_nothing_of_it(make_track: MakeTrack) -> None:
