@@ -19,7 +19,7 @@ from observer.calibration.formats.opencv_file import read_calibration
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Server
 from .filmed_board import FilmedBoard
-from .witness import Witness
+from .witness import Witness, report
 
 # How long the person holds the board if its view is not captured because it resembles another.
 _POSE_S = 2.0
@@ -173,8 +173,11 @@ def test_a_robot_yields_to_a_pedestrian_and_states_why(
     page.get_by_label("Residual").first.uncheck()
     _drive_until_held_back(page)
     keep_picture(page, "moment-walker")
-    page.keyboard.up("w")
     with Witness(server, "observer") as witness:
+        # It may still be driving slowly: slowed, not yet stopped, when the key is released.
+        released = time.monotonic()
+        page.keyboard.up("w")
+        report("released before a person", witness.zero_after(released))
         witness.stays_zero(0.4)
     expect(page.locator(".drive-sent")).to_contain_text("Sent: standstill")
     keep_picture(page, "moment-walker-released")
