@@ -26,6 +26,7 @@ export function notify(text, kind = "done", offer) {
     "data-kind": kind,
     role: kind === "error" ? "alert" : "status",
   });
+  notice.toggleAttribute("data-offer", offer !== undefined);
   const close = button(icon("close"), () => notice.remove(), {
     class: "quiet",
     "aria-label": "Dismiss message",
@@ -45,7 +46,11 @@ export function notify(text, kind = "done", offer) {
     for (const before of same) before.remove();
   }
   host.append(notice);
-  while (host.childElementCount > MAX_SHOWN) host.firstElementChild?.remove();
+  while (host.childElementCount > MAX_SHOWN) {
+    // An offer cannot be had again: those without one give way first.
+    const before = [...host.children].filter((each) => each !== notice);
+    (before.find((each) => !each.hasAttribute("data-offer")) ?? before[0])?.remove();
+  }
   const severity = kind === "error" ? "error" : "info";
   window.dispatchEvent(new CustomEvent(NOTICE_SHOWN, { detail: { text, severity } }));
   setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
