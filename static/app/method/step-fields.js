@@ -11,11 +11,9 @@ import { MODEL } from "../parameters/parameter-store.js";
 export class StepFields {
   #none = h("p.hint", { hidden: true }, "This step has no parameters.");
   #list = h("div.step-parameters");
-  #entries = new KeyedList(this.#list, (/** @type {string} */ name) => this.#field(name));
+  #entries = new KeyedList(this.#list, (/** @type {ParameterEntry} */ entry) => this.#field(entry));
   /** Kept when another step is shown. @type {Map<string, ParameterField>} */
   #made = new Map();
-  /** @type {ParameterEntry[]} */
-  #schema = [];
   /** Values that a field's reset restores. @type {Values} */
   defaults = {};
   /** Takes the values of a field, which may still be moving. @type {(values: Values, moving: boolean) => void} */
@@ -41,12 +39,12 @@ export class StepFields {
    * @param {ParameterEntry[]} schema what is known of them; others are not shown
    */
   show(names, values, schema) {
-    this.#schema = schema;
-    const shown = names.filter((name) => schema.some((entry) => entry.name === name));
-    this.#entries.show(shown, (name) => name);
+    const shown = names.flatMap((name) => schema.find((entry) => entry.name === name) ?? []);
+    const key = (/** @type {ParameterEntry} */ { name }) => name;
+    this.#entries.show(shown, key, key);
     this.#none.hidden = shown.length > 0;
     const model = String(values[MODEL]);
-    for (const name of shown) {
+    for (const { name } of shown) {
       const value = values[name];
       if (value !== undefined) this.#made.get(name)?.show(value, model);
     }
@@ -62,15 +60,13 @@ export class StepFields {
     this.#made.get(name)?.fail(message);
   }
 
-  /** @param {string} name */
-  #field(name) {
-    const made = this.#made.get(name);
+  /** @param {ParameterEntry} entry */
+  #field(entry) {
+    const made = this.#made.get(entry.name);
     if (made) return made;
     const field = new ParameterField();
-    const entry = this.#schema.find((each) => each.name === name);
-    if (!entry) return field;
     field.build(entry, this, "step");
-    this.#made.set(name, field);
+    this.#made.set(entry.name, field);
     return field;
   }
 }
