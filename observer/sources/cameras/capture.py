@@ -190,6 +190,7 @@ class NetworkCapture(_OpenCvCapture):
         codec = _codec(self._capture)
         if codec is not None:
             accepted["codec"] = codec
+        accepted["timestamps"] = "none" if self.sent() is None else "of the stream"
         return AppliedSettings(accepted)
 
 

@@ -129,9 +129,6 @@ class Lag:
     A frame's lag is its arrival minus its timestamp, compared with the least one of the last
     minute: so a queue is noticed however slowly it drains, at any pace. The clocks of cameras drift
     by less than 10 ms in that time.
-
-    Attributes:
-        since: arrival of the first of the late frames that came in a row; None after one in time.
     """
 
     _MOST_S = 0.1
@@ -142,7 +139,6 @@ class Lag:
     _LONGEST_STEP_S = 30.0
 
     def __init__(self) -> None:
-        self.since: float | None = None
         self._sent: float | None = None
         # By begin of its time, host's clock.
         self._least: deque[tuple[float, float]] = deque(maxlen=self._TIMES)
@@ -163,11 +159,7 @@ class Lag:
         elif lag < self._least[-1][1]:
             self._least[-1] = self._least[-1][0], lag
         late = lag - min(least for _, least in self._least)
-        if late <= max(self._MOST_S, self._MOST_PERIODS * period):
-            self.since = None
-        elif self.since is None:
-            self.since = arrival
-        return self.since is not None
+        return late > max(self._MOST_S, self._MOST_PERIODS * period)
 
 
 class Waiting:

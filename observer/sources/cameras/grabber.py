@@ -24,6 +24,7 @@ from observer.processes import die_with_parent
 from observer.sources.cameras.capture import Capture, Opener
 from observer.sources.cameras.freshness import Backlog, Lag, Period, Repeats, Waiting
 from observer.sources.cameras.messages import (
+    Behind,
     Command,
     Decode,
     Drop,
@@ -51,12 +52,6 @@ _WAITING = 0.9
 _AT_ONCE_S = 0.005
 _ENDED_AFTER = 5
 _BETWEEN_TRIES_S = 0.004
-# A new connection begins without a queue, so an old one is not waited for longer.
-_LATE_S = 1.5
-_LATE = (
-    "sends images later than it takes them, because the network or this computer is too slow for "
-    "them; lower its size or rate"
-)
 # Far more than the largest images need. FFmpeg buffers a whole part of an HTTP stream, up to 2 GB,
 # whatever length the part declares.
 _MOST_MEMORY_BYTES = 1 << 30
@@ -164,9 +159,7 @@ class Grabber:
                 sent = self._capture.sent()
                 if sent is not None and lag.holds(arrival, sent, period.seconds):
                     held = drains = True
-                    if lag.since is not None and arrival - lag.since > _LATE_S:
-                        self._notices.tell(Failed(_LATE, alive=False))
-                        return
+                    self._notices.offer(Behind())
                 if drains:
                     # The pace of a queue is not the camera's.
                     period.interrupt()

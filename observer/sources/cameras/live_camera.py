@@ -10,6 +10,7 @@ from typing import Literal
 
 from observer.sources.cameras.freshness import Period
 from observer.sources.cameras.messages import (
+    Behind,
     Decode,
     Drop,
     Failed,
@@ -54,6 +55,10 @@ _RECENT = 4
 
 _SILENT = "no longer sends images"
 _UNDECODABLE = "sends images that cannot be decoded"
+_BEHIND = (
+    "falls behind because the network or this computer is too slow for its images; lower its "
+    "resolution or frame rate"
+)
 _FROZEN = "sends the same image again and again"
 _STAMPS_STAND = "sends images whose timestamps do not advance"
 _UNPLUGGED = "is not connected; plug it in again"
@@ -92,6 +97,7 @@ class LiveCamera:
         self._attended_since = now
         self._last_arrival = now
         self._undecodable_since: float | None = None
+        self._is_behind = False
         self._frozen_since: float | None = None
         self.repeats = False
         self._standing_stamps = 0
@@ -208,7 +214,9 @@ class LiveCamera:
         period = self.period.seconds
         silence = now - max(self._last_arrival, self._attended_since)
         if silence > max(_SILENCE_S, _SILENT_PERIODS * period):
-            return _SILENT if self._undecodable_since is None else _UNDECODABLE
+            if self._undecodable_since is not None:
+                return _UNDECODABLE
+            return _BEHIND if self._is_behind else _SILENT
         if self.decoding is not None and not self.is_decoded:
             # This frame came a period after the last good one, so the limit is a period shorter.
             waiting = now - max(self.decoding.arrival, self._attended_since)
@@ -305,6 +313,8 @@ class LiveCamera:
             case Undecodable():
                 self._undecodable_since = self._undecodable_since or now
                 self.release()
+            case Behind():
+                self._is_behind = True
             case Resized(width, height):
                 had = "" if self.opened is None else f"{_size(self.opened)} to "
                 self._fail(f"changed its images from {had}{width}x{height} pixels", now)
@@ -329,6 +339,7 @@ class LiveCamera:
         self.openings += 1
         self.period = Period(opened.rate)
         self._undecodable_since = None
+        self._is_behind = False
         self._standing_stamps = 0
         self._last_grabbed = None
         self.recent.clear()
@@ -338,6 +349,7 @@ class LiveCamera:
     def _take_grabbed(self, grabbed: Grabbed, now: float) -> None:
         last, self._last_grabbed = self._last_grabbed, grabbed
         self.recent.append(grabbed.stamp)
+        self._is_behind = False
         if last is None or grabbed.seq != last.seq + 1:
             self.period.interrupt()
         self.period.add(grabbed.stamp)

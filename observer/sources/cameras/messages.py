@@ -96,6 +96,10 @@ class Undecodable(msgspec.Struct, frozen=True, tag=True):
     """Notice: the data received is not an image."""
 
 
+class Behind(msgspec.Struct, frozen=True, tag=True):
+    """Notice: the frame that arrived had waited in a queue for too long and was dropped."""
+
+
 class Resized(msgspec.Struct, frozen=True, tag=True):
     """Notice: images have another size than at opening; the process ends."""
 
@@ -116,7 +120,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
 
 Command: TypeAlias = Open | Decode | Drop
-Notice: TypeAlias = Opened | Grabbed | Ready | Missed | Undecodable | Resized | Failed
+Notice: TypeAlias = Opened | Grabbed | Ready | Missed | Undecodable | Behind | Resized | Failed
 
 # Decode a line without its line end; both sides have the same version.
 decode_command: Callable[[bytes], Command] = msgspec.json.Decoder(Command).decode

@@ -3,7 +3,8 @@
 The file is JSON, read before each frame: ``mode`` (below), ``size`` [width, height], ``rate``,
 ``phase`` (fraction of a period by which frames come after the host's whole periods), ``stamps``
 (``exposure``, ``standing`` or ``none``), ``behind_s`` (by which stamps are earlier), ``late``
-(fraction of a period by which every fifth frame is delayed further) and ``decoding_s`` (how long it
+(fraction of a period by which every fifth frame is delayed further), ``pace`` (seconds that the
+stream's own timestamps advance in a second; it has none otherwise) and ``decoding_s`` (how long it
 takes to decode a frame).
 """
 
@@ -41,7 +42,7 @@ class ScriptedCapture:
     def __init__(self, address: str, settings: CameraSettings) -> None:
         self._file = Path(address)
         self._settings = settings
-        self._stamp = self._grabbed = 0.0
+        self._stamp = self._grabbed = self._sent = self._sent_at = 0.0
         self._noise: Image | None = None
         self._queued: list[float] | None = None
         mode = self._script()["mode"]
@@ -97,7 +98,12 @@ class ScriptedCapture:
         return self._stamp - self._script().get("behind_s", 0.0)
 
     def sent(self) -> float | None:
-        return None
+        script = self._script()
+        if "pace" not in script:
+            return None
+        self._sent += script["pace"] * (self._stamp - self._sent_at)
+        self._sent_at = self._stamp
+        return self._sent
 
     def settle(self) -> AppliedSettings:
         width, height = self._script()["size"]

@@ -68,6 +68,7 @@ def test_streams_are_read_in_pairs(kind: str) -> None:
             settings = source.report().cameras[0].settings
             assert settings["codec"] == "H264"
             assert settings["size"] == "320x240"
+            assert settings["timestamps"] == "of the stream"
             assert "measured" in settings["rate"]
         finally:
             source.close()
@@ -218,6 +219,8 @@ def test_one_stream_with_both_images() -> None:
             assert (source.info.width, source.info.height) == (320, 240)
             assert source.info.spec == f"sbs:{both.url}"
             assert source.info.devices == (both.url,)
+            settings = source.report().cameras[0].settings
+            assert (settings["codec"], settings["timestamps"]) == ("MJPG", "none")
         finally:
             source.close()
 

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from observer.sources.cameras.source import CameraSource
 from observer.sources.contract import LIVE_PATIENCE_S
 
-from .scripted_camera import write_script
+from .scripted_camera import OPENER, scripted_spec, write_script
 from .watching import Watch, grabbers
 
 # Seconds: allowance for a slow machine, two cores shared with others.
@@ -92,6 +93,25 @@ def test_a_hung_reopening_is_given_up_and_retried(watch: Watch, left: Path) -> N
     write_script(left)
     watch.read_frames(3)
     assert len(grabbers()) == 2
+
+
+def test_a_camera_that_falls_behind_is_reopened(left: Path, right: Path) -> None:
+    write_script(left, stamps="none", pace=1.0)
+    write_script(right, phase=0.2, stamps="none", pace=1.0)
+    source = CameraSource(scripted_spec(left, right), opener=OPENER)
+    try:
+        watch = Watch(source)
+        watch.read_frames(5)
+        write_script(right, phase=0.2, stamps="none", pace=0.7)
+        watch.trouble_after("the right camera (right) falls behind because the network or this")
+        write_script(right, phase=0.2, stamps="none", pace=1.0)
+        count = len(watch.frames)
+        watch.read_until(lambda: len(watch.frames) >= count + 5)
+        report = source.report()
+        assert report.reopened == 1
+        assert [each.trouble for each in report.cameras] == [None, None]
+    finally:
+        source.close()
 
 
 @pytest.mark.parametrize("sent", [signal.SIGSTOP, signal.SIGKILL])
