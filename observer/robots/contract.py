@@ -79,7 +79,7 @@ class SonarReading:
 
 BatteryLevel = Literal["good", "low", "critical"]
 # Names of a report's counters.
-COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
+COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects", "odometry_jumps")
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,8 @@ class RobotReport:
         wanted: speed (m/s) and turn rate (rad/s) for which a robot that drives by itself asks
             permission; None for one that is only driven.
         radius_m, width_m, length_m: its outline.
-        counters: by name: ``packets``, ``bad_packets``, ``unknown_packets``, ``reconnects``.
+        counters: by the names in ``COUNTERS``; ``odometry_jumps``: how often its own odometry
+            changed more than it can have moved.
     """
 
     phase: RobotPhase

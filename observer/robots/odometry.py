@@ -1,4 +1,4 @@
-"""Wheel odometry of a robot, accumulated on the host. Pure."""
+"""Odometry of a robot: its jumps, and wheel odometry accumulated on the host. Pure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,30 @@ _WRAP = 0x8000
 _WRAPPED_BEYOND = 0x1000
 # Packets are buffered: two that arrive together may have been sent more than a period apart.
 _LATE_S = 0.3
-_SLACK_M = 0.05
+# Allows for rounding and for the resolution of encoders.
+_SLACK_M, _SLACK_RAD = 0.05, 0.1
+
+
+def is_jump(
+    driven_m: float,
+    turned_rad: float,
+    seconds: float,
+    *,
+    speed_mps: float,
+    turn_rate_radps: float,
+) -> bool:
+    """Return whether a robot's own odometry changed more than it can have moved.
+
+    Its numbers were reset then, or the robot was restarted.
+
+    Args:
+        driven_m, turned_rad: change of its place and of its heading. seconds: longest time that it
+            may have taken. speed_mps, turn_rate_radps: highest that the robot reaches.
+    """
+    return (
+        driven_m > speed_mps * seconds + _SLACK_M
+        or abs(turned_rad) > turn_rate_radps * seconds + _SLACK_RAD
+    )
 
 
 class WheelOdometry:
@@ -21,8 +44,7 @@ class WheelOdometry:
     Attributes:
         place: relative to the robot's pose at the first packet, x forward and y left.
         spec: the model.
-        jumps: how often the robot's own numbers jumped farther than it can drive (they were reset,
-            or the robot was restarted); a jump counts as standing still.
+        jumps: how often the robot's own numbers jumped; a jump counts as standing still.
     """
 
     def __init__(self, spec: RobotSpec) -> None:
@@ -53,13 +75,18 @@ class WheelOdometry:
             return self.place
         step = [_unwrapped(now - before) for now, before in zip((x, y), last[:2], strict=True)]
         dx, dy = (each * self.spec.distance_mm / 1000 for each in step)
-        farthest = self.spec.speed_max_mps * (time - last[3] + _LATE_S) + _SLACK_M
-        if max(map(abs, step)) > _WRAPPED_BEYOND or math.hypot(dx, dy) > farthest:
+        turned = (heading - last[2] + self._units_per_turn // 2) % self._units_per_turn
+        turned -= self._units_per_turn // 2
+        if max(map(abs, step)) > _WRAPPED_BEYOND or is_jump(
+            math.hypot(dx, dy),
+            turned * unit,
+            time - last[3] + _LATE_S,
+            speed_mps=self.spec.speed_max_mps,
+            turn_rate_radps=self.spec.turn_rate_max_radps,
+        ):
             self.jumps += 1
             self._axes = self.place.yaw - heading * unit
             return self.place
-        turned = (heading - last[2] + self._units_per_turn // 2) % self._units_per_turn
-        turned -= self._units_per_turn // 2
         cos, sin = math.cos(self._axes), math.sin(self._axes)
         self.place = Odometry(
             self.place.x + cos * dx - sin * dy,

@@ -15,6 +15,7 @@ from observer.robots.contract import (
 )
 from observer.robots.models import RobotSpec
 from observer.robots.network.messages import Hello, OdometryMessage, Permit
+from observer.robots.odometry import is_jump
 from observer.types import Odometry
 
 # Time without odometry after which there is a fault.
@@ -26,10 +27,8 @@ UNHEARD_S = 0.7
 _ENABLE_WITHIN_S = 1.0
 # More permits than are sent within ``UNHEARD_S``.
 _MOST_UNCONFIRMED = 100
-# Factor by which a robot may exceed its limits, as when it is pushed, and more that its odometry
-# may change between two messages before that counts as a jump.
+# Factor by which a robot may exceed its limits, as when it is pushed.
 _FASTER = 2.0
-_SLACK_M, _SLACK_RAD = 0.05, 0.1
 _ZERO = (0.0, 0.0)
 # Fields of a report taken from the robot's hello, and from its newest odometry.
 _OF_HELLO = ("name", "radius_m", "width_m", "length_m")
@@ -271,8 +270,7 @@ class _Place:
     """The robot's odometry, accumulated over its connections whatever origin each has.
 
     Attributes:
-        jumps: how often its numbers jumped farther than it can drive, as when they were reset; a
-            jump counts as standing still.
+        jumps: how often its numbers jumped; a jump counts as standing still.
     """
 
     def __init__(self) -> None:
@@ -289,28 +287,25 @@ class _Place:
         if last is None:
             self.odometry = here
             return
-        if _jumped(last, message, limits):
+        dx, dy = message.x - last.x, message.y - last.y
+        turned = math.remainder(message.yaw - last.yaw, 2 * math.pi)
+        if is_jump(
+            math.hypot(dx, dy),
+            turned,
+            _FASTER * (message.time - last.time),
+            speed_mps=limits.speed_mps,
+            turn_rate_radps=limits.turn_rate_radps,
+        ):
             self.jumps += 1
             return
         # From the robot's odometry frame to ours.
         turn = here.yaw - last.yaw
         c, s = math.cos(turn), math.sin(turn)
-        dx, dy = message.x - last.x, message.y - last.y
         self.odometry = Odometry(
             here.x + c * dx - s * dy,
             here.y + s * dx + c * dy,
-            here.yaw + math.remainder(message.yaw - last.yaw, 2 * math.pi),
+            here.yaw + turned,
         )
-
-
-def _jumped(last: OdometryMessage, message: OdometryMessage, limits: RobotLimits) -> bool:
-    dt = _FASTER * (message.time - last.time)
-    driven = math.hypot(message.x - last.x, message.y - last.y)
-    turned = abs(math.remainder(message.yaw - last.yaw, 2 * math.pi))
-    return (
-        driven > limits.speed_mps * dt + _SLACK_M
-        or turned > limits.turn_rate_radps * dt + _SLACK_RAD
-    )
 
 
 class _Delay:

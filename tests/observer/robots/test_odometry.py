@@ -102,6 +102,13 @@ def test_a_counter_reset_near_the_wrap_is_a_jump() -> None:
     assert odometry.jumps == 1
 
 
+def test_a_reset_of_the_heading_alone_is_a_jump() -> None:
+    odometry = WheelOdometry(robot_spec("amigo-sh"))
+    odometry.add(0, 0, 1900, 0.0)
+    assert odometry.add(0, 0, 0, 0.1).yaw == 0.0
+    assert odometry.jumps == 1
+
+
 def test_odometry_continues_after_a_new_baseline() -> None:
     odometry = WheelOdometry(P3DX)
     odometry.add(0, 0, 0, 0.0)
