@@ -9,7 +9,7 @@ gets a page that says so.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import islice
 from typing import Any
@@ -37,6 +37,8 @@ log = structlog.get_logger(__name__)
 
 _METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
 _LONGEST_TEXT = 200
+# FastAPI's message for a part of a form that has no file name.
+_NO_FILE = "Value error, Expected UploadFile"
 # nginx's status for a client that left; nobody receives it.
 _CLOSED_BY_CLIENT = 499
 _MOST_PROBLEMS = 50
@@ -120,9 +122,15 @@ async def _left(_: Request, __: Exception) -> Response:
 async def _invalid(_: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
     return _refused(
-        (each["loc"], with_name(_named(each["loc"]), validation_words(each)), str(each["type"]))
+        (each["loc"], with_name(_named(each["loc"]), _words(each)), str(each["type"]))
         for each in error.errors()
     )
+
+
+def _words(error: Mapping[str, Any]) -> str:
+    if str(error["msg"]).startswith(_NO_FILE):
+        return 'must be a file: give its part of the form a filename="..."'
+    return validation_words(error)
 
 
 def _named(loc: Sequence[str | int]) -> str:

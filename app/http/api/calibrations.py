@@ -89,8 +89,7 @@ async def post_calibration(
     cameras: Annotated[Cameras | None, Form(description="KITTI's pair.")] = None,
 ) -> Calibration:
     files = [
-        NamedFile(plain_name(each.filename, "calibration.yaml"), await each.read())
-        for each in file[:_MOST]
+        NamedFile(plain_name(each, "calibration.yaml"), await each.read()) for each in file[:_MOST]
     ]
     record = await asyncio.to_thread(
         keep_upload, server.storage, files, size=_size(size), unit=unit, cameras=cameras

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import Depends, Path, Request, Response
+from fastapi import Depends, Path, Request, Response, UploadFile
 from fastapi.requests import HTTPConnection
 
 from app.contract.values import LONGEST_NAME
-from app.http.file_name import content_disposition
+from app.http.file_name import content_disposition, encoded_name
 from app.http.gate.admission import session_of
 from app.http.sockets.view_feed import ViewFeed
 from app.server import Server
@@ -58,12 +58,14 @@ def attachment(content: str | bytes, name: str, media_type: str) -> Response:
     return Response(content, media_type=media_type, headers=headers)
 
 
-def plain_name(name: str | None, otherwise: str) -> str:
+def plain_name(file: UploadFile, otherwise: str) -> str:
     """Return an uploaded file's name without its folders and without unprintable characters.
 
     Args:
         otherwise: the name if nothing is left.
     """
+    # RFC 7578 forbids encoded names, but .NET sends them, with a garbled plain one.
+    name = encoded_name(file.headers.get("content-disposition", "")) or file.filename
     last = (name or "").replace("\\", "/").rpartition("/")[2]
     plain = "".join(c for c in last if c.isprintable())[:LONGEST_NAME]
     return plain or otherwise

@@ -46,7 +46,7 @@ async def post_truth(
         Form(description="Meaning of Vicon's three angles, if it cannot be detected."),
     ] = None,
 ) -> TruthEntry:
-    name = plain_name(file.filename, "truth.csv")
+    name = plain_name(file, "truth.csv")
     return await server.runs.truths.upload(file.file, name, rate_hz, angles)
 
 
