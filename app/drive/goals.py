@@ -16,7 +16,7 @@ from app.drive.driven_role import DrivenRole
 from app.drive.going import Going, place_ahead
 from app.runtime.errors import ProcessRefused
 from observer.guard.sight import SIGHT_FRESH_S, Sight
-from observer.navigation.errand import Errand, Goal
+from observer.navigation.errand import REACHED_M, Errand, Goal
 from observer.navigation.plan import Plan
 from observer.types import Status
 
@@ -47,7 +47,7 @@ class Goals:
 
         Raises:
             ProcessRefused: its position is unknown, it drives autonomously, or the goal is too far
-                away.
+                away or under the robot itself.
         """
         values = (command.ahead_m, command.left_m, command.risk_per_metre)
         if not all(math.isfinite(value) for value in values):
@@ -56,6 +56,11 @@ class Goals:
         if distance > FARTHEST_GOAL_M:
             raise ProcessRefused(
                 f"the goal is {distance:.1f} m away; it must lie within {FARTHEST_GOAL_M:g} m",
+                "input",
+            )
+        if distance <= REACHED_M:
+            raise ProcessRefused(
+                f"the robot is already there: a goal must be more than {REACHED_M:g} m away",
                 "input",
             )
         if not 0 < command.risk_per_metre <= 1:

@@ -317,6 +317,7 @@ def test_a_refusal_names_the_missing_condition(bench: Bench) -> None:
     bench.stay("observer", 0.1)
     refused(bench, StartGoal("nobody's", 1.0, 0.0, 1e-3), "control")
     refused(bench, StartGoal(lease, 30.0, 0.0, 1e-3), "30.0 m away", "input")
+    refused(bench, StartGoal(lease, 0.2, -0.1, 1e-3), "already there", "input")
     refused(bench, StartGoal(lease, math.nan, 0.0, 1e-3), "finite", "input")
     refused(bench, StartGoal(lease, 1.0, 0.0, 0.0), "risk", "input")
     bench.robots["observer"].change(wanted=(0.1, 0.0))
