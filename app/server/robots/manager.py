@@ -29,6 +29,7 @@ from app.contract.robots import (
     DRIVEN_STATES,
     DriveFacts,
     DriveProcess,
+    GoalNow,
     RobotNow,
     RobotPortNow,
     RobotsNow,
@@ -110,6 +111,8 @@ class RobotManager:
         self._connecting = Connecting(drive, guard)
         self._facts = _NOTHING_KNOWN
         self._trouble: str | None = None
+        # What the last drive process was driving to when it was lost.
+        self._ended_goal: GoalNow | None = None
         self._generation = 0
         self._world: str | None = None
         self.operators = Operators(self.ask, self._background.start)
@@ -156,6 +159,8 @@ class RobotManager:
 
     def source_changed(self, state: StateEvent) -> None:
         """Handle a newly opened source, other robots in the same one, or other ports or models."""
+        if state.world != self._world:
+            self._ended_goal = None
         self._world = state.world
         self._connecting.want(state, self._rig())
         self._changed()
@@ -167,7 +172,7 @@ class RobotManager:
     def _on_event(self, event: FromDrive) -> None:
         match event:
             case DriveState():
-                self._facts = event.facts
+                self._facts = self._with_ended_goal(event.facts)
                 self.operators.drive_said(self._facts.robots)
                 self.checks.drive_said(self._facts.robots)
                 self._connecting.stopped = self._facts.stopped
@@ -206,11 +211,18 @@ class RobotManager:
         )
         log.error("drive_lost", reason=event.reason)
         # Robots without a drive process must not be shown as connected.
-        self._facts = replace(_NOTHING_KNOWN, stopped=self._facts.stopped)
+        self._ended_goal = _ended(self._facts.goal, event.reason)
+        self._facts = replace(_NOTHING_KNOWN, stopped=self._facts.stopped, goal=self._ended_goal)
         self.rearming.count_disarming(ROLES)
         self._connecting.drive_lost()
         self.operators.drive_lost(event.reason)
         self._changed()
+
+    def _with_ended_goal(self, facts: DriveFacts) -> DriveFacts:
+        """Return the facts with the goal that a lost drive process left, until there is another."""
+        if facts.goal is not None:
+            self._ended_goal = None
+        return facts if self._ended_goal is None else replace(facts, goal=self._ended_goal)
 
     def _firmware_stops(self) -> str:
         """Return what stops the connected robots without commands, in words."""
@@ -331,3 +343,21 @@ class RobotManager:
         except (Conflict, NotAvailable):
             self._connecting.stop_due = self._connecting.stop_due or due
             raise
+
+
+def _ended(goal: GoalNow | None, why: str) -> GoalNow | None:
+    """Return a goal as it is after the drive process was lost, and with it the robot's place."""
+    if goal is None or goal.state != "driving":
+        return goal
+    return GoalNow(
+        state="ended",
+        sentence=f"The goal was aborted: {why}.",
+        place=None,
+        distance_m=None,
+        elapsed_s=goal.elapsed_s,
+        path=(),
+        risk_per_metre=goal.risk_per_metre,
+        planned_risk_per_metre=None,
+        waits_for=None,
+        meets_s=None,
+    )

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from app.contract.drive import ResetStop, StopRobots
+from app.contract.drive import ResetStop, StartGoal, StopRobots, TakeLease
 from app.server import NotAvailable, Server
 from app.storage import Storage
 
@@ -86,3 +86,24 @@ async def test_the_drive_process_stops_before_the_engine(
     async with started(peer, storage, drive=drive):
         pass
     assert order == ["drive", "engine"]
+
+
+async def test_a_goal_that_is_lost_with_the_drive_process_says_why_until_the_next_one(
+    drive: Any, server: Server
+) -> None:
+    await until_async(lambda: drive.health.alive)
+    lease = await server.driving.ask(TakeLease("observer", "Ann"))
+    await server.driving.ask(StartGoal(lease, 3.0, 0.0, 1e-3))
+    drive.lose("the drive process was killed")
+    for restart in (False, True):
+        if restart:
+            drive.start_process()
+        goal = server.driving.facts().goal
+        assert goal is not None
+        assert (goal.state, goal.place, goal.path) == ("ended", None, ())
+        assert goal.sentence == "The goal was aborted: the drive process was killed."
+    lease = await server.driving.ask(TakeLease("observer", "Ann"))
+    await server.driving.ask(StartGoal(lease, 2.0, 0.0, 1e-3))
+    goal = server.driving.facts().goal
+    assert goal is not None
+    assert (goal.state, goal.place) == ("driving", (2.0, 0.0))
