@@ -71,6 +71,7 @@ class ParameterEntry:
     maximum: float | None = None
     step: float | None = None
     choices: Sequence[str] | None = None
+    labels: Annotated[Mapping[str, str] | None, means("What to call each of the choices.")] = None
 
 
 @dataclass(frozen=True)

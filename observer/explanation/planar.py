@@ -138,10 +138,12 @@ def _if_it_counted(residual: float, p: Parameters) -> str:
     lowest, _ = limits(_THRESHOLD)
     value = below(residual)
     if float(value) < lowest:
-        return f"No value of {_THRESHOLD} would make it dynamic: its minimum is {lowest:g} px."
+        return (
+            f"No value of {_THRESHOLD} would make it count as moving: its minimum is {lowest:g} px."
+        )
     return (
-        f"With {_THRESHOLD} at {value} px or below this would count as motion, and be dynamic if "
-        f"at least {p.clustering.min_points} such points are found together."
+        f"With {_THRESHOLD} at {value} px or below this would count as motion, and as an obstacle "
+        f"if at least {p.clustering.min_points} such points are found together."
     )
 
 
@@ -169,7 +171,7 @@ def _moved(place: _Place) -> _Judgement:
             f"reach a significance of only {group.significance:.1f} σ, where {needed:g} σ is "
             "needed.",
             f"With motion.min_significance at {_at_most(group.significance)} or below it would "
-            f"count as dynamic.",
+            f"count as moving.",
             numbers,
         )
     return (
@@ -221,7 +223,7 @@ def _too_small(place: _Place, motions: PointMotions, around: np.ndarray[Any, Any
         PixelVerdict.UNDECIDED,
         f"Something moves, but with only {count_of(size, 'point')}, where an obstacle needs "
         f"{p.clustering.min_points}.",
-        f"With clustering.min_points at {size} or below{also} it would count as dynamic.",
+        f"With clustering.min_points at {size} or below{also} it would count as moving.",
         _figures(group, p) | {"group_points": size},
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -117,9 +118,10 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
             "would be searched for at exactly this place."
         )
     if detector != "shi_tomasi":
+        words = partial(Parameters.value_in_words, "features.detector")
         return why, (
-            f"{detector} may find none here; with features.detector at shi_tomasi (now "
-            f"{detector}) texture alone decides."
+            f"{words(detector)} may find none here; with features.detector at "
+            f"{words('shi_tomasi')} (now {words(detector)}) texture alone decides."
         )
     return why, "A feature found here is tracked from then on, if both cameras see it."
 
@@ -206,7 +208,7 @@ def _judge(
             PixelVerdict.UNDECIDED,
             f"It may move, at {speed:.2f} m/s, but only {pooled} here agree{'s' * (agreeing == 1)} "
             f"on it.",
-            f"With {_FEWEST} at {agreeing} or below it would count as dynamic.",
+            f"With {_FEWEST} at {agreeing} or below it would count as moving.",
         )
     if middle > _STANDING_LENGTH:
         return (
@@ -271,12 +273,12 @@ def _until_it_ends(evidence: PointEvidence, speaker: int, parameters: Parameters
     if seen + 1 > most:
         return (
             f"No value of obstacles.min_points (now {now.min_points}) would end {_name(obstacle)}, "
-            "and for as long as it is tracked its features count as dynamic."
+            "and for as long as it is tracked its features count as moving."
         )
     return (
         f"With obstacles.min_points at {seen + 1} or above (now {now.min_points}) "
         f"{_name(obstacle)} would not be seen any more, and end after {now.coast_s:g} s "
-        "(obstacles.coast_s); as long as it is tracked, its features count as dynamic."
+        "(obstacles.coast_s); as long as it is tracked, its features count as moving."
     )
 
 
@@ -284,14 +286,14 @@ def _until(middle: float, threshold: float, parameters: Parameters) -> str:
     """Say what would make a dynamic feature that is part of no obstacle static."""
     if middle <= threshold:
         return (
-            "It still counts as dynamic because of earlier motion; this ends once its features "
+            "It still counts as moving because of earlier motion; this ends once its features "
             "have been static for a while."
         )
     now, (least, _) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
     value = _two_digits(_rate_for(middle, threshold, now), down=True)
     if value < least:
         return f"No value of {_RATE} (now {now:g}) would change it: the minimum is {least:g}."
-    return f"With {_RATE} at {value:g} or below (now {now:g}) it would not count as dynamic."
+    return f"With {_RATE} at {value:g} or below (now {now:g}) it would not count as moving."
 
 
 def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
@@ -299,8 +301,11 @@ def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
     now, (_, most) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
     value = _two_digits(_rate_for(middle, threshold, now), down=False)
     if value > most:
-        return f"No value of {_RATE} (now {now:g}) would make it dynamic: the maximum is {most:g}."
-    return f"With {_RATE} at {value:g} or above (now {now:g}) it would count as dynamic."
+        return (
+            f"No value of {_RATE} (now {now:g}) would make it count as moving: the maximum is "
+            f"{most:g}."
+        )
+    return f"With {_RATE} at {value:g} or above (now {now:g}) it would count as moving."
 
 
 def _rate_for(length: float, threshold: float, now: float) -> float:

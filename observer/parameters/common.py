@@ -20,7 +20,17 @@ from observer.parameters.fields import (
 class EgoMotionParameters(Stage):
     """The method and its estimate of the camera's motion."""
 
-    model: Model = choice("rigid", title="Method", basic=True)
+    model: Model = choice(
+        "rigid",
+        title="Method",
+        labels={
+            "rigid": "Rigid",
+            "homography": "Homography",
+            "affine": "Affine",
+            "monocular": "Monocular",
+        },
+        basic=True,
+    )
     """rigid estimates 3D ego-motion from stereo and separates motion from parallax. The planar
     methods map image to image: affine (six parameters) is the paper's, homography (eight) also fits
     a plane in perspective. monocular uses only the left image. Switching between rigid, monocular
@@ -58,10 +68,24 @@ class FeaturesParameters(Stage):
     square (klt_tracking.spacing_px) in which no point is tracked."""
 
     detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"] = (
-        choice("shi_tomasi", title="Feature detector", basic=True)
+        choice(
+            "shi_tomasi",
+            title="Feature detector",
+            labels={
+                "fast": "FAST",
+                "shi_tomasi": "Shi-Tomasi",
+                "harris": "Harris",
+                "brisk": "BRISK",
+                "kaze": "KAZE",
+                "mser": "MSER",
+                "orb": "ORB",
+                "surf": "SURF",
+            },
+            basic=True,
+        )
     )
-    """shi_tomasi is the minimum eigenvalue, whose points can be tracked best, harris is
-    Harris-Stephens; the paper uses FAST. surf needs the package mahotas."""
+    """Shi-Tomasi is the minimum eigenvalue, whose points can be tracked best; Harris is
+    Harris-Stephens; the paper uses FAST. SURF needs the package mahotas."""
     max_count: Whole = number(
         600, unit="points", ge=50, le=4000, step=50, title="Max. features", models=PLANAR
     )
@@ -74,11 +98,11 @@ class FeaturesParameters(Stage):
     fast_threshold: Whole = number(
         12, unit="grey levels", ge=2, le=100, step=1, title="FAST threshold"
     )
-    """Min. contrast between a corner and the circle around it, for fast, brisk and orb."""
+    """Min. contrast between a corner and the circle around it, for FAST, BRISK and ORB."""
     quality: Real = number(
         0.01, ge=0.0005, le=0.5, step=0.0005, title="Corner quality", models=PLANAR
     )
-    """Min. corner measure of shi_tomasi and harris, relative to the strongest corner."""
+    """Min. corner measure of Shi-Tomasi and Harris, relative to the strongest corner."""
 
 
 class StereoParameters(Stage):
@@ -88,8 +112,12 @@ class StereoParameters(Stage):
     models = PLANAR
     cloud = True
 
-    matcher: Literal["bm", "sgbm"] = choice("sgbm", title="Stereo matcher")
-    """bm is block matching, fast and sparse; sgbm is semi-global matching, denser."""
+    matcher: Literal["bm", "sgbm"] = choice(
+        "sgbm",
+        title="Stereo matcher",
+        labels={"bm": "Block matching", "sgbm": "Semi-global matching"},
+    )
+    """Block matching (bm) is fast and sparse, semi-global matching (sgbm) is denser."""
     max_disparity_px: Whole = number(
         96, unit="px", ge=16, le=256, step=16, title="Max. disparity", models=STEREO
     )

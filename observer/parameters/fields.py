@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, get_args
@@ -64,9 +64,16 @@ def number(
     return Field(default=default, ge=ge, le=le, title=title, json_schema_extra=extra)
 
 
-def choice(default: Any, *, title: str, basic: bool = False) -> Any:
-    """Declare one of several values, or a switch; ``basic`` as in ``number``."""
+def choice(
+    default: Any, *, title: str, labels: Mapping[str, str] | None = None, basic: bool = False
+) -> Any:
+    """Declare one of several values, or a switch; ``basic`` as in ``number``.
+
+    ``labels``: what a form calls each of the values; None for a switch.
+    """
     extra: dict[str, Any] = {"unit": "", "basic": True} if basic else {"unit": ""}
+    if labels is not None:
+        extra["labels"] = dict(labels)
     return Field(default=default, title=title, json_schema_extra=extra)
 
 

@@ -87,9 +87,10 @@ class ParameterSet(Stage):
 
         Keys: ``name, group, group_help, title, help, type`` (``number``, ``integer``, ``boolean``,
         ``choice``), ``unit, default, models`` (values of ``ego_motion.model`` with which it affects
-        observations), ``minimum, maximum, step`` or ``choices``, ``cloud`` (True) if with every
-        model it affects the displayed dense cloud and disparity, and ``basic`` (True) if it is one
-        of the eight that are shown first for each of its models.
+        observations), ``minimum, maximum, step`` or ``choices, labels`` (the names of the choices
+        in forms), ``cloud`` (True) if with every model it affects the displayed dense cloud and
+        disparity, and ``basic`` (True) if it is one of the eight that are shown first for each of
+        its models.
         """
         return deepcopy(_declared(cls))
 
@@ -104,6 +105,11 @@ class ParameterSet(Stage):
         if entry is None:
             raise InputError(f"there is no parameter named {dotted!r}")
         return deepcopy(entry)
+
+    @classmethod
+    def value_in_words(cls, dotted: str, value: str) -> str:
+        """Return what forms call one of the values of a choice."""
+        return str(cls.declaration(dotted)["labels"][value])
 
     @classmethod
     def describe_range(cls, dotted: str) -> str:
@@ -141,7 +147,7 @@ def _declared(parameters: type[ParameterSet]) -> list[dict[str, Any]]:
             if schema.get("basic"):
                 entry["basic"] = True
             if "enum" in schema:
-                entry |= {"type": "choice", "choices": schema["enum"]}
+                entry |= {"type": "choice", "choices": schema["enum"], "labels": schema["labels"]}
             elif schema["type"] == "boolean":
                 entry |= {"type": "boolean"}
             else:

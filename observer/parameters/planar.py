@@ -24,13 +24,18 @@ class MatchingParameters(Stage):
 
     models = PLANAR
 
-    method: Literal["descriptor", "klt"] = choice("klt", title="Matching method", basic=True)
-    """descriptor compares feature descriptors (ORB, or the detector's own); klt tracks each feature
-    by Lucas-Kanade."""
+    method: Literal["descriptor", "klt"] = choice(
+        "klt",
+        title="Matching method",
+        labels={"descriptor": "Descriptors", "klt": "KLT"},
+        basic=True,
+    )
+    """Descriptors (ORB, or the detector's own) are compared, or KLT tracks each feature by
+    Lucas-Kanade."""
     ratio: Real = number(0.85, ge=0.3, le=1.0, step=0.01, title="Descriptor ratio test")
     """Max. distance of the best descriptor match, relative to the second best."""
     cross_check: Flag = choice(True, title="Match cross check")
-    """Keep only mutual best matches; with klt, track back."""
+    """Keep only mutual best matches; with KLT, track back."""
     max_shift: Real = number(
         0.25, unit="image widths", ge=0.01, le=1.0, step=0.01, title="Max. match shift"
     )

@@ -700,7 +700,8 @@ export interface components {
      *         wanted: speed (m/s) and turn rate (rad/s) for which a robot that drives by itself asks
      *             permission; None for one that is only driven.
      *         radius_m, width_m, length_m: its outline.
-     *         counters: by name: ``packets``, ``bad_packets``, ``unknown_packets``, ``reconnects``.
+     *         counters: by the names in ``COUNTERS``; ``odometry_jumps``: how often its own odometry
+     *             changed more than it can have moved.
      */
     RobotReport: {
       phase: components["schemas"]["RobotPhase"];
@@ -1461,6 +1462,10 @@ export interface components {
       maximum: number | null;
       step: number | null;
       choices: string[] | null;
+      /** @description What to call each of the choices. */
+      labels: {
+        [key: string]: string;
+      } | null;
     };
     ParametersChanged: components["schemas"]["ParametersNow"] & {
       /** @description One sentence for each given parameter that has no effect with the current method. */

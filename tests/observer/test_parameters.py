@@ -41,6 +41,7 @@ def test_every_parameter_has_what_a_form_needs(name: str) -> None:
     assert set(entry["models"]) <= set(MODELS)
     if entry["type"] == "choice":
         assert entry["default"] in entry["choices"]
+        assert set(entry["labels"]) == set(entry["choices"])
     elif entry["type"] != "boolean":
         assert entry["minimum"] <= entry["default"] <= entry["maximum"]
         assert entry["step"] > 0

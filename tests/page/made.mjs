@@ -235,6 +235,7 @@ export function parameter(changes) {
     maximum: 51,
     step: 2,
     choices: null,
+    labels: null,
     ...changes,
   };
 }

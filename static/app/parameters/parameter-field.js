@@ -84,18 +84,23 @@ export class ParameterField extends HTMLElement {
     const changed = value !== fallback;
     this.toggleAttribute("data-changed", changed);
     this.#badge.hidden = this.#reset.hidden = !changed;
-    // The unit is already shown next to the field.
-    setText(this.#badge, `was ${valueInWords(fallback, { ...entry, unit: "" })}`);
+    setText(this.#badge, `was ${this.#bare(fallback)}`);
     this.#reset.title = `Reset to ${valueInWords(fallback, entry)}`;
     if (value !== this.#shown) this.fail("");
     this.#shown = value;
     this.#show(value);
   }
 
+  /** Say a value without its unit, which is next to the field. @param {ParameterValue | undefined} value */
+  #bare(value) {
+    const entry = /** @type {ParameterEntry} */ (this.entry);
+    return valueInWords(value, { ...entry, unit: "" });
+  }
+
   /** @param {string} message empty removes the error */
   fail(message) {
     const kept = message
-      ? `Not applied: ${message.replace(/\.$/, "")}. The value stays at ${String(this.#shown)}.`
+      ? `Not applied: ${message.replace(/\.$/, "")}. The value stays at ${this.#bare(this.#shown)}.`
       : "";
     setText(this.#error, kept);
     for (const control of this.querySelectorAll("input, select"))
@@ -136,7 +141,7 @@ export class ParameterField extends HTMLElement {
       return h("div.parameter-controls", box);
     }
     if (entry.type === "choice") {
-      const choices = (entry.choices ?? []).map((choice) => [choice, choice]);
+      const choices = (entry.choices ?? []).map((each) => [each, valueInWords(each, entry)]);
       const list = select({ id, ...described }, choices);
       list.addEventListener("change", () => this.#commit(list.value));
       this.#show = (value) => (list.value = String(value));

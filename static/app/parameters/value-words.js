@@ -14,11 +14,12 @@ export function unitInWords(unit) {
 
 /**
  * @param {ParameterValue | undefined} value
- * @param {Pick<ParameterEntry, "type" | "unit">} entry
- * @returns {string} as in "1.2 px" and "on"
+ * @param {Pick<ParameterEntry, "type" | "unit" | "labels">} entry
+ * @returns {string} as in "1.2 px", "on" and "Shi-Tomasi"
  */
-export function valueInWords(value, { type, unit }) {
+export function valueInWords(value, { type, unit, labels }) {
   if (type === "boolean") return value ? "on" : "off";
+  if (type === "choice") return labels?.[String(value)] ?? String(value);
   const words = unitInWords(value === 1 ? singular(unit) : unit);
   return words ? `${roundOff(value)} ${words}` : roundOff(value);
 }

@@ -245,7 +245,7 @@ def test_the_stated_rate_of_false_alarms_changes_the_verdict(length: float) -> N
 
 
 def test_it_is_stated_if_no_rate_of_false_alarms_would_change_the_verdict() -> None:
-    for length, words in ((1.0, "would make it dynamic"), (30.0, "would change it")):
+    for length, words in ((1.0, "would make it count as moving"), (30.0, "would change it")):
         change = ask(evidence(length, obstacle_id=np.array([-1]))).would_change
         assert "No value of evidence.false_alarms_per_frame" in change
         assert words in change

@@ -21,6 +21,9 @@ test("values and ranges are said with their unit", () => {
   );
   assert.equal(valueInWords(2, parameter({ unit: "frames" })), "2 frames");
   assert.equal(valueInWords(false, parameter({ type: "boolean", unit: "" })), "off");
+  const detector = parameter({ type: "choice", unit: "", labels: { shi_tomasi: "Shi-Tomasi" } });
+  assert.equal(valueInWords("shi_tomasi", detector), "Shi-Tomasi");
+  assert.equal(valueInWords("added later", detector), "added later");
   assert.equal(valueInWords(0.3, parameter({ unit: "m/s^2" })), "0.3 m/s²");
   assert.equal(valueInWords(1, parameter({ unit: "m/s^2/sqrt(Hz)" })), "1 m/s²/√Hz");
   assert.equal(rangeInWords(parameter({})), "5 to 51 px");
