@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from app.contract.commands import OpenSource, RecordOrder
-from app.engine.recording import RunRecorder, make_room
+from app.engine.recording import RunRecorder
+from app.engine.recording_room import make_room
 from observer.errors import SourceError
 from observer.mount import CameraMount
 from observer.recording.errors import RecordingError

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import shutil
 import threading
 import time
 from collections import deque
@@ -22,6 +21,7 @@ from app.contract.status import EgoMotionStatus, RecordingStatus
 from app.engine.dense_stereo import Cloud
 from app.engine.errors import NotNow, unexpected
 from app.engine.playback import PlayedFrame
+from app.engine.recording_room import almost_full, free_bytes, make_room
 from observer.jsonl import ObservationLine
 from observer.navigation.parameters import AllParameters
 from observer.recording.errors import RecordingError
@@ -45,11 +45,6 @@ _LOOK_AT_DISK_S = 1.0
 Work = Callable[[RecordingWriter], None]
 # Takes the saved clip, or why there is none; it must not raise.
 ClipReply = Callable[[KeptClip | RecordingError], None]
-
-
-def free_bytes(path: Path) -> int:
-    """Return the free bytes on the disk of a file."""
-    return shutil.disk_usage(path.parent).free
 
 
 class RunRecorder(threading.Thread):
@@ -379,26 +374,3 @@ def _saved_clip(ring: Ring, path: Path, reserve_bytes: int) -> KeptClip | Record
         _log.exception("saving a clip failed")
         why = f"the clip {path.name} could not be saved: {unexpected(error)}"
         return RecordingError(why, full=False)
-
-
-def almost_full(path: Path, left: int, reserve: int) -> str:
-    """Return the message for a disk with too little room for a recording."""
-    return (
-        f"the recording {path.name} cannot continue: only {left >> 20} MB are free on the disk and "
-        f"{reserve >> 20} MB are reserved; free some space and start a new run"
-    )
-
-
-def make_room(path: Path, reserve_bytes: int) -> None:
-    """Check that a file can be begun.
-
-    Raises:
-        RecordingError: the file cannot be begun, or the disk is almost full.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        left = free_bytes(path)
-    except OSError as error:
-        raise RecordingError.of(error, path.name) from None
-    if left < reserve_bytes:
-        raise RecordingError(almost_full(path, left, reserve_bytes), full=True)

@@ -12,6 +12,7 @@ import numpy as np
 from observer.errors import InputError
 from observer.evaluation.breakdown import break_down
 from observer.evaluation.choices import DEFAULT_MAX_FRAMES, LAB, Scale
+from observer.evaluation.counts import Tally
 from observer.evaluation.evaluate import summarise
 from observer.evaluation.jobs import run_sources_in_processes
 from observer.evaluation.results import (
@@ -23,7 +24,6 @@ from observer.evaluation.results import (
 )
 from observer.evaluation.source_run import SourceRun, run_source
 from observer.evaluation.sources import BenchmarkSource, described
-from observer.evaluation.tally import Tally
 from observer.evaluation.targets import Cost, targets
 from observer.parameters import Parameters
 

@@ -15,6 +15,7 @@ from math import inf
 from typing import Literal
 
 from observer.evaluation.choices import LAB, Scale
+from observer.evaluation.counts import Episode, Sample, Tally
 from observer.evaluation.evaluate import (
     box_iou_median,
     coverage,
@@ -24,11 +25,6 @@ from observer.evaluation.evaluate import (
     rms,
     shown,
     unflagged_misses,
-)
-from observer.evaluation.tally import (
-    Episode,
-    Sample,
-    Tally,
 )
 from observer.truth.contract import Kind
 

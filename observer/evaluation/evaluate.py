@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from observer.evaluation.counts import Episode, Sample, Tally
 from observer.evaluation.flagged import VELOCITY_95_CHI2
-from observer.evaluation.tally import Episode, Sample, Tally
 
 
 @dataclass(frozen=True)

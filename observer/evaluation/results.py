@@ -8,9 +8,9 @@ from typing import Any
 
 from observer.evaluation.breakdown import Breakdown
 from observer.evaluation.choices import Scale
+from observer.evaluation.counts import FalseInstance
 from observer.evaluation.evaluate import Evaluation
 from observer.evaluation.sources import BenchmarkSource
-from observer.evaluation.tally import FalseInstance
 from observer.evaluation.targets import Target
 
 # Number of false instances of a preset on a source that are listed; the rest are only counted.

@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from observer.errors import InputError
+from observer.evaluation.counts import Tally
 from observer.evaluation.lines import checked_lines
 from observer.evaluation.opencv_time import OpenCvRecorder
 from observer.evaluation.sources import BenchmarkSource
-from observer.evaluation.tally import Tally, tally
+from observer.evaluation.tally import tally
 from observer.jsonl import ObservationLine, observation_line
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source

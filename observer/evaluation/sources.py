@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Literal
 
-from observer.evaluation.tally import ScoredFor
+from observer.evaluation.counts import ScoredFor
 from observer.opening import open_source, simulated_world, source_kind
 from observer.simulation.scenarios import load_scenario
 

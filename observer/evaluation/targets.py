@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from observer.evaluation.breakdown import NEAR_M, direction_of
+from observer.evaluation.counts import Episode, Sample, Tally
 from observer.evaluation.evaluate import (
     box_iou_median,
     coverage,
@@ -26,7 +27,6 @@ from observer.evaluation.evaluate import (
     shown,
     unflagged_misses,
 )
-from observer.evaluation.tally import Episode, Sample, Tally
 
 RANGE_M = (0.8, 4.0)
 # Speeds from which motion must be found, by direction; slower motion need not be.

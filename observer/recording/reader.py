@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -21,15 +19,12 @@ from observer.jsonl import ObservationLine
 from observer.parameters import translated
 from observer.recording import topics
 from observer.recording.contents import (
-    ChunkPlace,
     Contents,
     Message,
     chunk_records,
     find_contents,
-    message_entries,
     messages_of,
 )
-from observer.recording.images import jpeg_pixels, raw_pixels
 from observer.recording.payloads import (
     CapturePayload,
     Incident,
@@ -43,6 +38,7 @@ from observer.recording.payloads import (
     SkippedPayload,
     TruthPayload,
 )
+from observer.recording.recorded_images import RecordedImages
 from observer.recording.run_times import FramePlaces, RunTimes
 from observer.recording.topics import Topic
 from observer.truth.contract import TrueBody, Truth
@@ -58,7 +54,6 @@ from observer.types import Image
 
 _Payload = TypeVar("_Payload", bound=msgspec.Struct)
 _Decoded = TypeVar("_Decoded")
-_SIDES = (topics.LEFT_RAW.name, topics.RIGHT_RAW.name)
 
 
 class Recording:
@@ -88,8 +83,7 @@ class Recording:
             self._file.close()
             raise
         self.unfinished = not self._contents.finished
-        # Offset and records of the image chunk that was unpacked last.
-        self._unpacked: tuple[int, bytes] | None = None
+        self._images = RecordedImages(self._file, self._contents, self.path.name)
 
     def __enter__(self) -> Recording:
         return self
@@ -248,8 +242,7 @@ class Recording:
             SourceError: the recording holds no images, none of this frame, or damaged ones.
         """
         number = self._image_of(position)
-        left, right = (self._image(side, number) for side in _SIDES)
-        return left, right
+        return self._images.left(number), self._images.right(number)
 
     def left(self, position: int) -> Image:
         """Return only the left image of a frame, as ``pair`` does.
@@ -257,7 +250,7 @@ class Recording:
         Raises:
             SourceError: the recording holds no images, none of this frame, or a damaged one.
         """
-        return self._image(_SIDES[0], self._image_of(position))
+        return self._images.left(self._image_of(position))
 
     def _image_of(self, position: int) -> int:
         number = self.frames[position].image
@@ -269,85 +262,14 @@ class Recording:
         return number
 
     @property
-    def next_image(self) -> int:
-        """Number that the next pair of images would have."""
-        return self._first_image + self._images
-
-    @property
     def images_held(self) -> range:
         """Numbers of all pairs of images."""
-        return range(self._first_image, self.next_image)
+        return self._images.numbers
 
     @property
     def end_ns(self) -> int:
         """Newest log time, nanoseconds since 1970."""
         return max((c.index.message_end_time for c in self._contents.chunks), default=0)
-
-    def _image(self, side: str, number: int) -> Image:
-        places = self._image_places[side]
-        if not 0 <= number - self._first_image < self._images:
-            raise SourceError(f"{self.path.name} has no images for this frame")
-        message = self._numbered_message(places, number)
-        schema = self._contents.schemas[self._contents.channels[message.channel].schema_id].name
-        if schema == topics.LEFT_RAW.schema_name:
-            return raw_pixels(message.data)
-        return jpeg_pixels(message.data)
-
-    def _numbered_message(self, places: Sequence[tuple[ChunkPlace, int]], number: int) -> Message:
-        """Return the image of this number; where others are lost, it comes some places earlier."""
-        # Places whose numbers are known to be lower, and higher.
-        lower, higher = -1, len(places)
-        k = number - self._first_image
-        while lower + 1 < higher:
-            k = min(max(k, lower + 1), higher - 1)
-            message = self._message_at(*places[k])
-            if message.sequence == number:
-                return message
-            if message.sequence < number:
-                lower = k
-            else:
-                higher = k
-            k += number - message.sequence
-        raise SourceError(f"{self.path.name} is damaged: the images of this frame are lost")
-
-    @cached_property
-    def _image_places(self) -> dict[str, list[tuple[ChunkPlace, int]]]:
-        found: dict[str, list[tuple[ChunkPlace, int]]] = {}
-        for side in _SIDES:
-            places = found[side] = []
-            for channel in self._contents.channel_ids(side):
-                for chunk in self._contents.chunks:
-                    entries = message_entries(self._file, chunk, channel)
-                    places += ((chunk, entry.offset) for entry in entries)
-        return found
-
-    @cached_property
-    def _images(self) -> int:
-        """Number of pairs, with those that are lost between others."""
-        places = self._image_places[_SIDES[0]]
-        if not places:
-            return 0
-        try:
-            return self._message_at(*places[-1]).sequence + 1 - self._first_image
-        except SourceError:
-            return len(places)
-
-    @cached_property
-    def _first_image(self) -> int:
-        # Not 0 in a saved clip, which begins in the middle of a run.
-        for k, place in enumerate(self._image_places[_SIDES[0]]):
-            with contextlib.suppress(SourceError):
-                return self._message_at(*place).sequence - k
-        return 0
-
-    def _message_at(self, chunk: ChunkPlace, offset: int) -> Message:
-        if self._unpacked is None or self._unpacked[0] != chunk.offset:
-            self._unpacked = chunk.offset, chunk_records(self._file, chunk, self.path.name)
-        try:
-            return next(messages_of(self._unpacked[1], offset))
-        except (StopIteration, struct.error):
-            name = self.path.name
-            raise SourceError(f"{name} is damaged: an image is not in its place") from None
 
     # --- messages ----------------------------------------------------------------------------
 

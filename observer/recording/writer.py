@@ -59,7 +59,7 @@ class RecordingWriter(Encoder):
             SourceError: it is not a recording. RecordingError: it cannot be written.
         """
         with Recording(path) as recording:
-            facts, images = recording.facts, recording.next_image
+            facts, images = recording.facts, recording.images_held.stop
             after = recording.end_ns
         writer = cls.__new__(cls)
         Encoder.__init__(writer, facts, first_image=images, after_ns=after)

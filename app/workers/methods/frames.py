@@ -15,8 +15,9 @@ from app.contract.run_frames import FrameBody, FrameCounts, FrameEntry, FrameObs
 from app.workers.methods.goals import Goals
 from app.workers.methods.plans import Plans, plan_maps
 from observer.camera import StereoCamera
+from observer.evaluation.counts import Sample, Tally
 from observer.evaluation.lines import checked_lines
-from observer.evaluation.tally import Sample, Tally, tally
+from observer.evaluation.tally import tally
 from observer.geometry import Pose
 from observer.jsonl import ObservationLine, ObstacleEntry, line_pose
 from observer.recording.payloads import RecordedFrame

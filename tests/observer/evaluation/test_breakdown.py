@@ -16,8 +16,9 @@ from observer.evaluation.breakdown import (
     direction_of,
 )
 from observer.evaluation.choices import LAB, ROAD
+from observer.evaluation.counts import Episode, Sample, Tally
 from observer.evaluation.lines import checked_lines
-from observer.evaluation.tally import Episode, Sample, Tally, tally
+from observer.evaluation.tally import tally
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody
 

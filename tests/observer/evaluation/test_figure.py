@@ -15,6 +15,7 @@ from observer.errors import InputError
 from observer.evaluation.benchmark import run_benchmark
 from observer.evaluation.breakdown import break_down
 from observer.evaluation.choices import LAB
+from observer.evaluation.counts import FalseInstance, Sample, Tally
 from observer.evaluation.evaluate import summarise
 from observer.evaluation.figure import benchmark_figure, save_figure
 from observer.evaluation.results import (
@@ -25,7 +26,6 @@ from observer.evaluation.results import (
     Timing,
 )
 from observer.evaluation.sources import BenchmarkSource
-from observer.evaluation.tally import FalseInstance, Sample, Tally
 
 FALSE = FalseInstance(1, 0, 0.1, 5, (0.0, 0.0, 2.0), 0.3, 2.0, None, None, None)
 

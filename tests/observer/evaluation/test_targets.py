@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from observer.evaluation.tally import Episode, FalseInstance, Sample, Tally
+from observer.evaluation.counts import Episode, FalseInstance, Sample, Tally
 from observer.evaluation.targets import Cost, Target, targets, targets_table
 from observer.truth.contract import Kind
 

@@ -371,7 +371,7 @@ def test_damage_costs_only_the_images_there(
 ) -> None:
     path = write_run(tmp_path / "recording.mcap")
     with Recording(path) as recording:
-        places = recording._image_places[topics.LEFT_RAW.name]
+        places = recording._images._places[topics.LEFT_RAW.name]
         chunks = list({place.offset: place for place, _ in places}.values())
         chunk = chunks[0 if where == "first" else len(chunks) // 2]
         within = {k for k, (place, _) in enumerate(places) if place.offset == chunk.offset}
