@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from app.contract.calibrating import CalibratingFacts
 from app.contract.live_truth import LiveTruthStatus
 from app.contract.values import means
+from observer.calibration.ageing.words import VergenceWord
 from observer.jsonl import StatusWord
 from observer.recording.payloads import Images
 from observer.sources.contract import CameraSide, CameraState
@@ -133,7 +134,7 @@ class RowDriftStatus:
 
 @dataclass(frozen=True)
 class VergenceStatus:
-    status: Literal["unobserved", "consistent", "drifted"]
+    status: VergenceWord
     vergence_rad: Annotated[
         float | None, means("Angle by which the cameras converge more than calibrated.")
     ]

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from observer.calibration.ageing.words import VergenceWord
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.intervals import half_95
@@ -74,7 +74,7 @@ class VergenceCheck:
         distance_m: metres driven by the wheels that it is based on; 0 without wheels.
     """
 
-    status: Literal["unobserved", "consistent", "drifted"]
+    status: VergenceWord
     vergence_rad: float | None
     std_rad: float | None
     sentence: str
