@@ -7,7 +7,7 @@ import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
 import { removeRun } from "./run-search.js";
-import { facts, activeRunIds, runHref, size } from "./run-words.js";
+import { facts, activeRunIds, isEmpty, runHref, size } from "./run-words.js";
 
 /** @import { ClipFile, History, Run } from "../contract" */
 
@@ -88,11 +88,13 @@ class RunList extends Part {
         h("p.hint", facts(run)),
         run.reason && h("p.hint", sentence(run.reason)),
       ],
-      downloadLink("CSV", {
-        href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
-        download: `${run.name}.csv`,
-        "aria-label": `Speeds of run ${run.name} as CSV`,
-      }),
+      isEmpty(run)
+        ? null
+        : downloadLink("CSV", {
+            href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
+            download: `${run.name}.csv`,
+            "aria-label": `Speeds of run ${run.name} as CSV`,
+          }),
       remove,
     );
   }

@@ -190,7 +190,7 @@ export class RunView extends Part {
     this.#progress.watch(again ? run : null);
     this.#remove.disabled = run.state === "running";
     const empty = isEmpty(run);
-    this.#chart.hidden = this.#again.hidden = empty;
+    this.#chart.hidden = this.#again.hidden = this.#files.hidden = empty;
     this.#playHelp.hidden = this.#play.hidden = empty || !hasImages(run);
     this.#renderPlay();
     this.#player.show(run);
