@@ -85,9 +85,11 @@ class Coverage:
     """Coverage of predictions.
 
     Attributes:
+        seen: whether the people were seen in the frame of the prediction, or only remembered.
         share: of true places within the predicted 95 % region; None without predictions.
     """
 
+    seen: bool
     ahead_s: float
     predictions: int
     share: float | None
@@ -171,11 +173,14 @@ def _ratio(runs: Sequence[RunResult], least_s: Sequence[float | None]) -> float 
 
 
 def coverages(walks: Sequence[WalkResult]) -> tuple[Coverage, ...]:
-    """Return the coverage over all walks, by prediction horizon."""
-    ranked = [[rank for walk in walks for rank in walk.ranked[k]] for k in range(len(AHEAD_S))]
+    """Return the coverage over all walks: of people seen and of those remembered, by horizon."""
     return tuple(
-        Coverage(ahead, len(each), coverage(each))
-        for ahead, each in zip(AHEAD_S, ranked, strict=True)
+        Coverage(seen, ahead, len(ranked), coverage(ranked))
+        for seen in (True, False)
+        for k, ahead in enumerate(AHEAD_S)
+        for ranked in [
+            [rank for walk in walks for rank in (walk.seen if seen else walk.remembered)[k]]
+        ]
     )
 
 

@@ -20,6 +20,9 @@ _PERCEPTION_HEAD = (
     "surplus / 100 frames", "velocity error, median m/s", "RMSE m/s", "within 95 %",
 )  # fmt: skip
 
+# People of a prediction, by whether they were seen in its frame.
+_SIGHT = {True: "in view", False: "out of view"}
+
 
 def navigation_markdown(result: NavigationBenchmark) -> str:
     """Return the tables of results, of the guard's stops and of the predictions."""
@@ -31,12 +34,12 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
     perceptions = [_perception(each) for each in result.summaries]
     parts += ["## Perception", _table(_PERCEPTION_HEAD, perceptions)]
     rows = [
-        (f"{each.ahead_s:g} s", str(each.predictions), _percent(each.share))
+        (_SIGHT[each.seen], f"{each.ahead_s:g} s", str(each.predictions), _percent(each.share))
         for each in result.coverage
     ]
     parts += [
         "## Predictions",
-        _table(("ahead", "predictions", "within the 95 % region"), rows),
+        _table(("people", "ahead", "predictions", "within the 95 % region"), rows),
     ]
     return "\n\n".join(parts) + "\n"
 

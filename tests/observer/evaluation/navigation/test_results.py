@@ -35,7 +35,7 @@ BESIDE = dataclasses.replace(
     FAST, case=Case("guard", 0.1, False, 1e-3, 1000), stops={"an obstruction": 1}
 )
 ANSWER = Answer(Question(0.1, 1000), 24.0)
-WALK = WalkResult(Walk(0.1, 1000), ((0.1, 0.5, 0.96, 0.2), ()))
+WALK = WalkResult(Walk(0.1, 1000), ((0.1, 0.5, 0.96, 0.2), ()), ((0.3, 0.99), (0.5,)))
 
 
 def result(*runs: RunResult) -> NavigationBenchmark:
@@ -80,9 +80,15 @@ def test_rates_have_exact_poisson_intervals() -> None:
 
 
 def test_coverage_is_given_by_time_and_unknown_without_predictions() -> None:
-    one, two = coverages([WALK])
-    assert (one.ahead_s, one.predictions, one.share) == (1.0, 4, 0.75)
-    assert (two.ahead_s, two.predictions, two.share) == (2.0, 0, None)
+    in_view, out_of_view = coverages([WALK])[:2], coverages([WALK])[2:]
+    assert [(each.ahead_s, each.predictions, each.share) for each in in_view] == [
+        (1.0, 4, 0.75),
+        (2.0, 0, None),
+    ]
+    assert [(each.ahead_s, each.predictions, each.share) for each in out_of_view] == [
+        (1.0, 2, 0.5),
+        (2.0, 1, 1.0),
+    ]
 
 
 def test_table_shows_both_drivers_and_every_reason() -> None:
@@ -91,7 +97,8 @@ def test_table_shows_both_drivers_and_every_reason() -> None:
     assert "| guard | model | hard | 0.1 | – | 1 | 100 % | 1.50 | 1.25 |" in text
     assert "| sonar detects something approaching | 6 | 0 |" in text
     assert "| an obstruction | 0 | 1 |" in text
-    assert "| 1 s | 4 | 75 % |" in text
+    assert "| in view | 1 s | 4 | 75 % |" in text
+    assert "| out of view | 2 s | 1 | 100 % |" in text
     assert (
         "| planner | model | hard | 0.1 | 200 | 90 % | 90 % | 1.0 | 2.0 | 0.10 | 0.17 | 75 % |"
         in text

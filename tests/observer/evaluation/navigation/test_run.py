@@ -105,6 +105,7 @@ def test_robot_respects_its_limits_and_reports_contacts() -> None:
 
 def test_walk_ranks_every_prediction_that_came_due() -> None:
     result = follow(Walk(0.1, 4), PARAMETERS.navigation)
-    assert len(result.ranked) == len(AHEAD_S)
-    assert len(result.ranked[0]) > len(result.ranked[1]) > 50
-    assert all(0 <= rank <= 1 for each in result.ranked for rank in each)
+    for ranked, least in ((result.seen, 50), (result.remembered, 10)):
+        assert len(ranked) == len(AHEAD_S)
+        assert len(ranked[0]) > len(ranked[1]) > least
+        assert all(0 <= rank <= 1 for each in ranked for rank in each)
