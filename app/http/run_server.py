@@ -26,6 +26,7 @@ from app.http.gate.token import load_token
 from app.http.library_log import LibraryLog
 from app.http.own_browser import open_page
 from app.http.server import create_app
+from app.http.socket_protocol import SocketProtocol
 from app.runtime.endless import keep_running
 from app.runtime.heap import keep_for_good
 from app.server import Server
@@ -172,7 +173,7 @@ def server_config(app: FastAPI, settings: Settings, strangers: Strangers) -> uvi
             app,
             http=guarded_protocol(strangers),
             backlog=_BACKLOG,
-            ws="websockets-sansio",
+            ws=SocketProtocol,
             # With compression, five viewers of 50000 points use 85 % of a core; without it 2 %.
             ws_per_message_deflate=False,
             ws_max_size=_LARGEST_MESSAGE,
