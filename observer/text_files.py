@@ -139,9 +139,11 @@ def _document(events: Iterator[Any]) -> PlainData:
     """Return the data of the parser's events; comments alone are an empty mapping."""
     data: PlainData = {}
     for number, _ in enumerate(e for e in events if isinstance(e, yaml.DocumentStartEvent)):
-        if number:
+        value = _value(events, next(events), 0)
+        if number and value:
             raise InputError("the file contains more than one YAML document; put all keys in one")
-        data = _value(events, next(events), 0)
+        # Printed ROS messages end with the mark that begins another document.
+        data = data if number else value
     return data
 
 

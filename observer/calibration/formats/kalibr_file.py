@@ -21,11 +21,8 @@ def _coefficients(value: PlainData, info: ValidationInfo) -> Float64Array:
     return np.zeros(4) if info.data.get("distortion_model") == "none" else shaped(value, 4)
 
 
-class _Camera(PinholeCamera):
-    form = (
-        "contain the keys camera_model, intrinsics, distortion_model, distortion_coeffs and "
-        "resolution"
-    )
+class _Modelled(FileModel):
+    """Checked before the keys of ``PinholeCamera``: other models have more intrinsics."""
 
     camera_model: Annotated[
         str,
@@ -35,6 +32,14 @@ class _Camera(PinholeCamera):
             "pinhole-equi",
         ),
     ]
+
+
+class _Camera(PinholeCamera, _Modelled):
+    form = (
+        "contain the keys camera_model, intrinsics, distortion_model, distortion_coeffs and "
+        "resolution"
+    )
+
     distortion_model: Annotated[
         str,
         one_of(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 FileKind = Literal["opencv", "ros", "kalibr", "euroc", "kitti raw", "kitti odometry", "middlebury",
-                   "zed", "matlab", "oak", "ost"]  # fmt: skip
+                   "zed", "matlab", "oak", "ost", "numpy"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ FORMATS: Mapping[FileKind, KnownFormat] = {
     ),
     "ros": KnownFormat("ROS", "camera_info of both cameras", "a ROS camera_info"),
     "ost": KnownFormat("ROS", "ost.txt", "a ROS ost.txt"),
+    "numpy": KnownFormat("NumPy", ".npz with OpenCV's keys", "a NumPy archive"),
     "kalibr": KnownFormat("Kalibr", "camchain", "a Kalibr camchain"),
     "kitti raw": KnownFormat("KITTI", "calib_cam_to_cam.txt", "a KITTI calib_cam_to_cam.txt"),
     "kitti odometry": KnownFormat("KITTI", "calib.txt", "a KITTI calib.txt"),

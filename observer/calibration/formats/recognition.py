@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Literal
 
@@ -14,6 +14,7 @@ from observer.calibration.formats.kitti_file import kitti_odometry_draft, kitti_
 from observer.calibration.formats.known import FORMATS, FileKind, formats_in_words
 from observer.calibration.formats.matlab_file import is_matlab, matlab_draft
 from observer.calibration.formats.middlebury_file import middlebury_draft
+from observer.calibration.formats.numpy_file import is_numpy, numpy_data
 from observer.calibration.formats.oak_file import is_oak, oak_draft
 from observer.calibration.formats.opencv_file import is_opencv, opencv_draft
 from observer.calibration.formats.ost_file import ost_draft
@@ -23,7 +24,7 @@ from observer.calibration.formats.plain_data import (
     calibration_errors,
     parse_plain_data,
 )
-from observer.calibration.formats.ros_file import ros_draft
+from observer.calibration.formats.ros_file import named_as_in_files, ros_draft
 from observer.calibration.formats.understanding import (
     Cameras,
     Draft,
@@ -71,6 +72,9 @@ _OF_ONE_FILE: Mapping[FileKind, Callable[[_Recognised, Wanted], Draft]] = {
     "kalibr": lambda one, _: kalibr_draft(*one.mapping),
     "oak": lambda one, _: oak_draft(*one.mapping),
     "matlab": lambda one, wanted: matlab_draft(one.file.name, one.file.content, wanted),
+    "numpy": lambda one, wanted: replace(
+        opencv_draft([one.mapping], wanted), format="NumPy archive"
+    ),
     "middlebury": lambda one, _: middlebury_draft(one.file.name, one.text),
     "zed": lambda one, wanted: zed_draft(one.file.name, one.text, wanted),
     "kitti raw": lambda one, wanted: kitti_raw_draft(one.file.name, one.text, wanted),
@@ -178,6 +182,10 @@ def _recognised(file: NamedFile) -> _Recognised:
     check_length(content, name, CALIBRATION)
     if is_matlab(content):
         return _Recognised(file, "matlab")
+    if is_numpy(content):
+        return _Recognised(file, "numpy", data=numpy_data(name, content))
+    if content.startswith(b"\x1f\x8b"):
+        raise CalibrationError(f"{name}: this is a compressed file; decompress it with gunzip")
     if content.startswith(b"PK\x03\x04"):
         raise CalibrationError(
             f"{name}: this is a ZIP archive; unpack it and choose the files inside"
@@ -187,7 +195,7 @@ def _recognised(file: NamedFile) -> _Recognised:
         if re.search(line, text, re.MULTILINE):
             return _Recognised(file, kind, text=text)
     form = f"in a supported format: {formats_in_words()}"
-    data = parse_plain_data(text, name=name, form=form)
+    data = named_as_in_files(parse_plain_data(text, name=name, form=form))
     return _Recognised(file, _kind_of_mapping(name, data), data=data)
 
 

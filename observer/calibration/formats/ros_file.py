@@ -1,4 +1,4 @@
-"""ROS ``camera_info`` files, as camera_calibration writes them: one for each camera.
+"""ROS ``camera_info``, as camera_calibration or ``rostopic echo`` writes it: one file a camera.
 
 Format: sensor_msgs/CameraInfo and camera_calibration_parsers. The transformation between the
 cameras is not written down; it follows from both rectifications and the baseline in P.
@@ -17,7 +17,7 @@ from observer.calibration.formats.understanding import Draft, DraftCamera, check
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, is_rotation
-from observer.text_files import FileModel, one_of, validated
+from observer.text_files import FileModel, PlainData, one_of, validated
 
 # Lens models, except for fisheye, that camera_calibration writes and image_proc knows, by their
 # number of coefficients.
@@ -83,6 +83,25 @@ class _Camera(FileModel):
 
     def is_called(self, side: str) -> bool:
         return side in f"{self.name} {self.camera_name}".lower()
+
+
+# Keys of a file by the fields of a message, which ROS 2 writes in lower case.
+_OF_MESSAGE = {
+    "width": "image_width",
+    "height": "image_height",
+    "k": "camera_matrix",
+    "d": "distortion_coefficients",
+    "r": "rectification_matrix",
+    "p": "projection_matrix",
+}
+
+
+def named_as_in_files(data: dict[str, PlainData]) -> dict[str, PlainData]:
+    """Return a printed ``sensor_msgs/CameraInfo`` with the keys of a file; other data as it is."""
+    lower = {key.lower(): value for key, value in data.items()}
+    if len(lower) < len(data) or not lower.keys() >= {"distortion_model", *_OF_MESSAGE}:
+        return data
+    return {_OF_MESSAGE.get(key, key): value for key, value in lower.items()}
 
 
 def ros_draft(first: NamedData, second: NamedData) -> Draft:

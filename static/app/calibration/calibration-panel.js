@@ -33,7 +33,7 @@ const CAMERAS = [
 class CalibrationPanel extends Part {
   #file = input("file", "calibration-file", {
     multiple: true,
-    accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat",
+    accept: ".yaml,.yml,.xml,.json,.npz,.txt,.conf,.mat",
     "aria-describedby": "calibration-file-help calibration-error",
   });
   #size = input("text", "calibration-size", { placeholder: "for example 1280x720" });
@@ -76,7 +76,7 @@ class CalibrationPanel extends Part {
     const drop = dropZone(
       this.#file,
       "Choose a calibration file, or drop it here",
-      "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED, OAK or EuRoC; the format is detected automatically. If a calibration consists of two files, choose both at once. You see the rectified pair before you use the calibration.",
+      "OpenCV, ROS, NumPy, Kalibr, KITTI, MATLAB, Middlebury, ZED, OAK or EuRoC; the format is detected automatically. If a calibration consists of two files, choose both at once. You see the rectified pair before you use the calibration.",
       (files) => this.#send(files),
       this.#open,
       this.#error,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -116,3 +118,9 @@ def test_refuses_invalid_poses_and_pairs(chained: str, expected: str) -> None:
     with pytest.raises(CalibrationError) as caught:
         read(chained)
     assert expected in str(caught.value)
+
+
+def test_a_model_with_more_intrinsics_is_named() -> None:
+    text = re.sub(r"intrinsics: \[", "intrinsics: [1.2, ", chain()).replace("pinhole", "omni")
+    with pytest.raises(CalibrationError, match="must be pinhole, not 'omni'"):
+        read_any([NamedFile("camchain.yaml", text.encode())])

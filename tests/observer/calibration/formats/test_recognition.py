@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import re
+import zipfile
 from pathlib import Path
 
 import cv2
@@ -12,6 +14,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.lib import format as npy
 
 from observer.calibration.formats.exporting import export_calibration
 from observer.calibration.formats.recognition import named_file, read_any
@@ -166,6 +169,41 @@ def test_units_are_never_guessed() -> None:
         CalibrationError, match=r"0\.00012.* when read in millimetres, .*is in metres \(120 mm\)"
     ):
         read_any(exported("opencv"), unit="mm")
+
+
+def archive(**arrays: object) -> NamedFile:
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    return NamedFile("stereo.npz", file.getvalue())
+
+
+def test_a_numpy_archive_is_read() -> None:
+    """As many Python programs save what OpenCV returns, with its points and views."""
+    keys = {key: getattr(RIG, key) for key in ("K1", "D1", "K2", "D2", "R")}
+    more = {
+        "objpoints": np.ones((20, 54, 3), np.float32),
+        "rvecs": np.array([None, "x"], dtype=object),
+        "K1": np.asfortranarray(RIG.K1),
+        "T": RIG.T.reshape(3, 1),
+    }
+    understood = read_any([archive(**keys | more, image_size=(640, 480))])
+    assert understood.format == "NumPy archive"
+    for key in (*keys, "T"):
+        np.testing.assert_array_equal(getattr(understood.calibration, key), getattr(RIG, key))
+    with pytest.raises(CalibrationError, match="image_width is missing"):
+        read_any([archive(**keys | more)])
+    assert read_any([archive(**keys | more)], size=(640, 480)).calibration.width == 640
+
+
+def test_a_numpy_archive_that_claims_gigabytes_is_refused() -> None:
+    head = io.BytesIO()
+    claimed = {"descr": "<f8", "fortran_order": False, "shape": (1 << 40,)}
+    npy.write_array_header_1_0(head, claimed)
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as zipped:
+        zipped.writestr("K1.npy", head.getvalue())
+    with pytest.raises(CalibrationError, match="K1, D1, K2, D2, R and T are missing"):
+        read_any([NamedFile("big.npz", file.getvalue())])
 
 
 @pytest.mark.parametrize("shared", [False, True])

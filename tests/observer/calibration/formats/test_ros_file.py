@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import cv2
@@ -137,3 +138,24 @@ def test_one_camera_is_not_enough() -> None:
         CalibrationError, match=r"left\.yaml: a ROS camera_info contains one camera"
     ):
         read_any([NamedFile("left.yaml", GOOD["left"].encode())])
+
+
+@pytest.mark.parametrize("is_lower", [True, False])
+def test_printed_messages_are_read(is_lower: bool) -> None:
+    """As ``ros2 topic echo --once`` prints them, and ``rostopic echo -n1`` with capital letters."""
+    names = {
+        "image_width": "width", "image_height": "height", "camera_matrix": "K",
+        "distortion_coefficients": "D", "rectification_matrix": "R", "projection_matrix": "P",
+    }  # fmt: skip
+
+    def printed(side: str) -> str:
+        text = re.sub(r"  (rows|cols): .*\n", "", camera_info(side)).replace(":\n  data: ", ": ")
+        for key, name in names.items():
+            text = text.replace(f"{key}:", f"{name.lower() if is_lower else name}:")
+        text = text.replace("camera_name", "header:\n  frame_id")
+        return f"{text}roi:\n  x_offset: 0\n  height: 0\n  width: 0\n---\n"
+
+    read = read_any(files(printed("left"), printed("right"))).calibration
+    expected = read_any(files(camera_info("left"), camera_info("right"))).calibration
+    for key in ("K1", "D1", "K2", "D2", "R", "T"):
+        np.testing.assert_array_equal(getattr(read, key), getattr(expected, key))
