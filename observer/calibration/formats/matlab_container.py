@@ -25,8 +25,9 @@ from observer.geometry import Float64Array
 
 # A calibration app's session has a few MB besides the calibration (corners, errors).
 _MAX_EXPANDED_BYTES = 16_000_000
-# Loading SciPy or mat-io takes up to a second, reading takes almost no time.
-_PATIENCE_S = 30.0
+# Loading SciPy or mat-io takes up to a second, reading takes almost no time, but a busy computer
+# may be slow to give the process its share. ``matlab_objects`` limits its own processor time.
+_PATIENCE_S = 120.0
 _HEADER_BYTES = 128
 _COMPRESSED = 15
 
@@ -49,7 +50,8 @@ def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue
     Numbers become float64 arrays in MATLAB's shape, text becomes str, a struct a dict.
 
     Raises:
-        CalibrationError: the file is cut off, damaged or too large once expanded.
+        CalibrationError: the file is cut off, damaged or too large once expanded, or the computer
+            is too busy to read it.
     """
     _check_expanded(content, name)
     with tempfile.TemporaryDirectory() as folder:
@@ -66,7 +68,12 @@ def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue
                 check=False,
             )
             answers = [json.loads(line) for line in done.stdout.splitlines()]
-        except (subprocess.TimeoutExpired, ValueError):
+        except subprocess.TimeoutExpired:
+            raise CalibrationError(
+                f"{name} was not read within {_PATIENCE_S:g} s because this computer is too busy; "
+                "try again"
+            ) from None
+        except ValueError:
             answers = []
     if not answers:
         raise CalibrationError(

@@ -16,6 +16,8 @@ import numpy as np
 
 # Loading mat-io takes 0.4 GB of address space.
 _MAX_MEMORY_BYTES = 2 << 30
+# Far more than it takes: a damaged file may keep the reader busy for ever.
+_MAX_PROCESSOR_S = 30
 _MAX_DEPTH = 12
 # Larger arrays are the corners and errors of a whole session, stored with the calibration.
 _MAX_NUMBERS = 4096
@@ -29,6 +31,7 @@ def main(path: str) -> None:
         pass
     else:
         resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY_BYTES, _MAX_MEMORY_BYTES))
+        resource.setrlimit(resource.RLIMIT_CPU, (_MAX_PROCESSOR_S, _MAX_PROCESSOR_S))
     # Both warn about types they do not know, mat-io also about a pandas option.
     warnings.simplefilter("ignore")
     from scipy.io import loadmat

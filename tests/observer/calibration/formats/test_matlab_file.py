@@ -17,6 +17,7 @@ import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from observer.calibration.formats import matlab_container
 from observer.calibration.formats.recognition import read_any
 from observer.calibration.formats.understanding import NamedFile, UnderstoodCalibration
 from observer.errors import CalibrationError
@@ -139,6 +140,12 @@ def test_objects_written_by_matlab_are_read(shared_data: Path) -> None:
         made = read(content, size=(640, 480)).calibration
         assert made.baseline == pytest.approx(baseline, abs=1e-4)
         assert made.K1[0, 0] == pytest.approx(focal, abs=1)
+
+
+def test_a_busy_computer_is_not_blamed_on_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(matlab_container, "_PATIENCE_S", 0.01)
+    with pytest.raises(CalibrationError, match=r"was not read within .* too busy; try again"):
+        read(saved(parameters()))
 
 
 def test_newer_matrices_are_not_transposed() -> None:
