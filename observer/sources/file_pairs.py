@@ -16,6 +16,10 @@ from observer.image_files.reading import BitDepth, read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import Image, StereoFrame
 
+# Nothing could be tracked at a longer interval, seconds: such times are in another unit.
+_LONGEST_INTERVAL_S = 4.0
+_UNITS_S = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+
 # Returns the calibration for images of this width and height, None if there is none.
 Calibrate = Callable[[int, int], StereoCalibration | None]
 
@@ -36,7 +40,8 @@ class FilePairSource:
         calibration_notes: what was decided while it was read, one sentence each.
 
     Raises:
-        SourceError: fewer than two pairs can be played, or the times do not increase.
+        SourceError: fewer than two pairs can be played, the times do not increase, or they are not
+            in seconds.
         CalibrationError: the calibration beside the images cannot be used with them.
     """
 
@@ -62,13 +67,14 @@ class FilePairSource:
         self.calibration_notes: tuple[str, ...] = ()
         name = f"the calibration in {spec}"
         check_size(self.calibration, width, height, name=name, images="these")
-        intervals = [b.time - a.time for a, b in pairwise(pairs)]
+        interval = statistics.median(b.time - a.time for a, b in pairwise(pairs))
+        _check_interval(interval, spec)
         self.info = SourceInfo(
             spec=spec,
             kind=kind,
             width=width,
             height=height,
-            frame_rate=1 / statistics.median(intervals),
+            frame_rate=1 / interval,
             frame_count=len(self._entries),
         )
         self._depth = BitDepth()
@@ -146,6 +152,18 @@ def check_size(
             f"{name} is for images of {calibration.width}x{calibration.height} pixels, but "
             f"{images} are {width}x{height}"
         )
+
+
+def _check_interval(interval: float, spec: str) -> None:
+    """Raise ``SourceError`` if times of such an interval cannot be in seconds."""
+    if interval <= _LONGEST_INTERVAL_S:
+        return
+    fitting = (unit for unit, s in _UNITS_S.items() if interval * s <= _LONGEST_INTERVAL_S)
+    unit = next(fitting, "another unit")
+    raise SourceError(
+        f"the times of {spec} are {interval:g} s apart, so they seem to be in {unit}; they must be "
+        "the exposure times in seconds"
+    )
 
 
 def _without_time_jumps(

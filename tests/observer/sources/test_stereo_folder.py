@@ -142,6 +142,19 @@ def test_only_frames_whose_times_do_not_increase_are_skipped(
     assert rising == sorted(set(rising))
 
 
+@pytest.mark.parametrize(
+    ("unit", "per_second"), [("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)]
+)
+def test_times_in_another_unit_are_refused(
+    stereo_folder: Path, unit: str, per_second: float
+) -> None:
+    """Read as seconds, they would make every speed that many times too low."""
+    times = [str(round((1.4e9 + 0.1 * k) * per_second)) for k in range(5)]
+    (stereo_folder / "times.txt").write_text("\n".join(times))
+    with pytest.raises(SourceError, match=f"so they seem to be in {unit}; they must be the expo"):
+        open_folder(stereo_folder)
+
+
 def remove(*paths: Path) -> None:
     for path in paths:
         if path.is_dir():
