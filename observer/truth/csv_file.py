@@ -163,7 +163,7 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
                     f"{where}: the row must have {len(reader.fieldnames or ())} cells, one per "
                     "column"
                 )
-            yield _Row(cells, where, decimal_comma=separator == ";")
+            yield _Row(cells, where, decimal_comma=separator != ",")
     except csv.Error as error:
         raise TruthError(
             f"{name} line {reader.reader.line_num}: the line is not valid CSV: {error}"

@@ -138,8 +138,8 @@ class _Reader:
         for column in self.unused:
             if column < len(cells):
                 cells[column] = ""
-        if self.separator == ";":
-            # Where semicolons separate cells, a comma is the decimal point.
+        if self.separator in (";", "\t"):
+            # Where semicolons or tabs separate cells, a comma is the decimal point.
             cells = [cell.replace(",", ".") for cell in cells]
         try:
             # float() also accepts "1_000", which is surely an error in a table of measurements.

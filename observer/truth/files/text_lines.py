@@ -78,8 +78,8 @@ class TextLines:
 
 
 def separator_of(text: str) -> str:
-    """Return the cell separator: spreadsheets of some countries write semicolons."""
-    return ";" if text.count(";") > text.count(",") else ","
+    """Return the cell separator: spreadsheets of some countries write semicolons, others tabs."""
+    return max(",;\t", key=text.count)
 
 
 def _is_utf8(head: bytes) -> bool:

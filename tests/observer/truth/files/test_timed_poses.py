@@ -43,6 +43,14 @@ def test_reads_orientations_with_reordered_and_unknown_columns(read: Read) -> No
     np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
 
 
+@pytest.mark.parametrize("point", [".", ","])
+def test_tabs_separate_cells_as_well(read: Read, point: str) -> None:
+    text = "t\tx\ty\tz\n" + table(T, P, separator="\t").replace(".", point)
+    body = read(text).bodies["body"]
+    np.testing.assert_array_equal(body.times, T)
+    np.testing.assert_array_equal(body.positions, P)
+
+
 @pytest.mark.parametrize("header", ["t_ms,x_mm,y_mm,z_mm", "t [ms],X (mm),y [mm],z[mm]"])
 def test_reads_units_stated_in_the_header(read: Read, header: str) -> None:
     capture = read(header + "\n" + table(1000 * T, 1000 * P))
