@@ -144,14 +144,25 @@ _FRAME_COLUMNS = (
         "camera orientation, unit quaternion", "orientation_wxyz", *(f"camera_{n}" for n in _TURN)
     ),
     Column("obstacles", "int", "number of reported obstacles"),
+    Column(
+        "source_position", "int", "position within the source, which repeats if it plays in a loop"
+    ),
+    Column(
+        "source_time_s", "float", "time within the source, which repeats likewise", "source_time"
+    ),
 )
 
 
 def _frames(recording: Recording) -> Iterator[Row]:
     lost = {"position": None, "orientation_wxyz": None}
-    for line in recording.lines():
+    for position, line in recording.positioned_lines():
+        frame = None if position is None else recording.frames[position]
+        within = {
+            "source_position": None if frame is None else frame.source_position,
+            "source_time": None if frame is None else frame.source_time,
+        }
         summary = {"reasons": "; ".join(line["reasons"]), "obstacles": len(line["obstacles"])}
-        yield {**line, **(line["pose"] or lost), **summary}
+        yield {**line, **(line["pose"] or lost), **summary, **within}
 
 
 _TRUTH_COLUMNS = (

@@ -100,7 +100,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             for body in sample.bodies
         ]
         for writer in writers:
-            writer.frame(frame)
+            # Without a position at first, as of a live source.
+            within = {} if k < 2 else {"source_position": k % 5, "source_time": 0.1 * (k % 5)}
+            writer.frame(frame, **within)  # type: ignore[arg-type]
             writer.observation(line, frame.received, truth=bodies)
             writer.truth(sample, frame.received)
             row = RobotRow(role="observer", received=frame.received, encoder_speed=0.2)

@@ -32,7 +32,7 @@ _WITHOUT = {
     "frame", "segment", "status", "id", "state", "motion", "points", "significance", "why",
     "reasons", "parameters_revision", "obstacles", "name", "role", "visible", "track_id", "reason",
     "waits_for", "refused", "size", "runs",
-    "revision", "from_position", "value", "qw", "qx", "qy", "qz",
+    "source_position", "revision", "from_position", "value", "qw", "qx", "qy", "qz",
 }  # fmt: skip
 
 
@@ -127,7 +127,13 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
         runs, size = json.loads(maps[0]["runs"]), int(maps[0]["size"])
         read = np.repeat(np.arange(len(runs)) % 3, runs).reshape(size, size)
         np.testing.assert_array_equal(read, CELLS)
-        assert len(read_csv("frames", recording)) == len(recording.frames)
+        frames = read_csv("frames", recording)
+        assert len(frames) == len(recording.frames)
+        within = [(each["source_position"], each["source_time_s"]) for each in frames]
+        assert within[:2] == [("", ""), ("", "")]
+        assert [(int(k), float(t)) for k, t in within[2:]] == [
+            (k % 5, 0.1 * (k % 5)) for k in range(2, len(frames))
+        ]
         values = {r["name"]: r["value"] for r in read_csv("parameters", recording)}
         assert values["ego_motion.model"] == '"rigid"'
 
