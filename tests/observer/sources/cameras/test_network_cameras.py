@@ -219,6 +219,7 @@ def test_one_stream_with_both_images() -> None:
             assert (source.info.width, source.info.height) == (320, 240)
             assert source.info.spec == f"sbs:{both.url}"
             assert source.info.devices == (both.url,)
+            assert isinstance(source, CameraSource)
             settings = source.report().cameras[0].settings
             assert (settings["codec"], settings["timestamps"]) == ("MJPG", "none")
         finally:
