@@ -26,9 +26,11 @@ from observer.vision.sparse_stereo import FLAT, row_gradients
 # m/s: a slower camera tells nothing.
 _LEAST_MPS = 0.05
 # Shares of the camera's velocity with which a wrong match may seem to move, and most of a velocity
-# that may lead elsewhere. By the formula it may also approach faster than the camera drives; that
-# is never held back, for safety.
-_LEAST_SHARE, _MOST_SHARE, _ELSEWHERE_SHARE = 0.1, 0.95, 0.5
+# that may lead elsewhere. What is far away but matched as if it were near moves with the camera, to
+# within its noise. By the formula a wrong match may also approach faster than the camera drives;
+# that is never held back, for safety.
+_LEAST_SHARE, _MOST_SHARE, _ELSEWHERE_SHARE = 0.1, 1.05, 0.5
+_MOST_TOWARDS_SHARE = 0.95
 # Cells: side of the blocks that are compared.
 _SIDE = 9
 # Pixels: how well the matched disparity is known; and the other one, with a share of how far they
@@ -77,7 +79,7 @@ def _share_of(camera_mps: Float64Array, velocity: Float64Array) -> float | None:
     if square < _LEAST_MPS**2:
         return None
     share = float(velocity @ camera_mps) / square
-    if not _LEAST_SHARE <= abs(share) <= _MOST_SHARE:
+    if abs(share) < _LEAST_SHARE or not -_MOST_TOWARDS_SHARE <= share <= _MOST_SHARE:
         return None
     elsewhere = np.linalg.norm(velocity - share * camera_mps)
     return share if elsewhere <= _ELSEWHERE_SHARE * np.linalg.norm(velocity) else None
@@ -95,7 +97,7 @@ def _match_as_well(
     Args:
         px: (N, 2) pixels. disparity: (N,) px, as matched. ratio: of the other to it.
     """
-    other = ratio * disparity
+    other = np.maximum(0.0, ratio * disparity)
     apart = np.abs(disparity - other)
     reach = np.maximum(_OTHER_PX, _OTHER_SHARE * apart)
     distinct = apart > reach + _MATCHED_PX
