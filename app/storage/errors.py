@@ -27,6 +27,10 @@ class StorageFull(StorageError):
     """Full disk (or quota); the failed call wrote nothing."""
 
 
+class StorageReadOnly(StorageError):
+    """File that this process may not write: its permissions, or a read-only disk."""
+
+
 class StorageCorrupt(StorageError):
     """Damage to the file while it was open; the next start moves it aside."""
 
@@ -66,6 +70,8 @@ _BY_SQLITE_PRIMARY: dict[int, type[StorageError]] = {
     sqlite3.SQLITE_BUSY: StorageBusy,
     sqlite3.SQLITE_LOCKED: StorageBusy,
     sqlite3.SQLITE_FULL: StorageFull,
+    sqlite3.SQLITE_CANTOPEN: StorageReadOnly,
+    sqlite3.SQLITE_READONLY: StorageReadOnly,
     sqlite3.SQLITE_CORRUPT: StorageCorrupt,
     sqlite3.SQLITE_NOTADB: StorageCorrupt,
 }
@@ -75,6 +81,10 @@ _SENTENCES: dict[type[StorageError], str] = {
     ),
     StorageBusy: "the database {where} is locked by another program; close it or try again",
     StorageFull: "no space is left to write the database {where}; free some disk space",
+    StorageReadOnly: (
+        "the database {where} cannot be written ({cause}); check the permissions of its folder and "
+        "that its disk is not read-only, or choose another folder"
+    ),
     StorageCorrupt: (
         "the database {where} is damaged; restart the server to move it aside and create a new one"
     ),

@@ -15,6 +15,7 @@ import pytest
 import structlog
 
 from app.storage import RunState, SpeedRow, Storage, StorageBusy, StorageError, StorageFull
+from app.storage.errors import StorageReadOnly, storage_error
 
 
 @pytest.fixture
@@ -225,6 +226,19 @@ def test_a_full_disk_is_reported_and_loses_nothing(storage: Storage) -> None:
         session.connection().exec_driver_sql("PRAGMA max_page_count=1000000")
     storage.set_setting("much", "x" * 3_000_000)
     assert storage.get_setting("before") == 1
+
+
+def test_a_file_that_cannot_be_written_is_named_with_the_remedy(tmp_path: Path) -> None:
+    file = tmp_path / "kept.sqlite"
+    sqlite3.connect(file).close()
+    with (
+        closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as connection,
+        pytest.raises(sqlite3.OperationalError) as caught,
+    ):
+        connection.execute("CREATE TABLE a (b)")
+    error = storage_error(caught.value, "kept.sqlite")
+    assert isinstance(error, StorageReadOnly)
+    assert "kept.sqlite cannot be written (attempt to write a readonly database)" in str(error)
 
 
 WRITE_FOR_EVER = """
