@@ -21,6 +21,10 @@ import { TruthPicker } from "./truth-picker.js";
 
 /** @import { AlignmentFacts, RunChart, TruthEntry as TruthFile } from "../contract" */
 
+// Ground truth that is on the run's own clock and in its world frame is only added.
+const ALIGN = { label: "Align", busy: "Aligning…", done: "Aligned." };
+const ADD = { label: "Add to run", busy: "Adding…", done: "Added." };
+
 export class AlignmentPanel extends Part {
   /** Called once a run has been realigned. @type {() => void} */
   aligned = () => {};
@@ -119,6 +123,7 @@ export class AlignmentPanel extends Part {
     const aligned = Object.keys(roles).length > 0;
     const names = live ? Object.keys(roles) : (file?.info.bodies.map(({ name }) => name) ?? []);
     this.#bodies.hidden = names.length === 0;
+    if (!this.#busy) setText(this.#align, this.#words.label);
     setAttribute(this.#align, "aria-disabled", file || live ? null : "true");
     const observer = names.find((name) => roles[name] === "observer");
     const choices = names.map((name) => [name, name]);
@@ -164,7 +169,7 @@ export class AlignmentPanel extends Part {
       this.#compared.querySelectorAll("input:not(:checked)")
     );
     const run = this.#chart?.run.id;
-    setText(this.#align, "Aligning…");
+    setText(this.#align, this.#words.busy);
     await this.#ask({
       truth_id: file?.id ?? null,
       observer: this.#observer.value || null,
@@ -172,8 +177,13 @@ export class AlignmentPanel extends Part {
       matches: {},
       camera_on_body: camera,
     });
-    setText(this.#align, "Align");
+    setText(this.#align, this.#words.label);
     if (run === this.#chart?.run.id) this.#scrollToResult();
+  }
+
+  /** What happens to the file chosen. */
+  get #words() {
+    return this.#picker.file?.info.bodies.length === 0 ? ADD : ALIGN;
   }
 
   /** @param {string} why */
@@ -203,10 +213,14 @@ export class AlignmentPanel extends Part {
     const shown = () => this.#chart?.run.id === run.id;
     this.#setBusy(true);
     setText(this.#error, "");
-    setText(this.#state, "Aligning: comparing speeds over the whole run…");
+    const words = this.#words;
+    setText(
+      this.#state,
+      words === ALIGN ? "Aligning: comparing speeds over the whole run…" : words.busy,
+    );
     try {
       await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
-      if (shown()) setText(this.#state, "Aligned. Recomputing the errors…");
+      if (shown()) setText(this.#state, `${words.done} Recomputing the errors…`);
       this.hub.emit("runs");
       if (shown()) this.aligned();
     } catch (error) {

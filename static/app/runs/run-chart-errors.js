@@ -15,13 +15,17 @@ const EXPLANATION = `The error is the estimated speed minus the ground-truth spe
 export function errorSection(charts, coloured) {
   const several = charts.length > 1;
   const known = charts.some((chart) => chart.errors.some(({ samples }) => samples > 0));
+  const missing =
+    several || charts[0]?.aligned
+      ? "at the times of these speeds"
+      : "to compare with. Add it under Ground truth, below";
   return h(
     "section.chart-errors",
     { "aria-label": "Speed errors" },
     h("h3", "Speed errors"),
     known
       ? h("p.hint", EXPLANATION)
-      : h("p.empty", "No speed errors: there is no ground truth at the times of these speeds."),
+      : h("p.empty", `No speed errors: there is no ground truth ${missing}.`),
     known
       ? several
         ? comparisonTable(charts, coloured)

@@ -182,30 +182,36 @@ function readingOf({ format, info }) {
     format,
     rate === null ? null : `${Number(rate.toFixed(2))} Hz`,
     seconds === null ? null : `${fixed(seconds, 1)} s`,
-    counted(bodies.length, "body").replace("bodys", "bodies"),
+    // Ground truth of the simulator has no bodies to choose from.
+    bodies.length > 0 && counted(bodies.length, "body").replace("bodys", "bodies"),
   ];
   return [
     h("p", "Read as ", h("b", facts.filter(Boolean).join(", ")), "."),
-    table(
-      "",
-      ["Body", "Orientation", "Samples", "Gaps", "Extent, m", "Max speed, m/s"],
-      bodies.map((body) =>
-        tableRow(
-          body.name,
-          body.has_orientation ? "known" : "unknown",
-          body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
-          body.gaps,
-          body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
-          fixed(body.highest_speed_mps, 2),
-        ),
-      ),
-      undefined,
-      { role: "region", "aria-label": "File contents", tabindex: "0" },
-    ),
+    ...(bodies.length > 0 ? [tableOf(bodies)] : []),
     ...(notes.length > 0
       ? [h("ul.plain-list", ...notes.map((note) => h("li", sentence(note))))]
       : []),
   ];
+}
+
+/** @param {TruthFile["info"]["bodies"]} bodies */
+function tableOf(bodies) {
+  return table(
+    "",
+    ["Body", "Orientation", "Samples", "Gaps", "Extent, m", "Max speed, m/s"],
+    bodies.map((body) =>
+      tableRow(
+        body.name,
+        body.has_orientation ? "known" : "unknown",
+        body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
+        body.gaps,
+        body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
+        fixed(body.highest_speed_mps, 2),
+      ),
+    ),
+    undefined,
+    { role: "region", "aria-label": "File contents", tabindex: "0" },
+  );
 }
 
 customElements.define("observer-truth-picker", TruthPicker);

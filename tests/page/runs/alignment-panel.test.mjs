@@ -63,3 +63,18 @@ test("bodies stay as ticked while a running run is read again", async () => {
   made.show(chart("r1", { ...ALIGNMENT, roles: { robot: "observer" } }));
   assert.equal(boxes().length, 1);
 });
+
+test("ground truth on the run's own clock is read without bodies, and added instead of aligned", async () => {
+  const info = { rate_hz: null, duration_s: 8, bodies: [], notes: ["it needs no alignment"] };
+  const file = { id: "t1", name: "truth.csv", format: "truth.csv", created_at: "", info };
+  serve((method) => (method === "GET" ? [file] : {}));
+  const made = /** @type {any} */ (new AlignmentPanel());
+  made.attach(/** @type {any} */ (new Emitter()));
+  made.show({ ...chart("r1"), run: run({ truth_id: "t1" }) });
+  await settled();
+  assert.match(made.textContent, /Read as truth\.csv, 8\.0 s\.It needs no alignment\./);
+  assert.ok(!made.textContent.includes("Extent"));
+  buttonOf(made, "Add to run").fire("click");
+  await settled();
+  assert.match(made.textContent, /Added\. Recomputing the errors…/);
+});
