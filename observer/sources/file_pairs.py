@@ -16,8 +16,10 @@ from observer.image_files.reading import BitDepth, read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import Image, StereoFrame
 
-# Nothing could be tracked at a longer interval, seconds: such times are in another unit.
+# Seconds. Nothing could be tracked at a longer interval, and no camera has a shorter one: such
+# times are in another unit.
 _LONGEST_INTERVAL_S = 4.0
+_SHORTEST_INTERVAL_S = 2e-4
 _UNITS_S = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 
 # Returns the calibration for images of this width and height, None if there is none.
@@ -28,7 +30,8 @@ class FilePairSource:
     """Plays a list of image pairs; implements ``Source`` for every dataset layout.
 
     Frames whose files are missing, damaged, of another size or not later than their predecessor
-    are skipped with the reason; the sequence's size is that of its first readable pair.
+    are skipped with the reason, as are pairs taken more than half an interval apart; the
+    sequence's size is that of its first readable pair.
 
     Args:
         spec: the text it was opened by. kind: the layout's name, for people.
@@ -40,8 +43,8 @@ class FilePairSource:
         calibration_notes: what was decided while it was read, one sentence each.
 
     Raises:
-        SourceError: fewer than two pairs can be played, the times do not increase, or they are not
-            in seconds.
+        SourceError: fewer than two pairs can be played, the times do not increase, or they are in
+            another unit.
         CalibrationError: the calibration beside the images cannot be used with them.
     """
 
@@ -53,22 +56,16 @@ class FilePairSource:
         entries: Sequence[FilePair | MissingPair],
         calibrate: Calibrate,
     ) -> None:
-        self._entries = _without_time_jumps(entries, spec)
-        pairs = [entry for entry in self._entries if isinstance(entry, FilePair)]
-        if len(pairs) < 2:
-            found = "only one stereo pair" if pairs else "no stereo pair"
-            why = next((e.reason for e in self._entries if isinstance(e, MissingPair)), "")
-            raise SourceError(
-                f"{spec} contains {found}{f' ({why})' if why else ''}; at least two are needed to "
-                "detect motion"
-            )
+        in_order = _without_time_jumps(entries, spec)
+        interval = statistics.median(b.time - a.time for a, b in pairwise(_pairs(in_order, spec)))
+        _check_interval(interval, spec)
+        self._entries = _of_one_moment(in_order, interval / 2)
+        pairs = _pairs(self._entries, spec)
         width, height = _first_size(pairs, spec)
         self.calibration = calibrate(width, height)
         self.calibration_notes: tuple[str, ...] = ()
         name = f"the calibration in {spec}"
         check_size(self.calibration, width, height, name=name, images="these")
-        interval = statistics.median(b.time - a.time for a, b in pairwise(pairs))
-        _check_interval(interval, spec)
         self.info = SourceInfo(
             spec=spec,
             kind=kind,
@@ -122,6 +119,33 @@ class FilePairSource:
         return image
 
 
+def _pairs(entries: Sequence[FilePair | MissingPair], spec: str) -> list[FilePair]:
+    """Return the entries that can be played; raise ``SourceError`` for fewer than two."""
+    pairs = [entry for entry in entries if isinstance(entry, FilePair)]
+    if len(pairs) < 2:
+        found = "only one stereo pair" if pairs else "no stereo pair"
+        why = next((e.reason for e in entries if isinstance(e, MissingPair)), "")
+        raise SourceError(
+            f"{spec} contains {found}{f' ({why})' if why else ''}; at least two are needed to "
+            "detect motion"
+        )
+    return pairs
+
+
+def _of_one_moment(
+    entries: Sequence[FilePair | MissingPair], most_s: float
+) -> list[FilePair | MissingPair]:
+    """Return the entries, with pairs replaced whose images were taken further apart."""
+    result: list[FilePair | MissingPair] = []
+    for entry in entries:
+        if isinstance(entry, FilePair) and entry.right_time is not None:
+            apart = abs(entry.right_time - entry.time)
+            if apart > most_s:
+                entry = MissingPair(f"the images {entry.left.name} were taken {apart:.3g} s apart")
+        result.append(entry)
+    return result
+
+
 def _first_size(pairs: Sequence[FilePair], spec: str) -> tuple[int, int]:
     first_problem = ""
     for pair in pairs:
@@ -155,7 +179,12 @@ def check_size(
 
 
 def _check_interval(interval: float, spec: str) -> None:
-    """Raise ``SourceError`` if times of such an interval cannot be in seconds."""
+    """Raise ``SourceError`` if times at such an interval are in another unit."""
+    if interval < _SHORTEST_INTERVAL_S:
+        raise SourceError(
+            f"the times of {spec} are {interval:.3g} s apart, which no camera achieves; check "
+            "their unit"
+        )
     if interval <= _LONGEST_INTERVAL_S:
         return
     fitting = (unit for unit, s in _UNITS_S.items() if interval * s <= _LONGEST_INTERVAL_S)

@@ -126,3 +126,11 @@ def test_euroc_needs_both_cameras(euroc: Path) -> None:
     shutil.rmtree(euroc / "mav0" / "cam1")
     with pytest.raises(SourceError, match="has no cam1; EuRoC's layout needs cam0"):
         open_folder(euroc)
+
+
+def test_stamps_that_are_not_in_nanoseconds_are_refused(euroc: Path) -> None:
+    for camera in ("cam0", "cam1"):
+        file = euroc / "mav0" / camera / "data.csv"
+        file.write_text("".join(f"{stamp // 1000},{stamp}.png\n" for stamp in STAMPS))
+    with pytest.raises(SourceError, match="are 5e-05 s apart, which no camera achieves; check the"):
+        open_folder(euroc)

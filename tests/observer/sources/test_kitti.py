@@ -134,6 +134,22 @@ def test_kitti_raw_refuses_a_malformed_stamp(raw_drive: Path) -> None:
         open_folder(raw_drive)
 
 
+def test_images_that_were_not_taken_together_are_no_pair(raw_drive: Path) -> None:
+    file = raw_drive / "image_01" / "timestamps.txt"
+    stamps = file.read_text().splitlines()
+    # The second right image is that of the next frame.
+    file.write_text("\n".join([stamps[0], stamps[2], *stamps[2:]]))
+    source = open_folder(raw_drive)
+    assert [frame.index for frame in frames(source)] == [0, 2, 3]
+    source.rewind()
+    assert reasons(source) == {1: "the images 0000000001.png were taken 0.103 s apart"}
+    file.write_text("\n".join(each.replace("2011-09-26", "2011-09-27") for each in stamps))
+    with pytest.raises(
+        SourceError, match=r"no stereo pair \(the images 0000000000\.png were taken"
+    ):
+        open_folder(raw_drive)
+
+
 def test_kitti_raw_sync_is_already_rectified(
     tmp_path: Path, make_image: Callable[..., np.ndarray]
 ) -> None:
