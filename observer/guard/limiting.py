@@ -31,6 +31,9 @@ from observer.guard.sight import Sight, obstacle_named
 from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh_sonar, is_silent
 from observer.robots.contract import SonarReading
 
+# Added about an obstruction that only ``seen_surfaces`` still knows.
+_UNSEEN = ", too near to be seen now; if it has left, back off a little"
+
 
 def limit_of(
     side: Side,
@@ -103,7 +106,7 @@ def _limit_by_ground(
     free = blocked = np.zeros(len(points), np.bool_)
     if side.scan is not None:
         free, blocked = side.scan.classify(moved(points, then))
-    blocked = blocked | side.surfaces.at(points)
+    seen_blocked, blocked = blocked, blocked | side.surfaces.at(points)
     free = free & ~blocked
     echo = None
     if view is not None:
@@ -118,13 +121,14 @@ def _limit_by_ground(
     seen_s = _first(times, blocked) - step
     known_s = min(_first(times, unknown) - step, seen_s)
     share, slow = stopping.share_within(known_s), max(0.0, seen_s / p.slow_time_s)
+    unseen = _UNSEEN if _first(times, blocked) < _first(times, seen_blocked) else ""
     if slow < min(share, WHOLE):
-        return Limit(slow, "the time to contact with an obstruction ahead is short")
+        return Limit(slow, f"the time to contact with an obstruction ahead is short{unseen}")
     if known_s < seen_s:
         return Limit(
             share, "the ground ahead is not known to be free: neither visible nor covered by sonar"
         )
-    return Limit(share, "an obstruction ahead is within the stopping distance")
+    return Limit(share, f"an obstruction ahead is within the stopping distance{unseen}")
 
 
 def _limit_by_echo(

@@ -66,6 +66,8 @@ def test_the_robot_stops_before_a_hanging_board(speed: float) -> None:
     gap = lab.board_m - lab.x - AMIGO.length_m / 2
     assert 0.02 < gap < 0.5
     assert any("obstruction ahead" in reason for reason in lab.reasons)
+    # It comes too near to be seen; only then can backing off help.
+    assert any("back off" in reason for reason in lab.reasons)
 
 
 @pytest.mark.parametrize(("scans", "known"), [(1, False), (2, False), (3, True), (5, True)])
