@@ -36,6 +36,10 @@ _HEADER_OVERLAPS = """() => {
   return shown.slice(1).flatMap(([each, { left }], at) =>
     left < shown[at][1].right - 1.5 ? [`${shown[at][0].className} covers ${each.className}`] : []);
 }"""
+_CONTENT_END = """(each) => each.getBoundingClientRect().bottom
+  - parseFloat(getComputedStyle(each).paddingBottom)"""
+_NOTIFY = """() => import("/static/app/shell/notice.js")
+  .then(({ notify }) => notify("Desk saved. It is not in use."))"""
 # The layout may still be settling.
 _SETTLED_S = 4.0
 
@@ -184,6 +188,19 @@ def test_the_tour_completes_and_can_be_skipped(
     page.keyboard.press("Escape")
     expect(card).to_be_hidden()
     expect(page.get_by_role("button", name="Menu")).to_be_focused()
+
+
+def test_a_notice_does_not_cover_the_last_controls(open_panel: OpenPanel) -> None:
+    page = open_panel(viewport={"width": 1024, "height": 460})
+    page.get_by_role("tab", name="Calibration").click()
+    page.locator("observer-calibration button", has_text="Calibrate").first.click()
+    start = page.get_by_role("button", name="Start with these cameras")
+    expect(start).to_be_visible()
+    page.evaluate(_NOTIFY)
+    page.locator("main").evaluate("main => main.scrollTo(0, main.scrollHeight)")
+    notice = page.get_by_text("Desk saved. It is not in use.").locator("..").bounding_box()
+    assert notice is not None
+    assert page.locator("observer-calibration-wizard").evaluate(_CONTENT_END) <= notice["y"]
 
 
 def test_the_tour_shows_a_phone_every_part(open_panel: OpenPanel) -> None:
