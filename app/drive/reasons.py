@@ -52,8 +52,8 @@ def _unseeing(connection: Connection, tick: Tick) -> str | None:
     if sight.world != connection.world or sight.published - sight.received <= SIGHT_FRESH_S:
         return trouble
     return (
-        f"{trouble}: this computer is too slow to process one every {1e3 * SIGHT_FRESH_S:.0f} ms; "
-        "close other programs or lower the image rate"
+        f"{trouble}; this computer is too slow to process one every {1e3 * SIGHT_FRESH_S:.0f} ms, "
+        "so close other programs or lower the image rate"
     )
 
 

@@ -80,7 +80,7 @@ def test_an_arming_refusal_names_the_missing_condition(bench: Any) -> None:
     assert bench.sight is not None
     bench.sight = replace(bench.sight, published=bench.sight.received + 0.25)
     bench.tick()
-    refused(bench, ArmRobot("observer", None), "200 ms: this computer is too slow to process one")
+    refused(bench, ArmRobot("observer", None), "200 ms; this computer is too slow to process one")
     bench.seeing = {}
     bench.tick()
     bench.lease("observer")
