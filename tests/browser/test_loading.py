@@ -13,11 +13,13 @@ from .conftest import DESKTOP, KeepPicture, OpenPanel, Server
 
 _PHONE = {"width": 390, "height": 844}
 # Modules to hold back.
-_HISTORY = "**/static/app/history/history-view.js"
+_PAGES = "**/static/app/pages/pages-view.js"
 _WIZARD = "**/static/app/calibration/wizard.js"
 _CHART = "**/static/app/chart/speed-chart.js"
 _FORM = "**/static/app/parameters/parameter-form.js"
-_LATER = "**/static/app/{calibration,chart,history,method}/**"
+_LATER = "**/static/app/{calibration,chart,pages,method}/**"
+# What the style says after an element.
+_AFTER = "(each) => getComputedStyle(each, '::after').content"
 
 
 def _hold(page: Page, pattern: str) -> Callable[[], None]:
@@ -64,7 +66,7 @@ def test_a_page_opened_before_its_module_loads_appears_afterwards(
     open_panel: OpenPanel, size: Any
 ) -> None:
     page = open_panel(viewport=size)
-    let_go = _hold(page, _HISTORY)
+    let_go = _hold(page, _PAGES)
     _reload(page)
     page.get_by_role("tab", name="Runs").click()
     page.get_by_role("link", name="All runs").click()
@@ -136,8 +138,10 @@ def test_a_panel_that_is_still_loading_keeps_the_focus(open_panel: OpenPanel) ->
     panel = page.get_by_role("tabpanel", name="Calibration")
     expect(panel).to_be_focused()
     expect(panel).to_have_attribute("aria-busy", "true")
+    assert panel.evaluate(_AFTER) == '"Loading…"'
     let_go()
     expect(panel).not_to_have_attribute("aria-busy", "true")
+    assert panel.evaluate(_AFTER) == "none"
     expect(panel).to_be_focused()
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.closest('[role=tabpanel]')?.id") == panel.evaluate(
