@@ -31,6 +31,26 @@ def _go(page: Page, hash: str) -> None:
     page.evaluate("(hash) => { location.hash = hash; }", hash)
 
 
+def test_a_step_has_no_empty_headings_before_its_answer(open_panel: OpenPanel) -> None:
+    page = open_panel()
+    held: list[Route] = []
+
+    def keep(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/api/steps?*", keep)
+    _go(page, "#steps/6?source=simulated:lab&frame=40")
+    numbers = page.get_by_role("heading", name="Numbers")
+    expect(page.locator(".steps-strip")).to_be_visible()
+    expect(numbers).to_be_hidden()
+    expect(page.locator(".step-formula")).to_be_hidden()
+    page.unroute("**/api/steps?*")
+    for route in held:
+        route.continue_()
+    expect(numbers).to_be_visible(timeout=_MADE_MS)
+    expect(page.locator(".step-formula")).to_be_visible()
+
+
 def test_keys_navigate_the_nine_steps_and_update_the_url(
     open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:
