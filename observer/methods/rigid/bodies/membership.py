@@ -42,6 +42,9 @@ _FOUND_SIGMAS = 2.5
 _STRIDE_M = 0.35
 # Metres beyond half their mean width that a limb seen by itself may be away from its body.
 _LIMB_APART_M = 0.3
+# Metres by which the middles of two people are farther apart, and m/s by which the parts of one
+# differ at most, as their limbs swing.
+_PARTS_M, _PARTS_MPS = 0.3, 0.4
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
 # Seconds for which two bodies must both be known before they stay two permanently.
@@ -196,6 +199,8 @@ def are_one(
         return False
     if _is_leg(older, older.box, younger, younger.box):
         return True
+    if _are_parts(older, younger):
+        return True
     if _stand_apart(older, older.box, younger, younger.box):
         return False
     room = older.room(parameters.margin) + younger.room(parameters.margin) + reach
@@ -205,6 +210,22 @@ def are_one(
     velocity, cov = younger.centre_velocity()
     expected = older.velocity_at(younger.centre)
     return _moves_with(velocity, cov, expected, older_cov, _PARTS_DIFFER)
+
+
+def _are_parts(a: BodyTrack, b: BodyTrack) -> bool:
+    """Return whether two bodies are parts of one person, such as trunk and legs.
+
+    They are nearer to each other than two people could be, and move alike. Somebody who was hidden
+    for a while may be seen again in two parts.
+    """
+    if a.seen_outline is None or b.seen_outline is None or (a.rigid and b.rigid):
+        return False
+    across, _, along = (a.centre - b.centre).tolist()
+    velocity, cov = b.centre_velocity()
+    expected, (_, expected_cov) = a.velocity_at(b.centre), a.centre_velocity()
+    if np.hypot(across, along) > _PARTS_M or np.linalg.norm(velocity - expected) > _PARTS_MPS:
+        return False
+    return _moves_with(velocity, cov, expected, expected_cov, _CHANGED_WHILE_HIDDEN)
 
 
 def _stand_apart(a: BodyTrack, a_box: Box, b: BodyTrack, b_box: Box) -> bool:

@@ -9,15 +9,19 @@ from observer.methods.rigid.bodies.beginning import start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
 from observer.methods.rigid.dense.ground import GroundPlane
-from observer.methods.rigid.dense.height import top_height
+from observer.methods.rigid.dense.height import bottom_height, top_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, extent_m, is_high, segment_of
 from observer.vision.lifecycle import TrackIds
 
 # Metres above the ground: what reaches higher is more than legs, between which there is a gap too.
 _LEAST_TOP_M = 1.0
-# Metres, least width of a person seen from any side.
-_LEAST_WIDTH_M = 0.2
+# But a gap this wide, metres, up to this height or more is none between the legs of one person.
+_WIDE_GAP_M, _LEAST_TOP_BESIDE_IT_M = 0.35, 0.6
+# Metres above the ground: what begins higher, such as an arm, does not stand on it.
+_STANDS_M = 0.35
+# Metres, least width of a person seen from any side, and of one who leaves the view.
+_LEAST_WIDTH_M, _LEAST_PART_M = 0.2, 0.1
 # Points of a body on another segment from which the two may be two people.
 _LEAST_POINTS = 3
 # Least width of the gap between two, metres and cells.
@@ -32,17 +36,21 @@ _WIDER_THAN_ONE_M, _ARMS_SHARE = 1.0, 0.5
 def parted(segment: Segment, scene: DenseScene) -> tuple[Segment, Segment] | None:
     """Return the segments of two people, left and right of a gap; None if there is only one.
 
-    The scene must be seen farther in most of the gap, and both must reach higher than legs do.
+    The scene must be seen farther in most of the gap, and both must reach higher than legs do. If
+    the view ends below that, the gap must be wider than between legs.
     """
     gap = _gap(segment, scene)
     if gap is None or scene.ground is None:
         return None
+    _, _, cut_at_top, _ = segment.cut
+    least = _WIDE_GAP_M * scene.grid.per_metre(segment.disparity)
+    wide = cut_at_top and gap.stop - gap.start >= least
     halves = []
     for columns in (slice(0, gap.start), slice(gap.stop, None)):
         mask = np.zeros_like(segment.mask)
         mask[:, columns] = segment.mask[:, columns]
         half = segment_of(scene, mask)
-        if not _may_be_person(half, scene, scene.ground):
+        if not _may_be_person(half, scene, scene.ground, beside_wide_gap=wide):
             return None
         halves.append(half)
     return halves[0], halves[1]
@@ -134,14 +142,21 @@ def _is_farther(scene: DenseScene, segment: Segment, rows: slice, columns: slice
     return len(seen) > 0 and float(farther.mean()) >= _FARTHER_SHARE
 
 
-def _may_be_person(segment: Segment, scene: DenseScene, ground: GroundPlane) -> bool:
+def _may_be_person(
+    segment: Segment, scene: DenseScene, ground: GroundPlane, *, beside_wide_gap: bool
+) -> bool:
     """Return whether a segment is large enough for a person, and reaches higher than legs do.
 
-    A raised arm is too small, and so is a box that a person carries.
+    A raised arm is too small, and so is a box that a person carries. Beside a wide gap, less is
+    enough for what stands on the ground: close by, a low camera sees only the legs of people.
     """
     width_m, _ = extent_m(segment, scene.grid)
+    top_m = top_height(segment, scene, ground)
+    if beside_wide_gap:
+        stands = bottom_height(segment, scene, ground) <= _STANDS_M
+        return stands and width_m >= _LEAST_PART_M and top_m >= _LEAST_TOP_BESIDE_IT_M
     large = width_m >= _LEAST_WIDTH_M and is_high(segment, scene.grid)
-    return large and top_height(segment, scene, ground) >= _LEAST_TOP_M
+    return large and top_m >= _LEAST_TOP_M
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:

@@ -208,6 +208,41 @@ def test_two_long_known_tracks_stay_separate(
     assert are_one(cart, pusher, REACH_M, P) is same
 
 
+def parts(make_track: MakeTrack, apart_m: float, other_mps: float) -> tuple[BodyTrack, BodyTrack]:
+    """A trunk and what may be its legs, both reported and known for a while."""
+    trunk = make_track(
+        (0.0, -0.3, 3.0), (0.0, 0, -0.9), box=Box(np.zeros(3), np.array([0.5, 0.9, 0.3]), 0.0)
+    )
+    legs = make_track(
+        (apart_m, 0.4, 3.0),
+        (other_mps, 0, -0.9),
+        number=2,
+        box=Box(np.zeros(3), np.array([0.4, 0.9, 0.3]), 0.0),
+        sigma=0.15,
+    )
+    for track in (trunk, legs):
+        track.outline = SimpleNamespace(seen=True)  # type: ignore[assignment]
+        track.state, track.age_s, track.rigid = TrackState.CONFIRMED, 1.5, False
+    return trunk, legs
+
+
+def test_a_person_seen_again_in_two_parts_is_one(make_track: MakeTrack) -> None:
+    """After another passed in front; two people cannot be so near to each other."""
+    assert are_one(*parts(make_track, 0.1, 0.1), REACH_M, P)
+    assert not are_one(*parts(make_track, 0.5, 0.1), REACH_M, P), "somebody beside"
+    assert not are_one(*parts(make_track, 0.1, 0.7), REACH_M, P), "somebody who crosses"
+
+
+def test_a_part_that_is_out_of_sight_or_no_persons_stays_a_track(make_track: MakeTrack) -> None:
+    trunk, legs = parts(make_track, 0.1, 0.1)
+    assert legs.outline is not None
+    legs.outline.seen = False
+    assert not are_one(trunk, legs, REACH_M, P)
+    trunk, robot = parts(make_track, 0.1, 0.1)
+    trunk.rigid = robot.rigid = True
+    assert not are_one(trunk, robot, REACH_M, P), "one robot on another"
+
+
 def test_the_end_of_a_turning_body_may_move_in_the_opposite_direction(
     make_track: MakeTrack,
 ) -> None:

@@ -100,6 +100,21 @@ def test_one_body_is_not_parted(things: tuple[Shape, ...], pose: Pose) -> None:
     assert separated([segment], scene) == [segment]
 
 
+def test_a_wide_gap_parts_two_people_of_whom_a_low_camera_sees_the_legs() -> None:
+    """So close by, the legs of one person are not so far apart up to the image's top."""
+    legs = [on_floor(x, 1.2, (0.2, 0.85, 0.2)) for x in (-0.4, 0.4)]
+    scene, both = as_one(*legs, T_world_camera=LOW)
+    assert both.cut[2], "the image's top cuts them off"
+    assert parted(both, scene) is not None
+
+
+def test_an_arm_that_hangs_into_the_view_beside_a_person_is_no_other_one() -> None:
+    arm = Solid((0.4, 0.15, 1.2), (0.15, 0.7, 0.15))
+    scene, both = as_one(on_floor(-0.25, 1.2, (0.3, 0.85, 0.2)), arm, T_world_camera=LOW)
+    assert both.cut[2]
+    assert parted(both, scene) is None
+
+
 def test_without_a_known_ground_nobody_is_parted() -> None:
     scene, both = as_one(person(-0.4, 4.0), person(0.4, 4.0))
     assert parted(both, scene) is not None
