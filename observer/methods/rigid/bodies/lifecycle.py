@@ -33,6 +33,8 @@ _MERGED_S = 1.0
 # So many points that stand out of the ground and move alike are a body, even if it is merged with
 # its surroundings.
 _MANY_POINTS = 12
+# Share of a body's points that may be matched wrongly.
+_WRONG_SHARE = 0.5
 # Points that do not all lie on one edge.
 _SEVERAL_POINTS = 6
 # Frames in a row for which a segment may idle, see ``Outline.count_idle``.
@@ -182,7 +184,7 @@ def _confirmed(
     track.crosses = surely and _crosses(track, camera_position)
     far = track.far and not track.lies
     shown = far or track.merged_s == 0 or _shown_by_many(track)
-    shown &= not track.wrong_match
+    shown &= track.wrong_match <= _WRONG_SHARE and not track.among_static
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:

@@ -37,6 +37,7 @@ from observer.methods.rigid.bodies.segment_tracking import (
     without_segments,
 )
 from observer.methods.rigid.bodies.spawning import spawned
+from observer.methods.rigid.bodies.static_among import note_static_points
 from observer.methods.rigid.bodies.wrong_match import note_wrong_matches
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.grey_change import Light
@@ -112,6 +113,7 @@ class BodyTracker:
         note_lasting_errors(found, now, parameters.evidence)
         if scene is not None:
             note_wrong_matches(self.tracks, points, scene, now)
+        note_static_points(self.tracks, points, motion)
         points = self.update_lifecycle(points, now.position, reach, now.dt, p)
         for track in self.tracks:
             track.carry_box(now.T_camera_world, now.camera)

@@ -8,6 +8,7 @@ velocity tells. If its points match there nearly as well, nothing shows that it 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,8 @@ _MATCHED_PX, _OTHER_PX, _OTHER_SHARE = 1.0, 2.0, 0.1
 _UNEXPLAINED_SHARE = 0.3
 # Points that must be comparable.
 _LEAST_POINTS = 2
+# Seconds over which the share of those that match as well is averaged.
+_MEMORY_S = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,18 +62,25 @@ class _Pair:
 def note_wrong_matches(
     tracks: list[BodyTrack], points: TrackedPoints, scene: DenseScene, now: CameraStep
 ) -> None:
-    """Note which tentative tracks move as static points would that are matched wrongly."""
+    """Note of tentative tracks how many of their points move as if they were matched wrongly.
+
+    In a single frame noise may make either match the better one, so it is averaged over some.
+    """
     camera_mps = -now.T_world_camera.rotate(now.rate.shift)
     pair = None
-    for track in [t for t in tracks if t.state is TrackState.TENTATIVE and t.rigid]:
-        share = _share_of(camera_mps, track.mean[VELOCITY])
+    for track in [t for t in tracks if t.state is TrackState.TENTATIVE]:
+        share = _share_of(camera_mps, track.mean[VELOCITY]) if track.rigid else None
         if share is None:
-            track.wrong_match = False
+            track.wrong_match = 0.0
             continue
         pair = pair or _Pair.of(scene)
         mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
         alike = _match_as_well(points.px[mine], points.disparity[mine], 1 - share, pair, scene)
-        track.wrong_match = len(alike) >= _LEAST_POINTS and bool(alike.mean() > 0.5)
+        if len(alike) < _LEAST_POINTS:
+            track.wrong_match = 0.0
+            continue
+        gain = 1.0 if track.wrong_match == 0 else 1 - math.exp(-now.dt / _MEMORY_S)
+        track.wrong_match += gain * (float(alike.mean()) - track.wrong_match)
 
 
 def _share_of(camera_mps: Float64Array, velocity: Float64Array) -> float | None:
