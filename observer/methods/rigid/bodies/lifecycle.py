@@ -184,7 +184,10 @@ def _confirmed(
     track.crosses = surely and _crosses(track, camera_position)
     far = track.far and not track.lies
     shown = far or track.merged_s == 0 or _shown_by_many(track)
-    shown &= track.wrong_match <= _WRONG_SHARE and not track.among_static
+    shown &= not track.among_static
+    if track.wrong_match > _WRONG_SHARE:
+        # Depth is matched as wrongly as points are.
+        return False
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:

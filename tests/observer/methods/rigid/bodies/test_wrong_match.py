@@ -140,3 +140,12 @@ def test_points_that_may_be_matched_wrongly_do_not_confirm(
     track.points, track.wrong_match = 9, float(wrong)
     state = judge_frames(track, 2 * P.confirm_hits)
     assert state is (TrackState.TENTATIVE if wrong else TrackState.CONFIRMED)
+
+
+@pytest.mark.parametrize("wrong", [True, False])
+def test_nor_does_depth_that_is_matched_as_wrongly(
+    outlined_track: Callable[..., BodyTrack], *, wrong: bool
+) -> None:
+    track = outlined_track(arrived=3)
+    track.wrong_match = float(wrong)
+    assert judge_frames(track) is (TrackState.TENTATIVE if wrong else TrackState.CONFIRMED)
