@@ -194,13 +194,13 @@ def test_a_notice_does_not_cover_the_last_controls(open_panel: OpenPanel) -> Non
     page = open_panel(viewport={"width": 1024, "height": 460})
     page.get_by_role("tab", name="Calibration").click()
     page.locator("observer-calibration button", has_text="Calibrate").first.click()
-    start = page.get_by_role("button", name="Start with these cameras")
-    expect(start).to_be_visible()
+    wizard = page.locator("observer-calibration-wizard")
+    expect(wizard.get_by_role("heading", name="Calibrate: Board")).to_be_visible(timeout=20_000)
     page.evaluate(_NOTIFY)
     page.locator("main").evaluate("main => main.scrollTo(0, main.scrollHeight)")
     notice = page.get_by_text("Desk saved. It is not in use.").locator("..").bounding_box()
     assert notice is not None
-    assert page.locator("observer-calibration-wizard").evaluate(_CONTENT_END) <= notice["y"]
+    assert wizard.evaluate(_CONTENT_END) <= notice["y"]
 
 
 def test_the_tour_shows_a_phone_every_part(open_panel: OpenPanel) -> None:
