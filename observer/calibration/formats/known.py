@@ -36,7 +36,7 @@ FORMATS: Mapping[FileKind, KnownFormat] = {
     ),
     "ros": KnownFormat("ROS", "camera_info of both cameras", "a ROS camera_info"),
     "ost": KnownFormat("ROS", "ost.txt", "a ROS ost.txt"),
-    "numpy": KnownFormat("NumPy", ".npz with OpenCV's keys", "a NumPy archive"),
+    "numpy": KnownFormat("NumPy", ".npz", "a NumPy archive"),
     "kalibr": KnownFormat("Kalibr", "camchain", "a Kalibr camchain"),
     "kitti raw": KnownFormat("KITTI", "calib_cam_to_cam.txt", "a KITTI calib_cam_to_cam.txt"),
     "kitti odometry": KnownFormat("KITTI", "calib.txt", "a KITTI calib.txt"),
