@@ -67,8 +67,8 @@ class BodyTrack:
             surroundings.
         off_ground: no more than half of its points are on cells that do not stand out of the
             ground. lies: more than half of them lie on it, by their own disparities.
-        wrong_match: while tentative: recent share of its points that seem to move as static points
-            would if matched wrongly, and match as well there.
+        wrong_match: while tentative: recent share of its points that match as well where a wrong
+            match would explain how it moves; None if none would, or too few can be compared.
         among_static: while tentative: static points are seen among its own.
         far: it is seen by points alone, too far away to tell whether they approach or recede.
         stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
@@ -106,7 +106,7 @@ class BodyTrack:
     merged_s: float = 0.0
     off_ground: bool = True
     lies: bool = False
-    wrong_match: float = 0.0
+    wrong_match: float | None = None
     among_static: bool = False
     far: bool = False
     stood_s: float = 0.0

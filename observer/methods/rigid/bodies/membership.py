@@ -42,8 +42,8 @@ _FOUND_SIGMAS = 2.5
 _STRIDE_M = 0.35
 # Metres beyond half their mean width that a limb seen by itself may be away from its body.
 _LIMB_APART_M = 0.3
-# Metres by which the middles of two people are farther apart, and m/s by which the parts of one
-# differ at most, as their limbs swing.
+# Least distance between the middles of two people, metres; and most by which the velocities of one
+# person's parts differ, m/s.
 _PARTS_M, _PARTS_MPS = 0.3, 0.4
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
@@ -213,12 +213,12 @@ def are_one(
 
 
 def _are_parts(a: BodyTrack, b: BodyTrack) -> bool:
-    """Return whether two bodies are parts of one person, such as trunk and legs.
+    """Return whether two bodies with limbs are parts of one person, such as trunk and legs.
 
     They are nearer to each other than two people could be, and move alike. Somebody who was hidden
     for a while may be seen again in two parts.
     """
-    if a.seen_outline is None or b.seen_outline is None or (a.rigid and b.rigid):
+    if a.seen_outline is None or b.seen_outline is None or a.rigid or b.rigid:
         return False
     across, _, along = (a.centre - b.centre).tolist()
     velocity, cov = b.centre_velocity()

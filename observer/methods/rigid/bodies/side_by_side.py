@@ -16,7 +16,7 @@ from observer.vision.lifecycle import TrackIds
 
 # Metres above the ground: what reaches higher is more than legs, between which there is a gap too.
 _LEAST_TOP_M = 1.0
-# But a gap this wide, metres, up to this height or more is none between the legs of one person.
+# A gap at least this wide, up to at least this height, metres, is not one between somebody's legs.
 _WIDE_GAP_M, _LEAST_TOP_BESIDE_IT_M = 0.35, 0.6
 # Metres above the ground: what begins higher, such as an arm, does not stand on it.
 _STANDS_M = 0.35

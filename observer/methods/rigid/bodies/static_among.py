@@ -16,14 +16,16 @@ from observer.methods.rigid.bodies.filter import VELOCITY
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.types import TrackState
+from observer.vision.lifecycle import NO_OBSTACLE
 
 # Members from which the area between them is a part of a body.
 _LEAST_MEMBERS = 6
 # Static points among them, and their least share of the members. Of bodies that do move, at most
 # one in twelve; of points in front of hedges and fences one in six or more.
 _LEAST_STATIC, _STATIC_SHARE = 3, 0.12
-# Pixels beyond the disparities of most members that a point may be off, and their quantiles.
-_BEYOND_PX, _MOST = 1.0, (0.1, 0.9)
+# Pixels, and share of the disparity, beyond the disparities of most members that a point may be
+# off; and the quantiles of these.
+_BEYOND_PX, _BEYOND_SHARE, _MOST = 1.0, 0.05, (0.1, 0.9)
 # A static point's own velocity fits rest, and surely not that of the body.
 _FITS_CHI2, _DIFFERS_CHI2 = quantile(0.95, df=3), quantile(0.99, df=3)
 
@@ -42,8 +44,9 @@ def note_static_points(
         if not track.rigid or len(mine) < _LEAST_MEMBERS:
             continue
         low, high = np.quantile(points.disparity[mine], _MOST)
-        others = (points.obstacle != track.id) & motion.judged
-        others &= (points.disparity >= low - _BEYOND_PX) & (points.disparity <= high + _BEYOND_PX)
+        beyond = min(_BEYOND_PX, _BEYOND_SHARE * low)
+        others = (points.obstacle == NO_OBSTACLE) & motion.judged
+        others &= (points.disparity >= low - beyond) & (points.disparity <= high + beyond)
         among = np.flatnonzero(others)
         among = among[_between(points.px[among], points.px[mine])]
         velocity, information = motion.own_velocity[among], motion.own_information[among]

@@ -8,7 +8,6 @@ velocity tells. If its points match there nearly as well, nothing shows that it 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,12 +36,13 @@ _SIDE = 9
 # Pixels: how well the matched disparity is known; and the other one, with a share of how far they
 # are apart.
 _MATCHED_PX, _OTHER_PX, _OTHER_SHARE = 1.0, 2.0, 0.1
-# Of a block's texture, the other match may leave so much more unexplained than the one chosen.
-_UNEXPLAINED_SHARE = 0.3
+# Of a block's texture, the other match may leave so much more unexplained than the one chosen: it
+# may lie between two cells where the one chosen lies on one.
+_UNEXPLAINED_SHARE = 0.45
 # Points that must be comparable.
 _LEAST_POINTS = 2
-# Seconds over which the share of those that match as well is averaged.
-_MEMORY_S = 0.25
+# Gain with which their share follows the newest frame.
+_GAIN = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,28 +59,54 @@ class _Pair:
         return _Pair(left, row_gradients(scene.right), np.full_like(left, FLAT))
 
 
+@dataclass(frozen=True, eq=False)
+class _Range:
+    """Ranges of disparity of N points, cells: first and last (N,)."""
+
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+    @staticmethod
+    def around(px: Float64Array, reach_px: Float64Array | float, scene: DenseScene) -> _Range:
+        low, high = (px - reach_px) / scene.grid.reduction, (px + reach_px) / scene.grid.reduction
+        first = np.maximum(np.floor(low), 0).astype(np.int64)
+        return _Range(first, np.ceil(high).astype(np.int64))
+
+    def is_apart_from(self, other: _Range) -> NDArray[np.bool_]:
+        """(N,) where neither range overlaps or adjoins the other."""
+        return (other.last + 1 < self.first) | (self.last + 1 < other.first)
+
+    def take(self, which: NDArray[np.bool_]) -> _Range:
+        return _Range(self.first[which], self.last[which])
+
+
 def note_wrong_matches(
     tracks: list[BodyTrack], points: TrackedPoints, scene: DenseScene, now: CameraStep
 ) -> None:
-    """Note of tentative tracks how many of their points move as if they were matched wrongly.
+    """Note for each tentative track which share of its points may be matched wrongly.
 
-    In a single frame noise may make either match the better one, so it is averaged over some.
+    These match as well where a wrong match would explain their motion. In a single frame noise may
+    make either match the better one, so the share is averaged over some.
     """
     camera_mps = -now.T_world_camera.rotate(now.rate.shift)
     pair = None
     for track in [t for t in tracks if t.state is TrackState.TENTATIVE]:
         share = _share_of(camera_mps, track.mean[VELOCITY]) if track.rigid else None
         if share is None:
-            track.wrong_match = 0.0
+            track.wrong_match = None
             continue
         pair = pair or _Pair.of(scene)
         mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
         alike = _match_as_well(points.px[mine], points.disparity[mine], 1 - share, pair, scene)
-        if len(alike) < _LEAST_POINTS:
-            track.wrong_match = 0.0
-            continue
-        gain = 1.0 if track.wrong_match == 0 else 1 - math.exp(-now.dt / _MEMORY_S)
-        track.wrong_match += gain * (float(alike.mean()) - track.wrong_match)
+        before, now_alike = track.wrong_match, _mean(alike)
+        if before is None or now_alike is None:
+            track.wrong_match = now_alike
+        else:
+            track.wrong_match = before + _GAIN * (now_alike - before)
+
+
+def _mean(alike: NDArray[np.bool_]) -> float | None:
+    return float(alike.mean()) if len(alike) >= _LEAST_POINTS else None
 
 
 def _share_of(camera_mps: Float64Array, velocity: Float64Array) -> float | None:
@@ -108,22 +134,18 @@ def _match_as_well(
         px: (N, 2) pixels. disparity: (N,) px, as matched. ratio: of the other to it.
     """
     other = np.maximum(0.0, ratio * disparity)
-    apart = np.abs(disparity - other)
-    reach = np.maximum(_OTHER_PX, _OTHER_SHARE * apart)
-    distinct = apart > reach + _MATCHED_PX
-    disparity, other, reach = disparity[distinct], other[distinct], reach[distinct]
+    reach = np.maximum(_OTHER_PX, _OTHER_SHARE * np.abs(disparity - other))
+    chosen = _Range.around(disparity, _MATCHED_PX, scene)
+    elsewhere = _Range.around(other, reach, scene)
+    distinct = chosen.is_apart_from(elsewhere)
+    chosen, elsewhere = chosen.take(distinct), elsewhere.take(distinct)
     cells = np.rint(scene.grid.to_cells(px[distinct].astype(np.float64))).astype(np.int64)
 
-    def differences(
-        image: NDArray[np.uint8], low: Float64Array, high: Float64Array
-    ) -> NDArray[np.float32]:
-        least, most = low / scene.grid.reduction, high / scene.grid.reduction
-        first = np.maximum(np.floor(least), 0).astype(np.int64)
-        last = np.ceil(most).astype(np.int64)
-        return least_differences(pair.left, image, cells, first, last, _SIDE)
+    def differences(image: NDArray[np.uint8], within: _Range) -> NDArray[np.float32]:
+        return least_differences(pair.left, image, cells, within.first, within.last, _SIDE)
 
-    texture = differences(pair.flat, np.zeros(len(cells)), np.zeros(len(cells)))
-    chosen = differences(pair.right, disparity - _MATCHED_PX, disparity + _MATCHED_PX)
-    there = differences(pair.right, other - reach, other + reach)
-    known = np.isfinite(texture) & np.isfinite(chosen) & np.isfinite(there)
-    return np.asarray((there <= chosen + _UNEXPLAINED_SHARE * texture)[known])
+    nowhere = _Range(np.zeros(len(cells), np.int64), np.zeros(len(cells), np.int64))
+    texture = differences(pair.flat, nowhere)
+    here, there = differences(pair.right, chosen), differences(pair.right, elsewhere)
+    known = np.isfinite(texture) & np.isfinite(here) & np.isfinite(there)
+    return np.asarray((there <= here + _UNEXPLAINED_SHARE * texture)[known])

@@ -238,9 +238,10 @@ def test_a_part_that_is_out_of_sight_or_no_persons_stays_a_track(make_track: Mak
     assert legs.outline is not None
     legs.outline.seen = False
     assert not are_one(trunk, legs, REACH_M, P)
-    trunk, robot = parts(make_track, 0.1, 0.1)
-    trunk.rigid = robot.rigid = True
-    assert not are_one(trunk, robot, REACH_M, P), "one robot on another"
+    for rigid in ((True, True), (False, True), (True, False)):
+        person, robot = parts(make_track, 0.1, 0.1)
+        person.rigid, robot.rigid = rigid
+        assert not are_one(person, robot, REACH_M, P), "a robot at somebody's feet"
 
 
 def test_the_end_of_a_turning_body_may_move_in_the_opposite_direction(

@@ -11,6 +11,7 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.static_among import note_static_points
 from observer.types import TrackState
+from observer.vision.lifecycle import NO_OBSTACLE
 
 from ..moving_points import motion
 from ..solid_worlds import patch, points_on
@@ -24,15 +25,17 @@ VELOCITY = np.array([0.0, 0.0, 0.3])
 MEMBERS = patch(*PLACE, 0.5)
 
 
-def noted(track: BodyTrack, others: Float64Array, velocity: Float64Array) -> bool:
+def noted(
+    track: BodyTrack, others: Float64Array, velocity: Float64Array, owner: int = NO_OBSTACLE
+) -> bool:
     """Note of a track with nine members, and other points at (N, 3) m that move at (3,) m/s."""
     points = points_on(MEMBERS, others)
-    owner = np.concatenate([np.full(len(MEMBERS), track.id), np.full(len(others), -1)])
+    owners = np.concatenate([np.full(len(MEMBERS), track.id), np.full(len(others), owner)])
     velocities = np.concatenate(
         [np.tile(track.mean[3:6], (len(MEMBERS), 1)), np.tile(velocity, (len(others), 1))]
     )
     seen = motion(np.concatenate([MEMBERS, others]), velocities)
-    note_static_points([track], points.but(obstacle=owner), seen)
+    note_static_points([track], points.but(obstacle=owners), seen)
     return track.among_static
 
 
@@ -58,6 +61,7 @@ def test_points_that_move_along_are_none(track: BodyTrack) -> None:
 def test_points_beside_a_body_or_at_another_depth_are_not_among_its_own(track: BodyTrack) -> None:
     assert not noted(track, beside(0.4), np.zeros(3))
     assert not noted(track, beside(0.1, 5.0), np.zeros(3)), "seen through a gap"
+    assert not noted(track, beside(0.1), np.zeros(3), owner=7), "on somebody who stands before it"
 
 
 def test_points_whose_motion_is_uncertain_tell_nothing(make_track: MakeTrack) -> None:
