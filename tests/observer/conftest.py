@@ -266,7 +266,8 @@ def make_track() -> Callable[..., BodyTrack]:
         )
         motion.means[:, 6], motion.means[:, 7] = yaw, yaw_rate
         box = box or Box(np.zeros(3), np.array([0.4, 0.3, 0.6]), 0.0)
-        return BodyTrack(id=number, filter=motion, shape=BodyShape(), box=box)
+        seen_px = (300.0, 150.0, 370.0, 200.0)
+        return BodyTrack(id=number, filter=motion, shape=BodyShape(), box=box, box_px=seen_px)
 
     return make
 

@@ -33,7 +33,7 @@ _MERGED_S = 1.0
 # So many points that stand out of the ground and move alike are a body, even if it is merged with
 # its surroundings.
 _MANY_POINTS = 12
-# Share of a body's points that may be matched wrongly.
+# Share of a body's points that may match as well elsewhere.
 _WRONG_SHARE = 0.5
 # Points that do not all lie on one edge.
 _SEVERAL_POINTS = 6
@@ -44,6 +44,9 @@ _STOOD_S = 0.7
 # A body creeps below so many times the speed at which it counts as stopped; it is unmoved if so
 # much of it is static.
 _CREEPING, _UNMOVED_SHARE = 3.0, 0.95
+# Pixels: the windows in which points are matched also show what is behind anything narrower, and
+# the mixture seems to approach or recede.
+_WINDOW_PX = 15.0
 # A body crosses the view if at least this share of its velocity is across the line of sight.
 _ACROSS_SHARE = 0.5
 # Where light flickers, a body that is slower than so many times the stopped speed may stand, unless
@@ -184,9 +187,10 @@ def _confirmed(
     track.crosses = surely and _crosses(track, camera_position)
     far = track.far and not track.lies
     shown = far or track.merged_s == 0 or _shown_by_many(track)
-    shown &= not track.among_static
-    if track.wrong_match > _WRONG_SHARE:
-        # Depth is matched as wrongly as points are.
+    wrong = track.wrong_match is not None and track.wrong_match > _WRONG_SHARE
+    shown &= not wrong and not track.among_static
+    if wrong and track.points >= _SEVERAL_POINTS:
+        # Dense depth is matched as wrongly as so many points are.
         return False
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
@@ -228,13 +232,19 @@ def _may_stand(
 
     A body that crosses the view covers free space and uncovers what it hid. If a person does not,
     the points slide over something static. Along the line of sight points seem to approach or
-    recede where disparity is uncertain: far away, and in flickering light.
+    recede where disparity is uncertain: far away, on what is narrow, and in flickering light.
     """
     if _creeps(track, parameters):
         return True
     if _crosses(track, camera_position):
         return not track.rigid and _is_unmoved(track)
-    return track.far or (light.flickers and _is_slow(track, parameters))
+    return track.far or _is_narrow(track) or (light.flickers and _is_slow(track, parameters))
+
+
+def _is_narrow(track: BodyTrack) -> bool:
+    """Return whether a body is narrower than the windows in which its points are matched."""
+    left, _, right, _ = track.box_px
+    return right - left < _WINDOW_PX
 
 
 def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:

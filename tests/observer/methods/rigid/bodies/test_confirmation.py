@@ -199,6 +199,19 @@ def test_points_beyond_segment_range_confirm_only_a_body_crossing_the_view(
         assert judge_frames(track, P.confirm_hits + 5) is state
 
 
+@pytest.mark.parametrize(
+    ("velocity", "state"),
+    [((0.0, 0.0, 0.5), TrackState.TENTATIVE), ((0.5, 0.0, 0.0), TrackState.CONFIRMED)],
+)
+def test_points_on_a_post_confirm_only_a_body_crossing_the_view(
+    make_track: MakeTrack, velocity: tuple[float, float, float], state: TrackState
+) -> None:
+    """Matched together with the wall behind it, a narrow post seems to recede."""
+    track = make_track((0.0, 0.0, 6.0), velocity)
+    track.points, track.box_px = 20, (300.0, 20.0, 312.0, 200.0)
+    assert judge_frames(track, P.confirm_hits + 5) is state
+
+
 def test_slow_points_in_formerly_filled_space_do_not_confirm(
     outlined_track: MakeTrack,
 ) -> None:

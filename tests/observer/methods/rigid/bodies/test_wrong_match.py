@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ def noted(track: BodyTrack, scene: DenseScene, camera_mps: NDArray[np.float64] =
     points = points_on(patch(0.0, 0.0, DEPTH_M, 0.1)).but(obstacle=np.full(9, track.id))
     now = replace(now_at(), rate=CameraRate(np.zeros(3), -camera_mps))
     note_wrong_matches([track], points, scene, now)
-    return track.wrong_match > 0.5
+    return (track.wrong_match or 0.0) > 0.5
 
 
 def test_a_repetition_that_follows_the_camera_may_stand(make_track: MakeTrack) -> None:
@@ -72,14 +73,30 @@ def test_a_distant_repetition_may_keep_its_distance(make_track: MakeTrack, share
         assert noted(track, scene_of(images)) is may_stand
 
 
-def test_one_frame_does_not_tell_otherwise(make_track: MakeTrack) -> None:
-    """Noise may make the match chosen the better one for once."""
+@pytest.mark.parametrize("stands", [True, False])
+def test_one_frame_does_not_tell_otherwise(make_track: MakeTrack, *, stands: bool) -> None:
+    """Noise may make either match the better one for once."""
+    usual, other = (pair(PERIOD), close_by()) if stands else (close_by(), pair(PERIOD))
     track = make_track((0.0, 0.0, DEPTH_M), FOLLOWING)
     for _ in range(5):
-        assert noted(track, scene_of(pair(PERIOD)))
-    moves = [noted(track, scene_of(close_by())) for _ in range(5)]
-    assert moves[0]
-    assert not moves[-1]
+        assert noted(track, scene_of(usual)) is stands
+    found = [noted(track, scene_of(other)) for _ in range(5)]
+    assert found[0] is stands
+    assert found[-1] is not stands
+
+
+@pytest.mark.parametrize("matched_px", [4.0, 6.0])
+def test_disparities_too_alike_to_be_told_apart_are_not_compared(
+    make_track: MakeTrack, matched_px: float
+) -> None:
+    """A plainly textured thing far away recedes at half the camera's speed."""
+    depth_m = CAMERA.fb / matched_px
+    track = make_track((0.0, 0.0, depth_m), tuple(0.5 * AHEAD))
+    points = points_on(patch(0.0, 0.0, depth_m, 0.3)).but(obstacle=np.full(9, track.id))
+    now = replace(now_at(), rate=CameraRate(np.zeros(3), -AHEAD))
+    images = [cv2.GaussianBlur(image, (0, 0), 4) for image in pair(None, matched_px)]
+    note_wrong_matches([track], points, scene_of((images[0], images[1])), now)
+    assert track.wrong_match is None
 
 
 def close_by() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -148,4 +165,8 @@ def test_nor_does_depth_that_is_matched_as_wrongly(
 ) -> None:
     track = outlined_track(arrived=3)
     track.wrong_match = float(wrong)
+    track.points = 9
     assert judge_frames(track) is (TrackState.TENTATIVE if wrong else TrackState.CONFIRMED)
+    few = outlined_track(arrived=3)
+    few.points, few.wrong_match = 2, float(wrong)
+    assert judge_frames(few) is TrackState.CONFIRMED, "two points say little of a whole segment"
