@@ -7,7 +7,9 @@ head claims.
 from __future__ import annotations
 
 import io
+import lzma
 import math
+import tokenize
 import zipfile
 import zlib
 from typing import BinaryIO, cast
@@ -22,12 +24,26 @@ _ARRAY = ".npy"
 # More numbers than any key of a calibration holds: points, maps and images are left out.
 _MOST_NUMBERS = 64
 
+# What the modules that read archives and the heads of arrays raise on damaged ones; RuntimeError
+# includes methods and versions that are not implemented.
+_DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    tokenize.TokenError,
+    TypeError,
+    ValueError,
+    EOFError,
+    OSError,
+    RuntimeError,
+)
+
 
 def is_numpy(content: bytes) -> bool:
     """Return whether a file is an archive that holds arrays only."""
     try:
         names = zipfile.ZipFile(io.BytesIO(content)).namelist()
-    except (zipfile.BadZipFile, ValueError, OSError):
+    except _DAMAGED:
         return False
     return bool(names) and all(name.endswith(_ARRAY) for name in names)
 
@@ -46,7 +62,7 @@ def numpy_data(name: str, content: bytes) -> dict[str, PlainData]:
                     array = _array(cast(BinaryIO, file))
                 if array is not None:
                     data[member.removesuffix(_ARRAY)] = _plain(array.tolist())
-    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, RuntimeError) as error:
+    except _DAMAGED as error:
         raise CalibrationError(f"{name}: the archive is damaged: {error}") from None
     return data
 
@@ -57,6 +73,8 @@ def _array(file: BinaryIO) -> np.ndarray[tuple[int, ...], np.dtype[np.generic]] 
     read_head = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, is_fortran, kind = read_head(file)
     count = math.prod(shape)
+    if min(shape, default=0) < 0:
+        raise ValueError("an array has a negative size")
     if kind.kind not in "iuf" or count > _MOST_NUMBERS:
         return None
     data = file.read(count * kind.itemsize)

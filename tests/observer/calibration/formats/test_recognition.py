@@ -195,15 +195,45 @@ def test_a_numpy_archive_is_read() -> None:
     assert read_any([archive(**keys | more)], size=(640, 480)).calibration.width == 640
 
 
-def test_a_numpy_archive_that_claims_gigabytes_is_refused() -> None:
-    head = io.BytesIO()
-    claimed = {"descr": "<f8", "fortran_order": False, "shape": (1 << 40,)}
-    npy.write_array_header_1_0(head, claimed)
+def archive_of(head: bytes) -> NamedFile:
+    """An archive with one array that begins so, and much behind it."""
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as zipped:
-        zipped.writestr("K1.npy", head.getvalue())
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as zipped:
+        zipped.writestr("K1.npy", head + bytes(1 << 20))
+    return NamedFile("big.npz", file.getvalue())
+
+
+def head_of(*shape: int) -> bytes:
+    head = io.BytesIO()
+    npy.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": shape})
+    return head.getvalue()
+
+
+def test_a_numpy_archive_that_claims_gigabytes_is_refused() -> None:
     with pytest.raises(CalibrationError, match="K1, D1, K2, D2, R and T are missing"):
-        read_any([NamedFile("big.npz", file.getvalue())])
+        read_any([archive_of(head_of(1 << 40))])
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        pytest.param(head_of(-1), id="negative size"),
+        pytest.param(head_of(9).replace(b"(9,)", b"(3L,"), id="unfinished"),
+        pytest.param(head_of(9).replace(b"'shape': (9,)", b"[]: 2        "), id="no key"),
+        pytest.param(b"text", id="no array"),
+    ],
+)
+def test_a_damaged_numpy_archive_is_refused(head: bytes) -> None:
+    with pytest.raises(CalibrationError, match=r"^big\.npz: the archive is damaged"):
+        read_any([archive_of(head)])
+
+
+def test_a_numpy_archive_of_a_future_format_is_refused() -> None:
+    content = bytearray(archive_of(head_of(9)).content)
+    # The version needed to extract the member, in the central directory.
+    content[content.rindex(b"PK\x01\x02") + 6] = 124
+    with pytest.raises(CalibrationError):
+        read_any([NamedFile("new.npz", bytes(content))])
 
 
 @pytest.mark.parametrize("shared", [False, True])
