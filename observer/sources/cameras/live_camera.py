@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import subprocess
 from collections import deque
 from pathlib import Path
@@ -97,7 +98,8 @@ class LiveCamera:
         self._attended_since = now
         self._last_arrival = now
         self._undecodable_since: float | None = None
-        self._is_behind = False
+        # When the newest late image came.
+        self._behind_at = -math.inf
         self._frozen_since: float | None = None
         self.repeats = False
         self._standing_stamps = 0
@@ -213,10 +215,11 @@ class LiveCamera:
             return self._fault or "is being opened"
         period = self.period.seconds
         silence = now - max(self._last_arrival, self._attended_since)
-        if silence > max(_SILENCE_S, _SILENT_PERIODS * period):
+        most = max(_SILENCE_S, _SILENT_PERIODS * period)
+        if silence > most:
             if self._undecodable_since is not None:
                 return _UNDECODABLE
-            return _BEHIND if self._is_behind else _SILENT
+            return _BEHIND if now - self._behind_at <= most else _SILENT
         if self.decoding is not None and not self.is_decoded:
             # This frame came a period after the last good one, so the limit is a period shorter.
             waiting = now - max(self.decoding.arrival, self._attended_since)
@@ -314,7 +317,7 @@ class LiveCamera:
                 self._undecodable_since = self._undecodable_since or now
                 self.release()
             case Behind():
-                self._is_behind = True
+                self._behind_at = now
             case Resized(width, height):
                 had = "" if self.opened is None else f"{_size(self.opened)} to "
                 self._fail(f"changed its images from {had}{width}x{height} pixels", now)
@@ -339,7 +342,6 @@ class LiveCamera:
         self.openings += 1
         self.period = Period(opened.rate)
         self._undecodable_since = None
-        self._is_behind = False
         self._standing_stamps = 0
         self._last_grabbed = None
         self.recent.clear()
@@ -349,7 +351,6 @@ class LiveCamera:
     def _take_grabbed(self, grabbed: Grabbed, now: float) -> None:
         last, self._last_grabbed = self._last_grabbed, grabbed
         self.recent.append(grabbed.stamp)
-        self._is_behind = False
         if last is None or grabbed.seq != last.seq + 1:
             self.period.interrupt()
         self.period.add(grabbed.stamp)
