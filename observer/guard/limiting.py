@@ -32,7 +32,7 @@ from observer.guard.sonar_clear import SonarView, clear_by_sonar, echo_at, fresh
 from observer.robots.contract import SonarReading
 
 # Added about an obstruction that only ``seen_surfaces`` still knows.
-_UNSEEN = ", too near to be seen now; if it has left, back off a little"
+_UNSEEN = ", too near to be seen now; if it is gone, back off a little"
 
 
 def limit_of(

@@ -141,7 +141,9 @@ def _of_one_moment(
         if isinstance(entry, FilePair) and entry.right_time is not None:
             apart = abs(entry.right_time - entry.time)
             if apart > most_s:
-                entry = MissingPair(f"the images {entry.left.name} were taken {apart:.3g} s apart")
+                entry = MissingPair(
+                    f"the two images named {entry.left.name} were taken {apart:.3f} s apart"
+                )
         result.append(entry)
     return result
 

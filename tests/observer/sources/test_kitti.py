@@ -142,10 +142,10 @@ def test_images_that_were_not_taken_together_are_no_pair(raw_drive: Path) -> Non
     source = open_folder(raw_drive)
     assert [frame.index for frame in frames(source)] == [0, 2, 3]
     source.rewind()
-    assert reasons(source) == {1: "the images 0000000001.png were taken 0.103 s apart"}
+    assert reasons(source) == {1: "the two images named 0000000001.png were taken 0.103 s apart"}
     file.write_text("\n".join(each.replace("2011-09-26", "2011-09-27") for each in stamps))
     with pytest.raises(
-        SourceError, match=r"no stereo pair \(the images 0000000000\.png were taken"
+        SourceError, match=r"no stereo pair \(the two images named 0000000000\.png were taken"
     ):
         open_folder(raw_drive)
 
