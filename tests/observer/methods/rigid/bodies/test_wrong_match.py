@@ -94,8 +94,10 @@ def test_disparities_too_alike_to_be_told_apart_are_not_compared(
     track = make_track((0.0, 0.0, depth_m), tuple(0.5 * AHEAD))
     points = points_on(patch(0.0, 0.0, depth_m, 0.3)).but(obstacle=np.full(9, track.id))
     now = replace(now_at(), rate=CameraRate(np.zeros(3), -AHEAD))
-    images = [cv2.GaussianBlur(image, (0, 0), 4) for image in pair(None, matched_px)]
-    note_wrong_matches([track], points, scene_of((images[0], images[1])), now)
+    left, right = (
+        cv2.GaussianBlur(image, (0, 0), 4).astype(np.uint8) for image in pair(None, matched_px)
+    )
+    note_wrong_matches([track], points, scene_of((left, right)), now)
     assert track.wrong_match is None
 
 
