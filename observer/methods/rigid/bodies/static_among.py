@@ -45,7 +45,8 @@ def note_static_points(
             continue
         low, high = np.quantile(points.disparity[mine], _MOST)
         beyond = min(_BEYOND_PX, _BEYOND_SHARE * low)
-        others = (points.obstacle == NO_OBSTACLE) & motion.judged
+        free = (points.within == NO_OBSTACLE) | (points.within == track.id)
+        others = (points.obstacle == NO_OBSTACLE) & free & motion.judged
         others &= (points.disparity >= low - beyond) & (points.disparity <= high + beyond)
         among = np.flatnonzero(others)
         among = among[_between(points.px[among], points.px[mine])]

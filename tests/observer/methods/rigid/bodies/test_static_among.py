@@ -26,16 +26,24 @@ MEMBERS = patch(*PLACE, 0.5)
 
 
 def noted(
-    track: BodyTrack, others: Float64Array, velocity: Float64Array, owner: int = NO_OBSTACLE
+    track: BodyTrack,
+    others: Float64Array,
+    velocity: Float64Array,
+    owner: int = NO_OBSTACLE,
+    within: int = NO_OBSTACLE,
 ) -> bool:
-    """Note of a track with nine members, and other points at (N, 3) m that move at (3,) m/s."""
+    """Note of a track with nine members, and other points at (N, 3) m that move at (3,) m/s.
+
+    ``owner`` and ``within``: the bodies that the others belong to, and on which they are seen.
+    """
     points = points_on(MEMBERS, others)
     owners = np.concatenate([np.full(len(MEMBERS), track.id), np.full(len(others), owner)])
     velocities = np.concatenate(
         [np.tile(track.mean[3:6], (len(MEMBERS), 1)), np.tile(velocity, (len(others), 1))]
     )
     seen = motion(np.concatenate([MEMBERS, others]), velocities)
-    note_static_points([track], points.but(obstacle=owners), seen)
+    on = np.concatenate([np.full(len(MEMBERS), track.id), np.full(len(others), within)])
+    note_static_points([track], points.but(obstacle=owners, within=on), seen)
     return track.among_static
 
 
@@ -61,7 +69,9 @@ def test_points_that_move_along_are_none(track: BodyTrack) -> None:
 def test_points_beside_a_body_or_at_another_depth_are_not_among_its_own(track: BodyTrack) -> None:
     assert not noted(track, beside(0.4), np.zeros(3))
     assert not noted(track, beside(0.1, 5.0), np.zeros(3)), "seen through a gap"
-    assert not noted(track, beside(0.1), np.zeros(3), owner=7), "on somebody who stands before it"
+    assert not noted(track, beside(0.1), np.zeros(3), owner=7), "on a robot that stands before it"
+    assert not noted(track, beside(0.1), np.zeros(3), within=7), "on somebody who stands before it"
+    assert noted(track, beside(0.1), np.zeros(3), within=track.id)
 
 
 def test_points_whose_motion_is_uncertain_tell_nothing(make_track: MakeTrack) -> None:
