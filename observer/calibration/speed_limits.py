@@ -41,7 +41,7 @@ from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.parameters import Parameters
-from observer.types import TrackState
+from observer.types import BoxPx, TrackState
 from observer.vision.camera_rate import CameraRate
 
 # Seconds of rest before it moves: several times the filters' memory.
@@ -161,6 +161,7 @@ def report_delay(
                 continue
             cov = own_cov * (1 + p.obstacles.noise_correlation * count) / count
             tracker.tracks.append(_start_track(place, own, cov, count))
+            tracker.tracks[0].box_px = _box_px(camera, depth, thing)
             continue
         predict(tracker.tracks, still, p.obstacles)
         track = tracker.tracks[0]
@@ -221,6 +222,12 @@ def _start_track(
     track = BodyTrack(id=-1, filter=motion, shape=BodyShape())
     track.points = count
     return track
+
+
+def _box_px(camera: StereoCamera, depth: float, thing: Thing) -> BoxPx:
+    """Return the box of a thing straight ahead, pixels of the left image."""
+    across, down = thing.width_m * camera.fx / depth / 2, thing.height_m * camera.fy / depth / 2
+    return camera.cx - across, camera.cy - down, camera.cx + across, camera.cy + down
 
 
 def _measured_noise(
