@@ -40,7 +40,7 @@ FORMATS: Mapping[FileKind, KnownFormat] = {
     "kalibr": KnownFormat("Kalibr", "camchain", "a Kalibr camchain"),
     "kitti raw": KnownFormat("KITTI", "calib_cam_to_cam.txt", "a KITTI calib_cam_to_cam.txt"),
     "kitti odometry": KnownFormat("KITTI", "calib.txt", "a KITTI calib.txt"),
-    "matlab": KnownFormat("MATLAB", "stereoParameters in a .mat file", "a MATLAB calibration"),
+    "matlab": KnownFormat("MATLAB", "stereoParameters in .mat", "a MATLAB calibration"),
     "middlebury": KnownFormat("Middlebury", "calib.txt", "a Middlebury calib.txt"),
     "zed": KnownFormat("ZED", ".conf", "a ZED calibration"),
     "oak": KnownFormat("OAK", "DepthAI's calib.json", "an OAK calib.json"),
