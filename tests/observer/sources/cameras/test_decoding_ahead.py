@@ -46,13 +46,16 @@ def read_while_stopped(source: CameraSource) -> StereoFrame | NoFrame:
 def test_a_tended_pair_is_available_while_its_cameras_are_stopped(
     watch: Watch, tended: bool
 ) -> None:
-    # A newer pair may have arrived just before the stop; then the read waits for that one.
-    for _ in range(12 if tended else 3):
+    # A newer pair may have arrived just before the stop; then the read waits for that one. So they
+    # are stopped at different phases of the period.
+    tries = 12 if tended else 3
+    for k in range(tries):
         watch.read_frames(2)
+        waited_s = (4 + k / tries) * PERIOD_S
         if tended:
-            tend_for(watch.source, 4 * PERIOD_S)
+            tend_for(watch.source, waited_s)
         else:
-            time.sleep(4 * PERIOD_S)
+            time.sleep(waited_s)
         frame = read_while_stopped(watch.source)
         if isinstance(frame, StereoFrame):
             assert tended, "decoding had not been requested"
