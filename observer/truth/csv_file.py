@@ -25,7 +25,7 @@ from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import KINDS, TrueBody
 from observer.truth.files.body_names import MOST_BODIES
-from observer.truth.files.text_lines import separator_of
+from observer.truth.files.text_lines import has_decimal_comma, separator_of
 from observer.truth.files.units import FASTEST_MPS, MOST_METRES, MOST_RADIANS, MOST_SECONDS
 from observer.truth.sampled import SampledTruth, TruthSample
 from observer.types import BoxPx
@@ -163,7 +163,7 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
                     f"{where}: the row must have {len(reader.fieldnames or ())} cells, one per "
                     "column"
                 )
-            yield _Row(cells, where, decimal_comma=separator != ",")
+            yield _Row(cells, where, decimal_comma=has_decimal_comma(separator))
     except csv.Error as error:
         raise TruthError(
             f"{name} line {reader.reader.line_num}: the line is not valid CSV: {error}"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
-from observer.truth.files.text_lines import TextLines
+from observer.truth.files.text_lines import TextLines, has_decimal_comma
 
 # Half a gigabyte, or 30 minutes of 50 bodies at 100 Hz.
 _MOST_CELLS = 60_000_000
@@ -138,8 +138,7 @@ class _Reader:
         for column in self.unused:
             if column < len(cells):
                 cells[column] = ""
-        if self.separator in (";", "\t"):
-            # Where semicolons or tabs separate cells, a comma is the decimal point.
+        if has_decimal_comma(self.separator):
             cells = [cell.replace(",", ".") for cell in cells]
         try:
             # float() also accepts "1_000", which is surely an error in a table of measurements.

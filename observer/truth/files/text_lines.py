@@ -82,6 +82,11 @@ def separator_of(text: str) -> str:
     return max(",;\t", key=text.count)
 
 
+def has_decimal_comma(separator: str | None) -> bool:
+    """Return whether a comma is the decimal point between such cell separators."""
+    return separator in (";", "\t")
+
+
 def _is_utf8(head: bytes) -> bool:
     try:
         # The end of the head may split a character.
