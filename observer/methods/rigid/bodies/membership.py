@@ -221,9 +221,12 @@ def _are_parts(a: BodyTrack, b: BodyTrack) -> bool:
     if a.seen_outline is None or b.seen_outline is None or a.rigid or b.rigid:
         return False
     across, _, along = (a.centre - b.centre).tolist()
+    if np.hypot(across, along) > _PARTS_M:
+        return False
+    _, expected_cov = a.centre_velocity()
     velocity, cov = b.centre_velocity()
-    expected, (_, expected_cov) = a.velocity_at(b.centre), a.centre_velocity()
-    if np.hypot(across, along) > _PARTS_M or np.linalg.norm(velocity - expected) > _PARTS_MPS:
+    expected = a.velocity_at(b.centre)
+    if np.linalg.norm(velocity - expected) > _PARTS_MPS:
         return False
     return _moves_with(velocity, cov, expected, expected_cov, _CHANGED_WHILE_HIDDEN)
 
