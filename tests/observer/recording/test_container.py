@@ -22,6 +22,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from observer.errors import SourceError
 from observer.recording import topics
 from observer.recording.container import Container
+from observer.recording.contents import find_contents
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import Incident, RunFacts
 from observer.recording.reader import Recording
@@ -351,8 +352,8 @@ def test_a_killed_writer_leaves_no_observation_without_its_truth(
         sizes.append(writer.size)
     writer.finish()
     content = path.read_bytes()
-    with Recording(path) as recording:
-        ends = [chunk.end for chunk in recording._contents.chunks]
+    with path.open("rb") as file:
+        ends = [chunk.end for chunk in find_contents(file, path.name).chunks]
     assert len(ends) > 2 * len(sizes)
     for end in ends[1:]:
         cut.write_bytes(content[:end])
@@ -370,11 +371,15 @@ def test_damage_costs_only_the_images_there(
     frames: tuple[StereoFrame, ...],
 ) -> None:
     path = write_run(tmp_path / "recording.mcap")
-    with Recording(path) as recording:
-        places = recording._images._places[topics.LEFT_RAW.name]
-        chunks = list({place.offset: place for place, _ in places}.values())
-        chunk = chunks[0 if where == "first" else len(chunks) // 2]
-        within = {k for k, (place, _) in enumerate(places) if place.offset == chunk.offset}
+    with path.open("rb") as file:
+        images = make_reader(file).iter_messages([topics.LEFT_RAW.name], log_time_order=False)
+        times = [message.log_time for _, _, message in images]
+        contents = find_contents(file, path.name)
+    left = contents.channel_ids(topics.LEFT_RAW.name)
+    chunks = [chunk for chunk in contents.chunks if left & set(chunk.channels)]
+    chunk = chunks[0 if where == "first" else len(chunks) // 2]
+    span = chunk.index.message_start_time, chunk.index.message_end_time
+    within = {k for k, time in enumerate(times) if span[0] <= time <= span[1]}
     middle = chunk.offset + chunk.index.chunk_length
     begin, end = {
         "index": (middle, chunk.end),
