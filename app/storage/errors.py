@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +23,10 @@ class StorageBusy(StorageError):
 
 class StorageUnreachable(StorageBusy):
     """Database server without an answer; it may answer later."""
+
+
+class StorageOutOfFiles(StorageBusy):
+    """Process that may open no further file; it may once others are closed."""
 
 
 class StorageFull(StorageError):
@@ -80,6 +86,10 @@ _SENTENCES: dict[type[StorageError], str] = {
         "the database {where} cannot be reached ({cause}); check that its server is running"
     ),
     StorageBusy: "the database {where} is locked by another program; close it or try again",
+    StorageOutOfFiles: (
+        "the database {where} cannot be opened because the server has too many open files; close "
+        "some of its pages, or raise the limit (ulimit -n) and restart it"
+    ),
     StorageFull: "no space is left to write the database {where}; free some disk space",
     StorageReadOnly: (
         "the database {where} cannot be written ({cause}); check the permissions of its folder and "
@@ -118,6 +128,8 @@ def _said(cause: BaseException | None) -> str:
 def _kind(cause: BaseException | None) -> type[StorageError] | None:
     code = getattr(cause, "sqlite_errorcode", None)
     if isinstance(code, int):
+        if code & 0xFF == sqlite3.SQLITE_CANTOPEN and _is_out_of_files():
+            return StorageOutOfFiles
         # The low byte of an extended result code is its primary code.
         return _BY_SQLITE_EXTENDED.get(code) or _BY_SQLITE_PRIMARY.get(code & 0xFF)
     state = getattr(cause, "sqlstate", None)
@@ -126,3 +138,12 @@ def _kind(cause: BaseException | None) -> type[StorageError] | None:
         return StorageUnreachable if state.startswith("08") else _BY_SQLSTATE.get(state)
     # psycopg has no code for failures before a server answers, or after it is gone.
     return StorageUnreachable if type(cause).__name__ == "OperationalError" else None
+
+
+def _is_out_of_files() -> bool:
+    """Return whether no further file can be opened, which SQLite tells like a missing folder."""
+    try:
+        os.close(os.open(os.devnull, os.O_RDONLY))
+    except OSError as error:
+        return error.errno in (errno.EMFILE, errno.ENFILE)
+    return False

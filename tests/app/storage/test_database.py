@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import resource
 import signal
 import sqlite3
 import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -239,6 +241,22 @@ def test_a_file_that_cannot_be_written_is_named_with_the_remedy(tmp_path: Path) 
     error = storage_error(caught.value, "kept.sqlite")
     assert isinstance(error, StorageReadOnly)
     assert "kept.sqlite cannot be written (attempt to write a readonly database)" in str(error)
+
+
+def test_too_many_open_files_are_named_as_the_cause(tmp_path: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with pytest.raises(sqlite3.OperationalError) as caught:
+        sqlite3.connect(tmp_path / "gone" / "data.sqlite")
+    with ExitStack() as files:
+        lowest_free = files.enter_context(Path(os.devnull).open()).fileno()
+        try:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (lowest_free, before[1]))
+            error = storage_error(caught.value, "data.sqlite")
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    assert isinstance(error, StorageBusy)
+    assert "because the server has too many open files; close" in str(error)
+    assert isinstance(storage_error(caught.value, "data.sqlite"), StorageReadOnly)
 
 
 WRITE_FOR_EVER = """
