@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from app.settings import DATABASE_FILE
 from app.storage.engines import database_url
 from app.storage.server_locks import ServedDatabase
 from observer.errors import InputError
@@ -24,7 +25,7 @@ def occupied(folder: Path, database: str | None = None) -> Iterator[None]:
     Without locks in the system or in the folder's file system, nothing is held.
 
     Args:
-        database: the URL of another database than the folder's own.
+        database: path or URL of the database; None for the folder's own.
 
     Raises:
         InputError: another server holds the folder, or the file of the database.
@@ -34,8 +35,8 @@ def occupied(folder: Path, database: str | None = None) -> Iterator[None]:
     remedy = "stop it, or give this server its own folder with --data"
     with contextlib.ExitStack() as held:
         held.enter_context(_locked(folder, _NAME, f"is using the folder {folder}; {remedy}"))
-        if database is not None:
-            held.enter_context(_database(database))
+        # The folder's own as well: a server with another folder may be given it as its database.
+        held.enter_context(_database(database or str(folder / DATABASE_FILE)))
         yield
 
 
@@ -45,7 +46,7 @@ def _database(location: str) -> contextlib.AbstractContextManager[object]:
         return ServedDatabase(location)
     if url.get_backend_name() != "sqlite":
         return contextlib.nullcontext()
-    file = Path(str(url.database))
+    file = Path(str(url.database)).resolve()
     refusal = (
         f"is using the database {file}; stop it, or give this server another file with --database"
     )

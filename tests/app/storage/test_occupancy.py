@@ -58,6 +58,20 @@ def test_a_separate_database_file_is_locked_across_folders(tmp_path: Path) -> No
         pass
 
 
+def test_the_database_of_another_servers_folder_is_locked(tmp_path: Path) -> None:
+    own, link = tmp_path / "a" / "observer.sqlite", tmp_path / "link.sqlite"
+    link.symlink_to(own)
+    with occupied(tmp_path / "a"):
+        for file in (own, link):
+            with (
+                pytest.raises(
+                    InputError, match=r"is using the database .*a/observer\.sqlite; stop"
+                ),
+                occupied(tmp_path / "b", str(file)),
+            ):
+                pytest.fail("held twice")
+
+
 def test_each_database_on_a_server_is_locked_separately(
     new_database: NewDatabase, tmp_path: Path
 ) -> None:
