@@ -8,11 +8,9 @@ from app.contract.answers import FloorPoints
 from app.engine.errors import NotNow
 from app.engine.observed import Observed
 from observer.camera import as_gray
+from observer.rig.ground_estimate import MOST_POINTS
 from observer.rig.ground_views import ground_points
 from observer.vision.stereo import disparity_map
-
-# The estimator samples no more than this from a view; further points would only be transferred.
-_MOST_POINTS = 20_000
 
 
 def look_at_floor(observed: Observed | None) -> FloorPoints:
@@ -30,7 +28,8 @@ def look_at_floor(observed: Observed | None) -> FloorPoints:
     parameters = observed.parameters.stereo
     disparity = disparity_map(left, as_gray(right), parameters)
     points = ground_points(left, disparity, observed.camera)
-    if len(points) > _MOST_POINTS:
+    # The estimator uses no more of a view; further points would only be transferred.
+    if len(points) > MOST_POINTS:
         rng = np.random.default_rng(observed.frame.index)
-        points = points[rng.permutation(len(points))[:_MOST_POINTS]]
+        points = points[rng.permutation(len(points))[:MOST_POINTS]]
     return FloorPoints(observed.frame.index, points)

@@ -29,7 +29,8 @@ _MOST_BENEATH = 0.15
 # Shares of a plane's points with which a second plane competes with it, or is the floor below it.
 _RIVAL, _FLOOR_OF_TABLE = 0.4, 0.1
 _SAME_HEIGHT, _SAME_HEIGHT_M, _SAME_ANGLE = 0.1, 0.03, math.radians(3)
-_MOST_POINTS = 20_000
+# Points of a view that are used.
+MOST_POINTS = 20_000
 _FEWEST_POINTS = 500
 # Errors of neighbouring pixels are correlated: the image has this many cells each way, and all
 # points of a cell are taken to err together.
@@ -108,9 +109,9 @@ class _GroundView:
 def _disparity_points(view: ArrayLike, camera: StereoCamera, number: int) -> DisparityPoints:
     points = np.asarray(view, np.float64).reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1) & (points[:, 2] > 0)]
-    if len(points) > _MOST_POINTS:
+    if len(points) > MOST_POINTS:
         rng = np.random.default_rng(np.random.SeedSequence([number, 0xF101]))
-        points = points[rng.permutation(len(points))[:_MOST_POINTS]]
+        points = points[rng.permutation(len(points))[:MOST_POINTS]]
     ray = points / points[:, 2:]
     return DisparityPoints(ray, camera.fb / points[:, 2])
 

@@ -15,13 +15,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from observer.calibration.boards.board import Board
+from observer.calibration.boards.printing import MARGIN_SQUARES
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
 from observer.simulation.facets import Material, Part, rectangle
 from observer.simulation.specs.boards import BoardPoseSpec, BoardSpec
 
-# In squares: white margin around the board, which chessboard detectors need.
-MARGIN_SQUARES = 1
 # An integer, so that every edge lies between two pixels.
 _TEXTURE_PX_PER_SQUARE = 64
 # Three samples per axis render shifts accurately to a hundredth of a pixel.

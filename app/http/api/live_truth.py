@@ -12,10 +12,9 @@ from app.contract.live_truth import LiveTruthStatus
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import In, Name, Spec
+from observer.truth.live.contract import MOST_BODIES
 
 router = APIRouter(prefix="/truth/live", tags=["truth"])
-
-_MOST_BODIES = 200
 
 
 class LiveTruthChoice(In):
@@ -25,7 +24,7 @@ class LiveTruthChoice(In):
     observer: Name | None = Field(
         None, description="The body that carries the camera; null: detected automatically."
     )
-    ignore: Annotated[list[Name], Field(max_length=_MOST_BODIES)] = Field(
+    ignore: Annotated[list[Name], Field(max_length=MOST_BODIES)] = Field(
         default=[], description="Bodies that are neither observer nor obstacle."
     )
 

@@ -24,7 +24,7 @@ PAPERS_MM: dict[Paper, tuple[float, float]] = {
 BAR_MM = 100.0
 
 # White margin that detection needs around the squares, in squares.
-_MARGIN_SQUARES = 1
+MARGIN_SQUARES = 1
 # Unprintable edge of most printers.
 _EDGE_MM = 6.0
 # Below the board and its margin: the bar and three lines of text.
@@ -127,16 +127,16 @@ def _pages(paper: Paper) -> list[tuple[float, float]]:
 
 
 def _largest_mm(board: Board, width: float, height: float) -> int:
-    across = board.columns + 1 + 2 * _MARGIN_SQUARES
-    down = board.rows + 1 + 2 * _MARGIN_SQUARES
+    across = board.columns + 1 + 2 * MARGIN_SQUARES
+    down = board.rows + 1 + 2 * MARGIN_SQUARES
     return math.floor(min(width / across, (height - _FOOT_MM - _EDGE_MM) / down) + 1e-9)
 
 
 def _laid_out(board: Board, paper: Paper) -> _Sheet:
     square = 1e3 * board.square_m
     pages = _pages(paper)
-    across = (board.columns + 1 + 2 * _MARGIN_SQUARES) * square
-    down = (board.rows + 1 + 2 * _MARGIN_SQUARES) * square + _FOOT_MM + _EDGE_MM
+    across = (board.columns + 1 + 2 * MARGIN_SQUARES) * square
+    down = (board.rows + 1 + 2 * MARGIN_SQUARES) * square + _FOOT_MM + _EDGE_MM
     fitting = [page for page in pages if across <= page[0] + 1e-6 and down <= page[1] + 1e-6]
     if not fitting:
         largest = max(_largest_mm(board, *page) for page in pages)

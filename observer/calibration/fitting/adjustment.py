@@ -19,7 +19,8 @@ from observer.calibration.fitting.lens import Lens
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, cross_matrix, orthonormal, rotation_matrix
 
-_POSE = 6
+# Numbers that describe a pose.
+POSE = 6
 # Levenberg-Marquardt damping: the initial value, and the factors by which it changes.
 _FIRST_DAMPING, _LESS, _MORE = 1e-3, 0.2, 8.0
 _MOST_DAMPING = 1e8
@@ -75,7 +76,7 @@ class StereoModel:
     @property
     def global_count(self) -> int:
         """Number of parameters that are estimated besides the poses of the board."""
-        return self.free_count * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
+        return self.free_count * len(self.lenses) + (POSE if len(self.lenses) > 1 else 0)
 
     @property
     def calibration(self) -> StereoCalibration:
@@ -164,7 +165,7 @@ def adjust(
             break
     residuals = tuple(derivatives(model, index, each)[0] for index, each in enumerate(corners))
     used = len({int(v) for each in corners for v in np.unique(each.view)})
-    freedom = sum(2 * len(each.px) for each in corners) - _POSE * used
+    freedom = sum(2 * len(each.px) for each in corners) - POSE * used
     freedom -= 0 if hold else model.global_count
     if linear is None or hold:
         return Adjusted(model, residuals, None, np.nan)
@@ -186,7 +187,7 @@ class _Linear:
 
     def step(self, damping: float) -> tuple[Float64Array, Float64Array] | None:
         """Changes (G,) and (V, 6) of the parameters; None where there is no solution."""
-        A = self.A + damping * self.A * np.eye(_POSE) + 1e-12 * np.eye(_POSE)
+        A = self.A + damping * self.A * np.eye(POSE) + 1e-12 * np.eye(POSE)
         H = self.H.sum(axis=0)
         H += damping * np.diag(np.diag(H))
         try:
@@ -209,7 +210,7 @@ class _Linear:
         Raises:
             numpy.linalg.LinAlgError: a view does not determine its pose.
         """
-        gain = self.B @ np.linalg.inv(self.A + 1e-12 * np.eye(_POSE))
+        gain = self.B @ np.linalg.inv(self.A + 1e-12 * np.eye(POSE))
         S = self.H - np.einsum("vgi,vhi->vgh", gain, self.B)
         return S, self.g - np.einsum("vgi,vi->vg", gain, self.a)
 
@@ -297,8 +298,8 @@ def _linear(
         ]
     views, count = len(model.board_R), every[0][2].shape[2]
     H, g = np.zeros((views, count, count)), np.zeros((views, count))
-    A, B = np.zeros((views, _POSE, _POSE)), np.zeros((views, count, _POSE))
-    a = np.zeros((views, _POSE))
+    A, B = np.zeros((views, POSE, POSE)), np.zeros((views, count, POSE))
+    a = np.zeros((views, POSE))
     cost = squares = 0.0
     for seen, (residual, P, G) in zip(corners, every, strict=True):
         weight, part = _weighed(residual, soft_px)
@@ -311,7 +312,7 @@ def _linear(
         begin = np.searchsorted(seen.view, np.arange(views + 1))
         for view in np.unique(seen.view):
             rows = slice(begin[view], begin[view + 1])
-            Pv, Gv = P[rows].reshape(-1, _POSE), G[rows].reshape(-1, count)
+            Pv, Gv = P[rows].reshape(-1, POSE), G[rows].reshape(-1, count)
             H[view] += Gv.T @ Gv
             g[view] += Gv.T @ r[rows].reshape(-1)
             A[view] += Pv.T @ Pv

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.calibration.boards.board import Board
-from observer.calibration.fitting.adjustment import Corners, StereoModel, derivatives
+from observer.calibration.fitting.adjustment import POSE, Corners, StereoModel, derivatives
 from observer.geometry import Float64Array
 
 # How a board bends: about its vertical axis, about its horizontal axis, and twisted.
 BEND_SHAPES = 3
-_POSE = 6
 # More views add no information and take much memory.
 _MOST_VIEWS = 40
 
@@ -51,14 +50,14 @@ def board_bend(
     for camera, whole in enumerate(corners):
         seen = whole.of_views(chosen)
         residual, by_pose, by_global = derivatives(model, camera, seen)
-        J = np.zeros((len(residual), 2, BEND_SHAPES + count + _POSE * views))
+        J = np.zeros((len(residual), 2, BEND_SHAPES + count + POSE * views))
         by_shift = by_pose[:, :, 3:]
         out_of_board = np.einsum("nij,nj->ni", by_shift, model.board_R[seen.view][:, :, 2])
         J[:, :, :BEND_SHAPES] = (
             out_of_board[:, :, None] * bend_shapes(seen.on_board, board)[:, None]
         )
         J[:, :, BEND_SHAPES : BEND_SHAPES + count] = by_global
-        column = BEND_SHAPES + count + _POSE * number[seen.view][:, None] + np.arange(_POSE)
+        column = BEND_SHAPES + count + POSE * number[seen.view][:, None] + np.arange(POSE)
         np.put_along_axis(J, column[:, None].repeat(2, axis=1), by_pose, axis=2)
         blocks.append(J.reshape(-1, J.shape[2]))
         left_over.append(residual.reshape(-1))

@@ -20,7 +20,7 @@ from observer.truth.speeds import smoothed_velocity
 DEFAULT_SIZE = np.array([0.455, 0.381, 0.237])
 # Seconds: short enough to keep the ramp of a start, long enough to suppress millimetre noise
 # (0.3-0.9 mm/s remain with 11 samples at 100 Hz).
-_SMOOTHING_S = 0.11
+VELOCITY_SMOOTHING_S = 0.11
 _NEIGHBOURS = 8
 
 # Position, velocity and heading of a body, each (3,) in the room.
@@ -136,7 +136,7 @@ def _centre_velocities(body: Trajectory, alignment: Alignment) -> Float64Array:
     rates = smoothed_velocity(
         body.times,
         body.fixed_points(alignment.centre(body.name)),
-        window=window_for(body.times, _SMOOTHING_S),
+        window=window_for(body.times, VELOCITY_SMOOTHING_S),
         longest_step=GAP_INTERVALS,
     )
     # Truth's clock runs too fast or too slow by the drift.

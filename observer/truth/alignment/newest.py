@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.truth.alignment.aligned import State, numbered, placed_body
+from observer.truth.alignment.aligned import VELOCITY_SMOOTHING_S, State, numbered, placed_body
 from observer.truth.alignment.curves import GAP_INTERVALS
 from observer.truth.alignment.live_clocks import LiveClocks
 from observer.truth.alignment.result import Alignment
@@ -26,12 +26,13 @@ _KEPT_S = 2.0
 _MOST_KEPT = 1000
 # Samples of each body that are used around one instant.
 _MOST_LOOKED_AT = 160
-# The velocity is a parabola's over this many seconds, as in ``aligned``, or this many samples.
-_SMOOTHING_S, _FEWEST = 0.11, 5
+# The velocity is a parabola's, over ``VELOCITY_SMOOTHING_S`` or, if longer, this many samples.
+_FEWEST = 5
 # An instant needs this many later samples, as a parabola is uncertain at its end.
 _BEHIND = 3
 # Seconds: an older instant would no longer represent the same moment.
 _OLDEST_S = 0.1
+_REACH_S = _OLDEST_S + VELOCITY_SMOOTHING_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +130,9 @@ class NewestTruth:
             return None
         chosen: list[BodySample] = []
         for sample in reversed(kept):
-            if sample.time < stamp - _OLDEST_S - _SMOOTHING_S or len(chosen) >= _MOST_LOOKED_AT:
+            if sample.time < stamp - _REACH_S or len(chosen) >= _MOST_LOOKED_AT:
                 break
-            if sample.time < stamp + _OLDEST_S + _SMOOTHING_S:
+            if sample.time < stamp + _REACH_S:
                 chosen.append(sample)
         chosen.reverse()
         if len(chosen) < _FEWEST:
@@ -148,7 +149,7 @@ def _velocity(body: Trajectory, centre: Float64Array | None, stamp: float) -> Fl
     """Return the velocity (3,) m/s, room; None with too few gapless samples around it."""
     times, places = body.times, body.fixed_points(centre)
     interval = float(np.median(np.diff(times)))
-    half = max(_SMOOTHING_S / 2, interval * _FEWEST / 2)
+    half = max(VELOCITY_SMOOTHING_S / 2, interval * _FEWEST / 2)
     index = int(np.searchsorted(times, stamp))
     if index >= len(times):
         return None

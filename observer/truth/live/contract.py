@@ -11,6 +11,7 @@ from observer.truth.live.clock import ClockFit
 LiveState = Literal["connecting", "receiving", "waiting"]
 
 MOST_KEPT = 10_000
+MOST_BODIES = 200
 
 
 @dataclass(frozen=True)

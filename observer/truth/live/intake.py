@@ -12,14 +12,13 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.truth.files.units import MOST_METRES, ROOM_M, too_far_for_a_room
 from observer.truth.live.clock import ClockFitter
-from observer.truth.live.contract import MOST_KEPT, LiveCaptureReport, LiveState
+from observer.truth.live.contract import MOST_BODIES, MOST_KEPT, LiveCaptureReport, LiveState
 from observer.truth.live.stamps import StampReader
 from observer.truth.motion_capture import SAME_INSTANT_S, BodySample
 
 # Without a pose for this long, nothing is being received.
 _QUIET_S = 1.0
 _RATE_OVER_S = 3.0
-_MOST_BODIES = 200
 # Metres: a server that sends metres instead of millimetres stays within this.
 _NEAR_M = 0.02
 _SCALE_AFTER = 100
@@ -119,8 +118,8 @@ class Intake:
         with self._lock:
             body = self._bodies.get(name)
             if body is None:
-                if len(self._bodies) >= _MOST_BODIES:
-                    most = f"more than {_MOST_BODIES} bodies are sent; the rest are ignored"
+                if len(self._bodies) >= MOST_BODIES:
+                    most = f"more than {MOST_BODIES} bodies are sent; the rest are ignored"
                     self._note("bodies", most)
                     return
                 body = self._bodies[name] = _Body()
