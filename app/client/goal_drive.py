@@ -9,16 +9,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from app.client.operator_socket import OperatorSocket
-from app.client.server_api import DrivingFailed, ServerApi
+from app.client.server_api import APPEARS_WITHIN_S, POLL_S, DrivingFailed, ServerApi
 from app.client.travelled import Travelled
 from app.contract.values import JsonObject
 from observer.errors import DynamicObserverError
 from observer.rig.rig import Role
 
 _ROLE: Final[Role] = "observer"
-_POLL_S = 0.1
-# The facts lag by up to a tenth of a second, more on a busy machine.
-_APPEARS_WITHIN_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -104,10 +101,10 @@ class GoalDrive:
             facts, now = self._api.get("robots"), time.monotonic()
             self._travelled.add(facts["robots"].get(_ROLE) or {}, now)
             goal = facts["goal"]
-            seen = seen or _end_of(goal) != _end_of(before) or now - began > _APPEARS_WITHIN_S
+            seen = seen or _end_of(goal) != _end_of(before) or now - began > APPEARS_WITHIN_S
             if seen and self._is_reached(goal):
                 return
-            time.sleep(max(0.0, now + _POLL_S - time.monotonic()))
+            time.sleep(max(0.0, now + POLL_S - time.monotonic()))
 
     def _is_reached(self, goal: JsonObject | None) -> bool:
         """Return whether the goal is reached.

@@ -8,15 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from app.client.operator_socket import OperatorSocket
-from app.client.server_api import DrivingFailed, ServerApi
+from app.client.server_api import APPEARS_WITHIN_S, POLL_S, DrivingFailed, ServerApi
 from app.client.travelled import Travelled
 from app.contract.values import JsonObject
 from observer.errors import DynamicObserverError
 from observer.rig.rig import Role
 
-_POLL_S = 0.1
-# The facts lag by up to a tenth of a second, more on a busy machine.
-_APPEARS_WITHIN_S = 2.0
 _CLOSE_TO_END_S = 1.0
 # The end of a programme may be reported together with stops of robots.
 _NEWEST_INCIDENTS = 5
@@ -117,10 +114,10 @@ class ProfileDrive:
                 seen = True
                 self._elapsed_s = playing["elapsed_s"]
                 self._watch(playing, robots)
-            elif seen or now - began > _APPEARS_WITHIN_S:
+            elif seen or now - began > APPEARS_WITHIN_S:
                 self._judge_end(facts, now - began)
                 return
-            time.sleep(max(0.0, now + _POLL_S - time.monotonic()))
+            time.sleep(max(0.0, now + POLL_S - time.monotonic()))
 
     def _judge_end(self, facts: JsonObject, since_start_s: float) -> None:
         """Check that the programme ended by itself.

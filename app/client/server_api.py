@@ -10,6 +10,9 @@ from urllib.parse import quote, urlsplit
 
 from observer.errors import DynamicObserverError, InputError
 
+# Period of looking at the facts during a drive. They lag by up to a tenth of a second, more on a
+# busy machine: what was started appears in them within the second time.
+POLL_S, APPEARS_WITHIN_S = 0.1, 2.0
 # Arming waits for a robot's answer; no request takes longer.
 _TIMEOUT_S = 5.0
 _LONGEST_TOKEN = 512

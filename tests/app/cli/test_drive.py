@@ -127,7 +127,7 @@ def test_an_arming_refusal_is_shown_in_the_servers_words(
 def test_a_programme_that_never_starts_is_not_reported_as_driven(
     server: ScriptedServer, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.client.profile_drive._APPEARS_WITHIN_S", 0.9)
+    monkeypatch.setattr("app.client.profile_drive.APPEARS_WITHIN_S", 0.9)
     server.act = lambda _: server.end("nobody was present for the observer")
     code, _, err = shell("mine")
     assert code == 1
