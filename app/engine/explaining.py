@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from app.contract.pixel import Pixel, PixelObstacle
 from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
 from app.contract.values import word
@@ -11,6 +9,7 @@ from app.engine.errors import NotNow
 from app.engine.observed import Observed
 from observer.errors import InputError
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
+from observer.explanation.answer import known
 from observer.parameters import Parameters
 from observer.trace import TraceValues
 from observer.types import Obstacle, TrackState
@@ -81,7 +80,7 @@ def ego_motion_facts(trace: TraceValues, parameters: Parameters) -> EgoMotionSta
         else Decomposition(
             translation_px=[float(c) for c in parts["translation_px"]],
             rotation_rad=float(parts["rotation_rad"]),
-            shear=_known(parts["shear"]),
+            shear=known(parts["shear"]),
             scale=[float(c) for c in parts["scale"]],
         ),
         # The camera's motion, in its own axes at t: the inverse of the points' apparent motion.
@@ -89,7 +88,3 @@ def ego_motion_facts(trace: TraceValues, parameters: Parameters) -> EgoMotionSta
         if pose is None
         else CameraMotion(pose.inverse().rotvec.tolist(), pose.inverse().translation.tolist()),
     )
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
