@@ -168,26 +168,32 @@ def jump_reason(
 
 def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> str | None:
     change = float(np.linalg.norm(motion.velocity - earlier.velocity))
-    possible = _BUMP_MPS + _MAX_ACCELERATION * gap
-    noise = _SIGMAS * float(np.hypot(motion.velocity_std, earlier.velocity_std))
-    late = _STAMP_SHARE * float(np.linalg.norm(earlier.velocity))
-    allowed = possible + min(noise, possible) + late
+    std = float(np.hypot(motion.velocity_std, earlier.velocity_std))
+    allowed = _allowed(_BUMP_MPS + _MAX_ACCELERATION * gap, std, earlier.velocity)
     if change > allowed:
         return (
             f"the ego-motion jumps: it changed by {change:.3g} m/s within {gap:.2g} s "
             f"({change / gap:.3g} m/s^2), {allowed:.2g} m/s is possible"
         )
     change = float(np.linalg.norm(motion.turn_rate - earlier.turn_rate))
-    possible = _BUMP_RADPS + _MAX_ANGULAR_ACCELERATION * gap
-    noise = _SIGMAS * float(np.hypot(motion.turn_rate_std, earlier.turn_rate_std))
-    late = _STAMP_SHARE * float(np.linalg.norm(earlier.turn_rate))
-    allowed = possible + min(noise, possible) + late
+    std = float(np.hypot(motion.turn_rate_std, earlier.turn_rate_std))
+    allowed = _allowed(_BUMP_RADPS + _MAX_ANGULAR_ACCELERATION * gap, std, earlier.turn_rate)
     if change > allowed:
         return (
             f"the ego-motion jumps: it changed by {np.degrees(change):.3g} deg/s within {gap:.2g} "
             f"s, {np.degrees(allowed):.3g} deg/s is possible"
         )
     return None
+
+
+def _allowed(possible: float, std: float, earlier: Float64Array) -> float:
+    """Return the largest change of a rate (3,), m/s or rad/s, that is no jump.
+
+    Args:
+        possible: change that a vehicle can make. std: standard deviation of the measured change.
+    """
+    late = _STAMP_SHARE * float(np.linalg.norm(earlier))
+    return possible + min(_SIGMAS * std, possible) + late
 
 
 def _beyond_reach(motion: CameraMotion, earlier: CameraMotion, reach: ImageReach) -> str | None:
