@@ -7,6 +7,7 @@ any data are built from it. Errors are one sentence.
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import re
 from collections.abc import Callable, Iterator
@@ -33,6 +34,8 @@ Location: TypeAlias = "tuple[int | str, ...]"
 
 MAX_BYTES = 1_000_000
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+# Marks of UTF-16, in which programs on Windows write text.
+WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 # Characters that no text file contains.
 CONTROL_CHARACTER = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 # Such files nest two or three levels; deeper nesting means another kind of file or an attack.
@@ -74,9 +77,9 @@ def check_length(content: bytes, name: str, what: str) -> None:
 
 
 def decoded(content: bytes, *, name: str) -> str:
-    """Return these bytes as text; raise ``InputError`` if they are not UTF-8."""
+    """Return these bytes as text; raise ``InputError`` if they are neither UTF-8 nor UTF-16."""
     try:
-        return content.decode("utf-8-sig")
+        return content.decode("utf-16" if content.startswith(WIDE_MARKS) else "utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{name}: the file must be UTF-8 text") from None
 

@@ -51,6 +51,19 @@ _LINES: Mapping[FileKind, str] = {
     "kitti odometry": r"^P[0-3]:[ \t]*[-+.\d]",
     "ost": r"(?i)^#[ \t]*oST version|^[ \t]*camera matrix[ \t]*$",
 }
+# What people choose instead of a calibration, by how its text begins, and what to do about it.
+_OTHER_FILES: Sequence[tuple[str, str]] = (
+    (
+        r"(#[^\n]*\n|\s)*\d+[ \t]+[A-Z][A-Z_]+[ \t]+\d+[ \t]+\d+[ \t]+[-+.\d]",
+        "this is COLMAP's list of cameras, which lacks the extrinsics between them; calibrate the "
+        "pair with images of a board",
+    ),
+    (
+        r"version https://git-lfs\.",
+        "this is a Git LFS pointer instead of the file itself; run git lfs pull",
+    ),
+    (r"(?i)\s*<(!doctype html|html)\b", "this is a web page; download the file itself"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +204,9 @@ def _recognised(file: NamedFile) -> _Recognised:
             f"{name}: this is a ZIP archive; unpack it and choose the files inside"
         )
     text = _text(name, content)
+    for beginning, advice in _OTHER_FILES:
+        if re.match(beginning, text):
+            raise CalibrationError(f"{name}: {advice}")
     for kind, line in _LINES.items():
         if re.search(line, text, re.MULTILINE):
             return _Recognised(file, kind, text=text)

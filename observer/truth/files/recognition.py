@@ -76,8 +76,8 @@ def read_capture(
         notes.append(
             f"the given rate of {rate_hz:g} Hz is ignored because the samples have their own times"
         )
-    if lines is not None and not lines.is_utf8:
-        notes.append("the text is not UTF-8 and is read as Windows-1252")
+    if lines is not None and not lines.is_unicode:
+        notes.append("the text is not Unicode and is read as Windows-1252")
     notes += _gaps(capture)
     return Capture(capture.format, capture.rate_hz, capture.bodies, tuple(notes))
 

@@ -7,24 +7,24 @@ import io
 from typing import BinaryIO
 
 from observer.errors import TruthError
+from observer.text_files import WIDE_MARKS
 from observer.truth.files.known import understood_in_words
 
 # Enough for tens of thousands of markers in a row.
 _MOST_CHARACTERS = 1 << 20
 # Number of bytes that decide between UTF-8 and an older encoding.
 _LOOK = 1 << 16
-_WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 class TextLines:
     """Lines without their ends, with look-ahead.
 
-    Text is UTF-8 with or without a byte order mark; otherwise it is read as Windows' Western
-    European code page, in which Nexus writes names.
+    Text is UTF-8 with or without a byte order mark, or UTF-16 with one; otherwise it is read as
+    Windows' Western European code page, in which Nexus writes names.
 
     Attributes:
         name: the file's, for messages. number: of the line ``next`` returned last, from 1.
-        is_utf8: True if the file's beginning is UTF-8.
+        is_unicode: True if the file's beginning is UTF-8 or UTF-16.
 
     Raises:
         TruthError: it is not text, or a line is longer than a million characters.
@@ -35,14 +35,11 @@ class TextLines:
         self.number = 0
         head = file.read(_LOOK)
         file.seek(0)
-        if head.startswith(_WIDE_MARKS):
-            raise TruthError(
-                f"{name}: the text is UTF-16; save it as UTF-8, or export it again as CSV"
-            )
-        if b"\0" in head:
+        is_wide = head.startswith(WIDE_MARKS)
+        if b"\0" in head and not is_wide:
             raise TruthError(f"{name}: the file is neither text nor C3D; {understood_in_words()}")
-        self.is_utf8 = _is_utf8(head)
-        encoding = "utf-8-sig" if self.is_utf8 else "cp1252"
+        self.is_unicode = is_wide or _is_utf8(head)
+        encoding = "utf-16" if is_wide else "utf-8-sig" if self.is_unicode else "cp1252"
         self._file = io.TextIOWrapper(file, encoding=encoding, errors="replace")
         self._ahead: list[str] = []
 

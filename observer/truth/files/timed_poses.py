@@ -2,7 +2,8 @@
 
 Plain CSV: columns ``t,x,y,z`` and, if known, ``qx,qy,qz,qw``, in any order, with a header, in
 seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body``
-distinguishes several bodies. EuRoC's ground truth is such a CSV with its own titles,
+distinguishes several bodies. Times that count from 1970 in smaller units than seconds, as of
+ORB-SLAM's trajectories, are recognised. EuRoC's ground truth is such a CSV with its own titles,
 ``p_RS_R_x [m]`` and ``q_RS_w []``, and integer nanoseconds; those counted from 1970 are read to
 within half a microsecond, the resolution of a float. TUM: ``t tx ty tz qx qy qz qw`` separated by
 spaces, without a header.
@@ -25,11 +26,14 @@ from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
 from observer.truth.files.text_lines import TextLines, separator_of
 from observer.truth.files.units import (
     LENGTHS_M,
+    LONGEST_STEP_S,
     MOST_METRES,
     MOST_SECONDS,
     ROOM_M,
     TIMES_S,
     length_word,
+    time_unit,
+    time_word,
     too_far_for_a_room,
 )
 from observer.truth.motion_capture import SAME_INSTANT_S, Capture, Trajectory
@@ -44,6 +48,8 @@ _TITLE = re.compile(r"^([a-z]+)(?:_(mm|cm|m|ms|us|ns|s)|\s*[\[(]\s*([a-z]+)\s*[\
 _EUROC_TITLE = re.compile(r"^(?:p_rs_r_([xyz])|q_rs_([wxyz]))\s*(?:\[\s*([a-z]*)\s*\])?$")
 # Name of the body if the file has none.
 _ONLY_BODY = "body"
+# Fewer times tell no usual step.
+_FEWEST_TIMES = 10
 # Columns of the project's own truth.csv, which has x, y, z and t as well.
 _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
 
@@ -90,6 +96,7 @@ def read_plain_csv(lines: TextLines) -> Capture:
     unit = titles[columns["x"]][1]
     turn = [columns[title] for title in _TURN if title in columns]
     bodies = rows.column(columns["body"]) if "body" in columns else np.zeros(rows.count)
+    stamped = titles[columns["t"]][1]
     table = _Table(
         lines.name,
         rows,
@@ -97,6 +104,8 @@ def read_plain_csv(lines: TextLines) -> Capture:
         rows.columns([columns[axis] for axis in _POSITION]) * scales[columns["x"]],
         rows.columns(turn) if turn else None,
     )
+    if stamped is None:
+        table.detect_time_unit()
     found = {}
     names = BodyNames(lines.name)
     for number, label in enumerate(rows.names or [_ONLY_BODY]):
@@ -121,6 +130,7 @@ def read_tum(lines: TextLines) -> Capture:
     rows = read_numbers(lines, _TUM, separator=None)
     places, turns = rows.columns((1, 2, 3)), rows.columns((4, 5, 6, 7))
     table = _Table(lines.name, rows, rows.column(0), places, turns)
+    table.detect_time_unit()
     body = table.trajectory(_ONLY_BODY, np.ones(rows.count, dtype=np.bool_))
     notes = ("positions are in metres", *table.notes)
     return Capture("TUM trajectory", None, {_ONLY_BODY: body}, notes)
@@ -132,6 +142,7 @@ class _Table:
 
     Attributes:
         repeated: number of samples left out so far because they repeat the time before them.
+        unit: in which the file's times turned out to be.
     """
 
     file: str
@@ -140,15 +151,36 @@ class _Table:
     positions: Float64Array
     turns: Float64Array | None
     repeated: int = 0
+    unit: str = "s"
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One sentence, if samples were left out."""
-        if not self.repeated:
-            return ()
+        """Sentences about samples that were left out, and about the unit of the times."""
+        notes = []
+        if self.unit != "s":
+            notes.append(f"times are in {time_word(self.unit)} since 1970")
         if self.repeated == 1:
-            return ("1 sample with a repeated time is ignored",)
-        return (f"{self.repeated} samples with a repeated time are ignored",)
+            notes.append("1 sample with a repeated time is ignored")
+        elif self.repeated:
+            notes.append(f"{self.repeated} samples with a repeated time are ignored")
+        return tuple(notes)
+
+    def detect_time_unit(self) -> None:
+        """Convert times that count from 1970 in a smaller unit to seconds.
+
+        Raises:
+            TruthError: they are in another unit than seconds, from another moment.
+        """
+        self.unit = time_unit(self.times)
+        self.times = self.times * TIMES_S[self.unit]
+        moments = np.unique(self.times[np.isfinite(self.times)])
+        usual = float(np.median(np.diff(moments))) if len(moments) >= _FEWEST_TIMES else 0.0
+        if usual >= LONGEST_STEP_S:
+            raise TruthError(
+                f"{self.file}: the times are {usual:.4g} s apart, so they seem to be in a smaller "
+                "unit than seconds; give them in seconds, or as CSV with a header that names their "
+                "unit, as in t_ms"
+            )
 
     def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:
         """Return the trajectory of one body's rows.

@@ -177,6 +177,12 @@ def archive(**arrays: object) -> NamedFile:
     return NamedFile("stereo.npz", file.getvalue())
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_text_of_windows_programs_is_read(encoding: str) -> None:
+    file = NamedFile("w.yaml", WHOLE.replace("\n", "\r\n").encode(encoding))
+    assert read_any([file]).format == "OpenCV FileStorage"
+
+
 def test_a_numpy_archive_is_read() -> None:
     """As many Python programs save what OpenCV returns, with its points and views."""
     keys = {key: getattr(RIG, key) for key in ("K1", "D1", "K2", "D2", "R")}
@@ -289,7 +295,11 @@ WHOLE = exported("opencv")[0].content.decode()
         (texts("camera_matrix: [1]\ndistortion_coefficients: [0]\n"),
          "this is the calibration of a single camera"),
         ((NamedFile("a.zip", b"PK\x03\x04abc"),), "a.zip: this is a ZIP archive; unpack it"),
-        ((NamedFile("a", b"\xff\xfeK1"),), "a is not a text file, and no other supported"),
+        ((NamedFile("a", b"\xff\xfeK"),), "a is not a text file, and no other supported"),
+        (texts("# Camera list\n#  CAMERA_ID, MODEL\n1 PINHOLE 640 480 500 500 320 240\n"),
+         "file0: this is COLMAP's list of cameras, which lacks the extrinsics"),
+        (texts("version https://git-lfs.github.com/spec/v1\noid sha256:0\n"), "run git lfs pull"),
+        (texts("\n<!DOCTYPE html>\n<html>"), "this is a web page; download the file itself"),
         ((NamedFile("a", b"#" * 1_000_001),), "larger than the 1000000 bytes"),
         ((NamedFile("a.mat", b"MATLAB 5.0 MAT-file" + bytes(1_000_000)),), "larger than the 10"),
         (texts("K1: &a [1, 2]\nK2: *a\n"), "line 1 uses a YAML alias"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -37,7 +37,6 @@ def continuous(turned: Rotation) -> Float64Array:
     return vectors
 
 
-@settings(deadline=None)
 @given(ANGLE, ANGLE, ANGLE)
 def test_rotations_match_the_meaning_of_the_angles(a: float, b: float, c: float) -> None:
     about = [

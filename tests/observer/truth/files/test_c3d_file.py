@@ -124,7 +124,7 @@ def test_refuses_a_file_without_markers(read: Read) -> None:
         read(bytes(damaged))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(st.tuples(st.integers(0, 2000), st.integers(0, 255)), max_size=12),
     st.integers(0, len(WHOLE)),

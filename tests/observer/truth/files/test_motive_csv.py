@@ -220,7 +220,7 @@ def test_third_party_marker_table_is_refused_by_name(shared_data: Path) -> None:
         read_capture(shared_data / "wild" / "motion_capture" / "markers.trc")
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 900), st.integers(0, 60), st.text(max_size=8))
 def test_damaged_file_is_read_or_refused(tmp_path: Path, at: int, length: int, put: str) -> None:
     whole = text()

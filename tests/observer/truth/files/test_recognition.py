@@ -79,7 +79,7 @@ def test_own_truth_csv_is_recognised(tmp_path: Path) -> None:
         (b" \r\n\r\n", "upload: the file is empty"),
         (b",,,\r\n" * 400, "upload: the file contains only empty lines"),
         (b"PK\x03\x04 xlsx", "upload: this is a ZIP archive or a spreadsheet; unpack it, or save"),
-        ("t,x,y,z\n0,1,2,3\n".encode("utf-16"), "upload: the text is UTF-16; save it as UTF-8"),
+        ("x\n".encode("utf-16-le"), "upload: the file is neither text nor C3D; supported are"),
         (b"\x89PNG\0\0\0", "upload: the file is neither text nor C3D; supported are"),
         (b"Lorem ipsum\n", "not a known motion-capture format (it starts with 'Lorem ipsum'); sup"),
         (b"1 " * 12, "not a known motion-capture format (it starts with '1 1 1"),

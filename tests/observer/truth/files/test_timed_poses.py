@@ -96,6 +96,44 @@ def test_reads_tum(read: Read) -> None:
     np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
 
 
+@pytest.mark.parametrize(("unit", "scale"), [("milli", 1e3), ("micro", 1e6), ("nano", 1e9)])
+@pytest.mark.parametrize("separator", [" ", ","])
+def test_times_since_1970_in_smaller_units_are_read(
+    read: Read, unit: str, scale: float, separator: str
+) -> None:
+    # As ORB-SLAM writes its trajectories for EuRoC.
+    times = 1403636579.763 + 0.005 * np.arange(40)
+    header = "" if separator == " " else HEADER + "\n"
+    places = np.arange(120.0).reshape(40, 3)
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (40, 1))
+    capture = read(header + table(times * scale, places, turns, separator=separator))
+    np.testing.assert_allclose(capture.bodies["body"].times, times, rtol=0, atol=1e-6)
+    assert f"times are in {unit}seconds since 1970" in capture.notes
+
+
+@pytest.mark.parametrize("scale", [1e3, 1e6, 1e9])
+def test_times_in_another_unit_from_another_moment_are_refused(read: Read, scale: float) -> None:
+    rows = table(scale * 0.01 * np.arange(40), np.zeros((40, 3)))
+    with pytest.raises(TruthError, match="s apart, so they seem to be in a smaller unit"):
+        read("t,x,y,z\n" + rows)
+    assert len(read("t_ms,x,y,z\n" + rows).bodies["body"].times) == 40
+
+
+def test_rare_samples_of_a_body_do_not_count_as_another_unit(read: Read) -> None:
+    steady = [f"{0.01 * n:.2f},a,0,0,0" for n in range(3000)]
+    rare = [f"{3 * n},b,0,0,0" for n in range(10)]
+    rows = sorted([*steady, *rare], key=lambda row: float(row.split(",")[0]))
+    assert len(read("\n".join(["t,body,x,y,z", *rows])).bodies["b"].times) == 10
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be"])
+def test_utf_16_is_read(read: Read, encoding: str) -> None:
+    mark = "\ufeff" if encoding == "utf-16-be" else ""
+    capture = read((mark + "t,x,y,z\r\n" + table(T, P)).encode(encoding))
+    np.testing.assert_array_equal(capture.bodies["body"].positions, P)
+    assert not any("Windows" in note for note in capture.notes)
+
+
 def test_gap_in_tum_is_nan(read: Read) -> None:
     body = read("0 1 2 3 0 0 0 1\n1 nan nan nan 0 0 0 1\n").bodies["body"]
     assert body.seen.tolist() == [True, False]

@@ -117,7 +117,7 @@ def test_reads_spreadsheet_exports_with_semicolons(read: Read) -> None:
 def test_reads_names_in_the_windows_code_page(read: Read) -> None:
     capture = read(nexus_csv({"Daphnée": places(COUNT)}).encode("cp1252"))
     assert list(capture.bodies) == ["Daphnée"]
-    assert "the text is not UTF-8 and is read as Windows-1252" in capture.notes
+    assert "the text is not Unicode and is read as Windows-1252" in capture.notes
 
 
 def test_zero_samples_and_short_rows_are_gaps(read: Read) -> None:
