@@ -57,7 +57,6 @@ def examples(count: int) -> settings:
     given = os.environ.get("DAMAGE_EXAMPLES")
     return settings(
         max_examples=int(given) if given else count,
-        deadline=None,
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
     )
 

@@ -1,8 +1,9 @@
-"""Waiting says what did not come."""
+"""Waiting says what did not come, and is not hurried by hypothesis."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import settings
 
 from .waiting import until, until_async
 
@@ -25,3 +26,8 @@ async def test_it_also_waits_in_an_event_loop() -> None:
     assert await until_async(lambda: next(answers)) == 5
     with pytest.raises(AssertionError, match="the reply; the last answer was None"):
         await until_async(lambda: None, "the reply", 0.02)
+
+
+def test_an_example_has_no_time_limit_of_its_own() -> None:
+    """Hypothesis allows 0.2 s, which any example may take on a busy machine."""
+    assert settings().deadline is None

@@ -17,7 +17,7 @@ CAMERA = StereoCamera(512, 256, 443.0, 440.0, 250.0, 130.0, 0.12)
 GOOD = StereoCalibration.rectified(512, 256, 443, 440, 250, 130, 0.12)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(u=st.floats(0, 511), v=st.floats(0, 255), d=st.floats(0.5, 120))
 def test_projection_inverts_triangulation(u: float, v: float, d: float) -> None:
     px, disparity = CAMERA.project(CAMERA.triangulate((u, v), d))

@@ -13,7 +13,7 @@ from observer.geometry import Pose, is_rotation, largest_sigma, map_pixels
 small = st.floats(-3, 3, allow_nan=False)
 vectors = st.tuples(small, small, small)
 poses = st.builds(Pose.from_rotvec, vectors, vectors)
-quick = settings(deadline=None, max_examples=40)
+quick = settings(max_examples=40)
 
 
 @quick

@@ -102,7 +102,7 @@ def test_changes_are_all_or_nothing_and_report_every_problem() -> None:
     assert before.flat() == AllParameters().flat()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_applying_the_difference_gives_the_other_parameters(data: st.DataObject) -> None:
     names = data.draw(st.lists(st.sampled_from(NUMBERS), unique=True))

@@ -205,7 +205,7 @@ _AFTER = {"lease": ("release",)}
 _LONG = st.integers(1, 30)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(st.tuples(st.sampled_from(_HAPPENS), _LONG), max_size=25))
 def test_the_robot_moves_only_under_all_conditions(happens: list[tuple[str, int]]) -> None:
     drive = Drive()

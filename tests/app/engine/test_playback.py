@@ -216,7 +216,7 @@ def test_rates_out_of_range_change_nothing(numbered: Numbered, rate: float) -> N
     assert (playing.rate, playing.paused) == (1.0, False)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     commands=st.lists(
         st.tuples(

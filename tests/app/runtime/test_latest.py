@@ -56,7 +56,7 @@ def test_newest_value_wins_and_is_read_once(slot: int) -> None:
     assert reader.read(after=4) is not None
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     values=st.lists(
         st.tuples(

@@ -70,7 +70,7 @@ def test_messages_arrive_whole_and_in_order(pair: tuple[socket.socket, socket.so
     assert received == sent
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     texts=st.lists(st.text(max_size=200), max_size=6), cuts=st.lists(st.integers(1, 50), min_size=1)
 )

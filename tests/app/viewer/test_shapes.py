@@ -33,7 +33,7 @@ def test_a_level_camera_looks_along_x_at_its_height() -> None:
     np.testing.assert_allclose(T.apply([0, 0.4, 0]), [0, 0, 0], atol=1e-12)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.floats(0.1, 3), st.floats(0.01, 1.2))
 def test_a_tilted_camera_sees_the_floor_at_zero(height: float, tilt: float) -> None:
     # The optical axis meets the floor at this distance.
@@ -81,7 +81,7 @@ def test_a_box_has_twelve_edges_along_its_axes() -> None:
     np.testing.assert_allclose(corners.max(0), [1.5, 2.3, 3.2])
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(ANGLES, st.floats(0, 0.5))
 def test_bodies_are_upright_and_face_their_heading(yaw: float, tilt: float) -> None:
     T = level_pose(CameraMount(0.4, tilt))

@@ -51,7 +51,7 @@ def _gap(one: SeenObstacle, poses: Float64Array, times: Float64Array) -> Float64
     return np.asarray(gap + np.minimum(0.0, np.hypot(dx, dy) - BODY.width_m / 2) - one.radius_m)
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=600)
 @given(_OBSTACLES, _MOTIONS)
 def test_nothing_is_approached_more_than_by_standing_still(
     one: SeenObstacle, motion: tuple[float, float]

@@ -73,7 +73,7 @@ def test_a_truncated_file_is_refused(extension: str, share: float, tmp_path: Pat
 
 @pytest.mark.parametrize("options", [[], PROGRESSIVE])
 @given(length=st.integers(3, 3000))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_any_truncation_of_a_jpeg_is_noticed(options: list[int], length: int) -> None:
     whole = encoded(".jpg", options=options)
     assert damage(whole) is None
@@ -82,7 +82,7 @@ def test_any_truncation_of_a_jpeg_is_noticed(options: list[int], length: int) ->
 
 
 @given(position=st.integers(8, 2000), value=st.integers(1, 255))
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_any_changed_byte_of_a_png_is_noticed(position: int, value: int) -> None:
     content = bytearray(encoded(".png"))
     content[min(position, len(content) - 1)] ^= value
@@ -97,7 +97,7 @@ def test_trailing_bytes_are_not_damage() -> None:
 @given(st.binary(max_size=60) | st.builds(lambda b: b"\xff\xd8" + b, st.binary(max_size=60))
        | st.builds(lambda b: b"\x89PNG\r\n\x1a\n" + b, st.binary(max_size=60))
        | st.builds(lambda b: b"P5 " + b, st.binary(max_size=60)))  # fmt: skip
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_damage_accepts_any_bytes(content: bytes) -> None:
     problem = damage(content)
     assert problem is None or problem.startswith("is ")

@@ -186,7 +186,7 @@ def test_people_are_remembered_after_a_goal_change() -> None:
 _NUMBER = st.floats(-50.0, 50.0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(_NUMBER, _NUMBER, _NUMBER, _NUMBER), max_size=4), _NUMBER, _NUMBER)
 def test_the_plan_stays_within_the_limits_for_any_people(
     people: list[tuple[float, float, float, float]], x: float, y: float

@@ -101,7 +101,7 @@ _PLACE, _SPEED = st.floats(-4.0, 4.0), st.floats(-1.5, 1.5)
 _PEOPLE = st.lists(st.tuples(_PLACE, _PLACE, _SPEED, _SPEED), max_size=5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(_PEOPLE, st.sampled_from([0.0, 0.5, 1.0]))
 def test_refused_paths_are_not_taken_and_differ_in_direction(
     people: list[tuple[float, float, float, float]], share: float

@@ -78,7 +78,7 @@ def numbers(data: bytes) -> list[int]:
 WHOLE, ENDS = small_file(finish=True)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.integers(8, len(WHOLE)))
 def test_a_truncated_file_is_read_up_to_its_last_whole_chunk(length: int) -> None:
     cut = WHOLE[:length]
@@ -89,7 +89,7 @@ def test_a_truncated_file_is_read_up_to_its_last_whole_chunk(length: int) -> Non
     assert at_least <= len(found) <= at_least + PER_CHUNK
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(300, len(WHOLE)))
 def test_a_truncated_file_can_be_resumed_and_is_then_complete(length: int) -> None:
     kept = len(numbers(WHOLE[:length]))
@@ -108,7 +108,7 @@ def test_a_truncated_file_can_be_resumed_and_is_then_complete(length: int) -> No
     assert read == list(range(MESSAGES))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(200, len(WHOLE) - 1))
 def test_a_full_disk_ends_the_file_and_leaves_what_was_written(room: int) -> None:
     file = CutFile(room)
@@ -138,7 +138,7 @@ def test_a_full_disk_ends_the_file_and_leaves_what_was_written(room: int) -> Non
     assert numbers(again.getvalue()) == found
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(8, len(WHOLE) - 1), st.integers(0, 255))
 def test_a_damaged_byte_is_reported_or_harmless(at: int, value: int) -> None:
     data = bytearray(WHOLE)

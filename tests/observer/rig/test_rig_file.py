@@ -83,7 +83,7 @@ _RIGS = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(rig=_RIGS)
 def test_a_written_rig_is_read_back_exactly(rig: Rig) -> None:
     again = read_rig(rig_text(rig), "rig.yaml")

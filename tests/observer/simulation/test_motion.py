@@ -24,7 +24,7 @@ def course(legs: list[Leg], after: str = "stay", heading: float = 0.3) -> Course
     return Course(1.0, -0.5, heading, legs, after=after, acceleration=0.5, angular_acceleration=1.5)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(length=st.floats(0.05, 10), cruise=st.floats(0.05, 3), acceleration=st.floats(0.1, 5))
 def test_a_ramp_from_rest_to_rest_covers_its_length_within_its_speed(
     length: float, cruise: float, acceleration: float

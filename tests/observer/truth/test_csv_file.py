@@ -93,7 +93,7 @@ finite = st.floats(-1e3, 1e3)
     box=st.none() | st.tuples(finite, finite, finite, finite),
     kind=st.sampled_from((None, *KINDS)),
 )
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 def test_round_trip_of_any_numbers(
     numbers: list[float],
     name: str,
@@ -308,7 +308,7 @@ cells = st.one_of(finite.map(repr), st.text("0123456789.-+eE,\"'\n \x00naif", ma
 
 
 @given(rows=st.lists(st.lists(cells, min_size=12, max_size=16), max_size=4))
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_any_rows_are_read_or_refused(
     rows: list[list[str]], tmp_path_factory: pytest.TempPathFactory
 ) -> None:

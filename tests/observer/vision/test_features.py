@@ -75,7 +75,7 @@ def test_strongest_points_of_each_cell_are_selected() -> None:
     assert sorted(kept.tolist()) == [1, 2]
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     count=st.integers(0, 200),
     columns=st.integers(1, 32),

@@ -45,7 +45,7 @@ def wide_points(count: int = 60) -> NDArray[np.float64]:
     rotvec=st.tuples(*[st.floats(-0.06, 0.06)] * 3),
     t=st.tuples(st.floats(-0.5, -0.05), st.floats(-0.01, 0.01), st.floats(-0.01, 0.01)),
 )
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_fisheye_rows_agree_and_triangulate_correctly(
     rotvec: tuple[float, float, float], t: tuple[float, float, float]
 ) -> None:

@@ -20,7 +20,7 @@ from observer.vision.keypoints import (
 
 from ..builders import Texture, as_image
 
-quick = settings(deadline=None, max_examples=40)
+quick = settings(max_examples=40)
 SIDE = 16
 P = KltTrackingParameters(spacing_px=SIDE)
 WIDTH, HEIGHT = 256, 160

@@ -13,7 +13,7 @@ from observer.vision.klt_tracking import Sightings, as_bright_as, match_right, t
 
 from ..builders import Texture, as_image, pixel_grid
 
-quick = settings(deadline=None, max_examples=25)
+quick = settings(max_examples=25)
 P = KltTrackingParameters()
 WIDTH, HEIGHT = 256, 160
 DISPARITY = 9.6

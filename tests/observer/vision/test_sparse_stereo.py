@@ -12,7 +12,7 @@ from observer.vision.sparse_stereo import RowSearch
 
 from ..builders import Texture, as_image, pixel_grid
 
-quick = settings(deadline=None, max_examples=30)
+quick = settings(max_examples=30)
 P = StereoParameters(max_disparity_px=96)
 WIDTH, HEIGHT = 320, 128
 WALL = Texture(5, (HEIGHT, WIDTH))

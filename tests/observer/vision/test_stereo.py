@@ -111,7 +111,7 @@ def plane(a: float, b: float, c: float) -> np.ndarray:
     return (a + b * u + c * v).astype(np.float32)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(u=st.floats(0, 59), v=st.floats(0, 39), b=st.floats(-0.3, 0.3), c=st.floats(-0.3, 0.3))
 def test_sampling_a_plane_is_exact(u: float, v: float, b: float, c: float) -> None:
     px = np.array([[u, v]], np.float32)

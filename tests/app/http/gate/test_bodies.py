@@ -217,7 +217,6 @@ KNOWN_KEYS: list[str] = [
 
 
 @settings(
-    deadline=None,
     max_examples=100,
     # All examples go to the same server.
     suppress_health_check=[HealthCheck.function_scoped_fixture],

@@ -147,7 +147,7 @@ class AgainstAModel(RuleBasedStateMachine):
             assert self.sessions.find(each.digest.hex()) is None
 
 
-AgainstAModel.TestCase.settings = settings(max_examples=25, stateful_step_count=25, deadline=None)
+AgainstAModel.TestCase.settings = settings(max_examples=25, stateful_step_count=25)
 test_against_a_model = AgainstAModel.TestCase
 
 

@@ -150,7 +150,7 @@ def test_counting_uses_bounded_memory() -> None:
     assert len(gate._wrong) <= 4096
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.text(max_size=60))
 def test_only_the_exact_token_is_accepted(text: str) -> None:
     assert (guard([0.0]).check("1.1.1.1", [text]) is TokenVerdict.OPERATOR) == (text == TOKEN)
@@ -180,7 +180,7 @@ def test_hosts_are_parsed_strictly(text: str, expected: NetworkName | None) -> N
     assert parse_host(text) == expected
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.text(max_size=40))
 def test_no_text_breaks_host_and_origin_parsing(text: str) -> None:
     names = names_of("127.0.0.1", (), tls=False)

@@ -216,9 +216,7 @@ def test_damaged_entries_are_refused_one_by_one(zipped: Any, method: int) -> Non
 WHOLE = packed({"left/1.png": bytes(range(200)), "right/1.png": b"right" * 50})
 
 
-@settings(
-    deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, len(WHOLE)), st.integers(0, 40), st.binary(max_size=40))
 def test_damage_anywhere_is_read_or_refused(
     tmp_path: Path, at: int, length: int, put: bytes

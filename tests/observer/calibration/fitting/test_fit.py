@@ -322,7 +322,7 @@ def sightings(draw: st.DrawFn) -> BoardSighting | None:
     return BoardSighting(ids, np.array(wild, dtype=np.float64).reshape(-1, 2))
 
 
-@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     st.lists(st.tuples(sightings(), sightings()), max_size=9),
     st.integers(0, 7),

@@ -72,7 +72,7 @@ OFFSETS = st.floats(-0.01, 0.01).map(lambda metres: round(metres, 6))
     focal=st.floats(300, 900),
     model=st.sampled_from(["radtan", "equidistant"]),
 )
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_round_trip_of_any_rig(
     kind: ExportKind,
     rotvec: tuple[float, ...],

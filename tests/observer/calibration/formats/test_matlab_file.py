@@ -286,7 +286,7 @@ WHOLE = saved(parameters(), compressed=False)
 )
 def test_damaged_file_is_read_or_refused(examples: int) -> None:
     @given(at=st.integers(0, len(WHOLE) - 1), length=st.integers(0, 12), put=st.binary(max_size=12))
-    @settings(deadline=None, max_examples=examples)
+    @settings(max_examples=examples)
     def held(at: int, length: int, put: bytes) -> None:
         damaged = WHOLE[:at] + put + WHOLE[at + length :]
         with contextlib.suppress(CalibrationError):
@@ -296,7 +296,7 @@ def test_damaged_file_is_read_or_refused(examples: int) -> None:
 
 
 @given(st.binary(max_size=200))
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_arbitrary_bytes_after_a_header_are_refused(content: bytes) -> None:
     with pytest.raises(CalibrationError):
         read(WHOLE[:128] + content)

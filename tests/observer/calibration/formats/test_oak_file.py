@@ -200,7 +200,7 @@ WHOLE = json.dumps(board()).encode()
     put=st.binary(max_size=12)
     | st.sampled_from([b"1e308", b"-1e200", b"0", b"null", b"[", b"}", b"NaN", b'"a": 1,']),
 )
-@settings(deadline=None, max_examples=250)
+@settings(max_examples=250)
 def test_damaged_file_is_read_or_refused(part: float, length: int, put: bytes) -> None:
     at = int(part * len(WHOLE))
     with contextlib.suppress(CalibrationError):
@@ -222,7 +222,7 @@ _PLACES = [
 
 
 @given(place=st.sampled_from(_PLACES), put=_JSON)
-@settings(deadline=None, max_examples=250)
+@settings(max_examples=250)
 def test_arbitrary_values_in_any_field_are_read_or_refused(
     place: tuple[str | int, ...], put: Any
 ) -> None:

@@ -68,7 +68,7 @@ def test_round_trip_of_a_rectified_pair_stays_rectified() -> None:
     rotvec=st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3),
     baseline=st.floats(-1.9, -0.0011),
 )
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_round_trip_of_any_calibration(
     numbers: list[float], rotvec: list[float], baseline: float
 ) -> None:
@@ -191,7 +191,7 @@ def test_refuses(text: str, expected: str) -> None:
     inserted=st.text(max_size=20),
     extension=st.sampled_from([".yml", ".xml", ".json"]),
 )
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 def test_damaged_file_is_read_or_refused_with_a_one_line_reason(
     position: int, length: int, inserted: str, extension: str
 ) -> None:
@@ -207,7 +207,7 @@ def test_damaged_file_is_read_or_refused_with_a_one_line_reason(
 
 
 @given(st.text() | st.text("{}[]<>:&*!-,? \n\"'K1", max_size=60))
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 def test_any_text_is_refused(text: str) -> None:
     with pytest.raises(CalibrationError):
         read_calibration(text, name="any")

@@ -129,7 +129,7 @@ def test_refuses(contents: tuple[str, ...], expected: str) -> None:
     put=st.text(max_size=12)
     | st.sampled_from(["1e308", "-1e200 ", "nan", "\n", "[image]\n", "camera matrix\n", "[", "0"]),
 )
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 def test_damaged_file_is_read_or_refused(part: float, length: int, put: str) -> None:
     whole = LEFT + RIGHT
     at = int(part * len(whole))
@@ -144,7 +144,7 @@ _LINES = st.sampled_from(
 
 
 @given(st.lists(_LINES, max_size=60))
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_lines_in_any_order_are_read_or_refused(lines: list[str]) -> None:
     with contextlib.suppress(CalibrationError):
         read_any(files("# oST version 5.0 parameters\n" + "\n".join(lines)))

@@ -92,7 +92,7 @@ def test_thin_prism_and_tilt_terms_are_retained() -> None:
 
 @given(st.lists(st.floats(-1e3, 1e3) | st.floats(allow_nan=False, allow_infinity=False),
                 min_size=8, max_size=8))  # fmt: skip
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 def test_any_coefficients_give_a_one_to_one_lens_or_none(D: list[float]) -> None:
     found = without_pole(K, np.array(D), SIZE)
     assert found is None or fold_px(K, found.D, SIZE) is None

@@ -40,7 +40,7 @@ def test_no_points_give_no_groups() -> None:
     assert single.tolist() == [0]
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), count=st.integers(0, 60))
 def test_groups_do_not_depend_on_the_order_of_points(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)

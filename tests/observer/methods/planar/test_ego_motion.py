@@ -180,7 +180,7 @@ def test_few_inliers_are_degraded_with_a_reason() -> None:
     assert any("38 %" in reason for reason in ego.reasons)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(
     angle=st.floats(-3.1, 3.1),
     shear=st.floats(-2, 2),

@@ -31,7 +31,7 @@ from .static_scenes import (
     seen,
 )
 
-quick = settings(deadline=None, max_examples=30)
+quick = settings(max_examples=30)
 
 
 def assert_right(ego: RigidEgoMotion, rotation: float, translation: float) -> None:

@@ -294,7 +294,7 @@ FAULTS = st.dictionaries(
 
 
 @given(faults=FAULTS, recover=st.integers(0, 5))
-@settings(max_examples=EXAMPLES, deadline=None, derandomize=True)
+@settings(max_examples=EXAMPLES, derandomize=True)
 def test_reported_values_are_finite_for_any_frame_faults(
     lateral: Clip, faults: dict[int, tuple[str, int]], recover: int
 ) -> None:

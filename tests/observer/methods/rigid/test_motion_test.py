@@ -15,7 +15,7 @@ from observer.methods.rigid.point_motion import PooledMotion
 from ...builders import LAB, ROAD, points_in_view, watched
 from .pooled_motion import STEP_STD, P, board, pooled
 
-quick = settings(deadline=None, max_examples=20)
+quick = settings(max_examples=20)
 
 
 def alone(information: Float64Array, velocity: Float64Array) -> Float64Array:

@@ -14,7 +14,7 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 
 from ...kernels.oracles.motion_test import moving_position
 
-quick = settings(deadline=None, max_examples=40)
+quick = settings(max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
 memories = st.floats(0.05, 20.0)
 

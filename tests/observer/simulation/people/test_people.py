@@ -51,7 +51,7 @@ def turned(rng: np.random.Generator) -> Float64Array:
 
 
 @given(st.integers(0, 10_000))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_rays_hit_an_ellipsoid_on_its_surface(seed: int) -> None:
     rng = np.random.default_rng(seed)
     centre = np.array([*rng.uniform(-1, 1, 2), rng.uniform(1.0, 5.0)])
@@ -122,7 +122,7 @@ def test_a_waving_person_moves_only_one_arm() -> None:
 
 
 @given(st.integers(0, 500))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_given_clothes_are_worn_and_equal_seeds_draw_equal_others(seed: int) -> None:
     given_clothes = ClothesSpec(top="printed", top_tone="red")
     first, again = dressed(given_clothes, seed), dressed(given_clothes, seed)

@@ -14,7 +14,7 @@ from observer.truth.alignment.frame_alignment import align_planar, upright
 UP = np.array([0.0, 0.0, 1.0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(-3.1, 3.1), st.integers(0, 10**6))
 def test_yaw_and_translation_are_found_despite_outliers(yaw: float, seed: int) -> None:
     rng = np.random.default_rng(seed)

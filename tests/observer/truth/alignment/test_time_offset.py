@@ -91,7 +91,7 @@ def test_short_overlaps_give_no_drift() -> None:
     assert found.drift_sigma_ppm is None
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(-1e5, 1e5), st.floats(-500, 500), st.lists(st.floats(-1e3, 1e3), min_size=1))
 def test_clock_conversion_is_inverted_exactly(
     offset: float, drift: float, times: list[float]

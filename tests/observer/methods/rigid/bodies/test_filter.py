@@ -180,7 +180,7 @@ def test_a_known_body_is_predicted_along_its_circle(rate: float) -> None:
     parts=st.lists(st.floats(0.02, 0.2), min_size=2, max_size=5),
     rate=st.floats(-1.0, 1.0),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_prediction_adds_up_over_time(parts: list[float], rate: float) -> None:
     """Without noise, one step or several give the same mean and covariance."""
     state = truth(rate=rate)
@@ -317,7 +317,7 @@ ACTIONS = st.lists(
 
 
 @given(actions=ACTIONS, rate=st.floats(-2, 2), agile=st.floats(0.01, 20))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_the_covariance_stays_valid_after_any_sequence_of_actions(
     actions: list[tuple[str, float, float]], rate: float, agile: float
 ) -> None:

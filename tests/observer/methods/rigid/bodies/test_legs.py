@@ -19,7 +19,7 @@ from observer.types import TrackState
 
 from ..solid_worlds import DT, ROOM, Solid, SolidView, cells_of, on_floor, seen
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 # Metres: height of a small robot's camera above the floor; the world's y axis points down.
 LOW_M = 0.3
 LOW = Pose(np.eye(3), np.array([0.0, 1.0 - LOW_M, 0.0]))

@@ -32,7 +32,7 @@ from ..solid_worlds import (
     seen,
 )
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 SIZE = (0.45, 1.2, 0.1)
 # Metres: where the image's border cuts through a body 4 m away.
 EDGE_M = 4.0 * (CAMERA.width / 2) / CAMERA.fx

@@ -48,7 +48,7 @@ def cloud(count: int, seed: int = 0) -> Float64Array:
     yaw_rate=st.floats(-1.0, 1.0),
     velocity=st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array),
 )
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_points_on_a_body_that_turns_do_not_scatter(
     yaw_rate: float, velocity: Float64Array
 ) -> None:
@@ -62,7 +62,7 @@ def test_points_on_a_body_that_turns_do_not_scatter(
 
 
 @given(spread=st.floats(0.05, 1.0), seed=st.integers(0, 1000))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_the_scatter_is_the_spread_of_the_velocities(spread: float, seed: int) -> None:
     velocity = np.array([0.3, 0.0, -0.2])
     own = np.random.default_rng(seed).normal(velocity, spread, (400, 3))

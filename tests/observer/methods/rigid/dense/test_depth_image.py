@@ -21,7 +21,7 @@ from observer.types import Image
 from ....builders import Texture, as_image
 from ..solid_worlds import CAMERA, GRID
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 P = StereoParameters()
 SHAPE = (CAMERA.height, CAMERA.width)
 # If texture were as fine as a cell everywhere, it would count as noise.

@@ -13,7 +13,7 @@ from observer.methods.rigid.dense.segments import Expected, Segment, followed_se
 from ..solid_worlds import ALL, Shape, cells, disparity_of, on_floor, overlap, person
 from .segmented_worlds import Mask, ball, world
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 
 
 def expected_at(thing: Shape) -> Expected:

@@ -33,7 +33,7 @@ from ..solid_worlds import (
     person,
 )
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 ALL = np.ones(GRID.shape, np.bool_)
 CRATE = on_floor(-1.0, 4.0, (0.6, 0.8, 0.5), 0.3)
 small = st.floats(-0.3, 0.3)

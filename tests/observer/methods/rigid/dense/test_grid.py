@@ -14,7 +14,7 @@ from observer.methods.rigid.dense.grid import Grid
 
 from ..solid_worlds import CAMERA, GRID
 
-quick = settings(deadline=None, max_examples=50)
+quick = settings(max_examples=50)
 places = st.floats(-1000, 2000)
 
 

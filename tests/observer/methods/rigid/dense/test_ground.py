@@ -37,7 +37,7 @@ from ..solid_worlds import (
     on_floor,
 )
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 NOISE_PX = 0.15
 
 

@@ -80,7 +80,7 @@ def test_the_same_images_give_identical_evidence(
         np.testing.assert_array_equal(again.evidence, scene.evidence)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(z=st.floats(0.4, 10.0))
 def test_the_depth_tolerance_is_a_body_thickness_and_never_below_noise(z: float) -> None:
     scene = seen([], HERE)

@@ -11,7 +11,7 @@ from observer.methods.rigid.dense.segments import box_px, segment_of, window_of
 from ..solid_worlds import ALL, CAMERA, GRID, WALL, cells, on_floor, person
 from .segmented_worlds import window_mask, world
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 
 
 def test_no_side_is_cut_in_the_open() -> None:

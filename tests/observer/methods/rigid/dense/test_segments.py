@@ -27,7 +27,7 @@ from ..solid_worlds import (
 )
 from .segmented_worlds import ball, only, window_mask, world
 
-quick = settings(deadline=None, max_examples=10)
+quick = settings(max_examples=10)
 
 # --- what is found -------------------------------------------------------------------------
 
