@@ -35,11 +35,12 @@ class SpeedChart extends Part {
     "p.empty",
     "No speeds yet. Curves appear when an obstacle moves or ground truth arrives.",
   );
+  #hint = h("span.hint");
   #export = chartMenu(() => this.#offers());
   #plot = new SpeedPlot(this.#host, {
     height: HEIGHT_PX,
     minTop: MIN_TOP_MPS,
-    range: () => [-SPAN_S, 0],
+    range: () => [-this.#history.window_s, 0],
     xWords: (seconds) => (seconds === 0 ? "now" : `${withMinus(seconds)} s`),
     xSpace: 50,
     read: (time) => {
@@ -60,12 +61,7 @@ class SpeedChart extends Part {
   build() {
     // Replaces the placeholder heading shown while loading.
     this.replaceChildren(
-      h(
-        "div.pane-head",
-        h("h2", "Speed"),
-        h("span.hint", "m/s over the last 60 s of source time"),
-        this.#export,
-      ),
+      h("div.pane-head", h("h2", "Speed"), this.#hint, this.#export),
       this.#note,
       this.#empty,
       this.#host,
@@ -104,19 +100,24 @@ class SpeedChart extends Part {
   }
 
   #draw() {
-    const { curves, newest, starts, changes } = this.#history;
+    const history = this.#history;
+    const { curves, newest, starts, changes } = history;
     const ago = (/** @type {number} */ time) => time - newest;
     this.#curves = [...curves.values()]
       .sort((a, b) => ORDER[a.kind] - ORDER[b.kind])
       .map((curve) => ({ ...curve, times: curve.times.map(ago) }));
     this.#empty.hidden = this.#curves.length > 0;
+    setText(this.#hint, `m/s over the last ${history.window_s} s of source time`);
     this.#renderExport();
     this.#host.hidden = this.#curves.length === 0;
     this.#plot.draw(this.#curves, {
       starts: starts.map((start) => ({ ...start, time: ago(start.time) })),
       changes: changes.map((change) => ({ ...change, time: ago(change.time) })),
       segments: [],
-      gaps: this.#curves.filter(({ kind }) => kind === "truth").flatMap(gapsUntilNow),
+      gaps: this.#curves
+        .filter(({ kind }) => kind === "truth")
+        .flatMap(gapsUntilNow)
+        .filter(({ begin, end }) => !history.isSilent(begin + newest, end + newest)),
     });
     this.#renderLegend();
   }

@@ -12,6 +12,10 @@ const JUMP_S = 1;
 const GAP_S = 0.5;
 // A curve breaks right after its last sample: the next one may be older than the newest frame.
 const GAP_AFTER_S = 1e-4;
+// The shown window grows in these steps, so that the scale of time seldom changes.
+const WINDOWS_S = [10, 20, 30];
+// Times relative to the newest observation are exact to this.
+const ROUNDING_S = 1e-6;
 // Curves are trimmed in batches of this many samples: shifting a long array costs more than
 // keeping a few extra samples.
 const TRIM_BATCH = 50;
@@ -27,8 +31,12 @@ export class SpeedHistory {
   /** First measurement of each track. @type {{time: number, speed: number, words: string, colour: string}[]} */
   starts = [];
 
+  /** Where no observation arrived at all, so nothing is known of any curve. @type {{begin: number, end: number}[]} */
+  #silences = [];
   #began = false;
   #late = 0;
+  /** Seconds of the first observation. */
+  #first = 0;
   #playedFrom = 0;
   #offset = 0;
   #epoch = 0;
@@ -58,6 +66,24 @@ export class SpeedHistory {
       end: this.newest,
       offset: this.#offset,
     };
+  }
+
+  /** Seconds to show: the shortest window with everything that is stored. */
+  get window_s() {
+    const stored = this.newest - this.#first;
+    return WINDOWS_S.find((each) => each >= stored && each < this.span_s) ?? this.span_s;
+  }
+
+  /**
+   * Whether no observation arrived during a gap of a curve: then it says nothing about the curve.
+   *
+   * @param {number} begin
+   * @param {number} end
+   */
+  isSilent(begin, end) {
+    return this.#silences.some(
+      (silence) => begin > silence.begin - ROUNDING_S && end < silence.end + ROUNDING_S,
+    );
   }
 
   /** @param {ObservationMessage} message */
@@ -135,8 +161,9 @@ export class SpeedHistory {
     const restarted = segment !== this.#lastSegment || sequence <= this.#lastSequence || ahead <= 0;
     if (restarted && this.#late > 0) this.#forget();
     this.#late -= 1;
+    const before = this.newest;
     if (!this.#began) {
-      this.#playedFrom = time;
+      this.#playedFrom = this.#first = time;
     } else if (restarted) {
       for (const curve of this.curves.values()) startGap(curve);
       this.#identity.clear();
@@ -144,8 +171,10 @@ export class SpeedHistory {
       this.#offset = this.newest + GAP_S - time;
       this.#playedFrom = this.newest + GAP_S;
     }
+    const silent = this.#began && (restarted || ahead > JUMP_S);
     this.#began = true;
     this.newest = time + this.#offset;
+    if (silent) this.#silences.push({ begin: before, end: this.newest });
     this.#lastTime = time;
     this.#lastSegment = segment;
     this.#lastSequence = sequence;
@@ -157,6 +186,7 @@ export class SpeedHistory {
     this.curves.clear();
     this.changes = [];
     this.starts = [];
+    this.#silences = [];
     this.#identity.clear();
   }
 
@@ -200,6 +230,7 @@ export class SpeedHistory {
         for (const list of [curve.times, curve.speeds, curve.stds]) list.splice(0, TRIM_BATCH);
       }
     }
+    while (this.#silences[0] && this.#silences[0].end < oldest) this.#silences.shift();
     while (this.changes[0] && this.changes[0].time < oldest) this.changes.shift();
     while (this.starts[0] && this.starts[0].time < oldest) this.starts.shift();
   }

@@ -128,3 +128,27 @@ test("late observations of the previous source are forgotten once the next one b
     ["Obstacle 1", "Obstacle 2"],
   );
 });
+
+test("the window grows with what is stored, up to the span", () => {
+  const history = new SpeedHistory(60);
+  tell(history, 0, 100, [{}]);
+  assert.equal(history.window_s, 10);
+  tell(history, 1, 112, [{}]);
+  assert.equal(history.window_s, 20);
+  tell(history, 2, 131, [{}]);
+  assert.equal(history.window_s, 60);
+  assert.equal(new SpeedHistory(15).window_s, 10);
+});
+
+test("where no observation arrived, ground truth is not said to be missing", () => {
+  const history = new SpeedHistory(60);
+  tell(history, 0, 0, [], [{}]);
+  tell(history, 1, 0.5, [], []);
+  tell(history, 2, 1, [], [{}]);
+  tell(history, 3, 4, [], [{}]);
+  tell(history, 4, 0, [], [{}]);
+  assert.equal(history.isSilent(0, 1), false);
+  assert.equal(history.isSilent(1, 4), true);
+  assert.equal(history.isSilent(4, 4.5), true);
+  assert.equal(history.isSilent(3.9, 4.6), false);
+});
