@@ -83,6 +83,7 @@ def test_everything_is_marked_stale_while_the_server_is_silent(
 ) -> None:
     page = open_panel(viewer=True, losses=True, viewport=_SMALL)
     wait_for_scene(page)
+    page.get_by_role("tab", name="Robots").click()
     server.process.suspend()
     try:
         asked = time.monotonic()
@@ -93,6 +94,9 @@ def test_everything_is_marked_stale_while_the_server_is_silent(
             timeout=6_000,
         )
         assert time.monotonic() - asked < 5
+        # A robot may stand by now: nothing says that it moves as if that were known.
+        robots = page.locator("observer-robots[data-old]")
+        expect(robots).to_contain_text("The server is not responding: the values")
         expect(page.locator("observer-scene")).to_have_attribute("data-freshness", "stale")
         # One message in words, and all live parts greyed out.
         expect(page.locator(".headline-text")).to_contain_text("Stale: The server is not")

@@ -9,10 +9,10 @@ import { storeOf } from "../parameters/parameter-store.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
 import { applyDeadZone } from "./hold.js";
-import { degrees, velocityInWords } from "./robot-words.js";
+import { degrees, heldBackReason, velocityInWords } from "./robot-words.js";
 import { sonarInWords, SonarRing } from "./sonar-ring.js";
 
-/** @import { RobotNow } from "../contract" */
+/** @import { RobotNow, SentMessage } from "../contract" */
 
 // Largest knob travel from the pad's centre, as a share of its width.
 const KNOB_TRAVEL_PERCENT = 36;
@@ -51,6 +51,8 @@ export class DrivePad extends Part {
   #guardNumbers = h("p.hint.figure");
   /** The pointer holding the pad. @type {number | null} */
   #pointer = null;
+  /** Where the pad was when it was pressed: it counts even if the page has moved it since. */
+  #box = new DOMRect();
 
   build() {
     const { driver } = this.hub;
@@ -97,6 +99,7 @@ export class DrivePad extends Part {
       pad.focus({ preventScroll: true });
       pad.setPointerCapture(event.pointerId);
       this.#pointer = event.pointerId;
+      this.#box = pad.getBoundingClientRect();
       this.#deflect(event);
     });
     pad.addEventListener("pointermove", (event) => {
@@ -119,7 +122,7 @@ export class DrivePad extends Part {
 
   /** @param {PointerEvent} event */
   #deflect(event) {
-    const box = this.#pad.getBoundingClientRect();
+    const box = this.#box;
     const right = (2 * (event.clientX - box.left)) / box.width - 1;
     const down = (2 * (event.clientY - box.top)) / box.height - 1;
     this.hub.driver.hold.set("pad", { forward: -applyDeadZone(down), left: -applyDeadZone(right) });
@@ -143,7 +146,10 @@ export class DrivePad extends Part {
     const robot = driver.robot();
     const { hold, topSpeed, blockedReason } = driver;
     const deflection = hold.deflection;
-    setAttribute(this, "data-held", hold.isActive ? "" : hold.isHeld ? "blocked" : null);
+    const reply = hold.isActive ? driver.link.sent.get(driver.role) : null;
+    const heldBack = heldBackReason(reply);
+    const drives = hold.isActive && !heldBack;
+    setAttribute(this, "data-held", drives ? "" : hold.isHeld ? "blocked" : null);
     setAttribute(this.#pad, "aria-disabled", blockedReason ? "true" : null);
     const { forward, left } = deflection ?? { forward: 0, left: 0 };
     // Keep the knob within the round pad even if both axes are at full deflection.
@@ -158,6 +164,7 @@ export class DrivePad extends Part {
       hold.blockedReason ||
         blockedReason ||
         driver.note ||
+        heldBack ||
         (hold.isActive
           ? `Driving the ${driver.role}`
           : `Ready to drive the ${driver.role}${connected() ? ", gamepad connected" : ""}`),
@@ -165,7 +172,7 @@ export class DrivePad extends Part {
     setAttribute(
       this.#state,
       "data-tone",
-      hold.blockedReason || (driver.note && !blockedReason && !hold.isActive)
+      hold.blockedReason || heldBack || (driver.note && !blockedReason && !hold.isActive)
         ? "bad"
         : blockedReason
           ? "calm"
@@ -177,18 +184,19 @@ export class DrivePad extends Part {
         ? `${fixed(topSpeed.speed_mps, 2)} m/s, ${fixed(degrees(topSpeed.turn_rate_radps), 0)} °/s`
         : `${Math.round(driver.share * 100)} %`,
     );
-    this.#renderSent();
+    this.#renderSent(reply, heldBack);
     this.#renderLink();
     this.#renderGuard(robot);
   }
 
-  #renderSent() {
-    const { driver } = this.hub;
-    const robot = driver.robot();
-    const reply = driver.hold.isActive ? driver.link.sent.get(driver.role) : null;
-    const sent = reply ?? robot?.sent;
+  /**
+   * @param {SentMessage | null | undefined} reply to the newest command
+   * @param {string} heldBack why it does not move, which is then shown already
+   */
+  #renderSent(reply, heldBack) {
+    const sent = reply ?? this.hub.driver.robot()?.sent;
     setText(this.#sent, `Sent: ${sent ? velocityInWords(sent) : "–"}`);
-    const limit = reply?.limited_by;
+    const limit = heldBack ? null : reply?.limited_by;
     setText(this.#limit, limit ? `Limited: ${limit}` : "");
     this.#limit.hidden = !limit;
   }

@@ -2,6 +2,7 @@
 
 import { COMMAND_FRESH_S, STALE_AFTER_S } from "../elements/facts.js";
 import { sentence } from "../elements/words.js";
+import { isReadOnly, READ_ONLY_WORDS } from "../shell/access.js";
 import { ApiError, request } from "../shell/api.js";
 import { Emitter } from "../shell/emitter.js";
 import { DriveLink } from "./drive-link.js";
@@ -101,6 +102,7 @@ export class Driver extends Emitter {
   get blockedReason() {
     const robot = this.robot();
     const { robots, connection } = this.#hub;
+    if (isReadOnly()) return READ_ONLY_WORDS;
     if (connection !== "open") return "No connection to the server.";
     if (!robot) return "No robot is connected.";
     if (robots?.stopped) return "All robots are stopped: reset the stop first.";
@@ -205,8 +207,11 @@ export class Driver extends Emitter {
   #robotsChanged() {
     // An older message may still arrive if the user arms and holds at once.
     if (this.#hub.robots?.stopped) this.#block("All robots were stopped.");
-    else if (this.robot()?.state === "disarmed")
-      this.#block(this.robot()?.why ?? "The robot was disarmed.");
+    else {
+      const robot = this.robot();
+      if (robot && !isArmed(robot))
+        this.#block(sentence(robot.report.trouble ?? robot.why ?? "the robot was disarmed"));
+    }
     this.emit("change");
   }
 

@@ -19,6 +19,7 @@ import { GLOSSARY } from "../elements/glossary.js";
 import { GoalExplanation } from "../elements/goal-explanation.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
+import { isReadOnly, READ_ONLY_WORDS } from "../shell/access.js";
 import { ApiError, request } from "../shell/api.js";
 import { storeOf } from "../parameters/parameter-store.js";
 import { exclusiveRunner, showError } from "../shell/notice.js";
@@ -133,7 +134,7 @@ class GoalPanel extends Part {
     );
     onSubmit(form, () => this.#do(() => this.#sendTyped()));
     this.#whyDetails.addEventListener("toggle", () => this.#render());
-    this.listen("robots connection", () => this.#render());
+    this.listen("robots connection freshness", () => this.#render());
     this.listen("change", () => this.#render(), driver);
     this.listen("change", () => this.#render(), floorPick);
     this.listen("picked", () => this.#do(() => this.#sendPicked()), floorPick);
@@ -143,6 +144,7 @@ class GoalPanel extends Part {
 
   /** What is missing before a goal can be sent; empty if nothing. */
   get #missingReason() {
+    if (isReadOnly()) return READ_ONLY_WORDS;
     const { driver, robots, connection } = this.hub;
     const running = robots?.programme && this.#programme;
     const moves = running && running.roles.includes(ROLE) ? running.title : "";
@@ -225,10 +227,9 @@ class GoalPanel extends Part {
 
   #render() {
     if (this.offsetParent === null) return;
-    const { robots, floorPick, connection } = this.hub;
+    const { robots, floorPick, robotsOutdated } = this.hub;
     void this.#askProgramme();
-    const lost = connection !== "open" || robots?.process?.alive === false;
-    setAttribute(this, "data-old", lost ? "" : null);
+    setAttribute(this, "data-old", robotsOutdated ? "" : null);
     const goal = robots?.goal ?? null;
     const drives = goal?.state === "driving";
     if (!drives) moveFocus(this.#driving, this.#ahead);

@@ -14,9 +14,10 @@ import {
 } from "../elements/dom.js";
 import { KeyedList } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
+import { durationInWords } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
 import { attemptIn, askConfirmation, notify, exclusiveRunner } from "../shell/notice.js";
-import { clock, durationInWords, firstSteps, incidentInWords } from "./robot-words.js";
+import { clock, firstSteps, incidentInWords } from "./robot-words.js";
 import { isArmed, ROLE_WORDS } from "./roles.js";
 
 /** @import { ProgrammeEntry, ProgrammeNow } from "../contract" */

@@ -3,7 +3,7 @@
 import { fixed, sentence } from "../elements/words.js";
 import { ROLE_WORDS } from "./roles.js";
 
-/** @import { RobotIncident, RobotNow, RobotReport, RobotsMessage, StopMeasured } from "../contract" */
+/** @import { RobotIncident, RobotNow, RobotReport, RobotsMessage, SentMessage, StopMeasured } from "../contract" */
 /** @import { Role } from "./roles.js" */
 
 /** @type {Record<RobotNow["state"], string>} */
@@ -48,6 +48,18 @@ export function standstillReason(role, robot, facts, ours) {
       ? "Armed. Hold the pad, a key or the gamepad to drive."
       : "Armed. Another operator has control.";
   return "Motors are off. Arm the robot to drive.";
+}
+
+/**
+ * Say why a robot stands still although a control is held.
+ *
+ * @param {SentMessage | null | undefined} reply to the newest command
+ * @returns {string} empty if it is sent more than zero
+ */
+export function heldBackReason(reply) {
+  const limit = reply?.limited_by;
+  if (!limit || reply.speed_mps !== 0 || reply.turn_rate_radps !== 0) return "";
+  return sentence(limit);
 }
 
 /** Say why there is no robot. @param {Role} role @param {RobotsMessage | null} facts */
@@ -244,10 +256,4 @@ function bumpersInWords({ front_bumpers, rear_bumpers }) {
 export function clock(seconds) {
   const whole = Math.max(0, Math.round(seconds));
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
-}
-
-/** @param {number} seconds @returns {string} as in "1 min 5 s" */
-export function durationInWords(seconds) {
-  const whole = Math.round(seconds);
-  return whole < 60 ? `${whole} s` : `${Math.floor(whole / 60)} min ${whole % 60} s`;
 }

@@ -107,7 +107,7 @@ class RobotsPanel extends Part {
     });
     this.#pad.attach(this.hub);
     this.#port.attach(this.hub);
-    this.listen("robots connection", () => this.#render());
+    this.listen("robots connection freshness", () => this.#render());
     this.whenShown(() => this.#render());
     this.listen("change", () => this.#render(), driver);
     this.#render();
@@ -134,7 +134,7 @@ class RobotsPanel extends Part {
 
   #render() {
     if (this.offsetParent === null) return;
-    const { driver, robots, connection } = this.hub;
+    const { driver, robots, connection, robotsOutdated: outdated } = this.hub;
     for (const [role, card] of this.#cards) {
       const robot = driver.robot(role);
       card.input.checked = role === driver.role;
@@ -152,24 +152,28 @@ class RobotsPanel extends Part {
     const ours = driver.link.leases.has(driver.role);
     const others = Boolean(robot?.operator) && !ours;
     const armed = isArmed(robot);
-    const lost = connection !== "open" || robots?.process?.alive === false;
     setText(
       this.#trouble,
       connection !== "open"
         ? "No connection to the server: the values shown here are stale."
-        : sentence(
-            robots?.process?.trouble ??
-              "the drive process is restarting; until then, only the robots' own firmware can stop them",
-          ),
+        : robots?.process?.alive !== false
+          ? "The server is not responding: the values shown here are stale."
+          : sentence(
+              robots?.process?.trouble ??
+                "the drive process is restarting; until then, only the robots' own firmware can stop them",
+            ),
     );
-    this.#trouble.hidden = !lost || !robots;
+    this.#trouble.hidden = !outdated || !robots;
     // Stale data do not tell whether or why it is standing still.
-    setAttribute(this, "data-old", lost ? "" : null);
-    setText(this.#why, lost && robots ? "" : standstillReason(driver.role, robot, robots, ours));
+    setAttribute(this, "data-old", outdated ? "" : null);
+    setText(
+      this.#why,
+      outdated && robots ? "" : standstillReason(driver.role, robot, robots, ours),
+    );
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));
     // After a key press on one of these, the focus moves to a button that can be pressed now.
-    const armable = !lost && robot?.state === "disarmed" && !robots?.stopped;
+    const armable = !outdated && robot?.state === "disarmed" && !robots?.stopped;
     if (armable) this.#arm.disabled = false;
     const shown = new Map([
       [this.#arm, !armed && !others],

@@ -256,3 +256,9 @@ export function sentence(text) {
   const begin = typed.test(words) ? words.charAt(0) : words.charAt(0).toUpperCase();
   return `${begin}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
 }
+
+/** @param {number} seconds @returns {string} as in "1 min 5 s" */
+export function durationInWords(seconds) {
+  const whole = Math.round(seconds);
+  return whole < 60 ? `${whole} s` : `${Math.floor(whole / 60)} min ${whole % 60} s`;
+}

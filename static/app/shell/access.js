@@ -4,6 +4,9 @@ import { request } from "./api.js";
 
 /** @import { SessionNow } from "../contract" */
 
+/** Why a browser with read-only access cannot drive. */
+export const READ_ONLY_WORDS = "This link is read-only: it cannot drive robots.";
+
 /** @type {Promise<SessionNow["access"]> | null} */
 let asked = null;
 
@@ -17,4 +20,9 @@ export function access() {
     () => "operator",
   );
   return asked;
+}
+
+/** Whether the page already shows that this browser has read-only access. */
+export function isReadOnly() {
+  return document.documentElement.dataset.access === "read_only";
 }

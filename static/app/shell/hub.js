@@ -53,6 +53,7 @@ export class Hub extends Emitter {
   freshness = { state: "none", reason: "Connecting to the server.", age_s: 0 };
 
   #lost = false;
+  #wasOutdated = false;
   #frameAsked = false;
   /** @type {number[]} */
   #unpainted = [];
@@ -82,6 +83,11 @@ export class Hub extends Emitter {
 
   start() {
     this.socket.open();
+  }
+
+  /** Whether the robots may since have done something else than `robots` says. */
+  get robotsOutdated() {
+    return areRobotsOutdated(this.connection, this.robots, this.heardAt, performance.now());
   }
 
   /** @param {Status} status from the socket or from the answer to a request that changed it */
@@ -152,10 +158,27 @@ export class Hub extends Emitter {
       this.#heartbeat,
       performance.now(),
     );
+    const outdated = this.robotsOutdated;
     const changed =
-      before.state !== this.freshness.state || before.reason !== this.freshness.reason;
+      before.state !== this.freshness.state ||
+      before.reason !== this.freshness.reason ||
+      outdated !== this.#wasOutdated;
+    this.#wasOutdated = outdated;
     if (changed) this.emit("freshness");
   }
+}
+
+/**
+ * Judge whether robots may since have done something else than the newest message says.
+ *
+ * @param {Connection} connection
+ * @param {RobotsMessage | null} robots the newest message
+ * @param {number} heardAt when anything was received last, ms of `now`'s clock
+ * @param {number} now ms
+ */
+export function areRobotsOutdated(connection, robots, heardAt, now) {
+  const isSilent = now - heardAt > 1000 * STALE_AFTER_S;
+  return connection !== "open" || isSilent || robots?.process?.alive === false;
 }
 
 /**

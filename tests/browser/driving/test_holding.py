@@ -21,6 +21,14 @@ _BUSY = """() => void setTimeout(() => {
   const end = performance.now() + 1200;
   while (performance.now() < end);
 })"""
+# The commands of 400 ms are lost on the way.
+_INTERRUPT = """() => {
+  const { send } = WebSocket.prototype;
+  WebSocket.prototype.send = function (message) {
+    if (!String(message).includes('"drive"')) send.call(this, message);
+  };
+  setTimeout(() => { WebSocket.prototype.send = send; }, 400);
+}"""
 _FAKE_GAMEPAD = """() => {
   const buttons = Array.from({ length: 17 }, () => ({ pressed: false, value: 0 }));
   window.fakePad = { index: 0, connected: true, mapping: "standard", axes: [0, 0, 0, 0], buttons };
@@ -57,6 +65,39 @@ def test_the_pad_drives_while_it_is_held(
             page.mouse.move(700, 500)
             witness.stays_zero(0.2)
             page.mouse.up()
+
+
+def test_the_pad_is_steered_by_the_finger_though_the_page_moves_it(seat: Seat) -> None:
+    page = seat()
+    knob = page.locator(".pad-knob")
+    box = page.locator(".drive-pad").bounding_box()
+    assert box is not None
+    x, y = box["x"] + 0.7 * box["width"], box["y"] + 0.4 * box["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    held = knob.evaluate("knob => knob.style.cssText")
+    # As a longer reason above it does.
+    page.locator(".robot-actions").evaluate("part => { part.style.paddingTop = '60px'; }")
+    for along in (x + 5, x):
+        page.mouse.move(along, y)
+    assert knob.evaluate("knob => knob.style.cssText") == held
+    page.mouse.up()
+
+
+def test_a_held_pad_says_why_the_robot_stands(room: Server, seat: Seat) -> None:
+    page = seat(viewport={"width": 844, "height": 390}, has_touch=True)
+    state = page.locator(".pad-state")
+    page.locator(".drive-pad").evaluate("pad => pad.scrollIntoView({ block: 'nearest' })")
+    with Witness(room) as witness:
+        drive(page, witness, partial(press_pad, page), page.mouse.up)
+        expect(state).to_have_text("Driving the obstacle")
+        page.evaluate(_INTERRUPT)
+        expect(state).to_have_text(
+            "Driving was interrupted: release the controls once, then continue."
+        )
+        expect(state).to_be_in_viewport()
+        expect(page.locator(".drive-limit")).to_be_hidden()
+        page.mouse.up()
 
 
 def test_keys_drive_only_outside_text_fields(room: Server, seat: Seat) -> None:

@@ -21,7 +21,10 @@ mock.method(performance, "now", () => now);
 mock.timers.enable({ apis: ["setInterval", "setTimeout"] });
 Object.assign(globalThis, {
   window: new EventTarget(),
-  document: Object.assign(new EventTarget(), { hidden: false }),
+  document: Object.assign(new EventTarget(), {
+    hidden: false,
+    documentElement: { dataset: {} },
+  }),
   location: { protocol: "http:", host: "here" },
   localStorage: { getItem: () => null, setItem: () => {} },
 });
@@ -103,4 +106,22 @@ test("a held control ends when an open connection falls silent", () => {
   assert.deepEqual(pass(500), ["zero"]);
   assert.equal(driver.note, "The server is not responding: let go and press again.");
   assert.deepEqual(new Set(pass(300, true)), new Set(["present"]));
+});
+
+test("a held control ends when the robot is lost, and says why in a sentence", () => {
+  const { driver, hub, pass } = driving();
+  pass(100, true);
+  driver.hold.set("keys", AHEAD);
+  const lost = robot({ state: "waiting", report: report({ trouble: "no answer" }) });
+  hub.robots = robots({ robots: { observer: lost, obstacle: null } });
+  hub.emit("robots");
+  assert.deepEqual([driver.hold.isActive, driver.note], [false, "No answer."]);
+});
+
+test("nobody is asked to arm a robot through a read-only link", () => {
+  const { driver } = driving();
+  assert.equal(driver.blockedReason, "");
+  document.documentElement.dataset.access = "read_only";
+  assert.equal(driver.blockedReason, "This link is read-only: it cannot drive robots.");
+  delete document.documentElement.dataset.access;
 });

@@ -136,7 +136,6 @@ test("turns have a side, times have minutes", () => {
   assert.equal(words.turnInWords(-0.2), "11 °/s to the right");
   assert.equal(words.turnInWords(0.001), "straight");
   assert.deepEqual([65, 59.6, -3].map(words.clock), ["1:05", "1:00", "0:00"]);
-  assert.deepEqual([59, 65].map(words.durationInWords), ["59 s", "1 min 5 s"]);
 });
 
 test("a robot that stands still does not also go straight", () => {
@@ -176,4 +175,21 @@ test("sonars tell the nearest echo and how old the oldest word is", () => {
     "Sonar: nearest 1.50\u00a0m, up to 1.0\u00a0s old",
   );
   assert.equal(sonarInWords(null), "No sonar");
+});
+
+test("a held robot that is sent zero says why, one that is only slowed does not", () => {
+  const reply = (/** @type {number} */ speed_mps, /** @type {string | null} */ limited_by) =>
+    words.heldBackReason({
+      type: "sent",
+      role: "observer",
+      sequence: 1,
+      age_ms: 20,
+      speed_mps,
+      turn_rate_radps: 0,
+      limited_by,
+    });
+  assert.equal(reply(0, "obstacle 1 is close"), "Obstacle 1 is close.");
+  assert.equal(reply(0.1, "obstacle 1 is close"), "");
+  assert.equal(reply(0, null), "");
+  assert.equal(words.heldBackReason(null), "");
 });

@@ -174,3 +174,7 @@ test("the state of an obstacle decides its colour, whatever its number", () => {
   assert.equal(colour({ motion: "stopped" }), stopped);
   assert.equal(colour({ motion: "moving", state: "coasting" }), coasting);
 });
+
+test("durations have minutes", () => {
+  assert.deepEqual([59, 65].map(words.durationInWords), ["59 s", "1 min 5 s"]);
+});

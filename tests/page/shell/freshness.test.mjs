@@ -1,9 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { assessFreshness } from "../../../static/app/shell/hub.js";
+import { areRobotsOutdated, assessFreshness } from "../../../static/app/shell/hub.js";
+import { robots } from "../made.mjs";
 
-/** @import { Status } from "../../../static/app/contract" */
+/** @import { RobotsMessage, Status } from "../../../static/app/contract" */
 
 const NOW = 100_000;
 
@@ -79,4 +80,12 @@ test("without a source, while calibrating and before the first frame there is no
     const checkedAt = assessFreshness("open", status(changes), heartbeat(0, null), NOW);
     assert.deepEqual([checkedAt.state, checkedAt.reason], ["none", reason]);
   }
+});
+
+test("what is known of robots is outdated once the server is silent, or drive is gone", () => {
+  assert.equal(areRobotsOutdated("open", null, NOW - 900, NOW), false);
+  assert.equal(areRobotsOutdated("open", null, NOW - 1100, NOW), true);
+  assert.equal(areRobotsOutdated("closed", null, NOW, NOW), true);
+  const process = /** @type {RobotsMessage["process"]} */ ({ alive: false });
+  assert.equal(areRobotsOutdated("open", robots({ process }), NOW, NOW), true);
 });
