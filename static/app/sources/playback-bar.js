@@ -101,14 +101,11 @@ class PlaybackBar extends Part {
   #renderPosition() {
     const playback = this.hub.status?.playback;
     if (!playback) return setText(this.#position, "–");
-    const { frame, frame_count: count } = playback;
+    const share = shareOf(playback);
     // If the source is seekable, the slider shows the position as well.
-    this.#progress.hidden = count === null || playback.seekable;
-    if (count) this.#progress.value = Math.min(1, ((frame ?? -1) + 1) / count);
-    setText(
-      this.#position,
-      `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}${slownessInWords(playback)}`,
-    );
+    this.#progress.hidden = share === null || playback.seekable;
+    if (share !== null) this.#progress.value = share;
+    setText(this.#position, `${positionInWords(playback)}${slownessInWords(playback)}`);
   }
 
   /** @param {number} rate */
@@ -148,6 +145,23 @@ class PlaybackBar extends Part {
     this.#holdRateUntil = 0;
     this.#render();
   }
+}
+
+/**
+ * Return the share of the source that has been played; null where it has no known end.
+ *
+ * While a robot in it is armed, a simulation continues beyond its last frame: null then as well.
+ *
+ * @param {Pick<PlaybackStatus, "frame" | "frame_count">} playback
+ */
+export function shareOf({ frame, frame_count: count }) {
+  return count && (frame ?? 0) < count ? ((frame ?? -1) + 1) / count : null;
+}
+
+/** @param {Pick<PlaybackStatus, "frame" | "frame_count">} playback @returns {string} as in "frame 3 / 900" */
+export function positionInWords(playback) {
+  const of = shareOf(playback) === null ? "" : ` / ${playback.frame_count}`;
+  return `frame ${playback.frame ?? "–"}${of}`;
 }
 
 /**
