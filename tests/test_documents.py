@@ -46,6 +46,27 @@ def test_every_path_and_module_that_is_named_exists(document: str) -> None:
         assert _exists(name), name
 
 
+@pytest.mark.parametrize("document", ALL)
+def test_every_file_that_is_named_without_its_folder_exists(document: str) -> None:
+    """As in a sentence about a folder, where only the last part of the path is given."""
+    text = (ROOT / document).read_text()
+    named = set(re.findall(r"`((?:[\w-]+/)*[\w-]+\.(?:py|js))`", text))
+    assert [name for name in named if not any(file.endswith(f"/{name}") for file in _files())] == []
+
+
+@cache
+def _files() -> list[str]:
+    """Return the project's files of code, each with its path from the root."""
+    folders = [ROOT / folder for folder in ROOMS.split("|")]
+    return [
+        f"/{file.relative_to(ROOT)}"
+        for folder in folders
+        for pattern in ("*.py", "*.js")
+        for file in folder.rglob(pattern)
+        if "node_modules" not in file.parts
+    ]
+
+
 def _exists(name: str) -> bool:
     """Return whether a dotted name is a module, or an attribute of one."""
     module, _, attribute = name.rpartition(".")
