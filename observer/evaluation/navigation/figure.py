@@ -26,7 +26,7 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
         if risk is None or one.setting.sees != "model":
             continue
         count, driven_m = sums.get((one.setting.kind, risk), (0, 0.0))
-        sums[one.setting.kind, risk] = count + one.ahead, driven_m + one.driven_m
+        sums[one.setting.kind, risk] = count + one.contacts.ahead, driven_m + one.driven_m
     values = [risk for _, risk in sums]
     for (kind, risk), (count, driven_m) in sorted(sums.items()):
         if driven_m <= 0:

@@ -11,6 +11,7 @@ from typing import Any
 
 from scipy.special import gammaincinv
 
+from observer.evaluation.navigation.contacts import Contacts, summed
 from observer.evaluation.navigation.coverage import AHEAD_S, WalkResult
 from observer.evaluation.navigation.oracle import Answer, Question
 from observer.evaluation.navigation.perception_check import PerceptionFigures, perception_figures
@@ -45,9 +46,7 @@ class Summary:
         oracle_ratio: the same as a multiple of the oracle's time; None also for people who avoid
             the robot, whose future depends on it.
         driven_m: driven by all.
-        contacts: people touched while the robot moved. ahead: those of them whom the robot drove
-            into. avoidable: those who could have been seen a second before.
-        run_ins: people who walked into the stationary robot.
+        contacts: people touched by all.
         stops: number of stops by the guard, by reason. stopped_s, waited_s: time for which the
             guard, and the driver, kept the robot standing.
         perception: check of the perception against the true places of people.
@@ -59,10 +58,7 @@ class Summary:
     time_ratio: float | None
     oracle_ratio: float | None
     driven_m: float
-    contacts: int
-    ahead: int
-    avoidable: int
-    run_ins: int
+    contacts: Contacts
     stops: dict[str, int]
     stopped_s: float
     waited_s: float
@@ -71,13 +67,13 @@ class Summary:
 
     @property
     def contacts_per_m(self) -> float | None:
-        """Return contacts per metre driven; None if nothing was driven."""
-        return self.contacts / self.driven_m if self.driven_m > 0 else None
+        """Return contacts of the moving robot per metre; None if nothing was driven."""
+        return self.contacts.moving / self.driven_m if self.driven_m > 0 else None
 
     @property
     def ahead_per_m(self) -> tuple[float, float, float] | None:
         """Return people driven into per metre, with 95 % interval; None if nothing was driven."""
-        return rate(self.ahead, self.driven_m) if self.driven_m > 0 else None
+        return rate(self.contacts.ahead, self.driven_m) if self.driven_m > 0 else None
 
 
 @dataclass(frozen=True)
@@ -142,10 +138,7 @@ def _summary(
         time_ratio=_ratio(runs, [run.free_s for run in runs]),
         oracle_ratio=None if setting.kind else _ratio(runs, [best[_question(r)] for r in runs]),
         driven_m=sum(run.driven_m for run in runs),
-        contacts=sum(run.contacts for run in runs),
-        ahead=sum(run.ahead for run in runs),
-        avoidable=sum(run.avoidable for run in runs),
-        run_ins=sum(run.run_ins for run in runs),
+        contacts=summed([run.contacts for run in runs]),
         stops=dict(stops.most_common()),
         stopped_s=sum(run.stopped_s for run in runs),
         waited_s=sum(run.waited_s for run in runs),

@@ -15,6 +15,9 @@ from observer.robots.contract import SonarReading
 from observer.robots.models import RobotSpec, robot_spec
 
 SPEC: Final[RobotSpec] = robot_spec("p3dx-sh")
+# Where all of its outline moves more slowly than this, it stands.
+_STATIONARY_MPS: Final = 0.02
+_CORNER_M: Final = math.hypot(SPEC.length_m, SPEC.width_m) / 2
 
 
 class Robot:
@@ -28,6 +31,12 @@ class Robot:
         self.pose = np.array(pose)
         self.speed_mps = self.turn_rate_radps = 0.0
         self._limits = limits
+
+    @property
+    def is_moving(self) -> bool:
+        """Return whether it drives, or turns on the spot."""
+        fastest = abs(self.speed_mps) + abs(self.turn_rate_radps) * _CORNER_M
+        return fastest >= _STATIONARY_MPS
 
     def drive(self, speed_mps: float, turn_rate_radps: float, dt: float) -> None:
         """Drive for ``dt`` seconds, changing speed and turn rate towards these."""

@@ -11,6 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from observer.evaluation.navigation.contacts import ContactCounter, Contacts
 from observer.evaluation.navigation.crowd import Crowd, People, Room
 from observer.evaluation.navigation.imaged import RenderedPerception
 from observer.evaluation.navigation.perceived import (
@@ -43,8 +44,6 @@ START, GOAL = (2.0, 5.0), (12.0, 5.0)
 CLEAR_M: Final = 1.5
 # A goal counts as reached within this many times the free time, when the run ends.
 IN_TIME: Final = 3.0
-# Slower than this it stands.
-_STATIONARY_MPS: Final = 0.02
 _SEEN_BEFORE_S: Final = 1.0
 
 
@@ -75,9 +74,7 @@ class RunResult:
         reached: whether the goal was reached within ``IN_TIME`` times the free time. time_s: until
             then, or until it was given up. free_s: time to the goal without people.
         driven_m: driven.
-        contacts: people touched while the robot moved. ahead: those of them whom it drove into.
-            avoidable: those who could have been seen a second before. run_ins: people who walked
-            into the robot while it stood.
+        contacts: people touched.
         stops: number of stops by the guard, by reason.
         stopped_s, waited_s: time for which the guard, and the driver, kept the robot standing.
         perception: check of the perception against the true places of people.
@@ -88,10 +85,7 @@ class RunResult:
     time_s: float
     free_s: float
     driven_m: float
-    contacts: int
-    ahead: int
-    avoidable: int
-    run_ins: int
+    contacts: Contacts
     stops: dict[str, int]
     stopped_s: float
     waited_s: float
@@ -119,15 +113,11 @@ class _Tally:
     """Counts during a run; see ``RunResult``."""
 
     driven_m: float = 0.0
-    contacts: int = 0
-    ahead: int = 0
-    avoidable: int = 0
-    run_ins: int = 0
+    contacts: ContactCounter = field(default_factory=ContactCounter)
     stops: Counter[str] = field(default_factory=Counter)
     stopped_s: float = 0.0
     waited_s: float = 0.0
     stopped: bool = False
-    touching: frozenset[int] = frozenset()
 
     def verdict(self, verdict: Verdict, wanted: tuple[float, float]) -> None:
         """Count the guard's verdict on a wanted velocity."""
@@ -137,18 +127,6 @@ class _Tally:
         self.stopped = stopped
         self.stopped_s += FRAME_S * stopped
         self.waited_s += FRAME_S * (wanted == (0.0, 0.0))
-
-    def touch(self, robot: Robot, people: People, before: frozenset[int]) -> None:
-        """Count new contacts. ``before``: who could be seen a second before."""
-        touched = robot.touched(people)
-        new = touched - self.touching
-        self.touching = touched
-        if abs(robot.speed_mps) < _STATIONARY_MPS:
-            self.run_ins += len(new)
-        else:
-            self.contacts += len(new)
-            self.ahead += len(new & robot.drives_up_to(people))
-            self.avoidable += len(new & before)
 
 
 def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> RunResult:
@@ -202,7 +180,7 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
         robot.drive(verdict.speed_mps, verdict.turn_rate_radps, FRAME_S)
         _walk(crowd, robot)
         tally.driven_m += abs(robot.speed_mps) * FRAME_S
-        tally.touch(robot, crowd.people, seen_lately[0])
+        tally.contacts.touch(robot, crowd.people, seen_lately[0])
         if math.dist(robot.pose[:2], GOAL) < REACHED_M:
             return _result(case, tally, check, True, time + FRAME_S, free_s)
     return _result(case, tally, check, False, IN_TIME * free_s, free_s)
@@ -243,10 +221,7 @@ def _result(
         time_s=time_s,
         free_s=free_s,
         driven_m=tally.driven_m,
-        contacts=tally.contacts,
-        ahead=tally.ahead,
-        avoidable=tally.avoidable,
-        run_ins=tally.run_ins,
+        contacts=tally.contacts.result(),
         stops=dict(tally.stops),
         stopped_s=tally.stopped_s,
         waited_s=tally.waited_s,

@@ -11,7 +11,7 @@ from observer.evaluation.navigation.run import IN_TIME
 _HEAD = (
     "driver", "sees by", "people", "per m²", "declared risk / m", "runs",
     f"reached in {IN_TIME:g}x", "time ratio", "time / oracle", "contacts moving",
-    "driven into", "avoidable", "contacts standing", "guard stops / run",
+    "driven into", "avoidable", "contacts standing", "of these seen before", "guard stops / run",
     "stopped by guard", "waited",
 )  # fmt: skip
 
@@ -47,16 +47,17 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
 _NOTE = (
     "*Time ratio*: median time to the goal relative to that without people; a goal that was not "
     "reached counts as the longest. *Time / oracle*: relative to an oracle that knows where "
-    "everybody will walk. *Contacts moving*: people touched while the robot moved; *driven into*: "
-    "people the robot drove into, while the others walked into its side or back; *avoidable*: "
-    "people who could have been seen a second before. *Contacts standing*: people who walked into "
-    "the stationary robot. *Stopped by guard*, *waited*: share of the time for which the guard "
-    "stopped the robot, or the driver waited."
+    "everybody will walk. *Contacts moving*: people touched while the robot drove or turned, or "
+    "who were touching it when it started; *driven into*: those of them the robot drove into, "
+    "while the others walked into its side or back; *avoidable*: those of them who could have been "
+    "seen a second before. *Contacts standing*: people who walked into the stationary robot; *of "
+    "these seen before*: those who could have been seen a second before. *Stopped by guard*, "
+    "*waited*: share of the time for which the guard stopped the robot, or the driver waited."
 )
 
 
 def _row(one: Summary) -> tuple[str, ...]:
-    setting = one.setting
+    setting, contacts = one.setting, one.contacts
     risk = "–" if setting.risk_per_metre is None else f"{setting.risk_per_metre:g}"
     per_m = one.contacts_per_m
     ahead = one.ahead_per_m
@@ -70,11 +71,12 @@ def _row(one: Summary) -> tuple[str, ...]:
         _percent(one.reached / one.runs),
         _ratio(one.time_ratio),
         "–" if setting.kind else _ratio(one.oracle_ratio),
-        f"{one.contacts}" + ("" if per_m is None else f" ({per_m:.4f} / m)"),
-        f"{one.ahead}"
+        f"{contacts.moving}" + ("" if per_m is None else f" ({per_m:.4f} / m)"),
+        f"{contacts.ahead}"
         + ("" if ahead is None else f" ({ahead[0]:.4f} / m, {ahead[1]:.4f} to {ahead[2]:.4f})"),
-        str(one.avoidable),
-        str(one.run_ins),
+        str(contacts.avoidable),
+        str(contacts.standing),
+        str(contacts.standing_seen),
         f"{sum(one.stops.values()) / one.runs:.1f}",
         _percent(one.stopped_s / one.total_s),
         _percent(one.waited_s / one.total_s),

@@ -10,6 +10,7 @@ from typing import Final
 
 from observer.errors import InputError
 from observer.evaluation.choices import CROWD, DEFAULT_RUNS
+from observer.evaluation.navigation.contacts import summed
 from observer.evaluation.navigation.crowd import crowd_missing
 from observer.evaluation.navigation.run import Case, free_time_s, run
 from observer.guard.parameters import GuardParameters
@@ -83,9 +84,10 @@ def driving_figures(crowd: SweepCrowd, parameters: AllParameters) -> dict[str, f
     done = [run(case, parameters) for case in cases]
     driven_m = sum(each.driven_m for each in done)
     time_s = statistics.median(each.time_s if each.reached else math.inf for each in done)
+    contacts = summed([each.contacts for each in done])
     return {
         "time_ratio": None if math.isinf(time_s) else time_s / free_time_s(GuardParameters()),
-        "contacts_per_m": sum(each.contacts for each in done) / driven_m if driven_m > 0 else None,
-        "ahead_per_m": sum(each.ahead for each in done) / driven_m if driven_m > 0 else None,
+        "contacts_per_m": contacts.moving / driven_m if driven_m > 0 else None,
+        "ahead_per_m": contacts.ahead / driven_m if driven_m > 0 else None,
         "reached": statistics.fmean(each.reached for each in done),
     }

@@ -12,6 +12,7 @@ from observer.errors import InputError
 from observer.evaluation.figure import save_figure
 from observer.evaluation.navigation import benchmark
 from observer.evaluation.navigation.benchmark import Choice, measure
+from observer.evaluation.navigation.contacts import Contacts
 from observer.evaluation.navigation.coverage import Walk, WalkResult
 from observer.evaluation.navigation.figure import navigation_figure
 from observer.evaluation.navigation.oracle import Answer, Question
@@ -26,11 +27,12 @@ from observer.evaluation.navigation.run import Case, RunResult
 from observer.evaluation.navigation.tables import navigation_markdown
 
 FAST = RunResult(
-    Case("planner", 0.1, False, 1e-3, 1000), True, 30.0, 20.0, 10.0, 1, 1, 0, 2,
+    Case("planner", 0.1, False, 1e-3, 1000), True, 30.0, 20.0, 10.0,
+    Contacts(moving=3, ahead=2, avoidable=1, standing=5, standing_seen=4),
     {"sonar detects something approaching": 3}, 5.0, 2.0,
     PerceptionCheck(100, 90, 40, 36, 1, 2, (0.1, -0.3, 0.0, 0.1), 3),
 )  # fmt: skip
-SLOW = dataclasses.replace(FAST, reached=False, time_s=60.0, contacts=0, ahead=0)
+SLOW = dataclasses.replace(FAST, reached=False, time_s=60.0, contacts=Contacts(standing=1))
 BESIDE = dataclasses.replace(
     FAST, case=Case("guard", 0.1, False, 1e-3, 1000), stops={"an obstruction": 1}
 )
@@ -44,13 +46,15 @@ def result(*runs: RunResult) -> NavigationBenchmark:
 
 def test_runs_of_a_setting_are_summarized() -> None:
     planner, guard = summarize([FAST, SLOW, BESIDE, FAST], [ANSWER])
-    assert (planner.runs, planner.reached, planner.contacts, planner.ahead) == (3, 2, 2, 2)
+    assert (planner.runs, planner.reached) == (3, 2)
+    assert planner.contacts == Contacts(6, 4, 2, 11, 8)
+    assert planner.contacts_per_m == pytest.approx(6 / 30)
     assert planner.time_ratio == pytest.approx(1.5)
     assert planner.oracle_ratio == pytest.approx(1.25)
     assert planner.stops == {"sonar detects something approaching": 9}
     assert planner.setting.risk_per_metre == 1e-3
     assert guard.setting.risk_per_metre is None
-    assert planner.ahead_per_m == pytest.approx(rate(2, 30.0))
+    assert planner.ahead_per_m == pytest.approx(rate(4, 30.0))
 
 
 def test_goal_reached_by_few_runs_has_no_time_ratio() -> None:
@@ -95,6 +99,8 @@ def test_table_shows_both_drivers_and_every_reason() -> None:
     text = navigation_markdown(result(FAST, SLOW, BESIDE))
     assert "| planner | model | hard | 0.1 | 0.001 | 2 | 50 % |" in text
     assert "| guard | model | hard | 0.1 | – | 1 | 100 % | 1.50 | 1.25 |" in text
+    # Both runs of the planner: moving, driven into, avoidable, standing and seen before.
+    assert "| 3 (0.1500 / m) | 2 (0.1000 / m, 0.0121 to 0.3612) | 1 | 6 | 4 |" in text
     assert "| sonar detects something approaching | 6 | 0 |" in text
     assert "| an obstruction | 0 | 1 |" in text
     assert "| in view | 1 s | 4 | 75 % |" in text
@@ -104,7 +110,7 @@ def test_table_shows_both_drivers_and_every_reason() -> None:
         in text
     )
     rows = [line for line in text.splitlines() if line.startswith("|")]
-    assert all(line.count("|") == 17 for line in rows[:4])
+    assert all(line.count("|") == 18 for line in rows[:4])
     json.dumps(result(FAST, BESIDE).as_dict(), allow_nan=False)
 
 

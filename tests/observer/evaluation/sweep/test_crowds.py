@@ -11,6 +11,7 @@ import pyarrow.parquet
 import pytest
 
 from observer.errors import InputError
+from observer.evaluation.navigation.contacts import Contacts
 from observer.evaluation.navigation.perception_check import PerceptionCheck
 from observer.evaluation.navigation.run import IN_TIME, Case, RunResult, free_time_s, run
 from observer.evaluation.sweep import crowds
@@ -138,7 +139,9 @@ def test_a_robot_that_never_arrives_has_no_time_ratio(monkeypatch: pytest.Monkey
         reached = speed == 1.4 or (speed == 0.5 and case.seed % 2 == 0)
         nothing = PerceptionCheck(0, 0, 0, 0, 0, 0, (), 0)
         time_s = (IN_TIME - 0.1 if reached else IN_TIME) * free_s
-        return RunResult(case, reached, time_s, free_s, 10.0, 1, 0, 0, 0, {}, 0.0, 0.0, nothing)
+        return RunResult(
+            case, reached, time_s, free_s, 10.0, Contacts(moving=1), {}, 0.0, 0.0, nothing
+        )
 
     monkeypatch.setattr(crowds, "run", drive)
     grid = grid_from_text("guard.speed_max_mps: [0.5, 1.4, 2.0]", "grid.yaml", driving=True)
@@ -170,8 +173,8 @@ def test_figures_match_the_benchmark() -> None:
     times = sorted(each.time_s for each in runs)
     assert figures == {
         "time_ratio": times[1] / free_time_s(parameters.guard),
-        "contacts_per_m": sum(each.contacts for each in runs) / driven_m,
-        "ahead_per_m": sum(each.ahead for each in runs) / driven_m,
+        "contacts_per_m": sum(each.contacts.moving for each in runs) / driven_m,
+        "ahead_per_m": sum(each.contacts.ahead for each in runs) / driven_m,
         "reached": 1.0,
     }
 
