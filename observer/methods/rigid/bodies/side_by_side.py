@@ -126,20 +126,27 @@ def _gap(segment: Segment, scene: DenseScene) -> slice | None:
         return None
     filled = segment.mask[top:bottom, left + side : right - side].sum(axis=0)
     trunk_m = (segment.columns[2] - segment.columns[0]) / per_metre
-    share = _FILLED_SHARE if trunk_m < _WIDER_THAN_ONE_M else _ARMS_SHARE
-    start, end = _longest_run(filled <= share * (bottom - top))
-    if end - start < max(_LEAST_GAP_CELLS, round(_LEAST_GAP_M * per_metre)):
-        return None
-    gap = slice(left + side + start, left + side + end)
-    return gap if _is_farther(scene, segment, slice(top, bottom), gap) else None
+    shares = [_FILLED_SHARE] if trunk_m < _WIDER_THAN_ONE_M else [_FILLED_SHARE, _ARMS_SHARE]
+    least = max(_LEAST_GAP_CELLS, round(_LEAST_GAP_M * per_metre))
+    for share in shares:
+        start, end = _longest_run(filled <= share * (bottom - top))
+        gap = slice(left + side + start, left + side + end)
+        if end - start >= least and _is_farther(scene, segment, slice(top, bottom), gap):
+            return gap
+    return None
 
 
 def _is_farther(scene: DenseScene, segment: Segment, rows: slice, columns: slice) -> bool:
-    """Return whether something farther than a segment is seen in most of a gap."""
-    seen = scene.disparity[rows, columns][~segment.mask[rows, columns]]
-    seen = seen[np.isfinite(seen)]
-    farther = seen < segment.disparity - scene.tolerance(segment.disparity)
-    return len(seen) > 0 and float(farther.mean()) >= _FARTHER_SHARE
+    """Return whether something farther than a segment is seen in most of a gap.
+
+    The ground before and between the feet is as near as they are, and tells nothing.
+    """
+    others = ~segment.mask[rows, columns]
+    disparity = scene.disparity[rows, columns][others]
+    farther = disparity < segment.disparity - scene.tolerance(segment.disparity)
+    told = farther | scene.standing[rows, columns][others]
+    seen = np.count_nonzero(told)
+    return seen > 0 and np.count_nonzero(farther) >= _FARTHER_SHARE * seen
 
 
 def _may_be_person(

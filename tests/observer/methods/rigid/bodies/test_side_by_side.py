@@ -76,6 +76,37 @@ def test_two_people_whose_arms_touch_are_parted() -> None:
     )
 
 
+def test_the_ground_between_the_feet_does_not_hide_a_gap() -> None:
+    """Seen from above it fills much of the gap, as near as the feet are."""
+    scene, both = as_one(person(-0.4, 4.0), person(0.4, 4.0))
+    _, top, _, bottom = both.box
+    gap = (slice(top + (bottom - top) // 3, bottom), slice(*_gap_columns(both)))
+    disparity, standing = scene.disparity.copy(), scene.standing.copy()
+    disparity[gap], standing[gap] = both.disparity, False
+    assert parted(both, replace(scene, disparity=disparity, standing=standing)) is not None
+    standing[gap] = True
+    assert parted(both, replace(scene, disparity=disparity, standing=standing)) is None
+
+
+def test_a_gap_is_found_beside_somebody_of_whom_little_is_in_the_segment() -> None:
+    """It is less wide than the columns that hold few cells, as those between touching arms do."""
+    one, other = person(-0.33, 4.0), on_floor(0.45, 4.0, (0.7, 1.6, 0.2))
+    scene, both = as_one(one, other)
+    mask = both.mask.copy()
+    _, top, _, bottom = both.box
+    # Shares of the height at which the segment lacks the other person.
+    for first, last in ((0.43, 0.8), (0.86, 1.0)):
+        rows = slice(top + round(first * (bottom - top)), top + round(last * (bottom - top)))
+        mask[rows] &= ~cells_of(other, [*ROOM, one, other])[rows]
+    assert parted(segment_of(scene, mask), scene) is not None
+
+
+def _gap_columns(segment: Segment) -> tuple[int, int]:
+    """The first column without cells of a segment within its box, and that after the last."""
+    left, _, right, _ = segment.box
+    empty = left + np.flatnonzero(~segment.mask[:, left:right].any(axis=0))
+    return int(empty[0]), int(empty[-1]) + 1
+
 @pytest.mark.parametrize(
     ("things", "pose"),
     [
