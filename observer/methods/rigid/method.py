@@ -16,6 +16,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.contract import StageTimer, Step
 from observer.methods.rigid.bodies.expectation import expected_at
 from observer.methods.rigid.bodies.reporting import describe_body
+from observer.methods.rigid.bodies.segment_tracking import noted_within
 from observer.methods.rigid.bodies.tentative import moving_boxes_px
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
@@ -196,10 +197,12 @@ class RigidMethod:
     ) -> RigidEgoMotion:
         """Estimate the camera's motion from all points not known to move, if there are enough."""
         place, place_cov = points.sums.static_position()
-        chosen = np.flatnonzero(~self._tracker.known(points))
-        if len(chosen) < len(points) / 2:
-            # Too few are left: use all points, lest one obstacle be mistaken for the background.
-            chosen = np.arange(len(points))
+        known = self._tracker.known(points)
+        if np.count_nonzero(known) > len(points) / 2:
+            # One obstacle may have been mistaken for the background, but not what is seen to move
+            # before it: a group of people may fill the view.
+            known = self._tracker.seen_apart(points)
+        chosen = np.flatnonzero(~known)
         px = points.px[chosen]
         scene = StaticScene(
             position=place.take(chosen, axis=0),
@@ -274,9 +277,10 @@ class RigidMethod:
     def _renew_points(self, p: Parameters) -> None:
         T_camera_world = self._T_camera_world
         boxes = self._tracker.boxes_px(T_camera_world, self._camera)
-        self._points = self._renewal.renewed(
+        points = self._renewal.renewed(
             self._points, self._view, boxes, T_camera_world, self._rate, p, self._drift.bias_px
         )
+        self._points = noted_within(points, self._tracker.tracks)
 
     # --- what is reported --------------------------------------------------------------------
 

@@ -28,6 +28,8 @@ _TENTATIVE_COAST_S = 0.15
 _PATIENCE_S = 0.5
 # The latter for one that was seen as a segment.
 _OUTLINE_PATIENCE_S = 1.5
+# Seconds after which a body that moves is no mistake.
+_LONG_S = 1.0
 # Seconds for which a body may be merged with its surroundings.
 _MERGED_S = 1.0
 # So many points that stand out of the ground and move alike are a body, even if it is merged with
@@ -161,6 +163,13 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     hopeless |= track.stood_s > _STOOD_S and _never_left(track)
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
+
+
+def has_long_moved_apart(track: BodyTrack) -> bool:
+    """Return whether a body has been seen to move before its surroundings for some time."""
+    moves = track.state is TrackState.CONFIRMED and track.motion is MotionState.MOVING
+    apart = track.outline is not None and track.merged_s == 0 and track.off_ground
+    return moves and apart and track.age_s >= _LONG_S
 
 
 def _confirmed(

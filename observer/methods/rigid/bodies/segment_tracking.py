@@ -109,13 +109,10 @@ def track_segments(
         for part in found[1:]:
             obstacle[obstacle == part.id] = NO_OBSTACLE
             tracks.remove(part)
-    within = np.full(len(points), NO_OBSTACLE, np.int64)
     for track in tracks:
-        if track.seen_outline is not None:
-            within[track.seen_outline.segment.mask[cells]] = track.id
-        else:
+        if track.seen_outline is None:
             _note_merged(track, points, scene, now.dt)
-    return _absorbed(tracks, points.but(obstacle=obstacle, within=within))
+    return _absorbed(tracks, noted_within(points.but(obstacle=obstacle), tracks))
 
 
 def without_segments(
@@ -125,7 +122,6 @@ def without_segments(
 
     For a while the bodies count as seen.
     """
-    within = np.full(len(points), NO_OBSTACLE, np.int64)
     for track in tracks:
         outline = track.outline
         if outline is None:
@@ -133,6 +129,15 @@ def without_segments(
         outline.carry(track.mean[POSITION], track.mean[VELOCITY], now.T_camera_world, now.dt)
         if outline.seen:
             track.missed_s = 0.0
+    return noted_within(points, tracks)
+
+
+def noted_within(points: TrackedPoints, tracks: list[BodyTrack]) -> TrackedPoints:
+    """Return the points, each with the number of the body on whose outline it is seen."""
+    within = np.full(len(points), NO_OBSTACLE, np.int64)
+    for track in tracks:
+        outline = track.seen_outline
+        if outline is not None:
             within[outline.segment.mask[outline.grid.at(points.px)]] = track.id
     return points.but(within=within)
 

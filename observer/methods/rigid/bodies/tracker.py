@@ -17,7 +17,7 @@ from observer.methods.rigid.bodies.filter import (
     VELOCITY,
     yaw_matrix,
 )
-from observer.methods.rigid.bodies.lifecycle import is_over, judge
+from observer.methods.rigid.bodies.lifecycle import has_long_moved_apart, is_over, judge
 from observer.methods.rigid.bodies.limbs import judge_scatter
 from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
 from observer.methods.rigid.bodies.membership import (
@@ -127,9 +127,17 @@ class BodyTracker:
 
     def known(self, points: TrackedPoints) -> NDArray[np.bool_]:
         """(N,) which points belong to obstacles that were confirmed, or are seen on them."""
-        sure = np.array([t.id for t in self.tracks if t.state is not TrackState.TENTATIVE])
-        member = (points.obstacle[:, None] == sure).any(axis=1)
-        return np.asarray(member | (points.within[:, None] == sure).any(axis=1))
+        return self._on(points, [t for t in self.tracks if t.state is not TrackState.TENTATIVE])
+
+    def seen_apart(self, points: TrackedPoints) -> NDArray[np.bool_]:
+        """(N,) which points belong to bodies that have long moved apart from their surroundings."""
+        return self._on(points, [track for track in self.tracks if has_long_moved_apart(track)])
+
+    def _on(self, points: TrackedPoints, tracks: list[BodyTrack]) -> NDArray[np.bool_]:
+        """(N,) which points belong to some of the tracks, or are seen on them."""
+        ids = np.array([track.id for track in tracks])
+        member = (points.obstacle[:, None] == ids).any(axis=1)
+        return np.asarray(member | (points.within[:, None] == ids).any(axis=1))
 
     def boxes_px(self, T_camera_world: Pose, camera: StereoCamera) -> Float64Array:
         """(B, 4) u0 v0 u1 v1 around the obstacles' boxes in the left image."""
