@@ -61,9 +61,11 @@ def test_people_who_fill_the_view_are_not_taken_for_the_background(
     observer = Observer(here.calibration, Parameters())
     seen = [observer.observe(frame) for frame in here.frames]
     for before, now in pairwise(seen[FILLED - 1 :]):
-        assert before.T_world_camera is not None and now.T_world_camera is not None
+        assert before.T_world_camera is not None
+        assert now.T_world_camera is not None
         was, then = (here.truth.camera_pose(o.time) for o in (before, now))
-        assert was is not None and then is not None
+        assert was is not None
+        assert then is not None
         step = before.T_world_camera.inverse() @ now.T_world_camera
         error = (was.inverse() @ then).inverse() @ step
         assert np.linalg.norm(error.translation) < STEP_M
