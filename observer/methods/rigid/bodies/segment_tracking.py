@@ -23,7 +23,13 @@ from observer.methods.rigid.bodies.membership import mostly_lie
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
 from observer.methods.rigid.bodies.segment_gate import has_left, leaps
 from observer.methods.rigid.bodies.shape import Box
-from observer.methods.rigid.bodies.side_by_side import part_off, parted, separated, spanning
+from observer.methods.rigid.bodies.side_by_side import (
+    nearest_first,
+    part_off,
+    parted,
+    separated,
+    spanning,
+)
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.fine_disparity import refined
@@ -237,7 +243,7 @@ def _follow(
             halves = parted(segment, scene)
             track.outline.gap_frames = track.outline.gap_frames + 1 if halves else 0
             if halves and track.outline.gap_frames > _GAP_FRAMES:
-                own, other = sorted(halves, key=lambda half: half.area, reverse=True)
+                own, other = nearest_first(halves, track, scene)
                 tracks.append(part_off(track, own, other, scene, numbers))
                 continue
         _measure(track, segment, scene)

@@ -93,6 +93,19 @@ def spanning(
     return None
 
 
+def nearest_first(
+    halves: tuple[Segment, Segment], track: BodyTrack, scene: DenseScene
+) -> tuple[Segment, Segment]:
+    """Return the segments of two people, first the one that is nearer to a body's own origin.
+
+    A body of one person whose segment has grown over another one keeps its number.
+    """
+    place = scene.T_camera_world.apply(track.mean[None, POSITION])
+    column = float(scene.grid.to_cells(scene.grid.camera.project(place)[0])[0, 0])
+    own, other = sorted(halves, key=lambda half: abs(half.columns[1] - column))
+    return own, other
+
+
 def part_off(
     track: BodyTrack, own: Segment, other: Segment, scene: DenseScene, numbers: TrackIds
 ) -> BodyTrack:
@@ -146,7 +159,7 @@ def _is_farther(scene: DenseScene, segment: Segment, rows: slice, columns: slice
     farther = disparity < segment.disparity - scene.tolerance(segment.disparity)
     told = farther | scene.standing[rows, columns][others]
     seen = np.count_nonzero(told)
-    return seen > 0 and np.count_nonzero(farther) >= _FARTHER_SHARE * seen
+    return bool(seen > 0 and np.count_nonzero(farther) >= _FARTHER_SHARE * seen)
 
 
 def _may_be_person(

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, largest_sigma
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.filter import BodyFilter
+from observer.methods.rigid.bodies.filter import VELOCITY, BodyFilter
 from observer.methods.rigid.bodies.limbs import may_be_rigid, moves_as_one
 from observer.methods.rigid.bodies.membership import (
     Group,
@@ -23,6 +23,7 @@ from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import ObstacleParameters
+from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds
 
 # rad/s, one standard deviation: yaw rate of a body that was just found.
@@ -70,7 +71,7 @@ def spawned(
         if np.linalg.norm(group.velocity) < _CREEPING * parameters.stopped_below_mps:
             continue
         members = group.members
-        track = _outlined(points.within[members], stiff)
+        track = _outlined(points.within[members], [t for t in stiff if not t.rigid])
         if track is not None:
             if not _stiffens(track, group, parameters):
                 continue
@@ -107,8 +108,18 @@ def _stiffens(track: BodyTrack, group: Group, parameters: ObstacleParameters) ->
     if not track.contains(group.centre[None], track.room(parameters.margin))[0]:
         # At another depth than the body on whose outline they are seen.
         return False
+    if _is_known_better(track, group):
+        return False
     # Points that slide off its edge onto what is behind it seem to move fast.
     return goes_with(track, group) and moves_as_one(track, group.velocity, len(group.members))
+
+
+def _is_known_better(track: BodyTrack, group: Group) -> bool:
+    """Return whether a reported body's velocity is better known than that of points on it."""
+    if track.state is TrackState.TENTATIVE:
+        return False
+    own = largest_sigma(track.filter.covariance[VELOCITY, VELOCITY])
+    return own < largest_sigma(group.velocity_cov)
 
 
 def _start_filter(group: Group) -> BodyFilter:
