@@ -150,47 +150,78 @@ def _least_speed(evidence: PointEvidence, speaker: int) -> float:
 def _judge(
     evidence: PointEvidence, speaker: int, middle: float, moving: bool, parameters: Parameters
 ) -> tuple[PixelVerdict, str, str]:
-    threshold = evidence.threshold
-    depth, age = float(evidence.depth[speaker]), float(evidence.age_s[speaker])
-    speed = float(np.linalg.norm(evidence.velocity[speaker]))
-    agreeing, obstacle = int(evidence.neighbours[speaker]), int(evidence.obstacle_id[speaker])
-    pooled = count_of(agreeing, "feature")
-    significance = f"{middle:.1f} σ, where {threshold:.1f} σ is needed"
+    """Return verdict, explanation and what would change it.
+
+    Args:
+        speaker: the feature that stands for those around. middle: median of their significances.
+    """
     if moving:
-        return (
-            PixelVerdict.DYNAMIC,
-            f"It moves at {speed:.2f} m/s over ground, based on "
-            f"{pooled}{_whose(obstacle)}: {significance}."
-            if middle > threshold or obstacle == NO_OBSTACLE
-            else f"It is part of {_name(obstacle)}, which was seen to move; the motion here is now "
-            f"{speed:.2f} m/s ({significance}).",
-            _until_it_ends(evidence, speaker, parameters)
-            if obstacle != NO_OBSTACLE
-            else _until(middle, threshold, parameters),
+        return _judge_moving(evidence, speaker, middle, parameters)
+    doubt = _doubt(evidence, speaker, middle, parameters)
+    if doubt is not None:
+        return PixelVerdict.UNDECIDED, *doubt
+    least = _least_speed(evidence, speaker)
+    if least > _SLOW_WALK_MPS:
+        depth, age = float(evidence.depth[speaker]), float(evidence.age_s[speaker])
+        return _too_far(depth, age, least, parameters.evidence.memory_s)
+    pooled = count_of(int(evidence.neighbours[speaker]), "feature")
+    return (
+        PixelVerdict.STATIC,
+        f"It is static, based on {pooled}: the apparent motion of "
+        f"{_speed(evidence, speaker):.2f} m/s is noise ({_significance(evidence, middle)}).",
+        f"Anything faster than {least:.2f} m/s would be detected here. "
+        f"{_sooner(middle, evidence.threshold, parameters)}",
+    )
+
+
+def _judge_moving(
+    evidence: PointEvidence, speaker: int, middle: float, parameters: Parameters
+) -> tuple[PixelVerdict, str, str]:
+    obstacle, speed = int(evidence.obstacle_id[speaker]), _speed(evidence, speaker)
+    significance = _significance(evidence, middle)
+    if middle > evidence.threshold or obstacle == NO_OBSTACLE:
+        pooled = count_of(int(evidence.neighbours[speaker]), "feature")
+        why = (
+            f"It moves at {speed:.2f} m/s over ground, based on {pooled}{_whose(obstacle)}: "
+            f"{significance}."
         )
-    if np.isnan(depth):
+    else:
+        why = (
+            f"It is part of {_name(obstacle)}, which was seen to move; the motion here is now "
+            f"{speed:.2f} m/s ({significance})."
+        )
+    if obstacle == NO_OBSTACLE:
+        return PixelVerdict.DYNAMIC, why, _until(middle, evidence.threshold, parameters)
+    return PixelVerdict.DYNAMIC, why, _until_it_ends(evidence, speaker, parameters)
+
+
+def _doubt(
+    evidence: PointEvidence, speaker: int, middle: float, parameters: Parameters
+) -> tuple[str, str] | None:
+    """Return why it is undecided whether something moves, and what would change that.
+
+    None if it is decided.
+    """
+    age, agreeing = float(evidence.age_s[speaker]), int(evidence.neighbours[speaker])
+    if np.isnan(evidence.depth[speaker]):
         return (
-            PixelVerdict.UNDECIDED,
             "The features here have no depth: they have no match in the other camera.",
             "This changes once the right camera sees this place too; no threshold affects it.",
         )
     if not evidence.cornered[speaker]:
         return (
-            PixelVerdict.UNDECIDED,
             "The features here lie on a straight edge, along which they may slide: this is not "
             "evidence of motion.",
             "Texture across the edge would change this; no threshold affects it.",
         )
     if evidence.recurs[speaker]:
         return (
-            PixelVerdict.UNDECIDED,
             "The texture here repeats along the row, so the match in the other camera, and with "
             "it the depth, may be wrong: this is not evidence of motion.",
             "Texture that does not repeat would change this; no threshold affects it.",
         )
     if middle == 0:
         return (
-            PixelVerdict.UNDECIDED,
             f"The features here have been tracked for only {age:.2f} s, too few frames to be "
             "tested.",
             f"They are tested once they have been seen in {parameters.evidence.min_sightings} "
@@ -198,34 +229,32 @@ def _judge(
         )
     if age < _YOUNG_S:
         return (
-            PixelVerdict.UNDECIDED,
             f"The features here have been tracked for only {age:.2f} s, too briefly to decide.",
             f"It can be decided once they have been tracked for {_YOUNG_S:.1f} s, "
             f"{_YOUNG_S - age:.2f} s more.",
         )
-    if middle > threshold:
+    if middle > evidence.threshold:
         return (
-            PixelVerdict.UNDECIDED,
-            f"It may move, at {speed:.2f} m/s, but only {pooled} here agree{'s' * (agreeing == 1)} "
-            f"on it.",
+            f"It may move, at {_speed(evidence, speaker):.2f} m/s, but only "
+            f"{count_of(agreeing, 'feature')} here agree{'s' * (agreeing == 1)} on it.",
             f"With {_FEWEST} at {agreeing} or below it would count as moving.",
         )
     if middle > _STANDING_LENGTH:
         return (
-            PixelVerdict.UNDECIDED,
-            f"It may move, at {speed:.2f} m/s, but this is not significant enough: {significance}.",
-            _sooner(middle, threshold, parameters),
+            f"It may move, at {_speed(evidence, speaker):.2f} m/s, but this is not significant "
+            f"enough: {_significance(evidence, middle)}.",
+            _sooner(middle, evidence.threshold, parameters),
         )
-    least = _least_speed(evidence, speaker)
-    if least > _SLOW_WALK_MPS:
-        return _too_far(depth, age, least, parameters.evidence.memory_s)
-    return (
-        PixelVerdict.STATIC,
-        f"It is static, based on {pooled}: the apparent motion of {speed:.2f} m/s is noise "
-        f"({significance}).",
-        f"Anything faster than {least:.2f} m/s would be detected here. "
-        f"{_sooner(middle, threshold, parameters)}",
-    )
+    return None
+
+
+def _speed(evidence: PointEvidence, speaker: int) -> float:
+    """Return the speed over ground, m/s."""
+    return float(np.linalg.norm(evidence.velocity[speaker]))
+
+
+def _significance(evidence: PointEvidence, middle: float) -> str:
+    return f"{middle:.1f} σ, where {evidence.threshold:.1f} σ is needed"
 
 
 def _too_far(
