@@ -79,33 +79,9 @@ def track_stereo_points(
         levels: pyramid levels beyond the full image: how far off the prediction may be.
     """
     p = parameters
-    height, width = current[0].shape
-    end, found = np.ascontiguousarray(expected_px, np.float32), np.zeros(len(px), np.bool_)
-    difference = texture = np.zeros(len(px), np.float32)
-    for depth in dict.fromkeys((min(_NEAR_LEVELS, levels), levels)):
-        # Points predicted outside the image are not searched for.
-        open_ = np.flatnonzero(~found & _inside(expected_px, current[0]))
-        if len(open_) == 0:
-            break
-        start = px.take(open_, axis=0)
-        there = _flow(previous[0], current[0], start, expected_px.take(open_, axis=0), depth, p)
-        back = _flow(current[0], previous[0], there.px, start, _NEAR_LEVELS, p, want_texture=True)
-        end, found, difference, texture = with_returned(
-            end,
-            found,
-            difference,
-            texture,
-            open_,
-            start,
-            *there,
-            *back,
-            height,
-            width,
-            np.float32(p.window_px / 4),
-            np.float32(EIGENVALUE_UNIT),
-            np.float32(p.back_check_px**2),
-            np.float32(p.max_error),
-        )
+    end, found, difference, texture = _track_back_and_forth(
+        previous[0], current[0], px, expected_px, levels, p
+    )
     seen = np.flatnonzero(found & np.isfinite(expected_disparity))
     matched, mismatch = match_right(
         current, end.take(seen, axis=0), expected_disparity.take(seen), p, _NEAR_LEVELS
@@ -138,6 +114,49 @@ def track_stereo_points(
         np.float32(p.noise_floor_px),
     )
     return Sightings(end, right, found, sigma)
+
+
+def _track_back_and_forth(
+    previous: Image,
+    current: Image,
+    px: NDArray[np.float32],
+    expected_px: NDArray[np.float32],
+    levels: int,
+    parameters: KltTrackingParameters,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32], NDArray[np.float32]]:
+    """Return where points (N, 2) px are in the newer image, and which were tracked there.
+
+    Also the mean absolute difference of their windows, grey levels, and their texture: (N,) each.
+    """
+    p = parameters
+    height, width = current.shape
+    end, found = np.ascontiguousarray(expected_px, np.float32), np.zeros(len(px), np.bool_)
+    difference = texture = np.zeros(len(px), np.float32)
+    for depth in dict.fromkeys((min(_NEAR_LEVELS, levels), levels)):
+        # Points predicted outside the image are not searched for.
+        open_ = np.flatnonzero(~found & _inside(expected_px, current))
+        if len(open_) == 0:
+            break
+        start = px.take(open_, axis=0)
+        there = _flow(previous, current, start, expected_px.take(open_, axis=0), depth, p)
+        back = _flow(current, previous, there.px, start, _NEAR_LEVELS, p, want_texture=True)
+        end, found, difference, texture = with_returned(
+            end,
+            found,
+            difference,
+            texture,
+            open_,
+            start,
+            *there,
+            *back,
+            height,
+            width,
+            np.float32(p.window_px / 4),
+            np.float32(EIGENVALUE_UNIT),
+            np.float32(p.back_check_px**2),
+            np.float32(p.max_error),
+        )
+    return end, found, difference, texture
 
 
 def track_points(
