@@ -76,7 +76,11 @@ class Pose:
 
     @staticmethod
     def from_matrix(matrix: ArrayLike) -> Pose:
-        """Make a pose from a (3, 4) or (4, 4) homogeneous matrix."""
+        """Make a pose from a (3, 4) or (4, 4) homogeneous matrix, metres.
+
+        Raises:
+            ValueError: the matrix has another shape, or no rotation.
+        """
         m = np.asarray(matrix, dtype=np.float64)
         if m.shape not in ((3, 4), (4, 4)):
             raise ValueError(f"a pose matrix must be (3, 4) or (4, 4), not {m.shape}")
@@ -93,7 +97,11 @@ class Pose:
 
     @staticmethod
     def from_quaternion(wxyz: ArrayLike, translation: ArrayLike) -> Pose:
-        """Make a pose from a quaternion (4,), scalar first, not zero, and metres (3,)."""
+        """Make a pose from a quaternion (4,), scalar first, and a translation (3,), metres.
+
+        Raises:
+            ValueError: the quaternion is zero.
+        """
         w, x, y, z = np.asarray(wxyz, dtype=np.float64).reshape(4).tolist()
         square = w * w + x * x + y * y + z * z
         if not square > 0:

@@ -11,7 +11,11 @@ GAP_STEPS = 3.0
 
 
 def broken(times: Float64Array, *values: Float64Array) -> tuple[Float64Array, ...]:
-    """Return the arrays with a NaN in every gap, so that no line crosses it."""
+    """Return times (N + G,), s, and values (N + G,), NaN in each of G gaps: no line crosses them.
+
+    Args:
+        times: (N,) ascending. values: (N,) each.
+    """
     if len(times) < 3:
         return (times, *values)
     steps = np.diff(times)

@@ -41,7 +41,7 @@ class Outline:
         return Outline(length, width, diagonal if radius_m is None else radius_m)
 
     def distance(self, x: Float64Array, y: Float64Array) -> Float64Array:
-        """Distance of points in the base frame from the outline, metres; 0 within."""
+        """Return the distance (...) of points x, y (...) in the base frame, metres; 0 within."""
         dx = np.abs(x) - self.length_m / 2
         dy = np.abs(y) - self.width_m / 2
         return np.asarray(np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0)))

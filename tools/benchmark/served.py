@@ -120,7 +120,7 @@ class ServedRates:
 
 @dataclass(frozen=True)
 class StalledRates:
-    """What viewers receive without and beside one that reads nothing.
+    """Rates that viewers receive, without and beside one that reads nothing.
 
     Attributes:
         viewers: number of those that read. without: mean of before and after.

@@ -24,7 +24,7 @@ _MOST_AGE_S = 0.25
 
 @dataclass(frozen=True)
 class StarvedFigures:
-    """What a starved server showed.
+    """Measurements of a starved server.
 
     Attributes:
         share: of one core, in periods of ``PERIOD_S``. camera_rate, rate: frames per second that

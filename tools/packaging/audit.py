@@ -54,7 +54,7 @@ class Vulnerability:
 
 @dataclass(frozen=True)
 class Audit:
-    """What is known of the pinned packages.
+    """Known vulnerabilities of the pinned packages.
 
     Attributes:
         checked: number of packages that the index knows. unknown: names of the others.

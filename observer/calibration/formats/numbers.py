@@ -30,6 +30,9 @@ def finite_numbers(value: PlainData) -> Float64Array:
 
     It accepts OpenCV's matrices (``rows``, ``cols``, ``data``: the result has that shape), plain
     lists, lists of equally long lists (2-D) and text of numbers separated by blanks (XML).
+
+    Raises:
+        ValueError: it is none of these; the text goes on from the key's name, as in "must be ...".
     """
     if not isinstance(value, dict):
         return _plain_array(value)
@@ -49,7 +52,10 @@ def finite_numbers(value: PlainData) -> Float64Array:
 def shaped(value: PlainData, *shape: int) -> Float64Array:
     """Return the finite numbers of one key, float64, in this shape.
 
-    A flat list of the right length is read row by row; a matrix of another shape is refused.
+    A flat list of the right length is read row by row.
+
+    Raises:
+        ValueError: as of ``finite_numbers``, or the shape is another one.
     """
     array = finite_numbers(value)
     wanted = " x ".join(map(str, shape))
@@ -82,7 +88,11 @@ def _transformation(value: PlainData) -> Pose:
 
 
 def image_size(value: PlainData) -> tuple[int, int]:
-    """Return width and height in pixels from a key that holds these two."""
+    """Return width and height in pixels from a key that holds these two.
+
+    Raises:
+        ValueError: as of ``shaped``, or they are no whole numbers up to a million.
+    """
     size = shaped(value, 2)
     if (size != np.floor(size)).any() or (size < 0).any() or (size > 1e6).any():
         raise ValueError("must contain two whole numbers, [width, height] in pixels")

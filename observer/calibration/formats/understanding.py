@@ -239,6 +239,10 @@ def understood(
         unit: of lengths, if the user knows better than the format; a number is how many metres
             one unit of the file is.
         expected_size: width and height of the camera's images.
+
+    Raises:
+        CalibrationError: a camera matrix, the size or the arrangement cannot be right; one
+            sentence says which and why.
     """
     notes = list(draft.notes)
     calibration = draft.calibration(unit)

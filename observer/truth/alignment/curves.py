@@ -58,7 +58,7 @@ class SpeedCurve:
         return np.asarray(np.isfinite(self.values))
 
     def at(self, times: Float64Array) -> Float64Array:
-        """Interpolate linearly between samples; NaN in gaps and beyond the ends."""
+        """Return the values (M,) at times (M,) s, interpolated; NaN in gaps and beyond."""
         return between(self.times, self.values[:, None], times)[:, 0]
 
 

@@ -82,7 +82,7 @@ class TimeOffset:
         )
 
     def to_truth(self, times: Float64Array) -> Float64Array:
-        """Convert the source's times to truth's clock."""
+        """Return times (N,) s of the source's clock on truth's clock."""
         slope = 1 + 1e-6 * self.drift_ppm
         since = np.asarray(times, np.float64) - self.offset_s - self.reference_s
         return np.asarray(self.reference_s + since / slope)
