@@ -328,6 +328,9 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     if outline.depth_by_points and not outline.depths.measured:
         # Points told changes of depth only: meanwhile the body went from where its segment is.
         outline.offsets.clear()
+    if not by_segment:
+        # By its points it moves, and its origin on it: once they are too few it goes on from there.
+        outline.offsets.clear()
     outline.depth_by_points = outline.depths.measured
     # When a new anchor takes over, the body is assumed to be where it was expected.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])

@@ -56,6 +56,25 @@ def test_a_segment_containing_points_of_a_body_is_that_body(make_track: MakeTrac
     assert track.outline.seen
 
 
+def test_a_body_whose_points_get_too_few_goes_on_from_where_they_left_it(
+    make_track: MakeTrack,
+) -> None:
+    """Its origin has moved on it meanwhile, so its segment's place on it is another one."""
+    track = make_track((0.1, 0.0, 3.9), number=1)
+    tracks, points = [track], points_on(patch(0.1, 0.0, 3.87))
+    scene = arrived(person(0.1, 4.0))
+    tracked(tracks, points, scene)
+    track.rigid = track.by_points = True
+    track.outline.offsets.clear()
+    tracked(tracks, points, scene)
+    place, loose = track.mean[POSITION] + [0.1, 0.0, 0.0], np.eye(3) * 0.3**2
+    track.filter = BodyFilter.begin(place, track.mean[VELOCITY], loose, loose, 0.0)
+    tracked(tracks, points, scene)
+    track.rigid = track.by_points = False
+    tracked(tracks, points, scene)
+    assert track.mean[POSITION] == pytest.approx(place, abs=0.02)
+
+
 def test_a_segment_containing_points_of_two_bodies_merges_them(
     make_track: MakeTrack,
 ) -> None:

@@ -13,7 +13,7 @@ from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY
 from observer.methods.rigid.bodies.segment_tracking import track_segments
-from observer.methods.rigid.bodies.side_by_side import parted, separated
+from observer.methods.rigid.bodies.side_by_side import nearest_first, parted, separated
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, segment_of
@@ -33,6 +33,7 @@ from ..solid_worlds import (
     arrived,
     cells_of,
     on_floor,
+    outlined,
     patch,
     person,
     points_on,
@@ -107,6 +108,7 @@ def _gap_columns(segment: Segment) -> tuple[int, int]:
     empty = left + np.flatnonzero(~segment.mask[:, left:right].any(axis=0))
     return int(empty[0]), int(empty[-1]) + 1
 
+
 @pytest.mark.parametrize(
     ("things", "pose"),
     [
@@ -178,6 +180,19 @@ def test_a_body_that_shows_two_people_becomes_two_that_move_alike() -> None:
         assert track.mean[VELOCITY][0] == pytest.approx(0.8, abs=0.2)
         assert track.outline is not None
         assert track.outline.width == pytest.approx(0.45, abs=0.12)
+
+
+def test_the_half_nearer_to_a_bodys_origin_keeps_its_number() -> None:
+    """Its segment grew over another person, who may be the larger one."""
+    one, other = person(-0.4, 4.0), on_floor(0.4, 4.0, (0.6, 1.7, 0.2))
+    tracks, track = outlined(one, TrackIds())
+    scene, both = as_one(one, other)
+    halves = parted(both, scene)
+    assert halves is not None
+    assert halves[1].area > halves[0].area
+    assert nearest_first(halves, track, scene) == halves
+    assert nearest_first((halves[1], halves[0]), track, scene) == halves
+    assert tracks == [track]
 
 
 def test_points_on_both_of_two_people_no_longer_hold_them_together() -> None:
