@@ -21,6 +21,7 @@ from observer.methods.rigid.bodies.filter import (
     turning_velocity,
     yaw_matrix,
 )
+from observer.methods.rigid.bodies.image_growth import Growth
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
 from observer.methods.rigid.bodies.scatter import Scatter
@@ -71,6 +72,7 @@ class BodyTrack:
             match would explain how it moves; None if none would, or too few can be compared.
         among_static: while tentative: static points are seen among its own.
         far: it is seen by points alone, too far away to tell whether they approach or recede.
+        growth: of its image, while tentative.
         stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
             before, and once it was seen to have left that place.
@@ -109,6 +111,7 @@ class BodyTrack:
     wrong_match: float | None = None
     among_static: bool = False
     far: bool = False
+    growth: Growth = field(default_factory=Growth)
     stood_s: float = 0.0
     unsure_s: float = 0.0
     confirmed_at: Float64Array | None = None

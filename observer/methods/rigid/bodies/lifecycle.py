@@ -247,6 +247,8 @@ def _may_stand(
         return True
     if _crosses(track, camera_position):
         return not track.rigid and _is_unmoved(track)
+    if track.growth.shows(_approach(track, camera_position)):
+        return False
     return track.far or _is_narrow(track) or (light.flickers and _is_slow(track, parameters))
 
 
@@ -279,6 +281,12 @@ def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
     speed = float(np.linalg.norm(velocity))
     along = float(velocity @ ahead) / float(np.linalg.norm(ahead))
     return bool(np.sqrt(max(0.0, speed**2 - along**2)) >= _ACROSS_SHARE * speed)
+
+
+def _approach(track: BodyTrack, camera_position: Float64Array) -> float:
+    """Return how fast a body comes nearer, m/s; negative if it recedes."""
+    ahead = track.centre - camera_position
+    return -float(track.mean[VELOCITY] @ ahead) / float(np.linalg.norm(ahead))
 
 
 def _has_moved(track: BodyTrack) -> bool:
@@ -315,8 +323,7 @@ def _confirmed_by_outline(
     if light.swings:
         frames, sigmas = 2 * frames, max(sigmas, parameters.confirm_sigmas)
     arrived = outline.arrived_frames >= frames
-    away = track.centre - camera_position
-    away_mps = float(track.mean[VELOCITY] @ away) / float(np.linalg.norm(away))
+    away_mps = -_approach(track, camera_position)
     uncovered = outline.uncovered_frames >= _UNCOVERED_FRAMES
     uncovered &= away_mps > _AWAY_SHARE * float(np.linalg.norm(track.mean[VELOCITY]))
     uncovered &= away_mps < _MOST_AWAY_MPS

@@ -47,6 +47,7 @@ from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.stereo_drift import shift_by_bias
 from observer.methods.rigid.tracked_points import BANISHED_FRAMES, TrackedPoints, WorldSightings
 from observer.parameters import ObstacleParameters, Parameters
+from observer.robust import median
 from observer.types import TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, is_provisional
 
@@ -114,6 +115,7 @@ class BodyTracker:
         if scene is not None:
             note_wrong_matches(self.tracks, points, scene, now)
         note_static_points(self.tracks, points, motion)
+        self._note_growth(points, now)
         points = self.update_lifecycle(points, now.position, reach, now.dt, p)
         for track in self.tracks:
             track.carry_box(now.T_camera_world, now.camera)
@@ -245,6 +247,15 @@ class BodyTracker:
         """Turn groups of dynamic points into obstacles, see ``spawned``."""
         obstacle = spawned(self.tracks, self._numbers, points, motion, lying, radius_m, parameters)
         return self._placed(points, obstacle)
+
+    def _note_growth(self, points: TrackedPoints, now: CameraStep) -> None:
+        """Note how the images of tentative tracks grow, by the flow of their points."""
+        known = np.isfinite(points.disparity) & np.isfinite(points.flow).all(axis=1)
+        for track in [t for t in self.tracks if t.state is TrackState.TENTATIVE]:
+            mine = np.flatnonzero(known & (points.obstacle == track.id))
+            if len(mine) > 0:
+                px, disparity = points.px[mine].astype(np.float64), points.disparity[mine]
+                track.growth = track.growth.seen(px, points.flow[mine], median(disparity), now)
 
     def update_lifecycle(
         self,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from observer.methods.rigid.bodies.image_growth import Growth
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.grey_change import Light
 from observer.types import MotionState, TrackState
@@ -197,6 +198,20 @@ def test_points_beyond_segment_range_confirm_only_a_body_crossing_the_view(
         track = make_track((0.0, 0.0, 9.0), velocity)
         track.points, track.merged_s, track.far = 20, merged_s, True
         assert judge_frames(track, P.confirm_hits + 5) is state
+
+
+@pytest.mark.parametrize(
+    ("beyond", "state"),
+    [(0.3, TrackState.CONFIRMED), (0.12, TrackState.TENTATIVE), (-0.3, TrackState.TENTATIVE)],
+)
+def test_a_far_body_that_approaches_is_confirmed_by_the_growth_of_its_image(
+    make_track: MakeTrack, beyond: float, state: TrackState
+) -> None:
+    """The image of a static one would have grown by 0.1, as the camera drives on."""
+    track = make_track((0.0, 0.0, 9.0), (0.1, 0.0, -0.8))
+    track.points, track.far = 20, True
+    track.growth = Growth(beyond, 1e-4, 0.1)
+    assert judge_frames(track, P.confirm_hits + 5) is state
 
 
 @pytest.mark.parametrize(
