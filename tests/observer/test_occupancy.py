@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ PLACE = st.floats(-30.0, 30.0)
 ROBOT = st.tuples(PLACE, PLACE, st.floats(-math.pi, math.pi))
 
 
-@settings(deadline=None)
 @given(CELLS)
 def test_every_cell_survives_a_json_round_trip(cells: NDArray[np.uint8]) -> None:
     made = OccupancyMap.of(cells, (0.3, -1.2), 0.1, (0.5, -0.5, 1.0), 7.0)
@@ -40,7 +39,6 @@ def test_a_room_is_encoded_compactly() -> None:
     assert len(msgspec.json.encode(OccupancyMap.of(cells, (0.0, 0.0), 0.1, (0,) * 3, 0.0))) < 600
 
 
-@settings(deadline=None)
 @given(ROBOT, ROBOT, PLACE, PLACE)
 def test_the_map_is_placed_relative_to_the_robot(
     robot: tuple[float, float, float], base: tuple[float, float, float], x: float, y: float

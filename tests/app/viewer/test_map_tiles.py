@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ def local_map(cells: NDArray[np.uint8]) -> OccupancyMap:
     return OccupancyMap.of(cells, (0.4, -0.2), 0.1, (0.0, 0.0, 0.0), 7.0)
 
 
-@settings(deadline=None)
 @given(CELLS, PLACE, PLACE)
 def test_the_centre_of_each_cell_is_drawn_in_place(
     cells: NDArray[np.uint8], x: float, y: float

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer.geometry import Float64Array
@@ -127,7 +127,6 @@ def test_repeated_near_echoes_block_their_cell_for_about_a_second() -> None:
     assert not local.blocked(6.8).any()
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3),
     st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3),
@@ -184,7 +183,6 @@ def test_newly_occupied_ground_is_unknown_until_the_object_is_static() -> None:
     assert state(local, 2.05, 0.05, 0.2) == FREE
 
 
-@settings(deadline=None)
 @given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0))
 def test_known_cells_stay_in_place_while_the_robot_drives(x: float, y: float) -> None:
     local = LocalMap()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer.geometry import Pose
@@ -98,7 +98,6 @@ def test_the_robot_is_placed_in_the_map_at_each_frame(write: Write) -> None:
     opened.source.close()
 
 
-@settings(deadline=None)
 @given(st.tuples(*[st.floats(-3.0, 3.0)] * 3), st.tuples(*[st.floats(-3.0, 3.0)] * 3))
 def test_a_cell_stays_where_it_was_seen(
     begin: tuple[float, float, float], now: tuple[float, float, float]

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
@@ -334,7 +334,6 @@ def test_the_clouds_and_scenes_decode_as_protobuf(
             assert decoded.entities[0].arrows[0].head_length > 0
 
 
-@settings(deadline=None)
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3))
 def test_an_arrow_points_along_its_velocity(velocity: tuple[float, float, float]) -> None:
     turn = foxglove._turn_from_x(velocity)
@@ -342,7 +341,6 @@ def test_an_arrow_points_along_its_velocity(velocity: tuple[float, float, float]
     np.testing.assert_allclose(ahead, np.array(velocity) / np.linalg.norm(velocity), atol=1e-6)
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=60))
 def test_invalid_image_messages_are_refused(data: bytes) -> None:
     for read in (raw_pixels, jpeg_pixels):

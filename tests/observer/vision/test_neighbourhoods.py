@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer.vision.neighbourhoods import false_alarms_per_test, grouped, summed
@@ -31,8 +31,6 @@ def test_sums_match_the_neighbour_matrix(seed: int) -> None:
     np.testing.assert_allclose(summed(pairs, [first, second]), expected, atol=1e-12)
 
 
-# The first call may have to compile.
-@settings(deadline=None)
 @given(SEEDS)
 def test_groups_are_connected_components(seed: int) -> None:
     rng, count, pairs = drawn(seed)

@@ -340,7 +340,7 @@ def test_named_file_reads_a_file_from_disk(tmp_path: Path) -> None:
     length=st.integers(0, 30),
     put=st.binary(max_size=12) | st.sampled_from([b"1e308", b"-1e200 ", b"0", b"nan", b"\n", b":"]),
 )
-@settings(deadline=None, max_examples=250)
+@settings(max_examples=250)
 def test_damaged_files_are_read_or_refused(
     number: int, format: str, part: float, length: int, put: bytes
 ) -> None:
@@ -355,7 +355,7 @@ def test_damaged_files_are_read_or_refused(
 
 
 @given(content=st.binary(max_size=120), second=st.none() | st.binary(max_size=40))
-@settings(deadline=None, max_examples=250)
+@settings(max_examples=250)
 def test_arbitrary_bytes_are_refused(content: bytes, second: bytes | None) -> None:
     files = [NamedFile("a", content)] + ([] if second is None else [NamedFile("b", second)])
     with pytest.raises(CalibrationError):
@@ -369,7 +369,7 @@ def test_arbitrary_bytes_are_refused(content: bytes, second: bytes | None) -> No
     st.sampled_from([b"[LEFT_CAM_HD]\n", b"cam0=[", b"S_00: 1\n", b"P0: 1\n", b"cam0: {a: 1}\n",
                      b"T_BS: 1\n", b"camera_matrix: 1\nprojection_matrix: 2\n"]),
 )  # fmt: skip
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_content_that_only_resembles_a_format_is_refused(content: bytes, start: bytes) -> None:
     for files in ([start + content], [start + content, start]):
         with pytest.raises(CalibrationError):

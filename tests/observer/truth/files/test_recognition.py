@@ -117,7 +117,7 @@ def captured_or_refused(path: Path, content: bytes) -> None:
         assert len(body.times)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.data())
 def test_modified_file_gives_a_truth_error_or_a_capture(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -130,7 +130,7 @@ def test_modified_file_gives_a_truth_error_or_a_capture(
     captured_or_refused(tmp_path_factory.getbasetemp() / "changed", content)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.one_of(
         st.tuples(st.sampled_from(["", ","]), st.lists(st.sampled_from(PIECES))).map(

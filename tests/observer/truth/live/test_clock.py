@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer.truth.live.clock import ClockFit, ClockFitter, lower_line
@@ -51,7 +51,6 @@ def test_planted_drift_is_found_within_20_ppm_over_60_s(
     assert worst_sigma_s < 1e-3
 
 
-@settings(deadline=None)
 @given(
     st.integers(0, 100),
     st.sampled_from([2.5, 8.0, 60.0]),

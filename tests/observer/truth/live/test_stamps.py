@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from observer.truth.live.stamps import StampReader, Timed
@@ -78,7 +78,6 @@ def test_ticks_are_detected_and_converted_to_seconds(tick_hz: float) -> None:
     assert np.abs(np.diff(read.times) - np.diff(sent)).max() <= 1 / tick_hz + 1e-9
 
 
-@settings(deadline=None)
 @given(st.integers(0, 999), st.floats(-1e4, 1e4) | st.floats(-1, 1), st.sampled_from([1.0, 1e7]))
 def test_single_wrong_stamp_does_not_affect_the_others(
     where: int, wrong_s: float, tick_hz: float
