@@ -40,8 +40,8 @@ Letters = NDArray[np.uint8]
 _SIDE = 8
 _SEEN_SHARE = 0.25
 _HALF = 0.5
-# An outline differs from its background by this share of the grey level.
-# Grey level: from this on a pixel is saturated.
+# An outline differs from its background by this share of the grey level; from this grey level on
+# a pixel is saturated.
 _CONTRAST = 0.25
 _WHITE = 250
 # Metres: width and height of the part of a person that must fit in, and its distance.

@@ -154,7 +154,7 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     if outline is not None:
         moves = outline.depths.measured and track.significance >= _MOVING_SIGMAS
         may_stand = track.part_moves or moves
-        if outline.count_idle(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
+        if outline.count_idle(tentative=unmoved, may_stand=may_stand) > _IDLE_FRAMES:
             return True
     # A body that stood apart once may drive along a wall.
     known = outline is not None or _shown_by_many(track)

@@ -16,7 +16,7 @@ from observer.vision.lifecycle import NO_OBSTACLE
 
 # A body is rigid while this share of the points on it moves as it does; gain with which the share
 # follows a new frame of at least so many points. Half of a person who begins to walk is still:
-# taken for rigid, he would seem to go at the speed of the half that moves.
+# taken for rigid, they would seem to go at the speed of the half that moves.
 _RIGID_SHARE = 0.8
 _SHARE_GAIN = 0.2
 _LEAST_POINTS = 4

@@ -72,7 +72,7 @@ _HANGS_M = 0.6
 _HIDDEN_SHARE, _BELOW_CELLS = 0.5, 3
 # A body's middle lies behind its visible surface by this share of its width, or of so many metres
 # if that is less.
-_HALF_DEPTH, _MOST_DEPTH_M = 0.25, 0.6
+_HALF_DEPTH, MOST_DEPTH_M = 0.25, 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +221,7 @@ class Outline:
         self._keep_silhouette(origin, scene, age_s)
         surface, _ = measured_anchor(segment, "middle", scene)
         ahead = surface - scene.T_world_camera.translation
-        depth = _HALF_DEPTH * min(self.width, _MOST_DEPTH_M)
+        depth = _HALF_DEPTH * min(self.width, MOST_DEPTH_M)
         self.middle = surface + depth * ahead / np.linalg.norm(ahead)
 
     def carry(
@@ -259,11 +259,11 @@ class Outline:
         if self._silhouette is not None:
             self._silhouette = replace(self._silhouette, origin=self._silhouette.origin + offset)
 
-    def count_idle(self, tentative: bool, *, may_stand: bool = False) -> int:
+    def count_idle(self, *, tentative: bool, may_stand: bool) -> int:
         """Count the frames in a row in which it is merged or stands, and has grown much.
 
-        A tentative one count_idle without growing, and it may stand if told so: a person who only
-        begins to walk, or comes straight on, is still mostly where he was.
+        A tentative one counts as idle even without growing, unless it may stand: a person who only
+        begins to walk, or comes straight on, is still mostly where they were.
         """
         grown = _shown(self.segment) > _SWALLOWING * self.moving_area
         static = self.is_static and not (tentative and may_stand)

@@ -17,10 +17,16 @@ from observer.methods.rigid.bodies.beginning import (
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.cells_around import cells_around
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
+from observer.methods.rigid.bodies.groups import mostly_lie
 from observer.methods.rigid.bodies.legs import at_hips, shows_only_legs, swing_cov
 from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
-from observer.methods.rigid.bodies.membership import mostly_lie
-from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
+from observer.methods.rigid.bodies.outline import (
+    MOST_DEPTH_M,
+    Outline,
+    anchor_of,
+    free_cells,
+    measured_anchor,
+)
 from observer.methods.rigid.bodies.segment_gate import has_left, leaps
 from observer.methods.rigid.bodies.shape import Box
 from observer.methods.rigid.bodies.side_by_side import (
@@ -64,7 +70,6 @@ _BORDER_CELLS = 2
 _GAP_FRAMES = 2
 # Gain with which a body's middle follows the newest frame.
 _MIDDLE_GAIN = 0.3
-_MOST_DEPTH_M = 0.6
 # Metres, lasting error of a segment's depth: the points on it tell changes better.
 _DEPTH_DRIFT_M = 0.08
 
@@ -184,7 +189,7 @@ def learn_box(track: BodyTrack) -> None:
     centre = track.local(outline.middle)
     if track.box is not None:
         centre = track.box.centre + _MIDDLE_GAIN * (centre - track.box.centre)
-    depth = min(outline.width, _MOST_DEPTH_M)
+    depth = min(outline.width, MOST_DEPTH_M)
     track.box = Box(centre, np.array([outline.width, outline.height, depth]), 0.0)
     track.box_px = outline.box_px
 

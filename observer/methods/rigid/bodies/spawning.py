@@ -10,14 +10,9 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array, largest_sigma
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY, BodyFilter
+from observer.methods.rigid.bodies.groups import Group, group_of, mostly_lie
+from observer.methods.rigid.bodies.identity import body_of, goes_with
 from observer.methods.rigid.bodies.limbs import may_be_rigid, moves_as_one
-from observer.methods.rigid.bodies.membership import (
-    Group,
-    body_of,
-    goes_with,
-    group_of,
-    mostly_lie,
-)
 from observer.methods.rigid.bodies.shape import BodyShape
 from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion

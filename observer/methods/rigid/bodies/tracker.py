@@ -17,16 +17,11 @@ from observer.methods.rigid.bodies.filter import (
     VELOCITY,
     yaw_matrix,
 )
+from observer.methods.rigid.bodies.identity import are_one
 from observer.methods.rigid.bodies.lifecycle import has_long_moved_apart, is_over, judge
 from observer.methods.rigid.bodies.limbs import judge_scatter
 from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
-from observer.methods.rigid.bodies.membership import (
-    are_one,
-    joining,
-    placed,
-    resting,
-    shape_position,
-)
+from observer.methods.rigid.bodies.membership import joining, placed, resting, shape_position
 from observer.methods.rigid.bodies.moving_in_place import MovingInPlace
 from observer.methods.rigid.bodies.occlusion import without_hidden
 from observer.methods.rigid.bodies.segment_tracking import (

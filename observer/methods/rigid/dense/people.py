@@ -22,7 +22,7 @@ from observer.robust import median
 _BESIDE_M, _BODY_M = 0.75, 1.8
 # A person, arms included: metres, least height seen, and most width and height.
 _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
-# An arm is at most this share of a person, who stands while more than this share of him is static.
+# An arm is at most this share of a person, who stands while more than this share of them is static.
 _ARM_SHARE, _STATIC_SHARE = 0.35, 0.6
 # Head and shoulders are in this upper share of the rows: arms swing below it.
 SHOULDERS_SHARE = 0.35

@@ -10,7 +10,8 @@ import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import yaw_matrix
-from observer.methods.rigid.bodies.membership import Group, are_one, body_of, goes_with, group_of
+from observer.methods.rigid.bodies.groups import Group, group_of
+from observer.methods.rigid.bodies.identity import are_one, body_of, goes_with
 from observer.methods.rigid.bodies.shape import Box
 from observer.parameters import ObstacleParameters
 from observer.types import TrackState

@@ -345,24 +345,24 @@ def test_the_larger_rest_of_a_partly_seen_body_is_included() -> None:
 
 def test_a_separately_moving_outline_never_idles() -> None:
     outline, _ = outlined(0.0, 4.0)
-    assert [outline.count_idle(True) for _ in range(5)] == [0] * 5
+    assert [outline.count_idle(tentative=True, may_stand=False) for _ in range(5)] == [0] * 5
 
 
 def test_a_static_outline_idles_only_while_tentative() -> None:
     outline, scene = outlined(0.0, 4.0)
     still = view(body(0.0, 4.0), evidence=STATIC)[1]
     outline.note(still, np.array([0.0, 0.0, 4.0]), scene, 0.1)
-    assert [outline.count_idle(False) for _ in range(3)] == [0, 0, 0]
-    assert [outline.count_idle(True) for _ in range(3)] == [1, 2, 3]
+    assert [outline.count_idle(tentative=False, may_stand=False) for _ in range(3)] == [0, 0, 0]
+    assert [outline.count_idle(tentative=True, may_stand=False) for _ in range(3)] == [1, 2, 3]
     outline.seen = False
-    assert outline.count_idle(True) == 0
+    assert outline.count_idle(tentative=True, may_stand=False) == 0
 
 
 def test_a_confirmed_outline_idles_while_absorbing_static_surroundings() -> None:
     outline, _ = outlined(0.0, 4.0)
     scene, twice = view(Solid((0.2, 0.0, 4.0), (0.9, 1.2, 0.1)), evidence=STATIC)
     outline.note(twice, np.array([0.0, 0.0, 4.0]), scene, 0.1)
-    assert [outline.count_idle(False) for _ in range(3)] == [1, 2, 3]
+    assert [outline.count_idle(tentative=False, may_stand=False) for _ in range(3)] == [1, 2, 3]
 
 
 def test_cells_of_visible_outlines_are_not_free() -> None:
