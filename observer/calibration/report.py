@@ -37,7 +37,7 @@ def fit_report(fit: StereoFit, verdict: CalibrationVerdict | None = None) -> dic
         "board_bend": None if fit.bend is None else asdict(fit.bend),
         "verdict": None if verdict is None else asdict(verdict),
     }
-    return _plain(report)  # type: ignore[no-any-return]
+    return {key: _plain(value) for key, value in report.items()}
 
 
 def depth_bias_of(report: dict[str, Any]) -> tuple[DepthBias | None, float]:
