@@ -53,7 +53,7 @@ def test_both_methods_are_compared_on_the_same_frames(
     expect(page.locator("#page-title")).to_have_text("Compare methods")
     # The first comparison starts by itself.
     expect(view.get_by_role("progressbar")).to_be_visible(timeout=20_000)
-    expect(view).to_contain_text("with default (right) on people")
+    expect(view).to_contain_text("with default (right) on People in the lab")
     view.get_by_role("button", name="Cancel").click()
     expect(view.get_by_role("button", name="Compare methods")).to_be_focused()
     assert server.get("/runs") == []

@@ -14,6 +14,7 @@ from app.server.errors import FieldError
 from app.server.runs.saved_clips import SavedClips
 from app.server.shared import Shared
 from app.server.source.chosen_source import ChosenSource, choose_source
+from app.server.source.hints import source_title
 from app.server.source.manager import SourceManager
 from app.storage import CalibrationRecord
 from observer.errors import DynamicObserverError
@@ -21,6 +22,7 @@ from observer.opening import exclusive_world, live_devices, shown_spec
 from observer.recording.run_folder import RECORDING, RUNS
 
 _LONGEST_TITLE = 80
+_SIMULATED = "simulated:"
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,9 @@ def _delete(clip: Path) -> None:
 
 
 def _title(chosen: ChosenSource) -> str:
-    shown = chosen.name or shown_spec(chosen.source).removeprefix("simulated:")
+    simulated = chosen.source.startswith(_SIMULATED)
+    title = source_title(chosen.source) if simulated else shown_spec(chosen.source)
+    shown = chosen.name or title
     return shown if len(shown) <= _LONGEST_TITLE else f"…{shown[1 - _LONGEST_TITLE :]}"
 
 

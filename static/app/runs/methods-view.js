@@ -18,7 +18,7 @@ import { access } from "../shell/access.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
 import { attemptIn, exclusiveRunner } from "../shell/notice.js";
 import { MethodsSplit } from "./methods-split.js";
-import { methodNames, methodsHref, positionOf, sameFrames } from "./methods-words.js";
+import { methodNames, methodsHref, positionOf, sameFrames, timeLeft } from "./methods-words.js";
 import { compareHref, hasImages } from "./run-words.js";
 
 /** @import { ComparisonStatus, History, Run, RunFrames, SourceEntry } from "../contract" */
@@ -55,6 +55,8 @@ export class MethodsView extends Part {
   #failed = false;
   #asked = 0;
   #timer = 0;
+  /** When the comparison in progress was first seen, ms, and how far it was then. */
+  #began = { at: 0, share: 1 };
   #do = exclusiveRunner(
     (busy) => setAttribute(this.#begin, "aria-disabled", busy ? "true" : null),
     this.#error,
@@ -216,16 +218,25 @@ export class MethodsView extends Part {
       this.#bar.value = going.share;
       if (going.share > 0) void this.#look();
       else this.#picture.removeAttribute("src");
-      const held = going.held ? " Waiting until no robot is armed." : "";
       setText(
         this.#words,
-        `Comparing paper (left) with default (right) on ${going.source_name}. ${sentence(going.words).replace(/\.$/, "…")}${held}`,
+        `Comparing paper (left) with default (right) on ${going.source_name}. ${this.#pace(going)}`,
       );
       if (this.#shown) this.#timer = setTimeout(() => void this.#ask(), ASK_EVERY_MS);
     } else if (ended && runs && !trouble) {
       this.hub.emit("runs");
       location.hash = methodsHref([...runs]);
     }
+  }
+
+  /** @param {NonNullable<ComparisonStatus["going"]>} going @returns {string} how far it is, and how long it still takes */
+  #pace({ words, share, held }) {
+    const now = { at: performance.now(), share };
+    // Another comparison, or one that stood still.
+    if (held || share === 0 || share < this.#began.share) this.#began = now;
+    if (held) return `${sentence(words)} Waiting until no robot is armed.`;
+    const left = timeLeft(this.#began, now);
+    return left ? sentence(`${words}, ${left}`) : sentence(words).replace(/\.$/, "…");
   }
 
   /** Show the frame being processed, if there is one. */

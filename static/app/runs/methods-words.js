@@ -1,6 +1,6 @@
 /** The comparison of two methods in words and numbers. Pure functions. */
 
-import { counted, fixed } from "../elements/words.js";
+import { counted, durationInWords, fixed } from "../elements/words.js";
 
 /** @import { FrameEntry, Run, RunFrames } from "../contract" */
 /** @import { Figure } from "../elements/figure-list.js" */
@@ -12,6 +12,9 @@ import { counted, fixed } from "../elements/words.js";
  * @property {RunFrames} found
  */
 
+// The first frames take longer than the others.
+const JUDGED_AFTER_S = 3;
+const ROUNDED_S = 5;
 const FALSE =
   "Reported as moving although nothing moves there; summed over the frames up to this one";
 const FOUND = "Moving obstacles in sight that were found; summed over the frames up to this one";
@@ -137,6 +140,22 @@ export function methodsHref(ids, position) {
 export function positionOf(hash) {
   const found = /^#methods\/[^/]+\/(\d{1,9})$/.exec(hash);
   return found ? Number(found[1]) : null;
+}
+
+/**
+ * Estimate how long the rest of a comparison takes.
+ *
+ * @param {{at: number, share: number}} began when it was first seen in progress, ms, and how far it was
+ * @param {{at: number, share: number}} now
+ * @returns {string} as in "about 40 s left"; empty while too little is known
+ */
+export function timeLeft(began, now) {
+  const took_s = (now.at - began.at) / 1000;
+  const done = now.share - began.share;
+  if (took_s < JUDGED_AFTER_S || done <= 0) return "";
+  const left_s = (took_s * (1 - now.share)) / done;
+  const rounded = ROUNDED_S * Math.max(1, Math.round(left_s / ROUNDED_S));
+  return `about ${durationInWords(rounded)} left`;
 }
 
 /** @param {number | undefined} count */

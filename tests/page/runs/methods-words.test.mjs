@@ -151,3 +151,12 @@ test("a picture is told to who does not see it", () => {
   );
   assert.equal(results, "paper: 2 obstacles; moving: 1 at 0.50 m/s; 1 false");
 });
+
+test("the time left follows from the pace since the comparison was first seen", () => {
+  const began = { at: 1000, share: 0.1 };
+  assert.equal(words.timeLeft(began, { at: 3000, share: 0.2 }), "");
+  assert.equal(words.timeLeft(began, { at: 11_000, share: 0.1 }), "");
+  assert.equal(words.timeLeft(began, { at: 11_000, share: 0.3 }), "about 35 s left");
+  assert.equal(words.timeLeft(began, { at: 11_000, share: 0.2 }), "about 1 min 20 s left");
+  assert.equal(words.timeLeft(began, { at: 11_000, share: 1 }), "about 5 s left");
+});
