@@ -124,7 +124,8 @@ def _figure(each: ReportFigure, figure: Figure, heading: str) -> str:
 
 def _errors(report: Report) -> str:
     if not report.errors:
-        return f"<p>Errors cannot be computed. {escape(report.gathered.truth_words)}</p>"
+        # The next section says where ground truth comes from, or why there is none.
+        return "<p>Errors cannot be computed.</p>"
     table = _table(_HEADER, [_error_row(each) for each in report.errors]) + _compared(report)
     changes = "; ".join(f"{escape(body)}: {n}" for body, n in report.changes.items()) or "none"
     return (

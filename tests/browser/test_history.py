@@ -80,6 +80,8 @@ def test_a_run_is_found_described_and_compared_with_truth(
 
     truth = page.locator("observer-alignment")
     expect(truth).to_contain_text("no ground truth to compare with", timeout=_MADE_MS)
+    # Said once, where it can be added.
+    assert page.locator("main").inner_text().lower().count("no ground truth") == 1
     page.set_input_files("#truth-file", tmp_path / "capture.csv")
     expect(truth.locator(".file-summary")).to_contain_text("plain CSV", timeout=_MADE_MS)
     expect(truth.locator(".file-summary tbody")).to_contain_text(re.compile(r"cart.*2680.*0\.35"))

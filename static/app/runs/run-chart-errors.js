@@ -16,9 +16,7 @@ export function errorSection(charts, coloured) {
   const several = charts.length > 1;
   const known = charts.some((chart) => chart.errors.some(({ samples }) => samples > 0));
   const missing =
-    several || charts[0]?.aligned
-      ? "at the times of these speeds"
-      : "to compare with. Add it under Ground truth, below";
+    several || charts[0]?.aligned ? "at the times of these speeds" : "to compare with";
   return h(
     "section.chart-errors",
     { "aria-label": "Speed errors" },

@@ -27,6 +27,7 @@ declareKeys(
  * @property {(begin: number, end: number) => void} zoom
  * @property {(time: number | null) => void} read the values of all panels at a time
  * @property {() => number} top m/s
+ * @property {boolean} noted whether it says why there is no ground truth
  */
 
 const HEIGHT_PX = 280;
@@ -83,7 +84,9 @@ export class ChartPanel {
       h(
         "div",
         several && panel.charts.length === 1 ? h("h3", panel.title) : null,
-        ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
+        ...(shared.noted
+          ? panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1))
+          : []),
       ),
       h(
         "div",

@@ -75,12 +75,12 @@ export class RunChart extends HTMLElement {
   #range = [0, 1];
   /** Time of the cursor line while nothing is pointed at. @type {number | null} */
   #at = null;
-  #exporting;
+  #isAlone;
 
-  /** @param {{exporting?: boolean}} options exporting: whether it has its own export button */
-  constructor({ exporting = true } = {}) {
+  /** @param {{alone?: boolean}} options alone: without what the page of a single run has itself: its exports, and what is said of its ground truth */
+  constructor({ alone = true } = {}) {
     super();
-    this.#exporting = exporting;
+    this.#isAlone = alone;
   }
 
   connectedCallback() {
@@ -179,7 +179,7 @@ export class RunChart extends HTMLElement {
         all,
       ),
     );
-    if (this.#exporting) this.#tools.append(chartMenu(() => this.offers()));
+    if (this.#isAlone) this.#tools.append(chartMenu(() => this.offers()));
     this.append(this.#tools, this.#panelHost, this.#legend, this.#clock, this.#errors);
   }
 
@@ -208,6 +208,7 @@ export class RunChart extends HTMLElement {
             zoom: (begin, end) => this.#zoom(begin, end),
             read: (time) => this.#read(time),
             top: () => Math.max(...this.#panels.map((each) => each.highest())),
+            noted: this.#isAlone,
           },
           several,
         ),
@@ -225,7 +226,10 @@ export class RunChart extends HTMLElement {
     this.#draw();
     // Do not overwrite what is being typed, as while a running run is read again.
     this.#zoom(...this.#range, document.activeElement);
-    this.#errors.replaceChildren(errorSection(this.#charts, several && this.#overlaid));
+    const told = !this.#isAlone && !this.#charts.some(({ aligned }) => aligned);
+    this.#errors.replaceChildren(
+      ...(told ? [] : [errorSection(this.#charts, several && this.#overlaid)]),
+    );
     this.#errors.querySelector("details")?.toggleAttribute("open", opened);
     this.#panels[focused]?.focus();
   }

@@ -61,7 +61,7 @@ export class RunView extends Part {
   #waiting = h("p.empty", { role: "status" });
   #player = new RunPlayer();
   #progress = new RerunProgress();
-  #chart = new RunChart({ exporting: false });
+  #chart = new RunChart({ alone: false });
   #goal = new RunGoal();
   #labels = new RunLabels();
   #truth = new AlignmentPanel();
