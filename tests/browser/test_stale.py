@@ -83,7 +83,6 @@ def test_everything_is_marked_stale_while_the_server_is_silent(
 ) -> None:
     page = open_panel(viewer=True, losses=True, viewport=_SMALL)
     wait_for_scene(page)
-    page.get_by_role("tab", name="Robots").click()
     server.process.suspend()
     try:
         asked = time.monotonic()
@@ -94,9 +93,6 @@ def test_everything_is_marked_stale_while_the_server_is_silent(
             timeout=6_000,
         )
         assert time.monotonic() - asked < 5
-        # A robot may stand by now: nothing says that it moves as if that were known.
-        robots = page.locator("observer-robots[data-old]")
-        expect(robots).to_contain_text("The server is not responding: the values")
         expect(page.locator("observer-scene")).to_have_attribute("data-freshness", "stale")
         # One message in words, and all live parts greyed out.
         expect(page.locator(".headline-text")).to_contain_text("Stale: The server is not")
@@ -117,6 +113,23 @@ def test_everything_is_marked_stale_while_the_server_is_silent(
     expect(page.locator(".stop-state")).to_contain_text("Stopped by", timeout=10_000)
     page.get_by_role("button", name="Reset", exact=True).first.click()
     expect(page.locator(".stop-latched")).to_be_hidden()
+
+
+def test_robots_of_a_silent_server_are_not_shown_as_if_known(
+    server: Server, open_panel: OpenPanel
+) -> None:
+    page = open_panel(losses=True)
+    page.get_by_role("tab", name="Robots").click()
+    robots = page.locator("observer-robots")
+    expect(robots.locator(".state-chip").first).to_have_text("Disarmed", timeout=20_000)
+    server.process.suspend()
+    try:
+        # Before the connection counts as lost.
+        expect(robots).to_contain_text("The server is not responding: the values", timeout=6_000)
+        expect(robots).to_have_attribute("data-old", "")
+    finally:
+        server.process.resume()
+    expect(robots).not_to_have_attribute("data-old", "", timeout=20_000)
 
 
 def test_the_page_reports_a_hung_engine_and_continues_with_the_next(
