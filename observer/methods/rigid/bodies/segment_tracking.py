@@ -333,18 +333,18 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     if outline.depth_by_points and not outline.depths.measured:
         # Points told changes of depth only: meanwhile the body went from where its segment is.
         outline.offsets.clear()
-    if not by_segment:
-        # By its points it moves, and its origin on it: once they are too few it goes on from there.
-        outline.offsets.clear()
     outline.depth_by_points = outline.depths.measured
-    # When a new anchor takes over, the body is assumed to be where it was expected.
-    offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
-    if outline.depths.measured:
-        cov = cov + scene.along_sight(place) * _DEPTH_DRIFT_M**2
     if by_segment:
+        # When a new anchor takes over, the body is assumed to be where it was expected.
+        offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
+        if outline.depths.measured:
+            cov = cov + scene.along_sight(place) * _DEPTH_DRIFT_M**2
         track.filter = track.filter.with_position(place - offset, cov)
         if track.filter.manoeuvres:
             track.steady_s = 0.0
+    else:
+        # Points measure it, and its origin moves on it: once they are too few it goes on from there.
+        outline.offsets.clear()
     segment = replace(segment, disparity=shown.disparity, fine=shown.fine)
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
     track.missed_s = track.merged_s = 0.0

@@ -42,7 +42,7 @@ from ..solid_worlds import (
     tracked,
 )
 
-quick = settings(deadline=None, max_examples=15)
+quick = settings(max_examples=15)
 LOW = Pose(np.eye(3), np.array([0.0, 0.7, 0.0]))
 
 
