@@ -343,7 +343,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         if track.filter.manoeuvres:
             track.steady_s = 0.0
     else:
-        # Points measure it, and its origin moves on it: once they are too few it goes on from there.
+        # Its points measure it, and its origin moves: once they are too few it goes on from there.
         outline.offsets.clear()
     segment = replace(segment, disparity=shown.disparity, fine=shown.fine)
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
