@@ -36,7 +36,10 @@ async def test_both_methods_process_the_same_frames(http: Any, peer: Any, tmp_pa
     assert facts["trouble"] is None
     paper, default = facts["runs"]
     runs = [(await http.get(f"/api/runs/{id}")).json() for id in (paper, default)]
-    assert [run["name"] for run in runs] == ["people_across, paper", "people_across, default"]
+    assert [run["name"] for run in runs] == [
+        "A person walks across, paper",
+        "A person walks across, default",
+    ]
     assert [run["preset"] for run in runs] == ["paper", "default"]
     assert [run["parameters"]["ego_motion.model"] for run in runs] == ["affine", "rigid"]
     assert [run["rerun_of"] for run in runs] == [None, paper]
