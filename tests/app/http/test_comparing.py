@@ -61,7 +61,7 @@ async def test_both_methods_process_the_same_frames(http: Any, peer: Any, tmp_pa
         assert sum(row["source"] == "truth" for row in rows) >= _FRAMES
         with Recording(_recording(tmp_path, id)) as recording:
             assert recording.facts.id == id
-            assert recording.facts.name == f"people_across, {recording.facts.preset}"
+            assert recording.facts.name == f"A person walks across, {recording.facts.preset}"
 
     # The re-run uses the images of the original run.
     images = [(await http.get(f"/api/runs/{id}/frames/7.jpg")) for id in (paper, default)]
