@@ -86,6 +86,7 @@ def judge(
     sigma = _sigma_along(velocity, cov)
     track.unsure_s = 0.0 if track.significance >= _STILL_SIGMAS else track.unsure_s + dt
     track.motion = _motion(track, speed, sigma, parameters.stopped_below_mps)
+    track.moved_s = track.moved_s + dt if track.motion is MotionState.MOVING else 0.0
     track.stood_s = track.stood_s + dt if track.motion is MotionState.STOPPED else 0.0
     if track.significance >= parameters.confirm_sigmas:
         track.part_moves = False
@@ -168,8 +169,8 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
 def has_long_moved_apart(track: BodyTrack) -> bool:
     """Return whether a body has been seen to move before its surroundings for some time."""
     moves = track.state is TrackState.CONFIRMED and track.motion is MotionState.MOVING
-    apart = track.outline is not None and track.merged_s == 0 and track.off_ground
-    return moves and apart and track.age_s >= _LONG_S
+    apart = track.seen_outline is not None and track.merged_s == 0 and track.off_ground
+    return moves and apart and track.moved_s >= _LONG_S
 
 
 def _confirmed(

@@ -66,9 +66,10 @@ def spawned(
         if np.linalg.norm(group.velocity) < _CREEPING * parameters.stopped_below_mps:
             continue
         members = group.members
-        track = _outlined(points.within[members], [t for t in stiff if not t.rigid])
+        track = _outlined(points.within[members], stiff)
         if track is not None:
-            if not _stiffens(track, group, parameters):
+            # Only the largest group on a body gives its motion.
+            if track.rigid or not _stiffens(track, group, parameters):
                 continue
             track.stiffen(_start_filter(group))
         else:
@@ -103,10 +104,9 @@ def _stiffens(track: BodyTrack, group: Group, parameters: ObstacleParameters) ->
     if not track.contains(group.centre[None], track.room(parameters.margin))[0]:
         # At another depth than the body on whose outline they are seen.
         return False
-    if _is_known_better(track, group):
-        return False
     # Points that slide off its edge onto what is behind it seem to move fast.
-    return goes_with(track, group) and moves_as_one(track, group.velocity, len(group.members))
+    rigid = goes_with(track, group) and moves_as_one(track, group.velocity, len(group.members))
+    return rigid and not _is_known_better(track, group)
 
 
 def _is_known_better(track: BodyTrack, group: Group) -> bool:
