@@ -54,11 +54,6 @@ class Capture(Protocol):
         """Exposure of the grabbed frame, seconds of ``time.monotonic``; None where unknown."""
         ...
 
-    @property
-    def skipped(self) -> int:
-        """Number of older frames that the last grab passed over for the grabbed one."""
-        ...
-
     def sent(self) -> float | None:
         """Timestamp of the grabbed frame on the stream's own clock, seconds; None without any."""
         ...
@@ -86,17 +81,12 @@ def open_capture(address: str, settings: CameraSettings) -> Capture:
     # Loaded here because devices need nothing of the network.
     from observer.sources.cameras.mjpeg import open_mjpeg
 
-    try:
-        return open_mjpeg(address) or NetworkCapture(address)
-    except OSError:
-        # FFmpeg would only try it again.
-        raise SourceError(_why_not(address)) from None
+    return open_mjpeg(address) or NetworkCapture(address)
 
 
 class _OpenCvCapture:
     """Base of captures by OpenCV, of devices and of streams."""
 
-    skipped = 0
     _capture: cv2.VideoCapture
 
     @property

@@ -88,29 +88,24 @@ class Backlog:
         self._queued_s = 0.0
         self._arrivals: deque[float] = deque(maxlen=self._PACED)
 
-    def holds(self, arrival: float, period: float, skipped: int = 0) -> bool:
+    def holds(self, arrival: float, period: float) -> bool:
         """Return whether the frame that arrived at this moment is an old one.
 
         Args:
             arrival: host's monotonic clock, seconds.
             period: of the camera, seconds.
-            skipped: number of older frames that came with it and are not asked about.
         """
         interval = None if self._last is None else arrival - self._last
         self._last, self.drains = arrival, False
         if interval is None or interval > 2.5 * period:
             self._draining_since = arrival
-            waited_s = 0.0 if interval is None else interval
-            self._queued_s = max(self._queued_s, 0.0) + waited_s - skipped * period
+            self._queued_s = max(self._queued_s, 0.0) + (0.0 if interval is None else interval)
             self._arrivals.clear()
             self._arrivals.append(arrival)
             return True
         if self._draining_since is None:
             return False
-        self._queued_s += interval - (1 + skipped) * period
-        if skipped:
-            # The pace of those that were not skipped is not the camera's.
-            self._arrivals.clear()
+        self._queued_s += interval - period
         self._arrivals.append(arrival)
         self.drains = not self._is_drained(interval, period, arrival - self._draining_since)
         if not self.drains:

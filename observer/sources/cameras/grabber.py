@@ -154,7 +154,7 @@ class Grabber:
             # A stamp gives a frame's age; without stamps only the pace shows it.
             received, is_old, held = arrival, False, False
             if stamp is None:
-                held = backlog.holds(arrival, period.seconds, self._capture.skipped)
+                held = backlog.holds(arrival, period.seconds)
                 drains = backlog.drains
                 sent = self._capture.sent()
                 if sent is not None and lag.holds(arrival, sent, period.seconds):

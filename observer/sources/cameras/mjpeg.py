@@ -19,12 +19,11 @@ from urllib.parse import unquote, urlsplit, urlunsplit
 import cv2
 import numpy as np
 
-from observer.image_files.reading import damage
 from observer.sources.cameras.settings import AppliedSettings
 from observer.types import Image
 
-# Of each wait for data; FFmpeg's own is as long.
-_TIMEOUT_S = 5.0
+# Of each wait for data.
+_TIMEOUT_S = 3.0
 _CHUNK = 1 << 16
 _LONGEST_HEAD = 1 << 13
 _LONGEST_PART = 1 << 26
@@ -35,7 +34,7 @@ _LENGTH = re.compile(
 )
 _STAMP = re.compile(rb"^x-timestamp:[ \t]*([0-9.]{1,32})[ \t]*\r?$", re.IGNORECASE | re.MULTILINE)
 _HEAD_END = re.compile(rb"\r?\n\r?\n")
-_JPEG = b"\xff\xd8"
+_START_OF_SCAN, _END_OF_IMAGE = b"\xff\xda", b"\xff\xd9"
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,7 @@ class Parts:
             end = body + self._length
             return end if end <= len(self._data) else None
         found = self._find_boundary(body)
-        if found is None and _is_whole(bytes(self._data[body:])):
+        if found is None and is_whole(self._data[body:]):
             # Without waiting for the next boundary, which comes with the next image.
             return len(self._data)
         return found
@@ -141,7 +140,6 @@ class MjpegCapture:
     """
 
     rate: float | None = None
-    skipped = 0
 
     def __init__(self, response: http.client.HTTPResponse, boundary: str) -> None:
         self._response = response
@@ -157,7 +155,7 @@ class MjpegCapture:
                 part = self._parts.next()
             if part is None:
                 return count > 0
-            self._part, self.skipped = part, count
+            self._part = part
         return True
 
     def stamp(self) -> float | None:
@@ -177,7 +175,7 @@ class MjpegCapture:
     def retrieve(self) -> Image | None:
         data = self._part.data
         # A decoder fills what a truncated image lacks, and says nothing.
-        if not _is_whole(data):
+        if not is_whole(data):
             return None
         try:
             image = cv2.imdecode(
@@ -200,16 +198,12 @@ class MjpegCapture:
 
 
 def open_mjpeg(url: str) -> MjpegCapture | None:
-    """Open an MJPEG stream; None if it is another kind of video, or not plain HTTP.
-
-    Raises:
-        OSError: the server cannot be reached or refuses the request.
-    """
+    """Open an MJPEG stream; None if the URL cannot be read or is another kind of video."""
     if not url.lower().startswith(("http://", "https://")):
         return None
     try:
         response = _get(url)
-    except (ValueError, http.client.HTTPException):
+    except (OSError, ValueError, http.client.HTTPException):
         return None
     if not isinstance(response, http.client.HTTPResponse):
         return None
@@ -222,8 +216,11 @@ def open_mjpeg(url: str) -> MjpegCapture | None:
     return MjpegCapture(response, boundary)
 
 
-def _is_whole(data: bytes) -> bool:
-    return data.startswith(_JPEG) and damage(data) is None
+def is_whole(data: bytes | bytearray) -> bool:
+    """Return whether the data begin as a JPEG image and hold the end of its last scan."""
+    # Within a scan, these markers cannot occur; a thumbnail before it has its own.
+    scan = data.rfind(_START_OF_SCAN)
+    return data.startswith(b"\xff\xd8") and 0 <= scan < data.rfind(_END_OF_IMAGE)
 
 
 def _seconds(text: bytes) -> float | None:

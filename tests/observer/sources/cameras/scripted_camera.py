@@ -39,8 +39,6 @@ class ScriptedCapture:
     at once); ``raise``; ``die``; ``busy`` (cannot be opened); ``hang in opening``.
     """
 
-    skipped = 0
-
     def __init__(self, address: str, settings: CameraSettings) -> None:
         self._file = Path(address)
         self._settings = settings

@@ -92,22 +92,6 @@ def test_a_queue_that_drains_slowly_is_old_to_its_end(decoded_hz: float, stall_s
     assert len(fresh) > 900 - 30 * stall_s * decoded_hz / (decoded_hz - 30) - 10
 
 
-def test_frames_skipped_for_a_newer_one_leave_the_queue() -> None:
-    stall_s = 20 * T
-    for skipped, are_held in ((19, [True, False, False]), (5, [True] * 3)):
-        backlog = Backlog()
-        for index in range(30):
-            backlog.holds(T * index, T)
-        back = 29 * T + stall_s
-        held = [backlog.holds(back, T, skipped), *(backlog.holds(back + T * n, T) for n in (1, 2))]
-        assert held == are_held
-    # Among frames that are skipped, the pace of the others tells nothing.
-    backlog = Backlog()
-    backlog.holds(0.0, T)
-    backlog.holds(5.0, T)
-    assert all(backlog.holds(5.0 + T * n, T, skipped=1) for n in range(1, 20))
-
-
 def test_frames_at_pace_are_new_although_a_stall_may_have_queued_more() -> None:
     backlog = Backlog()
     for index in range(30):
