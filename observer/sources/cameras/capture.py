@@ -76,12 +76,7 @@ def open_capture(address: str, settings: CameraSettings) -> Capture:
     Raises:
         SourceError: its text continues a sentence that begins with the camera's name.
     """
-    if "://" not in address:
-        return DeviceCapture(address, settings)
-    # Loaded here because devices need nothing of the network.
-    from observer.sources.cameras.mjpeg import open_mjpeg
-
-    return open_mjpeg(address) or NetworkCapture(address)
+    return NetworkCapture(address) if "://" in address else DeviceCapture(address, settings)
 
 
 class _OpenCvCapture:
@@ -158,7 +153,7 @@ class DeviceCapture(_OpenCvCapture):
 
 
 class NetworkCapture(_OpenCvCapture):
-    """A stream that FFmpeg reads; implements ``Capture``. Its frames are stamped at arrival.
+    """A stream over RTSP or HTTP; implements ``Capture``. Its frames are stamped at arrival.
 
     Raises:
         SourceError: it cannot be reached or is not a video.
