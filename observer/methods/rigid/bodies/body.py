@@ -73,8 +73,7 @@ class BodyTrack:
         among_static: while tentative: static points are seen among its own.
         far: it is seen by points alone, too far away to tell whether they approach or recede.
         growth: of its image, while tentative.
-        moved_s: seconds for which it has moved without a stop. stood_s: for which it has not moved.
-            unsure_s: for which it may as well stand.
+        stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
             before, and once it was seen to have left that place.
     """
@@ -113,7 +112,6 @@ class BodyTrack:
     among_static: bool = False
     far: bool = False
     growth: Growth = field(default_factory=Growth)
-    moved_s: float = 0.0
     stood_s: float = 0.0
     unsure_s: float = 0.0
     confirmed_at: Float64Array | None = None

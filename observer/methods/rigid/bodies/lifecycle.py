@@ -28,7 +28,7 @@ _TENTATIVE_COAST_S = 0.15
 _PATIENCE_S = 0.5
 # The latter for one that was seen as a segment.
 _OUTLINE_PATIENCE_S = 1.5
-# Seconds after which a body that moves is no mistake.
+# Seconds after which a body that is reported is no mistake.
 _LONG_S = 1.0
 # Seconds for which a body may be merged with its surroundings.
 _MERGED_S = 1.0
@@ -86,7 +86,6 @@ def judge(
     sigma = _sigma_along(velocity, cov)
     track.unsure_s = 0.0 if track.significance >= _STILL_SIGMAS else track.unsure_s + dt
     track.motion = _motion(track, speed, sigma, parameters.stopped_below_mps)
-    track.moved_s = track.moved_s + dt if track.motion is MotionState.MOVING else 0.0
     track.stood_s = track.stood_s + dt if track.motion is MotionState.STOPPED else 0.0
     if track.significance >= parameters.confirm_sigmas:
         track.part_moves = False
@@ -166,11 +165,11 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
 
 
-def has_long_moved_apart(track: BodyTrack) -> bool:
-    """Return whether a body has been seen to move before its surroundings for some time."""
+def moves_apart(track: BodyTrack) -> bool:
+    """Return whether a body that has been known for a while moves, seen before its surroundings."""
     moves = track.state is TrackState.CONFIRMED and track.motion is MotionState.MOVING
     apart = track.seen_outline is not None and track.merged_s == 0 and track.off_ground
-    return moves and apart and track.moved_s >= _LONG_S
+    return moves and apart and track.age_s >= _LONG_S
 
 
 def _confirmed(

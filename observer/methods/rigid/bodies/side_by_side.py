@@ -123,7 +123,7 @@ def part_off(
         place, place_cov = each.mean[POSITION], each.filter.covariance[POSITION, POSITION]
         each.filter = BodyFilter.begin(place, velocity, place_cov, cov, 0.0).straightened()
     twin.state, twin.motion, twin.age_s = track.state, track.motion, track.age_s
-    twin.hits, twin.sightings, twin.moved_s = track.hits, track.sightings, track.moved_s
+    twin.hits, twin.sightings = track.hits, track.sightings
     track.become(kept)
     if track.confirmed_at is not None:
         track.confirmed_at, twin.confirmed_at = track.centre, twin.centre

@@ -18,7 +18,7 @@ from observer.methods.rigid.bodies.filter import (
     yaw_matrix,
 )
 from observer.methods.rigid.bodies.identity import are_one
-from observer.methods.rigid.bodies.lifecycle import has_long_moved_apart, is_over, judge
+from observer.methods.rigid.bodies.lifecycle import is_over, judge, moves_apart
 from observer.methods.rigid.bodies.limbs import judge_scatter
 from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
 from observer.methods.rigid.bodies.membership import joining, placed, resting, shape_position
@@ -127,8 +127,8 @@ class BodyTracker:
         return self._on(points, [t for t in self.tracks if t.state is not TrackState.TENTATIVE])
 
     def seen_apart(self, points: TrackedPoints) -> NDArray[np.bool_]:
-        """(N,) which points belong to bodies that have long moved apart from their surroundings."""
-        return self._on(points, [track for track in self.tracks if has_long_moved_apart(track)])
+        """(N,) which points belong to known bodies that move before their surroundings."""
+        return self._on(points, [track for track in self.tracks if moves_apart(track)])
 
     def _on(self, points: TrackedPoints, tracks: list[BodyTrack]) -> NDArray[np.bool_]:
         """(N,) which points belong to some of the tracks, or are seen on them."""
