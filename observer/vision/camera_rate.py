@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
@@ -35,6 +36,22 @@ class CameraRate:
     def over(self, dt: float) -> Pose:
         """T_later_now: the motion over ``dt`` seconds, which may be negative."""
         return Pose.from_rotvec(self.turn * dt, self.shift * dt)
+
+    def static_flow(
+        self,
+        px: Float64Array | NDArray[np.float32],
+        disparity: Float64Array,
+        camera: StereoCamera,
+    ) -> Float64Array:
+        """(N, 2) px/s: how static points move in the left image, f d/dt (x / z) and f d/dt (y / z).
+
+        Args:
+            px: (N, 2) and disparity: (N,) px, where they are seen.
+        """
+        place = camera.triangulate(px, disparity)
+        velocity, depth = np.cross(self.turn, place) + self.shift, place[:, 2:]
+        across = velocity[:, :2] - place[:, :2] / depth * velocity[:, 2:]
+        return np.asarray(np.array([camera.fx, camera.fy]) * across / depth, np.float64)
 
     def velocity_by_bias(
         self, place: Float64Array, velocity: Float64Array, camera: StereoCamera

@@ -101,7 +101,7 @@ class PointRenewal:
         disparity = np.maximum(disparity[known], LEAST_DISPARITY_PX)
         skew_s = _skew_s(view)
         if skew_s and rate is not None:
-            disparity = disparity + skew_s * self._static_flow(px, disparity, rate)
+            disparity = disparity + skew_s * rate.static_flow(px, disparity, self._camera)[:, 0]
         started = self._start_points(px, right, disparity, T_camera_world, bias_px)
         self._next_number += len(px)
         return started.but(recurs=matches.recurs[known])
@@ -123,15 +123,6 @@ class PointRenewal:
         first = sightings_at(px, disparity, sigma, unknown, T_world_camera, self._camera)
         sums = PositionVelocityFilter.begin(first.position, first.information)
         return TrackedPoints.begin(self._next_number, px, right, disparity, sums)
-
-    def _static_flow(
-        self, px: NDArray[np.float32], disparity: Float64Array, rate: CameraRate
-    ) -> Float64Array:
-        """(N,) px/s along the rows of new points, if they are static: f d/dt (x / z)."""
-        x, y, z = self._camera.triangulate(px, disparity).T
-        (turn_x, turn_y, turn_z), (right, _, ahead) = rate.turn, rate.shift
-        across, nearing = turn_y * z - turn_z * y + right, turn_x * y - turn_y * x + ahead
-        return np.asarray(self._camera.fx * (across - x / z * nearing) / z, np.float64)
 
 
 def _skew_s(view: View) -> float:

@@ -89,6 +89,18 @@ def test_points_behind_the_camera_have_no_apparent_motion(camera: StereoCamera) 
     assert errors == pytest.approx(np.zeros((1, 2, 3)))
 
 
+def test_static_flow_is_that_of_the_projections(camera: StereoCamera) -> None:
+    rate = CameraRate(np.array([0.1, -0.3, 0.2]), np.array([0.2, -0.1, -0.6]))
+    place = np.array([[0.5, -0.3, 2.0], [-1.0, 0.4, 4.0], [0.1, 0.0, 8.0]])
+    px, disparity = camera.project(place)
+    step_s = 1e-4
+    later, _ = camera.project(rate.over(step_s).apply(place))
+    earlier, _ = camera.project(rate.over(-step_s).apply(place))
+    np.testing.assert_allclose(
+        rate.static_flow(px, disparity, camera), (later - earlier) / (2 * step_s), rtol=1e-5
+    )
+
+
 def test_rate_is_the_motion_per_second() -> None:
     moved = Pose.from_rotvec([0.01, -0.02, 0.005], [0.1, 0.0, -0.3])
     again = CameraRate.of(moved, 0.1).over(0.1)

@@ -51,7 +51,9 @@ class Growth:
         """
         if len(px) < _LEAST_POINTS:
             return self
-        rate, variance = _growth_rate(px, flow - _static_flow(px, disparity, now))
+        # As of static things that all have the body's disparity.
+        static_flow = now.rate.static_flow(px, np.full(len(px), disparity), now.camera)
+        rate, variance = _growth_rate(px, flow - static_flow)
         static = float(np.linalg.norm(now.rate.shift)) * disparity / now.camera.fb
         return Growth(
             self.beyond + rate * now.dt,
@@ -67,16 +69,6 @@ class Growth:
         """
         growth = self.beyond if approach_mps > 0 else -self.beyond
         return growth >= max(_LEAST_GROWTH + self.static, _SIGMAS * math.sqrt(self.variance))
-
-
-def _static_flow(px: Float64Array, disparity: float, now: CameraStep) -> Float64Array:
-    """(N, 2) px/s: flow at pixels (N, 2) of static things that all have one disparity, px."""
-    place = now.camera.triangulate(px, np.full(len(px), disparity))
-    velocity = np.cross(now.rate.turn, place) + now.rate.shift
-    depth = place[:, 2:]
-    focal = np.array([now.camera.fx, now.camera.fy])
-    across = velocity[:, :2] - place[:, :2] / depth * velocity[:, 2:]
-    return np.asarray(focal * across / depth)
 
 
 def _growth_rate(px: Float64Array, flow: Float64Array) -> tuple[float, float]:

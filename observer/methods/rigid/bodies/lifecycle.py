@@ -277,9 +277,8 @@ def _is_slow(track: BodyTrack, parameters: ObstacleParameters) -> bool:
 
 def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
     """Return whether a good part of a body's velocity is across the line of sight."""
-    velocity, ahead = track.mean[VELOCITY], track.centre - camera_position
-    speed = float(np.linalg.norm(velocity))
-    along = float(velocity @ ahead) / float(np.linalg.norm(ahead))
+    speed = float(np.linalg.norm(track.mean[VELOCITY]))
+    along = _approach(track, camera_position)
     return bool(np.sqrt(max(0.0, speed**2 - along**2)) >= _ACROSS_SHARE * speed)
 
 
