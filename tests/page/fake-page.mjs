@@ -151,6 +151,7 @@ Object.assign(globalThis, {
   location: { hash: "", protocol: "http:", host: "here" },
   localStorage: { getItem: () => null, setItem() {} },
   matchMedia: () => Object.assign(new EventTarget(), { matches: false }),
+  DOMRect: class {},
   ResizeObserver: class {
     observe() {}
     disconnect() {}

@@ -159,12 +159,10 @@ export class DrivePad extends Part {
     const { values } = storeOf(this.hub).state;
     this.#ring.show(robot, Number(values[HALF_ANGLE] ?? SONAR_HALF_ANGLE_DEG));
     setText(this.#sonar, robot ? sonarInWords(robot) : "");
+    const why = hold.blockedReason || blockedReason || driver.note || heldBack;
     setText(
       this.#state,
-      hold.blockedReason ||
-        blockedReason ||
-        driver.note ||
-        heldBack ||
+      why ||
         (hold.isActive
           ? `Driving the ${driver.role}`
           : `Ready to drive the ${driver.role}${connected() ? ", gamepad connected" : ""}`),
@@ -184,19 +182,19 @@ export class DrivePad extends Part {
         ? `${fixed(topSpeed.speed_mps, 2)} m/s, ${fixed(degrees(topSpeed.turn_rate_radps), 0)} °/s`
         : `${Math.round(driver.share * 100)} %`,
     );
-    this.#renderSent(reply, heldBack);
+    this.#renderSent(reply, heldBack !== "" && why === heldBack);
     this.#renderLink();
     this.#renderGuard(robot);
   }
 
   /**
    * @param {SentMessage | null | undefined} reply to the newest command
-   * @param {string} heldBack why it does not move, which is then shown already
+   * @param {boolean} limitShown whether the limit is shown already, as the reason why it stands still
    */
-  #renderSent(reply, heldBack) {
+  #renderSent(reply, limitShown) {
     const sent = reply ?? this.hub.driver.robot()?.sent;
     setText(this.#sent, `Sent: ${sent ? velocityInWords(sent) : "–"}`);
-    const limit = heldBack ? null : reply?.limited_by;
+    const limit = limitShown ? null : reply?.limited_by;
     setText(this.#limit, limit ? `Limited: ${limit}` : "");
     this.#limit.hidden = !limit;
   }

@@ -145,11 +145,11 @@ class GoalPanel extends Part {
   /** What is missing before a goal can be sent; empty if nothing. */
   get #missingReason() {
     if (isReadOnly()) return READ_ONLY_WORDS;
-    const { driver, robots, connection } = this.hub;
+    const { driver, robots } = this.hub;
     const running = robots?.programme && this.#programme;
     const moves = running && running.roles.includes(ROLE) ? running.title : "";
     const ours = driver.link.leases.has(ROLE);
-    return missingForGoal(robots, driver.robot(ROLE), ours, connection === "open", moves);
+    return missingForGoal(this.hub, ours, moves);
   }
 
   async #sendTyped() {

@@ -4,8 +4,8 @@ import { FARTHEST_GOAL_M } from "../elements/facts.js";
 import { fixed, sentence } from "../elements/words.js";
 import { isArmed } from "./roles.js";
 
-/** @import { RobotNow, RobotsMessage } from "../contract" */
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
+/** @import { Hub } from "../shell/hub.js" */
 
 /** The parameter that sets the risk of goals sent without one. */
 export const RISK_PARAMETER = "navigation.risk_per_metre";
@@ -31,16 +31,19 @@ export function riskChoices(usual) {
 /**
  * Say what must be done before the observer can be sent to a goal.
  *
- * @param {RobotsMessage | null} facts
- * @param {RobotNow | null} robot the observer
- * @param {boolean} ours whether this page holds its lease
- * @param {boolean} connected whether the server is connected
+ * @param {Pick<Hub, "connection" | "robots" | "robotsOutdated">} hub
+ * @param {boolean} ours whether this page holds the observer's lease
  * @param {string} programme title of the programme that moves the observer; empty for none
  * @returns {string} a sentence; empty if nothing is missing
  */
-export function missingForGoal(facts, robot, ours, connected, programme) {
-  if (!connected) return "No connection to the server.";
+export function missingForGoal({ connection, robots: facts, robotsOutdated }, ours, programme) {
+  if (connection !== "open") return "No connection to the server.";
   if (!facts) return "Waiting for robot status.";
+  if (robotsOutdated)
+    return facts.process?.alive === false
+      ? sentence(facts.process.trouble ?? "the drive process is restarting")
+      : "The server is not responding.";
+  const robot = facts.robots?.observer;
   if (facts.stopped) return "All robots are stopped: reset the stop first.";
   if (!robot) return "Connect the observer first.";
   if (robot.operator && !ours) return "Take control of the observer first.";

@@ -4,22 +4,27 @@ import { test } from "node:test";
 import * as words from "../../../static/app/driving/goal-words.js";
 import { robot, robots } from "../made.mjs";
 
-/** @import { RobotNow, RobotsMessage } from "../../../static/app/contract" */
+/** @import { RobotNow } from "../../../static/app/contract" */
+/** @import { Hub } from "../../../static/app/shell/hub.js" */
 
-/** @typedef {{facts?: RobotsMessage | null, observer?: RobotNow | null, ours?: boolean, connected?: boolean, programme?: string}} Known */
+/** @typedef {{observer?: RobotNow | null, ours?: boolean, programme?: string}} Known */
+/** @typedef {Partial<Pick<Hub, "connection" | "robots" | "robotsOutdated">>} Heard */
 
-/** A state in which nothing is missing, with a test's changes. @param {Known} changes */
+/** A state in which nothing is missing, with a test's changes. @param {Known & Heard} changes */
 function missing(changes) {
-  const known = {
-    facts: robots(),
-    observer: robot({ state: "armed", operator: "Ann" }),
-    ours: true,
-    connected: true,
-    programme: "",
-    ...changes,
+  const {
+    observer = robot({ state: "armed", operator: "Ann" }),
+    ours = true,
+    programme = "",
+    ...heard
+  } = changes;
+  const hub = {
+    connection: /** @type {const} */ ("open"),
+    robots: robots({ robots: { observer, obstacle: null } }),
+    robotsOutdated: false,
+    ...heard,
   };
-  const { facts, observer, ours, connected, programme } = known;
-  return words.missingForGoal(facts, observer, ours, connected, programme);
+  return words.missingForGoal(hub, ours, programme);
 }
 
 test("with an armed observer in one's own hands nothing is missing", () => {
@@ -28,16 +33,23 @@ test("with an armed observer in one's own hands nothing is missing", () => {
 });
 
 test("what must be done first is told, the most urgent alone", () => {
-  assert.match(missing({ connected: false }), /^No connection/);
-  assert.match(missing({ facts: null }), /^Waiting for robot status/);
+  assert.match(missing({ connection: "closed" }), /^No connection/);
+  assert.match(missing({ robots: null }), /^Waiting for robot status/);
   const stopped = robots({ stopped: { by: "Ann", since: 0 } });
-  assert.match(missing({ facts: stopped, observer: null }), /reset the stop first/);
+  assert.match(missing({ robots: stopped }), /reset the stop first/);
   assert.match(missing({ observer: null }), /^Connect the observer first/);
   assert.match(missing({ ours: false }), /^Take control of the observer first/);
   const free = robot({ state: "armed" });
   assert.match(missing({ observer: free, ours: false }), /^Arm the observer first/);
   assert.match(missing({ observer: robot() }), /^Arm the observer first/);
   assert.match(missing({ programme: "Figure 17" }), /^The programme Figure 17 is running/);
+});
+
+test("no goal is sent while nothing is heard of the robots", () => {
+  assert.equal(missing({ robotsOutdated: true }), "The server is not responding.");
+  const process = { alive: false, pid: null, restarts: 1, trouble: null };
+  const dead = robots({ process });
+  assert.equal(missing({ robotsOutdated: true, robots: dead }), "The drive process is restarting.");
 });
 
 test("a place that was typed is read, or refused in a sentence", () => {
