@@ -232,8 +232,11 @@ class GoalPanel extends Part {
     setAttribute(this, "data-old", robotsOutdated ? "" : null);
     const goal = robots?.goal ?? null;
     const drives = goal?.state === "driving";
-    if (!drives) moveFocus(this.#driving, this.#ahead);
+    // Not to a field if possible: phones open their keyboard, and Enter would send the goal again.
+    if (!drives) moveFocus(this.#driving, this.#pick, this.#ahead);
+    const ends = !drives && !this.#driving.hidden;
     this.#driving.hidden = !drives;
+    if (ends && !floorPick.asked) floorPick.say("");
     if (goal && drives) this.#renderDriving(goal);
     else setText(this.#spoken, "");
     const ended = goal && !drives ? goal.sentence : "";
