@@ -109,6 +109,11 @@ def test_files_of_other_tools_are_previewed_before_use(
         "() => document.activeElement.ariaLabel === 'Rename calibration Of Kalibr'", timeout=5_000
     )
 
+    # Beside its buttons a name would be broken within words.
+    words = page.locator("observer-calibration .item-words").first.bounding_box()
+    assert words is not None
+    assert words["width"] > 170
+
     page.get_by_role("button", name="Compare").click()
     table = page.get_by_role("dialog").get_by_role("table")
     expect(table).to_contain_text("Of Kalibr")
