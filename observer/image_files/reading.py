@@ -31,6 +31,10 @@ _JPEG = b"\xff\xd8"
 # JPEG segments without a length: TEM, RSTn, SOI.
 _JPEG_BARE = frozenset({0x01, *range(0xD0, 0xD9)})
 _JPEG_START_OF_SCAN = 0xDA
+_JPEG_STARTS_OF_FRAME = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_END = b"\xff\xd9"
+# Inside compressed data 00 follows every FF, so anything but RSTn is the marker after it.
+_JPEG_AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 
 
 class BitDepth:
@@ -132,7 +136,7 @@ def _png_damage(content: bytes) -> str | None:
 
 def _jpeg_damage(content: bytes) -> str | None:
     cut_off = "is truncated: the JPEG has no end marker"
-    position = 2
+    position, has_frame = 2, False
     while position + 4 <= len(content):
         if content[position] != 0xFF:
             return "is damaged: a JPEG segment does not start where it should"
@@ -140,10 +144,18 @@ def _jpeg_damage(content: bytes) -> str | None:
         if marker == 0xFF or marker in _JPEG_BARE:
             position += 1 if marker == 0xFF else 2
             continue
-        if marker == _JPEG_START_OF_SCAN:
-            # Inside compressed data every FF is escaped, so this can only be the end marker.
-            return None if content.find(b"\xff\xd9", position) >= 0 else cut_off
         position += 2 + int.from_bytes(content[position + 2 : position + 4], "big")
+        if marker == _JPEG_START_OF_SCAN:
+            after = _JPEG_AFTER_SCAN.search(content, position)
+            if after is None:
+                return cut_off
+            if after[0] == _JPEG_END:
+                return None
+            position = after.start()
+        elif marker in _JPEG_STARTS_OF_FRAME:
+            if has_frame:
+                return "is truncated: another JPEG begins before its end marker"
+            has_frame = True
     return cut_off
 
 

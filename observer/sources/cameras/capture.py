@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from observer.errors import SourceError
+from observer.image_files.reading import decoded_image
 from observer.sources.cameras.settings import AppliedSettings, CameraSettings
 from observer.types import Image
 
@@ -173,6 +174,20 @@ class NetworkCapture(_OpenCvCapture):
             )
         if not self._capture.isOpened():
             raise SourceError(_why_not(url))
+        # FFmpeg's decoder fills what a truncated image lacks, and images of another size are scaled
+        # to the first one's. Undecoded images also leave a queue faster.
+        self._undecoded = _codec(self._capture) == "MJPG" and self._capture.set(
+            cv2.CAP_PROP_FORMAT, -1
+        )
+
+    def retrieve(self) -> Image | None:
+        received = super().retrieve()
+        if received is None or not self._undecoded:
+            return received
+        try:
+            return decoded_image(received.tobytes(), name="the image")
+        except SourceError:
+            return None
 
     def stamp(self) -> float | None:
         return None

@@ -81,6 +81,18 @@ def test_any_truncation_of_a_jpeg_is_noticed(options: list[int], length: int) ->
         assert damage(whole[:length])
 
 
+@pytest.mark.parametrize("options", [[], PROGRESSIVE])
+@given(share=st.floats(0.0, 0.99), between=st.sampled_from([b"", b"\r\n--b\r\nA: b\r\n\r\n"]))
+@settings(max_examples=60)
+def test_a_jpeg_that_another_one_cuts_off_is_damaged(
+    options: list[int], share: float, between: bytes
+) -> None:
+    whole = encoded(".jpg", options=options)
+    assert damage(whole + between + whole) is None
+    frame = whole.index(b"\xff\xc2" if options else b"\xff\xc0") + 4
+    assert damage(whole[: frame + int((len(whole) - frame) * share)] + between + whole)
+
+
 @given(position=st.integers(8, 2000), value=st.integers(1, 255))
 @settings(max_examples=100)
 def test_any_changed_byte_of_a_png_is_noticed(position: int, value: int) -> None:

@@ -44,14 +44,19 @@ PIECES = (
 LONGEST_S = 8.0
 
 
-def part(number: int) -> bytes:
-    noise = np.random.default_rng(number).integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    image = cv2.imencode(".jpg", noise)[1].tobytes()
-    head = f"--b\r\nContent-Type: image/jpeg\r\nContent-Length: {len(image)}\r\n\r\n"
+def jpeg(number: int, width: int = WIDTH, height: int = HEIGHT) -> bytes:
+    noise = np.random.default_rng(number).integers(0, 255, (height, width, 3), dtype=np.uint8)
+    return cv2.imencode(".jpg", noise)[1].tobytes()
+
+
+def part(image: bytes, length: int | None = None) -> bytes:
+    """Return an image as sent, with the length that it declares; its own by default."""
+    declared = len(image) if length is None else length
+    head = f"--b\r\nContent-Type: image/jpeg\r\nContent-Length: {declared}\r\n\r\n"
     return head.encode() + image + b"\r\n"
 
 
-GOOD = [part(number) for number in range(PARTS)]
+GOOD = [part(jpeg(number)) for number in range(PARTS)]
 STREAM = HEAD + b"".join(GOOD)
 
 
@@ -171,6 +176,49 @@ def test_an_endless_part_is_reported_and_recovered_from(camera: DamagedCamera) -
     finally:
         source.close()
     assert grabbers() == []
+
+
+@pytest.mark.parametrize("declares_all", [False, True])
+def test_truncated_images_are_reported_and_not_used(
+    camera: DamagedCamera, declares_all: bool
+) -> None:
+    camera.content = None
+    whole = jpeg(99)
+    truncated = part(whole[: len(whole) // 2], len(whole) if declares_all else None)
+    source = CameraSource(parse_urls(f"sbs:{camera.url}"))
+    try:
+        watch = Watch(source)
+        watch.read_frames(5)
+        camera.between = repeated(truncated)
+        watch.read_until(lambda: "cannot be decoded" in str(watch.troubles[-1:]))
+        watch.read_frames(5)
+    finally:
+        source.close()
+    expected = [cv2.imdecode(np.frombuffer(jpeg(n), np.uint8), 1) for n in range(PARTS)]
+    for frame in watch.frames:
+        assert frame.right is not None
+        both = np.hstack([frame.left, frame.right])
+        assert any(np.array_equal(both, each) for each in expected)
+
+
+def test_images_of_another_size_are_reported_and_not_scaled(camera: DamagedCamera) -> None:
+    camera.content = None
+    source = CameraSource(parse_urls(f"sbs:{camera.url}"))
+    try:
+        watch = Watch(source)
+        watch.read_frames(5)
+        camera.between = repeated(part(jpeg(99, 2 * WIDTH, 2 * HEIGHT)))
+        watch.read_until(lambda: "from 64x48 to 128x96 pixels" in str(watch.troubles[-1:]))
+        assert {frame.left.shape for frame in watch.frames} == {(HEIGHT, WIDTH // 2, 3)}
+    finally:
+        source.close()
+
+
+def repeated(sent: bytes) -> Iterator[bytes]:
+    """Yield a part for 2 s at the camera's rate."""
+    for _ in range(100):
+        yield sent
+        time.sleep(0.02)
 
 
 def endless() -> Iterator[bytes]:
