@@ -78,10 +78,12 @@ def check_length(content: bytes, name: str, what: str) -> None:
 
 def decoded(content: bytes, *, name: str) -> str:
     """Return these bytes as text; raise ``InputError`` if they are neither UTF-8 nor UTF-16."""
+    is_wide = content.startswith(WIDE_MARKS)
     try:
-        return content.decode("utf-16" if content.startswith(WIDE_MARKS) else "utf-8-sig")
+        return content.decode("utf-16" if is_wide else "utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{name}: the file must be UTF-8 text") from None
+        problem = "is UTF-16 text that is truncated or damaged" if is_wide else "must be UTF-8 text"
+        raise InputError(f"{name}: the file {problem}") from None
 
 
 def parse_text(

@@ -26,6 +26,7 @@ from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
 from observer.truth.files.text_lines import TextLines, separator_of
 from observer.truth.files.units import (
     LENGTHS_M,
+    LONG_STEP_S,
     LONGEST_STEP_S,
     MOST_METRES,
     MOST_SECONDS,
@@ -48,8 +49,6 @@ _TITLE = re.compile(r"^([a-z]+)(?:_(mm|cm|m|ms|us|ns|s)|\s*[\[(]\s*([a-z]+)\s*[\
 _EUROC_TITLE = re.compile(r"^(?:p_rs_r_([xyz])|q_rs_([wxyz]))\s*(?:\[\s*([a-z]*)\s*\])?$")
 # Name of the body if the file has none.
 _ONLY_BODY = "body"
-# Fewer times tell no usual step.
-_FEWEST_TIMES = 10
 # Columns of the project's own truth.csv, which has x, y, z and t as well.
 _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
 
@@ -143,6 +142,7 @@ class _Table:
     Attributes:
         repeated: number of samples left out so far because they repeat the time before them.
         unit: in which the file's times turned out to be.
+        step_s: median time between samples, where the file states no unit.
     """
 
     file: str
@@ -152,6 +152,7 @@ class _Table:
     turns: Float64Array | None
     repeated: int = 0
     unit: str = "s"
+    step_s: float = 0.0
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -159,6 +160,11 @@ class _Table:
         notes = []
         if self.unit != "s":
             notes.append(f"times are in {time_word(self.unit)} since 1970")
+        if self.step_s >= LONG_STEP_S:
+            notes.append(
+                f"samples are {self.step_s:.4g} s apart: if their times are not in seconds, give "
+                "them as CSV with a header that names their unit, as in t_ms"
+            )
         if self.repeated == 1:
             notes.append("1 sample with a repeated time is ignored")
         elif self.repeated:
@@ -174,12 +180,12 @@ class _Table:
         self.unit = time_unit(self.times)
         self.times = self.times * TIMES_S[self.unit]
         moments = np.unique(self.times[np.isfinite(self.times)])
-        usual = float(np.median(np.diff(moments))) if len(moments) >= _FEWEST_TIMES else 0.0
-        if usual >= LONGEST_STEP_S:
+        self.step_s = float(np.median(np.diff(moments))) if len(moments) > 1 else 0.0
+        if self.step_s >= LONGEST_STEP_S:
             raise TruthError(
-                f"{self.file}: the times are {usual:.4g} s apart, so they seem to be in a smaller "
-                "unit than seconds; give them in seconds, or as CSV with a header that names their "
-                "unit, as in t_ms"
+                f"{self.file}: the times are {self.step_s:.4g} s apart, so they seem to be in a "
+                "smaller unit than seconds; give them in seconds, or as CSV with a header that "
+                "names their unit, as in t_ms"
             )
 
     def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:

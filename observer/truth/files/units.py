@@ -19,8 +19,10 @@ MOST_RADIANS = 1e3
 MOST_SECONDS = 1e11
 # Stamps from 1970 on, as of the years 2001 to 2100, in seconds.
 _EPOCH_S = (1e9, 4.1e9)
-# Half of the samples of a capture are not as far apart; milliseconds taken for seconds are.
-LONGEST_STEP_S = 2.0
+# Samples this far apart are noted: milliseconds taken for seconds often are.
+LONG_STEP_S = 2.0
+# No capture of moving bodies has half of its samples this far apart.
+LONGEST_STEP_S = 100.0
 # A higher rate is a mistake.
 FASTEST_HZ = 100_000.0
 # Three times the speed of sound; faster than anything that cameras see move.

@@ -111,12 +111,28 @@ def test_times_since_1970_in_smaller_units_are_read(
     assert f"times are in {unit}seconds since 1970" in capture.notes
 
 
-@pytest.mark.parametrize("scale", [1e3, 1e6, 1e9])
-def test_times_in_another_unit_from_another_moment_are_refused(read: Read, scale: float) -> None:
-    rows = table(scale * 0.01 * np.arange(40), np.zeros((40, 3)))
+@pytest.mark.parametrize("scale", [1e4, 1e6, 1e9])
+@pytest.mark.parametrize("count", [2, 40])
+def test_times_in_another_unit_from_another_moment_are_refused(
+    read: Read, scale: float, count: int
+) -> None:
+    rows = table(scale * 0.01 * np.arange(count), np.zeros((count, 3)))
     with pytest.raises(TruthError, match="s apart, so they seem to be in a smaller unit"):
         read("t,x,y,z\n" + rows)
-    assert len(read("t_ms,x,y,z\n" + rows).bodies["body"].times) == 40
+    assert len(read("t_ms,x,y,z\n" + rows).bodies["body"].times) == count
+
+
+@pytest.mark.parametrize("count", [2, 40])
+def test_samples_far_apart_are_read_with_a_note(read: Read, count: int) -> None:
+    rows = table(10.0 * np.arange(count), np.zeros((count, 3)))
+    capture = read("t,x,y,z\n" + rows)
+    assert len(capture.bodies["body"].times) == count
+    note = (
+        "samples are 10 s apart: if their times are not in seconds, give them as CSV with a header "
+        "that names their unit, as in t_ms"
+    )
+    assert note in capture.notes
+    assert note not in read("t_s,x,y,z\n" + rows).notes
 
 
 def test_rare_samples_of_a_body_do_not_count_as_another_unit(read: Read) -> None:
