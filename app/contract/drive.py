@@ -95,10 +95,14 @@ class TakeLease(ToDrive[str]):
 
 @dataclass(frozen=True)
 class ReleaseLease(ToDrive[None]):
-    """Release the lease; the robot stops and is disarmed."""
+    """Release the lease; the robot stops and is disarmed.
+
+    ``lost``: the operator did not ask for it, but the connection to them has ended.
+    """
 
     role: Role
     lease: str
+    lost: bool = False
 
 
 @dataclass(frozen=True)

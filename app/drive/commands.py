@@ -80,7 +80,8 @@ class Commands:
                 return self._take_lease(command, now)
             case ReleaseLease():
                 self._roles.leases.release(_checked(command.role), command.lease)
-                self._lose_lease(command.role, now, "its operator released control")
+                how = "is no longer connected" if command.lost else "released control"
+                self._lose_lease(command.role, now, f"its operator {how}")
             case ArmRobot():
                 self._arm(command, now)
             case DisarmRobot():

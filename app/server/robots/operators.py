@@ -83,7 +83,7 @@ class Operators:
         leases, operator.leases = operator.leases, {}
         for role, lease in leases.items():
             log.info("lease_ended_with_its_socket", role=role, operator=operator.name)
-            self._soon(self._release(role, lease))
+            self._soon(self._release(role, lease, lost=True))
 
     async def take(self, operator: Operator, role: Role, *, takeover: bool) -> str:
         """Take the lease on a role and return it; return the operator's existing one, if any.
@@ -96,7 +96,7 @@ class Operators:
         lease: str = await self._ask(TakeLease(role, operator.name, takeover))
         if operator.gone:
             # The socket closed while the drive process answered.
-            self._soon(self._release(role, lease))
+            self._soon(self._release(role, lease, lost=True))
             return lease
         taken_from = [o for o in self._present - {operator} if o.leases.pop(role, None) is not None]
         operator.leases[role] = lease
@@ -111,7 +111,7 @@ class Operators:
         """Release a lease, if there is one."""
         lease = operator.leases.pop(role, None)
         if lease is not None:
-            await self._release(role, lease)
+            await self._release(role, lease, lost=False)
 
     def holder(self, role: Role) -> str | None:
         """Return the name of the role's holder."""
@@ -150,9 +150,9 @@ class Operators:
         log.warning("lease_lost", role=role, operator=operator.name, reason=sentence)
         operator.lost(role, sentence)
 
-    async def _release(self, role: Role, lease: str) -> None:
+    async def _release(self, role: Role, lease: str, *, lost: bool) -> None:
         try:
-            await self._ask(ReleaseLease(role, lease))
+            await self._ask(ReleaseLease(role, lease, lost))
         except (Conflict, FieldError, NotAvailable) as error:
             # Either the lease is no longer valid or it was lost with its process.
             log.info("lease_not_released", role=role, reason=str(error))

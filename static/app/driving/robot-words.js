@@ -22,17 +22,28 @@ export function stateInWords(robot) {
 }
 
 /**
+ * Say who stopped all robots.
+ *
+ * @param {{by: string}} stopped
+ * @param {string} operator name of the operator at this page; empty if it has none
+ */
+export function stopperInWords({ by }, operator) {
+  return `Stopped by ${by === operator ? "you" : by}`;
+}
+
+/**
  * Say in one sentence why a robot is standing still.
  *
  * @param {Role} role
  * @param {RobotNow | null} robot
  * @param {RobotsMessage | null} facts
  * @param {boolean} ours whether this page holds its lease
+ * @param {string} operator name of the operator at this page; empty if it has none
  */
-export function standstillReason(role, robot, facts, ours) {
+export function standstillReason(role, robot, facts, ours, operator) {
   if (!robot) return missingRobotReason(role, facts);
   if (facts?.stopped)
-    return `Stopped by ${facts.stopped.by}. Reset the stop at the top of the page to continue.`;
+    return `${stopperInWords(facts.stopped, operator)}. Reset the stop at the top of the page to continue.`;
   const { fault, trouble } = robot.report;
   if (fault) return sentence(fault);
   if (["connecting", "waiting", "refused"].includes(robot.state)) {

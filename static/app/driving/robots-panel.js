@@ -168,7 +168,9 @@ class RobotsPanel extends Part {
     setAttribute(this, "data-old", outdated ? "" : null);
     setText(
       this.#why,
-      outdated && robots ? "" : standstillReason(driver.role, robot, robots, ours),
+      outdated && robots
+        ? ""
+        : standstillReason(driver.role, robot, robots, ours, driver.link.operator),
     );
     setAttribute(this.#why, "data-tone", robot?.report.fault || robots?.stopped ? "bad" : null);
     fillList(this.#warnings, (robot?.report.warnings ?? []).map(sentence));

@@ -5,6 +5,7 @@ import { moveFocus } from "../elements/focus.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
+import { stopperInWords } from "./robot-words.js";
 import { listenForStop } from "./stop-keys.js";
 
 const WHAT_IT_IS_NOT = "Software stop, not a substitute for an emergency stop";
@@ -111,8 +112,9 @@ class StopLine extends Part {
     if (!stopped) moveFocus(this.#latched, document.getElementById("stop-robots"));
     this.#latched.hidden = !stopped;
     this.#armed.hidden = stopped !== null || !driver.anyArmed;
-    setText(this.#stopped, stopped ? `Stopped by ${stopped.by}` : "");
-    setAttribute(this.#stopped, "title", stopped ? `Stopped by ${stopped.by}` : null);
+    const who = stopped ? stopperInWords(stopped, driver.link.operator) : "";
+    setText(this.#stopped, who);
+    setAttribute(this.#stopped, "title", who || null);
   }
 
   #delayReset() {

@@ -306,6 +306,15 @@ def test_releasing_a_lease_stops_and_disarms(bench: Any) -> None:
     bench.tick()
     assert bench.state("obstacle") == "disarmed"
     assert bench.roles.leases.holder("obstacle") is None
+    assert bench.roles.driven["obstacle"].why_disarmed == "its operator released control"
+
+
+def test_a_lost_connection_to_the_operator_stops_and_says_so(bench: Any) -> None:
+    bench.ready("obstacle")
+    bench.hold("obstacle", 0.3, 1.0)
+    bench.take(ReleaseLease("obstacle", bench.leases["obstacle"], lost=True))
+    assert bench.robots["obstacle"].calls[-1] == ("disable",)
+    assert bench.roles.driven["obstacle"].why_disarmed == "its operator is no longer connected"
 
 
 def test_anyone_may_disarm(bench: Any) -> None:

@@ -10,36 +10,49 @@ import { goal, report, robot, robots as facts } from "../made.mjs";
 test("a stop comes before every other reason for which a robot stands", () => {
   const faulty = robot({ why: "it is far", report: report({ fault: "a wheel stalls" }) });
   const because = (/** @type {RobotsMessage} */ known) =>
-    words.standstillReason("observer", faulty, known, true);
+    words.standstillReason("observer", faulty, known, true, "operator 2");
   assert.match(
     because(facts({ stopped: { by: "Ann", since: 0 } })),
     /^Stopped by Ann\. Reset the stop/,
+  );
+  assert.match(
+    because(facts({ stopped: { by: "operator 2", since: 0 } })),
+    /^Stopped by you\. Reset the stop/,
   );
   assert.equal(because(facts()), "A wheel stalls.");
 });
 
 test("a robot that is not reached says why", () => {
   const waiting = robot({ state: "waiting", report: report({ trouble: "no answer" }) });
-  assert.equal(words.standstillReason("observer", waiting, facts(), true), "No answer.");
+  assert.equal(words.standstillReason("observer", waiting, facts(), true, ""), "No answer.");
   const connecting = robot({ state: "connecting" });
   assert.equal(
-    words.standstillReason("observer", connecting, facts(), true),
+    words.standstillReason("observer", connecting, facts(), true, ""),
     "Connecting to the robot.",
   );
 });
 
 test("who is armed waits for whoever drives it", () => {
   const armed = robot({ state: "armed" });
-  assert.match(words.standstillReason("observer", armed, facts(), true), /^Armed\. Hold the pad/);
   assert.match(
-    words.standstillReason("observer", armed, facts(), false),
+    words.standstillReason("observer", armed, facts(), true, ""),
+    /^Armed\. Hold the pad/,
+  );
+  assert.match(
+    words.standstillReason("observer", armed, facts(), false, ""),
     /another operator has control/i,
   );
 });
 
 test("an observer on its way to a goal says so", () => {
   const because = (/** @type {"observer" | "obstacle"} */ role, /** @type {any} */ state) =>
-    words.standstillReason(role, robot({ state: "armed" }), facts({ goal: goal({ state }) }), true);
+    words.standstillReason(
+      role,
+      robot({ state: "armed" }),
+      facts({ goal: goal({ state }) }),
+      true,
+      "",
+    );
   assert.equal(because("observer", "driving"), "Driving to a goal autonomously.");
   assert.match(because("obstacle", "driving"), /^Armed\./);
   assert.match(because("observer", "reached"), /^Armed\./);
@@ -65,7 +78,7 @@ test("who is concerned by an incident is named", () => {
 
 test("where there is no robot the reason is told", () => {
   const because = (/** @type {RobotsMessage | null} */ known) =>
-    words.standstillReason("obstacle", null, known, false);
+    words.standstillReason("obstacle", null, known, false, "");
   assert.equal(because(null), "Waiting for robot status.");
   const ports = { observer: null, obstacle: { port: "/dev/ttyUSB0", model: null } };
   assert.match(

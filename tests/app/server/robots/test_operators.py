@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from app.contract.drive import TakeLease
+from app.contract.drive import ReleaseLease, TakeLease
 from app.server.robots.operators import Operators
 
 
@@ -27,7 +27,27 @@ async def test_a_lease_granted_after_its_operator_left_is_released() -> None:
     await taking
     await asyncio.gather(*background)
     assert [type(command).__name__ for command in asked] == ["TakeLease", "ReleaseLease"]
+    assert asked[-1].lost
     assert operators.holder("observer") is None
+
+
+async def test_an_operator_who_leaves_is_told_apart_from_one_who_releases() -> None:
+    asked: list[Any] = []
+
+    async def ask(command: Any) -> str:
+        asked.append(command)
+        return "lease"
+
+    background: list[Any] = []
+    operators = Operators(ask, lambda work: background.append(asyncio.ensure_future(work)))
+    operator = operators.join("Anna", lambda *_: None)
+    await operators.take(operator, "observer", takeover=False)
+    await operators.release(operator, "observer")
+    await operators.take(operator, "observer", takeover=False)
+    operators.leave(operator)
+    await asyncio.gather(*background)
+    released = [command.lost for command in asked if isinstance(command, ReleaseLease)]
+    assert released == [False, True]
 
 
 def test_every_operator_gets_a_unique_name() -> None:
