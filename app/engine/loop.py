@@ -194,6 +194,8 @@ class Engine:
         source = session.source.info.spec
         try:
             skipped = session.player.read_ahead()
+            if isinstance(session, Session):
+                session.prepare_truth()
         except Exception as error:  # noqa: BLE001
             # A source is third-party code and data: an exception in it ends the source, not the
             # engine.

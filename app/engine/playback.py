@@ -95,6 +95,11 @@ class Player:
         """Return the frame that was read and waits for its turn."""
         return None if self._held is None else self._held.frame
 
+    @property
+    def held_source_time(self) -> float | None:
+        """Return the ``source_time`` of the frame that waits for its turn."""
+        return None if self._held is None else self._held.source_time
+
     def achieved_rate(self, now: float) -> float | None:
         """Return source seconds per second over the last 2 s; None if too little was played."""
         while self._played and self._played[0][0] < now - _RATE_WINDOW_S:

@@ -181,6 +181,15 @@ class Session(PlayedSource):
         self.parameters = parameters
         self._apply(revision)
 
+    def prepare_truth(self) -> None:
+        """Compute the truth of the frame that waits for its turn.
+
+        A simulator casts rays for it, which would delay the observation on its way to the page.
+        """
+        time = self.player.held_source_time
+        if self.truth is not None and time is not None:
+            self.truth.prepare(time)
+
     def spent(self, began: float, ended: float) -> None:
         """Record the time spent on a frame; this may change how a live source is processed.
 

@@ -97,6 +97,10 @@ class TruthMatcher:
         tracks = assign(obstacles, T_world_truth, positions)
         return [entry(body, T_world_truth, tracks.get(body.id)) for body in bodies]
 
+    def prepare(self, source_time: float) -> None:
+        """Compute the true bodies at ``source_time``, which ``match`` and ``sample`` then reuse."""
+        self._bodies(source_time)
+
     def sample(self, frame: int, time: float, source_time: float) -> TruthSample:
         """Return the truth at ``source_time``, in the truth's own world, for a recording.
 
@@ -107,7 +111,7 @@ class TruthMatcher:
         return TruthSample(frame, time, self._bodies(source_time), pose)
 
     def _bodies(self, source_time: float) -> tuple[TrueBody, ...]:
-        # Called twice per frame, and a simulator has to cast rays to find what is visible.
+        # Called repeatedly per frame, and a simulator has to cast rays to find what is visible.
         if self._newest is None or self._newest[0] != source_time:
             self._newest = source_time, self._truth.bodies(source_time)
         return self._newest[1]

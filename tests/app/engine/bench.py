@@ -81,9 +81,13 @@ class CountingObserver:
 
 
 class StandingTruth:
-    """One obstacle that moves along x with its source time."""
+    """One obstacle that moves along x with its source time; remembers the times asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[float] = []
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        self.asked.append(time)
         position, velocity = np.array([time, 0.0, 5.0]), np.array([1.0, 0.0, 0.0])
         size = np.array([0.4, 0.4, 0.4])
         return (TrueBody(1, "box", "obstacle", position, velocity, size, 0.0, 1.0, None),)
