@@ -11,6 +11,8 @@ class Faults:
 
     On the serial line, in ``serving``:
         noise: share of the bytes that are corrupted, in both directions, 0 to 1.
+        truncated: share of the messages that lose their end, in both directions, 0 to 1.
+        repeated: every message arrives twice, in both directions.
         split: output arrives in pieces of a few bytes, milliseconds apart.
         merge_s: output is held back for this many seconds and arrives in one piece.
         silent: it sends nothing but still receives. deaf: it receives nothing but still sends.
@@ -37,6 +39,8 @@ class Faults:
     """
 
     noise: float = 0.0
+    truncated: float = 0.0
+    repeated: bool = False
     split: bool = False
     merge_s: float = 0.0
     silent: bool = False

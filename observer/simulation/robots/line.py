@@ -29,7 +29,7 @@ class Line:
 
     def arriving(self, data: bytes) -> bytes:
         """Return what the robot receives of data sent to it."""
-        return b"" if self._faults.deaf else self.noisy(data)
+        return b"" if self._faults.deaf else self._damaged(data)
 
     def send(self, data: bytes, now: float) -> None:
         """Queue data for sending to the client."""
@@ -37,7 +37,7 @@ class Line:
             return
         if self._since is None:
             self._since = now
-        self._held += self.noisy(data)
+        self._held += self._damaged(data)
 
     def due(self, now: float) -> bytes:
         """Return the bytes to send now."""
@@ -57,6 +57,11 @@ class Line:
         """Discard the waiting bytes."""
         self._held.clear()
         self._since = None
+
+    def _damaged(self, data: bytes) -> bytes:
+        if self._random.random() < self._faults.truncated:
+            data = data[: self._random.randrange(len(data))]
+        return self.noisy(2 * data if self._faults.repeated else data)
 
     def noisy(self, data: bytes) -> bytes:
         """Return ``data`` with a share of its bytes corrupted."""

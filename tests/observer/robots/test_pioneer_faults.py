@@ -172,6 +172,31 @@ def test_an_unusual_byte_stream_is_no_fault(driven: Drivens, faults: dict[str, A
         assert report.temperature_c is None
 
 
+@pytest.mark.parametrize("pty", [False, True])
+def test_truncated_and_repeated_packets_neither_move_nor_mislead_it(
+    driven: Drivens, pty: bool
+) -> None:
+    it = driven(pty=pty)
+    it.arm()
+    it.there.log.intended = lambda speed, turn: (speed, turn) in ((0.3, 0.0), (0.0, 0.0))
+    it.there.faults.truncated, it.there.faults.repeated = 0.2, True
+    it.drive(1.5)
+    report = it.robot.report()
+    assert report.fault is None
+    assert report.speed_mps == pytest.approx(0.3, abs=0.05)
+    it.drive(0.8, 0.0)
+    it.there.faults.truncated, it.there.faults.repeated = 0.0, False
+    it.drive(0.3, 0.0)
+    report = it.robot.report()
+    assert it.there.speed_mps < 0.01
+    assert it.there.log.unintended == 0
+    assert it.there.log.bad_bytes > 0
+    assert report.counters["bad_packets"] > 0
+    assert report.counters["odometry_jumps"] == 0
+    assert report.odometry.x == pytest.approx(it.there.vehicle.state.x, abs=0.01)
+    assert report.odometry.y == pytest.approx(0.0, abs=0.01)
+
+
 def test_wrong_sensor_data_and_a_low_battery_are_no_fault(driven: Drivens) -> None:
     """No bumpers are fitted, the sonar count is wrong, and the battery is weak."""
     it = driven("amigo-sh")

@@ -181,6 +181,34 @@ def test_drop_outs_are_gaps(fault: str) -> None:
         assert all(each.position is not None for each in samples(capture, 40))
 
 
+@pytest.mark.parametrize("step_s", [0.0, 5.0, -5.0])
+def test_a_tracker_that_returns_after_silence_is_followed(step_s: float) -> None:
+    planted = Mishaps(offset_s=1.7e9)
+    with serving() as server, streaming(server, planted), capturing(server.port) as capture:
+        before = samples(capture, 200)
+        planted.drop = 1.0
+        report = until(capture, lambda r: r.state == "waiting")
+        assert "no poses received" in (report.trouble or "")
+        time.sleep(0.5)
+        # As when its computer's clock is corrected in the meantime.
+        planted.offset_s += step_s
+        before += capture.drain()
+        planted.drop = 0.0
+        after = samples(capture, 200)
+        report = capture.report()
+    assert report.connections == 1
+    assert report.trouble is None
+    assert [note.split(" by ")[0] for note in report.notes] == (
+        [f"the server's clock jumped {'ahead' if step_s > 0 else 'back'}"] if step_s else []
+    )
+    for name in ("Robot", "Cart/2"):
+        times = [each.time for each in before + after if each.name == name]
+        assert (np.diff(times) > 0).all()
+    # The time line goes on as if the clock had not been set.
+    delays = [each.received - each.time for each in before + after]
+    assert np.ptp([min(delays[: len(before)]), min(delays[len(before) :])]) < 0.02
+
+
 def test_lost_connection_is_reported_and_reestablished() -> None:
     with serving() as server, streaming(server), capturing(server.port) as capture:
         samples(capture, 40)
