@@ -76,6 +76,7 @@ export class FakeElement extends EventTarget {
     this.#attributes.set(name, value);
     if (name === "id") this.id = value;
     if (name === "value") this.value = value;
+    if (name === "hidden") this.hidden = true;
   }
   removeAttribute(/** @type {string} */ name) {
     this.#attributes.delete(name);

@@ -62,7 +62,11 @@ class CalibrationPanel extends Part {
   #make = button("Calibrate cameras", () => this.hub.emit("calibrate"), {
     class: "button primary",
   });
-  #empty = h("p.empty", "No saved calibrations. The source's own calibration is in use.");
+  #empty = h(
+    "p.empty",
+    { hidden: true },
+    "No saved calibrations. The source's own calibration is in use.",
+  );
   #compare = button("Compare", () => compareCalibrations(this.#all.slice(0, 4)), {
     hidden: true,
     "data-harmless": true,
@@ -107,11 +111,11 @@ class CalibrationPanel extends Part {
     const all = await request("GET", "/calibrations").catch(() => null);
     if (!all) return;
     this.#all = all;
+    this.#empty.hidden = all.length > 0;
     this.#renderList();
   }
 
   #renderList() {
-    this.#empty.hidden = this.#all.length > 0;
     this.#items.show(
       this.#all,
       ({ id }) => id,

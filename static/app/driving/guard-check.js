@@ -68,7 +68,7 @@ class GuardCheck extends Part {
   #records = new KeyedList(this.#recordList, (/** @type {CheckEntry} */ entry) =>
     recordItem(entry),
   );
-  #none = h("p.empty", "No saved checks.");
+  #none = h("p.empty", { hidden: true }, "No saved checks.");
   #earlier = h("div", h("h4", "Previous checks"), this.#none, this.#recordList);
   #details = details(
     "Guard check",

@@ -27,7 +27,7 @@ class Programmes extends Part {
   #programmes = [];
   #list = h("ul.item-list");
   #items = new KeyedList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
-  #empty = h("p.empty", "No programmes found.");
+  #empty = h("p.empty", { hidden: true }, "No programmes found.");
   #repeat = input("number", "programme-repeat", { min: "1", max: "100", step: "1", value: "1" });
   #reverse = input("checkbox", "programme-reverse");
   #running = h("div.programme-running", { hidden: true });
@@ -103,7 +103,15 @@ class Programmes extends Part {
   }
 
   async #load() {
-    this.#programmes = (await request("GET", "/programmes").catch(() => null)) ?? [];
+    /** @type {ProgrammeEntry[] | null} */
+    const programmes = await request("GET", "/programmes").catch(() => null);
+    if (!programmes) {
+      // The next message of the server asks again.
+      this.#loaded = false;
+      return;
+    }
+    this.#programmes = programmes;
+    this.#empty.hidden = programmes.length > 0;
     this.#render();
   }
 
@@ -145,7 +153,6 @@ class Programmes extends Part {
       this.#progress.value =
         running.duration_s > 0 ? Math.min(1, running.elapsed_s / running.duration_s) : 0;
     }
-    this.#empty.hidden = this.#programmes.length > 0 || !this.#loaded;
     this.#items.show(this.#programmes, ({ name }) => name);
     for (const entry of this.#programmes) {
       const item = this.#list.querySelector(`[data-programme="${CSS.escape(entry.name)}"]`);
