@@ -18,8 +18,8 @@ from observer.methods.rigid.dense.reprojection import reprojection
 from .oracles import free_space, grey_change
 
 GRIDS = [
-    Grid(StereoCamera(128, 80, 90.0, 91.0, 63.2, 39.8, 0.12), 2, 64, 40),
-    Grid(StereoCamera(150, 120, 70.0, 70.0, 76.0, 58.0, 0.3), 3, 50, 40),
+    Grid(StereoCamera(128, 80, 90.0, 91.0, 63.2, 39.8, 0.12), 2, 64, 40, 2),
+    Grid(StereoCamera(150, 120, 70.0, 70.0, 76.0, 58.0, 0.3), 3, 50, 40, 1),
 ]
 # None, little, and so much that all or part lies behind the other camera or outside its image.
 MOTIONS = [

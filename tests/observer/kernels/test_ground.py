@@ -13,7 +13,7 @@ from observer.methods.rigid.dense.grid import Grid
 
 from .oracles import ground as oracle
 
-GRID = Grid(StereoCamera(160, 120, 110.0, 111.0, 78.0, 61.0, 0.12), 2, 80, 60)
+GRID = Grid(StereoCamera(160, 120, 110.0, 111.0, 78.0, 61.0, 0.12), 2, 80, 60, 2)
 FOCAL = GRID.camera.fx * GRID.camera.baseline
 SLACK, SLACK_SHARE = 0.5, 0.03
 each_seed = pytest.mark.parametrize("seed", range(8))

@@ -24,6 +24,8 @@ _TEXTURE_SIGMAS = 4.0
 # The smoothness term fills areas without texture: up to so many cells from texture on the same row
 # the disparity is true, further away it is invented.
 _SUPPORT_CELLS = 10
+# Pixels, most by which the disparities of columns on one thing differ.
+_ALIKE_PX = 1.0
 # The Sobel operator sums a step four times, and the noise variance over weights whose squares add
 # up to twelve.
 _SOBEL_STEP, _SOBEL_NOISE = 4.0, 12.0**0.5
@@ -57,10 +59,11 @@ def depth_image(
     disparity of contours over plain clothes. What lies far from any texture is left out.
 
     Args:
-        left, right: (h, w) grey, rectified, as ``Grid.reduced`` gives them.
-        texture: of the left one.
+        left, right: (h, w k) grey, rectified, as ``Grid.matched`` gives them.
+        texture: of the left one, by cells.
     """
-    count = -(-parameters.max_disparity_px // (16 * grid.reduction)) * 16
+    most = grid.searched_px(parameters.max_disparity_px)
+    count = -(-most // (16 * grid.column_px)) * 16
     # The matcher leaves out as many columns at the left as it searches disparities.
     wide = [
         cv2.copyMakeBorder(image, 0, 0, count, 0, cv2.BORDER_REPLICATE) for image in (left, right)
@@ -80,10 +83,27 @@ def depth_image(
     )
     fixed = np.asarray(matcher.compute(*wide))[:, count:]
     # A match beyond the right image's left edge was made in the added columns.
-    inside = fixed <= FIXED_POINT * np.arange(grid.width, dtype=np.int16)
-    disparity = np.asarray(fixed * np.float32(grid.reduction / FIXED_POINT), np.float32)
-    disparity[~((fixed > 0) & inside & texture.near)] = np.nan
+    inside = fixed <= FIXED_POINT * np.arange(fixed.shape[1], dtype=np.int16)
+    columns = np.asarray(fixed * np.float32(grid.column_px / FIXED_POINT), np.float32)
+    columns[~((fixed > 0) & inside)] = np.nan
+    disparity = _by_cells(columns, grid)
+    disparity[~texture.near] = np.nan
     return disparity
+
+
+def _by_cells(columns: NDArray[np.float32], grid: Grid) -> NDArray[np.float32]:
+    """(h, w) disparity, px, of the cells: of what is nearest in their columns (h, w k)."""
+    count = grid.reduction // grid.column_px
+    if count == 1:
+        return columns
+    each = [columns[:, k::count] for k in range(count)]
+    nearest = np.fmax.reduce(each)
+    total, alike = np.zeros_like(nearest), np.zeros_like(nearest)
+    for column in each:
+        is_alike = column > nearest - _ALIKE_PX
+        total += np.where(is_alike, column, np.float32(0))
+        alike += is_alike
+    return np.asarray(np.divide(total, alike, out=nearest, where=alike > 0), np.float32)
 
 
 def least_step(image: Image) -> float:

@@ -22,8 +22,8 @@ __all__ = ["ARRIVED", "STATIC", "UNCOVERED", "UNKNOWN", "DepthFrame", "FreeSpace
 _LAGS_S = (3.2, 1.6, 0.8, 0.4, 0.2)
 # A frame may stand for a lag from which its age differs by no more than this share.
 _LAG_SLACK = 0.35
-# Least difference of disparity that is no noise: cells, plus a share of the disparity.
-_LEAST_CELLS, _LEAST_SHARE = np.float32(0.6), np.float32(0.03)
+# Least difference of disparity that is no noise: matched columns, plus a share of the disparity.
+_LEAST_COLUMNS, _LEAST_SHARE = np.float32(0.6), np.float32(0.03)
 # Cells, sides of the neighbourhoods whose nearest and farthest cell count: edges in depth are not
 # sharp.
 _NEAREST_CELLS, _FARTHEST_CELLS = 5, 3
@@ -113,4 +113,4 @@ class FreeSpace:
 
 def slack_px(grid: Grid) -> tuple[np.float32, np.float32]:
     """Return pixels, and a share of the disparity, up to which equal disparities may differ."""
-    return np.float32(_LEAST_CELLS * grid.reduction), _LEAST_SHARE
+    return np.float32(_LEAST_COLUMNS * grid.column_px), _LEAST_SHARE

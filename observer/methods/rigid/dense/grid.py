@@ -20,6 +20,11 @@ _LEAST_REDUCTION = 2
 # But where the baseline is short, cells are smaller, so that the disparity at this distance,
 # metres, spans so many of them; with at most so many columns.
 _REACH_CELLS, _REACH_M, _MOST_COLUMNS = 2.0, 5.0, 480
+# Metres up to which cells are near enough to be judged, unless their disparity spans fewer matched
+# columns: then noise is too large a share of it. Where cells are too coarse, pixels are matched.
+NEAR_M, LEAST_COLUMNS = 6.6, 2.0
+# Metres: what is nearer need not be matched by pixels, each of which costs time.
+_NEAREST_M = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +33,15 @@ class Grid:
 
     Attributes:
         camera: the rectified pair. reduction: pixels per cell. width, height: in cells.
+        column_px: pixels per column of the images that are matched, on which the noise of the
+            disparity depends: those of a cell, or one where the baseline is short.
     """
 
     camera: StereoCamera
     reduction: int
     width: int
     height: int
+    column_px: int
 
     @staticmethod
     def of(camera: StereoCamera) -> Grid:
@@ -41,7 +49,9 @@ class Grid:
         resolving = int(camera.fb / (_REACH_CELLS * _REACH_M))
         wanted = min(round(camera.width / _COLUMNS), resolving)
         reduction = max(_LEAST_REDUCTION, math.ceil(camera.width / _MOST_COLUMNS), wanted)
-        return Grid(camera, reduction, camera.width // reduction, camera.height // reduction)
+        column_px = reduction if camera.fb > LEAST_COLUMNS * NEAR_M * reduction else 1
+        rows, columns = camera.height // reduction, camera.width // reduction
+        return Grid(camera, reduction, columns, rows, column_px)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -70,11 +80,23 @@ class Grid:
 
     def reduced(self, image: Image) -> Image:
         """Return a grey image (H, W) downscaled to one pixel per cell."""
+        return self._downscaled(image, self.width)
+
+    def matched(self, image: Image) -> Image:
+        """Return a grey image (H, W) downscaled to the rows of the cells and matched columns."""
+        return self._downscaled(image, self.width * (self.reduction // self.column_px))
+
+    def _downscaled(self, image: Image, columns: int) -> Image:
         height, width = self.height * self.reduction, self.width * self.reduction
-        small = cv2.resize(
-            image[:height, :width], (self.width, self.height), interpolation=cv2.INTER_AREA
-        )
+        size = (columns, self.height)
+        small = cv2.resize(image[:height, :width], size, interpolation=cv2.INTER_AREA)
         return np.asarray(small, np.uint8)
+
+    def searched_px(self, max_disparity_px: int) -> int:
+        """Return the largest disparity that is searched, px, of the largest that may be."""
+        if self.column_px == self.reduction:
+            return max_disparity_px
+        return min(max_disparity_px, round(self.camera.fb / _NEAREST_M))
 
     def to_cells(self, px: Float64Array) -> Float64Array:
         """(..., 2) column and row, not rounded, of pixels (..., 2)."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.kernels.ground import LEAST_SAMPLES, fit_ground, nearer_downwards, stands_out
-from observer.methods.rigid.dense.grid import Grid
+from observer.methods.rigid.dense.grid import LEAST_COLUMNS, NEAR_M, Grid
 from observer.mount import CameraMount
 
 # Samples that are fitted, and triples of them that are tried for a first plane.
@@ -19,23 +19,22 @@ _TRIES = 60
 # Half the rows over which the ground must come nearer downwards: walls do not.
 _HALF_ROWS = 4
 _SAMPLE_STEP = 2
-# Most by which a cell that fits a plane may differ: cells, plus a share of the disparity.
-_TOLERANCE_CELLS, _TOLERANCE_SHARE = 0.25, 0.03
+# Most by which a cell that fits a plane may differ: matched columns, plus a share of the disparity.
+_TOLERANCE_COLUMNS, _TOLERANCE_SHARE = 0.25, 0.03
 # A camera stands between these heights above the ground, metres.
 _HEIGHT_M = (0.03, 4.0)
 _GAIN = 0.1
-# Least by which a cell stands out of the ground: cells, plus a share of the disparity.
-_STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
-# Metres up to which cells are near enough to be judged. Its disparity, in cells, is limited to at
-# most the first, of which noise is a small share, and at least the second, whatever the baseline.
-_NEAR_M = 6.6
-_PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
+# Least by which a cell stands out of the ground: matched columns, plus a share of the disparity.
+_STANDING_COLUMNS, _STANDING_SHARE = 0.5, 0.05
+# Matched columns: with so large a disparity cells are judged however far away, as noise is a small
+# share of it.
+_PRECISE_COLUMNS = 4.0
 # Most by which a point on the ground may be nearer than the plane: px, plus a share of the
 # disparity.
 _LYING_PX, _LYING_SHARE = 0.15, 0.03
-# Cells: disparity of points above which it alone tells whether they approach or recede; and where
-# light flickers, which shifts matches.
-_TELLING_CELLS, _TELLING_IN_FLICKER_CELLS = 3.5, 5.0
+# Matched columns: disparity of points above which it alone tells whether they approach or recede;
+# and where light flickers, which shifts matches.
+_TELLING_COLUMNS, _TELLING_IN_FLICKER_COLUMNS = 3.5, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +116,7 @@ class Ground:
             at,
             seen,
             self._grid.width,
-            _TOLERANCE_CELLS * self._grid.reduction,
+            _TOLERANCE_COLUMNS * self._grid.column_px,
             _TOLERANCE_SHARE,
             rng.integers(0, len(seen), (_TRIES if plane is None else 0, 3)),
             np.zeros(3) if plane is None else plane,
@@ -167,7 +166,7 @@ def above_ground(
     """
     if plane is None:
         return np.isfinite(disparity)
-    share, least = np.float32(1 - _STANDING_SHARE), np.float32(_STANDING_CELLS * grid.reduction)
+    share, least = np.float32(1 - _STANDING_SHARE), np.float32(_STANDING_COLUMNS * grid.column_px)
     return stands_out(disparity, plane.astype(np.float32), share, least)
 
 
@@ -186,11 +185,11 @@ def tells_approach(disparity: float, grid: Grid, *, flickers: bool = False) -> b
     Args:
         flickers: whether the light does.
     """
-    cells = _TELLING_IN_FLICKER_CELLS if flickers else _TELLING_CELLS
-    return disparity > max(_judged_px(grid), cells * grid.reduction)
+    columns = _TELLING_IN_FLICKER_COLUMNS if flickers else _TELLING_COLUMNS
+    return disparity > max(_judged_px(grid), columns * grid.column_px)
 
 
 def _judged_px(grid: Grid) -> float:
     """Return the least disparity, px, of cells that are near enough to be judged."""
-    least, most = _LEAST_CELLS * grid.reduction, _PRECISE_CELLS * grid.reduction
-    return min(max(least, grid.camera.fb / _NEAR_M), most)
+    least, most = LEAST_COLUMNS * grid.column_px, _PRECISE_COLUMNS * grid.column_px
+    return min(max(least, grid.camera.fb / NEAR_M), most)

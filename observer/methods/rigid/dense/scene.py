@@ -22,9 +22,9 @@ from observer.parameters import DenseParameters, StereoParameters
 from observer.types import Image
 from observer.vision.view import View
 
-# Metres, most thickness of a body; and cells, least noise of the disparity.
+# Metres, most thickness of a body; and matched columns, least noise of the disparity.
 _THICKNESS_M = 0.35
-_LEAST_TOLERANCE_CELLS = 0.65
+_LEAST_TOLERANCE_COLUMNS = 0.65
 # m/s: no robot for which these methods are meant drives faster.
 _FASTEST_MPS = 2.5
 
@@ -75,7 +75,7 @@ class DenseScene:
         """Least ``tolerance`` of disparity, px, and its ratio to the squared disparity, 1/px."""
         camera = self.grid.camera
         thickness = _THICKNESS_M / camera.fb
-        return _LEAST_TOLERANCE_CELLS * self.grid.reduction, thickness
+        return _LEAST_TOLERANCE_COLUMNS * self.grid.column_px, thickness
 
     def tolerance(self, disparity: float) -> float:
         """Return by how many px the disparities of parts of one body may differ."""
@@ -118,7 +118,10 @@ class DenseVision:
             return None
         left, right = (self._grid.reduced(image) for image in (view.left, view.right))
         texture = RowTexture.of(left)
-        matched = depth_image(left, right, texture, self._grid, parameters)
+        pair = left, right
+        if self._grid.column_px < self._grid.reduction:
+            pair = self._grid.matched(view.left), self._grid.matched(view.right)
+        matched = depth_image(*pair, texture, self._grid, parameters)
         delay_s = 0.0 if view.right_time is None else view.right_time - view.time
         disparity = with_bias(
             at_one_time(matched, now.rate, delay_s, self._grid), bias_px, self._grid

@@ -27,8 +27,8 @@ _MOST_SEEDS = 12
 # Metres by which a segment may grow from a seed into what is static, or beyond where it was
 # expected: two things that touch are not to become one.
 _GROWTH_M = 0.12
-# Cells: least step of the disparity that is no noise.
-_STEP_CELLS = 0.5
+# Matched columns: least step of the disparity that is no noise.
+_STEP_COLUMNS = 0.5
 # A body's border shows something farther on this share of its comparable cells, and on this share
 # of all of them, or on more for a body that was uncovered rather than has arrived. Beside a near
 # body there is much that only one camera sees: less is enough if it fills so much of the view, and
@@ -134,7 +134,7 @@ def segment_of(scene: DenseScene, mask: Mask, trunk_share: float = TRUNK_SHARE) 
         scene.standing,
         scene.grid.reduction,
         trunk_share,
-        _STEP_CELLS * scene.grid.reduction,
+        _STEP_COLUMNS * scene.grid.column_px,
         *scene.tolerances,
     )
     tested = max(1, int(evidence.sum() - evidence[UNKNOWN]))

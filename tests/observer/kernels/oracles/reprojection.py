@@ -51,4 +51,4 @@ def reproject(
 
 def slack_px(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.float32]:
     """(N,) px by which disparities (N,) px that should be equal may differ."""
-    return np.asarray(np.float32(0.6) * grid.reduction + np.float32(0.03) * disparity, np.float32)
+    return np.asarray(np.float32(0.6) * grid.column_px + np.float32(0.03) * disparity, np.float32)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,6 +17,7 @@ from observer.methods.rigid.dense.depth_image import (
     noise_of,
     textured,
 )
+from observer.methods.rigid.dense.grid import Grid
 from observer.parameters import StereoParameters
 from observer.types import Image
 
@@ -113,3 +116,39 @@ def test_a_step_counts_as_texture_nearby_on_its_rows(sigma: float) -> None:
     assert found[52:148, 152:168].all()
     assert found[52:148, :140].mean() < 0.05
     assert found[:48].mean() < 0.05
+
+
+# With so short a baseline pixels are matched.
+SHORT = Grid.of(replace(CAMERA, baseline=0.03))
+
+
+def short_depth_of(left: Image, right: Image) -> NDArray[np.float32]:
+    texture = RowTexture.of(SHORT.reduced(left))
+    return depth_image(SHORT.matched(left), SHORT.matched(right), texture, SHORT, P)
+
+
+@pytest.mark.parametrize("disparity", [1.7, 3.2, 5.6])
+def test_with_a_short_baseline_disparities_are_known_better_than_to_a_fraction_of_a_cell(
+    disparity: float,
+) -> None:
+    """Half a pixel is half a metre there."""
+    left, right = pair_at(disparity)
+    fine = short_depth_of(left, right)
+    assert fine.shape == SHORT.shape
+    beside = fine[:, round(disparity / SHORT.reduction) + 3 :]
+    assert np.isfinite(beside).mean() > 0.95
+    assert np.nanquantile(np.abs(beside - disparity), 0.98) < 0.45
+
+
+def test_a_cell_has_the_disparity_of_what_is_nearest_in_it() -> None:
+    """An edge within a cell is no mean of both sides."""
+    near, far = 9.0, 3.0
+    left, right = as_image(PAPER.moved(), 1.0, 1), as_image(PAPER.moved(-far), 1.0, 2)
+    edge = 151
+    near_left, near_right = as_image(OTHER.moved(), 1.0, 3), as_image(OTHER.moved(-near), 1.0, 4)
+    left[:, edge : edge + 60] = near_left[:, edge : edge + 60]
+    begin = edge - round(near)
+    right[:, begin : begin + 60] = near_right[:, begin : begin + 60]
+    found = short_depth_of(left, right)
+    between = np.abs(found - (near + far) / 2) < 1.0
+    assert between[np.isfinite(found)].mean() < 0.01
