@@ -51,6 +51,8 @@ class ExternalWatch:
         self.sent: Sent | None = None
         self._hello: Hello | None = None
         self._said: OdometryMessage | None = None
+        # Whether the newest message, which was ignored, has an earlier time than the one before.
+        self._set_back = False
         self._fault: str | None = None
         self._heard = self._confirmed = -math.inf
         self._enabled_at: float | None = None
@@ -73,7 +75,7 @@ class ExternalWatch:
         if self._hello is not None:
             self._counters["reconnects"] += 1
         self.phase, self.trouble = RobotPhase.CONNECTED, None
-        self._hello, self._said = hello, None
+        self._hello, self._said, self._set_back = hello, None, False
         self._heard = self._confirmed = now
         self._permit_times.clear()
         self._place.begin_anew()
@@ -81,12 +83,20 @@ class ExternalWatch:
         self.disable()
 
     def said(self, message: OdometryMessage, now: float) -> None:
-        """Handle odometry; old or repeated messages count as bad and change nothing."""
-        if self._said is not None and (
-            message.sequence <= self._said.sequence or message.time < self._said.time
-        ):
+        """Handle odometry; old or repeated messages count as bad and change nothing.
+
+        A clock that was set back makes all messages old. They count again once that is a fault.
+        """
+        last = self._said
+        if last is not None and (message.sequence <= last.sequence or message.time < last.time):
             self._counters["bad_packets"] += 1
-            return
+            self._set_back = message.sequence > last.sequence
+            if not self._set_back or not self.silent(now):
+                return
+            self._look(now)
+            self._place.begin_anew()
+            self._delay = _Delay()
+        self._set_back = False
         self._counters["packets"] += 1
         self._said = message
         if self._hello is not None:
@@ -250,7 +260,11 @@ class ExternalWatch:
 
     def _look(self, now: float) -> None:
         if self.silent(now):
-            self._fail(f"no odometry received for {SILENCE_S:g} s")
+            self._fail(
+                "the clock of its odometry went back; it must be monotonic"
+                if self._set_back
+                else f"no odometry received for {SILENCE_S:g} s"
+            )
         elif now - self._confirmed > UNHEARD_S:
             self._fail(f"it has not acknowledged a permit for {UNHEARD_S:g} s")
         elif self._enabled_at is None:

@@ -177,6 +177,27 @@ def test_old_and_repeated_odometry_is_ignored_and_counted() -> None:
     assert told.counters["bad_packets"] == heard.counters["bad_packets"] + 3
 
 
+@pytest.mark.parametrize("step_s", [5.0, -5.0])
+def test_a_robot_whose_clock_is_set_stops_if_it_went_back_and_is_heard_again(step_s: float) -> None:
+    """As a robot that takes the time of day, which NTP corrects, for a monotonic clock."""
+    scene = driving()
+    scene.late_s -= step_s
+    moved = []
+    for _ in range(round(1.0 / STEP_S)):
+        moved.append(not scene.step((0.3, 0.1)).stop)
+    if step_s > 0:
+        assert scene.fault is None
+        assert all(moved)
+        return
+    assert scene.fault == "the clock of its odometry went back; it must be monotonic"
+    assert not any(moved[round((SILENCE_S + 2 * STEP_S) / STEP_S) :])
+    assert not scene.watch.silent(scene.now)
+    scene.watch.clear(scene.now)
+    scene.steps(0.2)
+    assert scene.fault is None
+    assert scene.permit.stop
+
+
 def test_motors_that_switch_off_by_themselves_or_stay_off_are_a_fault() -> None:
     scene = driving()
     scene.obeys = scene.enabled = False
