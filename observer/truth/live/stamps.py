@@ -6,6 +6,7 @@ the frame number. A server's clock may be set, or restart together with the serv
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,6 +35,10 @@ _EARLY_S = 0.02
 # second.
 _LATE_S = 0.05
 _LATE_FOR_S = 3.0
+# Seconds: after a silence, what a network held back arrives at once. Whatever is later than the
+# first, and steadily so for the second, comes from a clock that was set back meanwhile.
+_HELD_BACK_S = 1.0
+_STEADY_S = 0.3
 # Seconds: stamps of several bodies, or of reordered datagrams, may be this much out of order.
 _DISORDER_S = 0.25
 # A clock was set if this many stamps in a row agree on it; fewer are just wrong. Arrivals with the
@@ -77,6 +82,9 @@ class StampReader(Generic[_Item]):
         self._quickest: deque[tuple[int, float]] = deque(maxlen=_MEMORY_BINS)
         self._late_since: float | None = None
         self._least_late = 0.0
+        self._last_received = -math.inf
+        # Late arrivals after a silence, each with its lateness.
+        self._belated: list[tuple[float, float, float, _Item]] = []
         # Consecutive arrivals whose stamps do not fit the clock, each with its lateness.
         self._strange: list[tuple[float, float, float, _Item]] = []
         # The last different stamps of these, each with its lateness.
@@ -98,6 +106,8 @@ class StampReader(Generic[_Item]):
 
         Items that are alone in not fitting the clock are left out.
         """
+        silence = received - self._last_received
+        self._last_received = received
         if self._unit is None:
             return self._hold([(stamp, received, item)])
         if self._stampless:
@@ -107,10 +117,15 @@ class StampReader(Generic[_Item]):
         late = received - self._time(stamp, received)
         if self._fits(stamp, late):
             self._forget_strange()
+            behind = late - self._least_usual
+            if behind > _HELD_BACK_S and (self._belated or silence > behind):
+                self._belated.append((late, stamp, received, item))
+                return self._return_from_silence()
+            ready = self._release_belated()
             jump = self._late_jump(received, late)
             if jump is not None:
-                return self._anew(_jump_sentence(jump), [(stamp, received, item)])
-            return [self._timed(stamp, received, item)]
+                return [*ready, *self._anew(_jump_sentence(jump), [(stamp, received, item)])]
+            return [*ready, self._timed(stamp, received, item)]
         self._strange.append((late, stamp, received, item))
         if not self._strange_lately or self._strange_lately[-1][0] != stamp:
             self._strange_lately.append((stamp, late))
@@ -136,7 +151,23 @@ class StampReader(Generic[_Item]):
         self._unit = None
         self._last_stamp = None
         self._late_since = None
+        self._belated = []
         self._forget_strange()
+
+    def _return_from_silence(self) -> list[Timed[_Item]]:
+        """Hold late arrivals back until it shows whether the network or the clock made them so."""
+        first, last = self._belated[0], self._belated[-1]
+        if last[2] - first[2] < _STEADY_S:
+            return []
+        late = [each[0] for each in self._belated]
+        if max(late) - min(late) >= _LATE_S:
+            return self._release_belated()
+        jump = self._least_usual - min(late)
+        return self._anew(_jump_sentence(jump), [each[1:] for each in self._belated])
+
+    def _release_belated(self) -> list[Timed[_Item]]:
+        belated, self._belated = self._belated, []
+        return [self._timed(*each[1:]) for each in belated]
 
     def _forget_strange(self) -> None:
         self._strange.clear()

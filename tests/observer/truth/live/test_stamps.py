@@ -171,6 +171,35 @@ def test_small_backward_clock_step_is_noticed() -> None:
     assert abs(late[-500:].min() - late[:1000].min()) < 1e-3
 
 
+@pytest.mark.parametrize(("silent_s", "step_s"), [(3.0, -2.0), (6.0, -5.0), (10.0, -5.0)])
+@pytest.mark.parametrize("bodies", [1, 40])
+def test_clock_set_back_during_a_silence_misdates_nothing(
+    silent_s: float, step_s: float, bodies: int
+) -> None:
+    stamps, received = arrivals(16, 30.0)
+    begin = received[0] + 10.0
+    stamps[received > begin] += step_s
+    heard = (received < begin) | (received > begin + silent_s)
+    read = Read()
+    read.feed(np.repeat(stamps[heard], bodies), np.repeat(received[heard], bodies))
+    assert read.kinds == ["clock"]
+    assert f"jumped back by {-step_s:g}" in read.notices[0][1]
+    late = np.array([each.received - each.time for each in read.timed])
+    assert np.ptp(late) < 0.3
+    assert len(read.timed) == bodies * np.count_nonzero(heard)
+
+
+@pytest.mark.parametrize("drained_in_s", [0.2, 0.5, 2.0])
+def test_what_a_network_held_back_keeps_its_times(drained_in_s: float) -> None:
+    stamps, received = arrivals(17, 30.0)
+    held = (received > 1010) & (received < 1012.5 + drained_in_s)
+    received[held] = np.linspace(1012.5, 1012.5 + drained_in_s, np.count_nonzero(held))
+    read = Read()
+    read.feed(stamps, received)
+    assert not read.notices
+    assert (read.times == stamps).all()
+
+
 def test_network_stall_is_not_a_clock_jump() -> None:
     stamps, received = arrivals(7, 30.0)
     held = (received > 1010) & (received < 1012.5)
