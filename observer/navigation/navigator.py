@@ -31,6 +31,7 @@ from observer.navigation.reasons import Reason, reason_of
 from observer.navigation.refusals import refused_paths
 from observer.navigation.rollouts import Motion
 from observer.navigation.surroundings import Surroundings
+from observer.navigation.touch import Touch
 from observer.occupancy import OccupancyMap
 from observer.robots.contract import SonarReading
 from observer.types import Status
@@ -47,6 +48,8 @@ _IMPOSSIBLE: Final = 1e6
 _RADIUS_M: Final = 0.3
 # A slower person blocks the map like a static obstacle, for this long after each plan.
 _STATIONARY_MPS, _STATIONARY_S = 0.15, 0.3
+# A robot stands below this, m/s and rad/s.
+_AT_REST: Final = 0.02
 # People who could not come this near within the horizon are ignored.
 _NEAR_M: Final = 2.0
 
@@ -78,6 +81,7 @@ class Navigator:
         self._known: dict[int, _Known] = {}
         self._habits = Habits()
         self._map = LocalMap()
+        self._touch = Touch()
         # What the guard knows from the same sights, sonar and wheels.
         self._side = Side()
         self._sight: Sight | None = None
@@ -143,10 +147,11 @@ class Navigator:
             self._then(errand.sonars),
             np.array([motion.x, motion.y, motion.yaw]),
         )
+        self._touch.hear(errand.sonars, _outline(errand))
         left = math.hypot(errand.goal.x - motion.x, errand.goal.y - motion.y)
         if left <= REACHED_M:
             return self._standing(errand, now, "The goal is reached.")
-        trouble = self._trouble(now)
+        trouble = self._trouble(now) or self._touched(errand, now)
         if trouble is not None:
             return self._standing(errand, now, trouble)
         radius = _RADIUS_M if errand.radius_m is None else errand.radius_m
@@ -216,6 +221,13 @@ class Navigator:
         if self._odd:
             return "Waiting: the camera frame contains impossible values."
         return None
+
+    def _touched(self, errand: Errand, now: float) -> str | None:
+        """Return why a standing robot must not set off yet, one sentence."""
+        if max(abs(errand.speed_mps), abs(errand.turn_rate_radps)) > _AT_REST:
+            return None
+        sonar = self._touch.sonar(now)
+        return None if sonar is None else f"Waiting: sonar {sonar} detects something at the robot."
 
     def _forget_where_clear(
         self, sonars: Sequence[SonarReading], motion: Motion, now: float
@@ -298,7 +310,7 @@ class Navigator:
         side.watch.listen(errand.sonars, now, side.past, self._limits)
 
     def _permits(self, errand: Errand, now: float) -> Permits:
-        outline = Outline.of(errand.length_m, errand.width_m, errand.radius_m)
+        outline = _outline(errand)
         answers: dict[tuple[float, float], tuple[float, str | None]] = {(0.0, 0.0): (1.0, None)}
 
         def permits(asked: tuple[float, float]) -> tuple[float, str | None]:
@@ -333,6 +345,10 @@ def _usable_errand(errand: Errand, now: float) -> bool:
         and math.isfinite(errand.time)
         and math.isfinite(now)
     )
+
+
+def _outline(errand: Errand) -> Outline:
+    return Outline.of(errand.length_m, errand.width_m, errand.radius_m)
 
 
 def _motion(errand: Errand, now: float) -> Motion:
