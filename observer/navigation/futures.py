@@ -1,10 +1,11 @@
 """Places where tracked people may be over the next seconds.
 
 A person goes on, stops, or turns to either side. Each of these manoeuvres is a Gaussian that
-widens with the track's own uncertainty and with the accelerations of walking people. Together they
-form a mixture, weighted by what that person did so far: the multiple-model estimate of Blom and
-Bar-Shalom (The interacting multiple model algorithm, IEEE TAC 33, 1988). Only the weights are kept
-from frame to frame, as position and velocity come from the tracker.
+widens with the track's own uncertainty and with the accelerations of walking people, who return to
+the manoeuvre's velocity after each: an Ornstein-Uhlenbeck process. Together the manoeuvres form a
+mixture, weighted by what that person did so far: the multiple-model estimate of Blom and Bar-Shalom
+(The interacting multiple model algorithm, IEEE TAC 33, 1988). Only the weights are kept from frame
+to frame, as position and velocity come from the tracker.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from observer.guard.sight import SeenObstacle
 # A stopping person halves its speed in this time; a turning one turns at this rate, for this long.
 _STOPPING_S: Final = 0.35
 _TURN_RADPS, _TURNING_S = 0.9, 1.2
+# Time constant with which a deviation of the velocity from a manoeuvre's subsides.
+_SETTLING_S: Final = 4.0
 # Standard deviations assumed where the tracker reports none.
 _UNKNOWN_POSITION_M: Final = 0.2
 _UNKNOWN_VELOCITY_MPS: Final = 0.3
@@ -89,7 +92,10 @@ def spread_of(one: SeenObstacle, times: Float64Array, acceleration_noise: float)
     """(K,) standard deviations of a person's place, metres, at times (K,) since it was seen."""
     sigma_p = _UNKNOWN_POSITION_M if one.position_sigma_m is None else one.position_sigma_m
     sigma_v = _UNKNOWN_VELOCITY_MPS if one.velocity_sigma_mps is None else one.velocity_sigma_mps
-    variance = sigma_p**2 + (sigma_v * times) ** 2 + acceleration_noise**2 * times**3 / 3
+    # The position variance of a velocity that starts from its mean; at first times^3 / 3.
+    x = times / _SETTLING_S
+    wanders = _SETTLING_S**3 * (x - 2 * (1 - np.exp(-x)) + (1 - np.exp(-2 * x)) / 2)
+    variance = sigma_p**2 + (sigma_v * times) ** 2 + acceleration_noise**2 * wanders
     return np.asarray(np.sqrt(_LEAST_SIGMA_M**2 + variance))
 
 
