@@ -95,7 +95,7 @@ class UnseenRegions:
         cause[dark] = ord("d")
         cause[known >= _SEEN_SHARE] = ord(".")
         if self._fill(cause == ord("u"), _UNMATCHED_SHARE):
-            cause[_near(view, grid.searched_px(parameters.max_disparity_px), known)] = ord("n")
+            cause[_near(view, parameters.max_disparity_px, known)] = ord("n")
         on_reported = _within(reported, grid, plain.shape)
         moves[on_reported] = 0
         hidden = (cause != ord(".")) & ~self._background(cause == ord("p"), static, moves)

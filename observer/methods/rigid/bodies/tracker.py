@@ -53,6 +53,8 @@ _SHAPE_MEMORY_S = 2.0
 _SETTLED = 6
 # Seconds after a manoeuvre for which the members' own velocities may still be those before it.
 _STEADY_S = 0.3
+# Metres around the box of a body within which new points on it may seem to be.
+_AROUND_BOX_M = 0.1
 
 
 class BodyTracker:
@@ -131,10 +133,18 @@ class BodyTracker:
         return self._on(points, [track for track in self.tracks if moves_apart(track)])
 
     def _on(self, points: TrackedPoints, tracks: list[BodyTrack]) -> NDArray[np.bool_]:
-        """(N,) which points belong to some of the tracks, or are seen on them."""
+        """(N,) which points belong to some of the tracks, or are seen on them.
+
+        Points in the box of a body that moves before its surroundings are new ones on it. Where
+        the background is far away, a few of them make a wrong motion of the camera the likeliest.
+        """
         ids = np.array([track.id for track in tracks])
-        member = (points.obstacle[:, None] == ids).any(axis=1)
-        return np.asarray(member | (points.within[:, None] == ids).any(axis=1))
+        on = (points.obstacle[:, None] == ids).any(axis=1)
+        on |= (points.within[:, None] == ids).any(axis=1)
+        place, _ = points.sums.static_position()
+        for track in [t for t in tracks if moves_apart(t)]:
+            on |= track.contains(place, _AROUND_BOX_M)
+        return np.asarray(on)
 
     def boxes_px(self, T_camera_world: Pose, camera: StereoCamera) -> Float64Array:
         """(B, 4) u0 v0 u1 v1 around the obstacles' boxes in the left image."""

@@ -62,8 +62,7 @@ def depth_image(
         left, right: (h, w k) grey, rectified, as ``Grid.matched`` gives them.
         texture: of the left one, by cells.
     """
-    most = grid.searched_px(parameters.max_disparity_px)
-    count = -(-most // (16 * grid.column_px)) * 16
+    count = -(-parameters.max_disparity_px // (16 * grid.column_px)) * 16
     # The matcher leaves out as many columns at the left as it searches disparities.
     wide = [
         cv2.copyMakeBorder(image, 0, 0, count, 0, cv2.BORDER_REPLICATE) for image in (left, right)
@@ -77,7 +76,7 @@ def depth_image(
         disp12MaxDiff=1,
         preFilterCap=31,
         uniquenessRatio=_UNIQUENESS_PERCENT,
-        speckleWindowSize=_SPECKLE_CELLS,
+        speckleWindowSize=_SPECKLE_CELLS * (grid.reduction // grid.column_px),
         speckleRange=_SPECKLE_RANGE,
         mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
     )

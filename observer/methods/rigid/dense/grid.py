@@ -21,10 +21,9 @@ _LEAST_REDUCTION = 2
 # metres, spans so many of them; with at most so many columns.
 _REACH_CELLS, _REACH_M, _MOST_COLUMNS = 2.0, 5.0, 480
 # Metres up to which cells are near enough to be judged, unless their disparity spans fewer matched
-# columns: then noise is too large a share of it. Where cells are too coarse, pixels are matched.
-NEAR_M, LEAST_COLUMNS = 6.6, 2.0
-# Metres: what is nearer need not be matched by pixels, each of which costs time.
-_NEAREST_M = 0.3
+# columns: then noise is too large a share of it. Where cells are too coarse for that, narrower
+# columns are matched, but not more than so many: each costs time.
+NEAR_M, LEAST_COLUMNS, _MOST_MATCHED = 6.6, 2.0, 640
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +33,7 @@ class Grid:
     Attributes:
         camera: the rectified pair. reduction: pixels per cell. width, height: in cells.
         column_px: pixels per column of the images that are matched, on which the noise of the
-            disparity depends: those of a cell, or one where the baseline is short.
+            disparity depends: those of a cell, or fewer where the baseline is short.
     """
 
     camera: StereoCamera
@@ -49,9 +48,8 @@ class Grid:
         resolving = int(camera.fb / (_REACH_CELLS * _REACH_M))
         wanted = min(round(camera.width / _COLUMNS), resolving)
         reduction = max(_LEAST_REDUCTION, math.ceil(camera.width / _MOST_COLUMNS), wanted)
-        column_px = reduction if camera.fb > LEAST_COLUMNS * NEAR_M * reduction else 1
         rows, columns = camera.height // reduction, camera.width // reduction
-        return Grid(camera, reduction, columns, rows, column_px)
+        return Grid(camera, reduction, columns, rows, _column_px(camera, reduction))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -92,12 +90,6 @@ class Grid:
         small = cv2.resize(image[:height, :width], size, interpolation=cv2.INTER_AREA)
         return np.asarray(small, np.uint8)
 
-    def searched_px(self, max_disparity_px: int) -> int:
-        """Return the largest disparity that is searched, px, of the largest that may be."""
-        if self.column_px == self.reduction:
-            return max_disparity_px
-        return min(max_disparity_px, round(self.camera.fb / _NEAREST_M))
-
     def to_cells(self, px: Float64Array) -> Float64Array:
         """(..., 2) column and row, not rounded, of pixels (..., 2)."""
         return np.asarray((px + 0.5) / self.reduction - 0.5)
@@ -117,3 +109,11 @@ class Grid:
     def per_metre(self, disparity: float) -> float:
         """Return how many cells a metre across the line of sight spans at a disparity, px."""
         return disparity / (self.camera.baseline * self.reduction)
+
+
+def _column_px(camera: StereoCamera, reduction: int) -> int:
+    """Return the pixels per matched column for cells of so many."""
+    widths = [px for px in range(reduction, 0, -1) if reduction % px == 0]
+    affordable = [px for px in widths if px == reduction or camera.width <= _MOST_MATCHED * px]
+    fine = [px for px in affordable if LEAST_COLUMNS * NEAR_M * px <= camera.fb]
+    return fine[0] if fine else affordable[-1]

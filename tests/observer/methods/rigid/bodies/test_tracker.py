@@ -14,8 +14,10 @@ from observer.methods.rigid.bodies.expectation import expected_at, note_lasting_
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.free_space import ARRIVED
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.motion_test import pooled_motion
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.parameters import EvidenceParameters, Parameters
 from observer.types import MotionState, TrackState
@@ -24,8 +26,8 @@ from observer.vision.lifecycle import NO_OBSTACLE
 
 from .... import builders
 from ..moving_points import motion as moving
-from ..solid_worlds import points_on
-from .planted_bodies import DT, alive, to_the_right
+from ..solid_worlds import Solid, outline_of, points_on
+from .planted_bodies import DT, SIZE, alive, to_the_right
 
 P = Parameters()
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
@@ -285,6 +287,28 @@ def test_only_points_of_confirmed_obstacles_are_known(watched: Any, box: Any, cr
     run.run(1.0)
     assert run.tracker.known(run.points).tolist() == (run.points.obstacle != -1).tolist()
     assert run.tracker.known(run.points).any()
+
+
+def test_new_points_in_the_box_of_a_body_that_moves_apart_are_known(
+    watched: Any, box: Any, crate: Any
+) -> None:
+    """They would be taken for the background, of which nothing else may be as near."""
+    body = box(to_the_right())
+    run = watched(body, crate)
+    run.run(2.0)
+    (track,) = alive(run.tracks)
+    track.outline, track.off_ground = outline_of(Solid(tuple(track.centre), SIZE), ARRIVED), True
+    seen = np.flatnonzero(run.owner == 0)
+    here = body.places(run.time)[run.which[seen]]
+    precise = np.broadcast_to(1e4 * np.eye(3), (len(seen), 3, 3))
+    new = run.points.take(seen).but(
+        obstacle=np.full(len(seen), NO_OBSTACLE), sums=PositionVelocityFilter.begin(here, precise)
+    )
+    assert run.tracker.known(new).all()
+    # What stands beside it is not, nor is what a body that has stopped shows.
+    assert not run.tracker.known(run.points)[run.owner == 1].any()
+    track.motion = MotionState.STOPPED
+    assert not run.tracker.known(new).any()
 
 
 @pytest.mark.parametrize(("name", "value"), [("confirm_sigmas", 50.0), ("confirm_hits", 12)])

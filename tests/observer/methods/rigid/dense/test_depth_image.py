@@ -131,7 +131,7 @@ def short_depth_of(left: Image, right: Image) -> NDArray[np.float32]:
 def test_with_a_short_baseline_disparities_are_known_better_than_to_a_fraction_of_a_cell(
     disparity: float,
 ) -> None:
-    """Half a pixel is half a metre there."""
+    """At 4 m half a pixel is half a metre there."""
     left, right = pair_at(disparity)
     fine = short_depth_of(left, right)
     assert fine.shape == SHORT.shape
@@ -152,3 +152,12 @@ def test_a_cell_has_the_disparity_of_what_is_nearest_in_it() -> None:
     found = short_depth_of(left, right)
     between = np.abs(found - (near + far) / 2) < 1.0
     assert between[np.isfinite(found)].mean() < 0.01
+
+
+def test_what_is_near_a_short_baseline_keeps_its_disparity() -> None:
+    """However short the baseline, all disparities up to the largest are searched."""
+    disparity = 90.0
+    found = short_depth_of(*pair_at(disparity))
+    beside = found[:, round(disparity / SHORT.reduction) + 3 :]
+    assert np.isfinite(beside).mean() > 0.9
+    assert np.nanmedian(np.abs(beside - disparity)) < 0.6

@@ -112,7 +112,12 @@ def test_cells_lie_where_their_pixels_are_if_the_reduction_does_not_divide_the_s
         (424, 224.0, 0.05, 1),
         (512, 385.0, 0.05, 1),
         (512, 385.0, 0.12, 2),
+        (640, 385.0, 0.05, 1),
         (640, 450.0, 0.06, 2),
+        # Twice as many columns would cost too much time.
+        (848, 425.0, 0.05, 2),
+        (1280, 700.0, 0.05, 3),
+        (1280, 700.0, 0.065, 2),
         (1226, 707.0, 0.54, 4),
     ],
 )
@@ -124,11 +129,3 @@ def test_pixels_are_matched_where_cells_are_too_coarse_for_the_baseline(
     grey = np.zeros((240, width), np.uint8)
     columns = grid.width * grid.reduction // column_px
     assert grid.matched(grey).shape == (grid.height, columns)
-
-
-def test_only_where_pixels_are_matched_the_search_ends_at_the_nearest_distance() -> None:
-    """It would cost twice the time for what is nearer than the camera can focus on."""
-    short = Grid.of(StereoCamera(424, 240, 224.0, 224.0, 212.0, 120.0, 0.05))
-    assert short.searched_px(96) == round(short.camera.fb / 0.3)
-    assert short.searched_px(16) == 16
-    assert GRID.searched_px(96) == 96
