@@ -166,8 +166,12 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
 
 
 def moves_apart(track: BodyTrack) -> bool:
-    """Return whether a body that has been known for a while moves, seen before its surroundings."""
-    moves = track.state is TrackState.CONFIRMED and track.motion is MotionState.MOVING
+    """Return whether a body that has been known for a while moves, seen before its surroundings.
+
+    One that has just stopped counts as moving: it may seem so because a few frames gave a wrong
+    motion of the camera, which would be confirmed if the body counted as background.
+    """
+    moves = track.state is TrackState.CONFIRMED and track.stood_s < _LONG_S
     apart = track.seen_outline is not None and track.merged_s == 0 and track.off_ground
     return moves and apart and track.age_s >= _LONG_S
 
