@@ -194,8 +194,6 @@ class Engine:
         source = session.source.info.spec
         try:
             skipped = session.player.read_ahead()
-            if isinstance(session, Session):
-                session.prepare_truth()
         except Exception as error:  # noqa: BLE001
             # A source is third-party code and data: an exception in it ends the source, not the
             # engine.
@@ -205,6 +203,13 @@ class Engine:
             self._send(SkippedFrameEvent(skipped.index, skipped.reason))
             if isinstance(session, Session) and session.recorder is not None:
                 session.recorder.skipped(skipped)
+            return
+        try:
+            if isinstance(session, Session):
+                session.prepare_truth(time.monotonic())
+        except Exception as error:  # noqa: BLE001
+            # As above.
+            self._current.fail(f"computing the ground truth of {source}", error)
             return
         if session.player.wait_s(time.monotonic()) != 0.0:
             return

@@ -181,14 +181,21 @@ class Session(PlayedSource):
         self.parameters = parameters
         self._apply(revision)
 
-    def prepare_truth(self) -> None:
-        """Compute the truth of the frame that waits for its turn.
+    def prepare_truth(self, now: float) -> None:
+        """Compute the truth of the frame that waits for its turn, if it waits for long enough.
 
         A simulator casts rays for it, which would delay the observation on its way to the page.
+        A frame that is late must not wait for it either: that is observed first.
+
+        Args:
+            now: host's monotonic clock, seconds.
         """
-        time = self.player.held_source_time
-        if self.truth is not None and time is not None:
-            self.truth.prepare(time)
+        source_time = self.player.held_source_time
+        if self.truth is None or source_time is None:
+            return
+        wait = self.player.wait_s(now)
+        if wait is None or wait > self.truth.took_s:
+            self.truth.prepare(source_time)
 
     def spent(self, began: float, ended: float) -> None:
         """Record the time spent on a frame; this may change how a live source is processed.

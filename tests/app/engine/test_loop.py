@@ -109,22 +109,6 @@ def test_a_looped_source_continues_in_new_segments_with_its_truth(bench: Bench) 
     assert bench.state.has_truth
 
 
-def test_the_truth_of_a_frame_is_computed_before_its_turn(bench: Bench) -> None:
-    bench.truth = truth = StandingTruth()
-    bench.value(opening(paused=True))
-    bench.value(SetPlayback(step=1))
-    # The second frame is read as soon as the first one was observed.
-    end = time.monotonic() + PATIENCE_S
-    while len(truth.asked) < 2:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    assert len(bench.all(ObservationEvent)) == 1
-    bench.value(SetPlayback(step=1))
-    event = bench.wait(ObservationEvent, lambda e: e.line["frame"] == 1)
-    assert event.truth[0]["position"][0] == truth.asked[1]
-    assert truth.asked.count(truth.asked[1]) == 1
-
-
 def test_parameters_apply_from_the_returned_frame(bench: Bench) -> None:
     bench.value(opening("many"))
     bench.wait(ObservationEvent, lambda e: e.sequence == 3)
