@@ -27,6 +27,8 @@ UNHEARD_S = 0.7
 _ENABLE_WITHIN_S = 1.0
 # More permits than are sent within ``UNHEARD_S``.
 _MOST_UNCONFIRMED = 100
+# Time by which a robot's messages may be out of order; a clock that goes back further was set.
+_DISORDER_S = 0.02
 # Factor by which a robot may exceed its limits, as when it is pushed.
 _FASTER = 2.0
 _ZERO = (0.0, 0.0)
@@ -51,8 +53,8 @@ class ExternalWatch:
         self.sent: Sent | None = None
         self._hello: Hello | None = None
         self._said: OdometryMessage | None = None
-        # Whether the newest message, which was ignored, has an earlier time than the one before.
-        self._set_back = False
+        # By how much the times of the newest messages, which were ignored, went back at most.
+        self._back_s = 0.0
         self._fault: str | None = None
         self._heard = self._confirmed = -math.inf
         self._enabled_at: float | None = None
@@ -75,28 +77,30 @@ class ExternalWatch:
         if self._hello is not None:
             self._counters["reconnects"] += 1
         self.phase, self.trouble = RobotPhase.CONNECTED, None
-        self._hello, self._said, self._set_back = hello, None, False
+        self._hello, self._said, self._back_s = hello, None, 0.0
         self._heard = self._confirmed = now
         self._permit_times.clear()
-        self._place.begin_anew()
-        self._delay = _Delay()
+        self._use_other_clock()
         self.disable()
 
     def said(self, message: OdometryMessage, now: float) -> None:
         """Handle odometry; old or repeated messages count as bad and change nothing.
 
-        A clock that was set back makes all messages old. They count again once that is a fault.
+        A clock that was set back makes all messages old until it has caught up. They count again
+        then, or once that is a fault, and their delay is measured anew.
         """
         last = self._said
         if last is not None and (message.sequence <= last.sequence or message.time < last.time):
             self._counters["bad_packets"] += 1
-            self._set_back = message.sequence > last.sequence
-            if not self._set_back or not self.silent(now):
+            rises = message.sequence > last.sequence
+            self._back_s = max(self._back_s, last.time - message.time) if rises else 0.0
+            if not rises or not self.silent(now):
                 return
             self._look(now)
-            self._place.begin_anew()
-            self._delay = _Delay()
-        self._set_back = False
+            self._use_other_clock()
+        elif self._back_s > _DISORDER_S:
+            self._use_other_clock()
+        self._back_s = 0.0
         self._counters["packets"] += 1
         self._said = message
         if self._hello is not None:
@@ -262,7 +266,7 @@ class ExternalWatch:
         if self.silent(now):
             self._fail(
                 "the clock of its odometry went back; it must be monotonic"
-                if self._set_back
+                if self._back_s > _DISORDER_S
                 else f"no odometry received for {SILENCE_S:g} s"
             )
         elif now - self._confirmed > UNHEARD_S:
@@ -278,6 +282,10 @@ class ExternalWatch:
         # Keep the first reason; later ones are mostly its consequences.
         self._fault = self._fault or sentence
         self.disable()
+
+    def _use_other_clock(self) -> None:
+        self._place.begin_anew()
+        self._delay = _Delay()
 
 
 class _Place:

@@ -177,7 +177,7 @@ def test_old_and_repeated_odometry_is_ignored_and_counted() -> None:
     assert told.counters["bad_packets"] == heard.counters["bad_packets"] + 3
 
 
-@pytest.mark.parametrize("step_s", [5.0, -5.0])
+@pytest.mark.parametrize("step_s", [5.0, -0.6, -5.0])
 def test_a_robot_whose_clock_is_set_stops_if_it_went_back_and_is_heard_again(step_s: float) -> None:
     """As a robot that takes the time of day, which NTP corrects, for a monotonic clock."""
     scene = driving()
@@ -196,6 +196,35 @@ def test_a_robot_whose_clock_is_set_stops_if_it_went_back_and_is_heard_again(ste
     scene.steps(0.2)
     assert scene.fault is None
     assert scene.permit.stop
+
+
+@pytest.mark.parametrize("back_s", [0.1, 0.35, 0.45, 0.6, 5.0])
+def test_odometry_is_current_again_once_a_clock_that_was_set_back_counts(back_s: float) -> None:
+    scene = driving()
+    scene.late_s += back_s
+    scene.steps(SILENCE_S + 3 * STEP_S, (0.3, 0.1))
+    assert scene.fault in (None, "the clock of its odometry went back; it must be monotonic")
+    assert (scene.fault is None) == (back_s < SILENCE_S)
+    scene.watch.clear(scene.now)
+    for _ in range(round(25 / STEP_S)):
+        scene.step((0.3, 0.1))
+        received = scene.watch.report(scene.now, 0.25).received
+        assert received is not None
+        assert scene.now - received < 0.01
+    assert scene.fault is None
+    assert scene.watch.report(scene.now, 0.25).counters["odometry_jumps"] == 0
+
+
+def test_messages_slightly_out_of_order_do_not_make_late_ones_current() -> None:
+    """As of a robot whose threads each take the time before they send."""
+    scene = driving()
+    while scene.late_s < 0.6:
+        assert scene.late_s > 0.4 or scene.fault is None
+        scene.late_s += 0.9 * STEP_S
+        scene.step((0.3, 0.1))
+        late = scene.odometry()
+        scene.watch.said(dataclasses.replace(late, time=late.time - 0.01), scene.now)
+    assert scene.fault == "no odometry received for 0.5 s"
 
 
 def test_motors_that_switch_off_by_themselves_or_stay_off_are_a_fault() -> None:
