@@ -49,6 +49,8 @@ _TITLE = re.compile(r"^([a-z]+)(?:_(mm|cm|m|ms|us|ns|s)|\s*[\[(]\s*([a-z]+)\s*[\
 _EUROC_TITLE = re.compile(r"^(?:p_rs_r_([xyz])|q_rs_([wxyz]))\s*(?:\[\s*([a-z]*)\s*\])?$")
 # Name of the body if the file has none.
 _ONLY_BODY = "body"
+# Fewer times may be poses at which something stood, however far apart.
+_FEWEST_REFUSED = 10
 # Columns of the project's own truth.csv, which has x, y, z and t as well.
 _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
 
@@ -181,7 +183,7 @@ class _Table:
         self.times = self.times * TIMES_S[self.unit]
         moments = np.unique(self.times[np.isfinite(self.times)])
         self.step_s = float(np.median(np.diff(moments))) if len(moments) > 1 else 0.0
-        if self.step_s >= LONGEST_STEP_S:
+        if self.step_s >= LONGEST_STEP_S and len(moments) >= _FEWEST_REFUSED:
             raise TruthError(
                 f"{self.file}: the times are {self.step_s:.4g} s apart, so they seem to be in a "
                 "smaller unit than seconds; give them in seconds, or as CSV with a header that "
