@@ -43,7 +43,7 @@ from observer.methods.rigid.stereo_drift import shift_by_bias
 from observer.methods.rigid.tracked_points import BANISHED_FRAMES, TrackedPoints, WorldSightings
 from observer.parameters import ObstacleParameters, Parameters
 from observer.robust import median
-from observer.types import TrackState
+from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import NO_OBSTACLE, TrackIds, is_provisional
 
 # Seconds, time constant with which old places of points on a body are forgotten: tracked patches
@@ -142,7 +142,7 @@ class BodyTracker:
         on = (points.obstacle[:, None] == ids).any(axis=1)
         on |= (points.within[:, None] == ids).any(axis=1)
         place, _ = points.sums.static_position()
-        for track in [t for t in tracks if moves_apart(t)]:
+        for track in [t for t in tracks if moves_apart(t) and t.motion is MotionState.MOVING]:
             on |= track.contains(place, _AROUND_BOX_M)
         return np.asarray(on)
 

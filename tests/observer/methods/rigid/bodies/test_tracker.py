@@ -305,14 +305,16 @@ def test_new_points_in_the_box_of_a_body_that_moves_apart_are_known(
         obstacle=np.full(len(seen), NO_OBSTACLE), sums=PositionVelocityFilter.begin(here, precise)
     )
     assert run.tracker.known(new).all()
-    # What stands beside it is not.
+    # What stands beside it is not, nor is what is new on a body that has stopped.
     assert not run.tracker.known(run.points)[run.owner == 1].any()
-    # That it has just stopped may be an error; what stands for long is background.
-    track.motion, track.stood_s = MotionState.STOPPED, 0.5
-    assert run.tracker.seen_apart(new).all()
-    track.stood_s = 1.5
+    track.motion = MotionState.STOPPED
     assert not run.tracker.known(new).any()
-    assert not run.tracker.seen_apart(new).any()
+    # That it has just stopped may be an error; what stands for long is background.
+    members = run.points.obstacle == track.id
+    track.stood_s = 0.5
+    assert run.tracker.seen_apart(run.points).tolist() == members.tolist()
+    track.stood_s = 1.5
+    assert not run.tracker.seen_apart(run.points).any()
 
 
 @pytest.mark.parametrize(("name", "value"), [("confirm_sigmas", 50.0), ("confirm_hits", 12)])
