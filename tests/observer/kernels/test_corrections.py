@@ -16,7 +16,7 @@ from .oracles import corrections as oracle
 @pytest.mark.parametrize("bias_px", [0.0, 0.37, -1.2])
 def test_adding_a_bias_matches_numpy(reduction: int, bias_px: float) -> None:
     camera = StereoCamera(64 * reduction, 40 * reduction, 90.0, 91.0, 61.2, 39.8, 0.12)
-    grid = Grid(camera, reduction, 64, 40
+    grid = Grid(camera, reduction, 64, 40, reduction)
     disparity = np.random.default_rng(0).uniform(0, 40, grid.shape).astype(np.float32)
     disparity[:, 20:25] = np.nan
     found = with_bias(disparity, bias_px, grid)
