@@ -11,6 +11,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION
 from observer.methods.rigid.bodies.groups import Group
 from observer.methods.rigid.bodies.membership import SURE_RATIO
+from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.shape import Box
 from observer.methods.rigid.dense.segments import TRUNK_SHARE
 from observer.parameters import ObstacleParameters
@@ -33,6 +34,8 @@ _LIMB_APART_M = 0.3
 # Least distance between the middles of two people, metres; and most by which the velocities of one
 # person's parts differ, m/s.
 _PARTS_M, _PARTS_MPS = 0.3, 0.4
+# Metres by which one person is farther away than another before whom they walk: no part is.
+_BEHIND_M = 0.4
 # Seconds for which two bodies must both be known before they stay two permanently.
 _KNOWN_S = 1.0
 
@@ -122,7 +125,18 @@ def _stand_apart(a: BodyTrack, a_box: Box, b: BodyTrack, b_box: Box) -> bool:
     if not (reported or (a.outline.seen and b.outline.seen)):
         return False
     across, _, along = (a.centre - b.centre).tolist()
-    return bool(np.hypot(across, along) > (a_box.size[0] + b_box.size[0]) / 4 + _LIMB_APART_M)
+    least = (a_box.size[0] + b_box.size[0]) / 4 + _LIMB_APART_M
+    if _one_behind_other(a.seen_outline, b.seen_outline):
+        least = _PARTS_M
+    return bool(np.hypot(across, along) > least)
+
+
+def _one_behind_other(a: Outline | None, b: Outline | None) -> bool:
+    """Return whether two outlines are as high as people, and one is seen well behind the other."""
+    if a is None or b is None or not all(each.is_high and each.upright for each in (a, b)):
+        return False
+    near, far = (each.grid.camera.fb / each.segment.disparity for each in (a, b))
+    return abs(near - far) > _BEHIND_M
 
 
 def _is_leg(body: BodyTrack, whole: Box, part: BodyTrack, box: Box) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from observer.geometry import Float64Array
+from observer.methods.rigid.dense.height import bottom_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     LEAST_CELLS,
@@ -24,6 +25,9 @@ _BESIDE_M, _BODY_M = 0.75, 1.8
 _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
 # An arm is at most this share of a person, who stands while more than this share of them is static.
 _ARM_SHARE, _STATIC_SHARE = 0.35, 0.6
+# What begins lower than so many metres stands on the ground; a limb is more than so many times as
+# high as wide.
+_ON_GROUND_M, _LIMB_ASPECT = 0.35, 1.2
 # Head and shoulders are in this upper share of the rows: arms swing below it.
 SHOULDERS_SHARE = 0.35
 # Cosine of a camera's tilt up to which what is above in the image is above in the world.
@@ -43,6 +47,8 @@ def whole_person(scene: DenseScene, part: Segment, free: Mask) -> Segment:
     Args:
         free: (h, w) cells that belong to nothing yet, those of the segment among them.
     """
+    if _is_low_and_broad(part, scene):
+        return part
     column, row = part.columns[1], (part.box[1] + part.box[3] - 1) / 2
     px = scene.grid.to_px(np.array([[column, row]]))
     at = scene.grid.camera.triangulate(px, np.array([part.disparity]))[0]
@@ -50,6 +56,15 @@ def whole_person(scene: DenseScene, part: Segment, free: Mask) -> Segment:
     if whole is None or not is_person(whole, scene) or part.area > _ARM_SHARE * whole.area:
         return part
     return whole if whole.static > _STATIC_SHARE else part
+
+
+def _is_low_and_broad(segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a segment stands on the ground and is no arm or leg: a robot at a wall."""
+    if scene.ground is None or segment.cut[3]:
+        return False
+    width, height = extent_m(segment, scene.grid)
+    on_ground = bottom_height(segment, scene, scene.ground) < _ON_GROUND_M
+    return on_ground and height <= _LIMB_ASPECT * width
 
 
 def standing_segment(scene: DenseScene, place: Float64Array, free: Mask) -> Segment | None:

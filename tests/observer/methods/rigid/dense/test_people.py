@@ -58,6 +58,22 @@ def test_an_object_moving_beside_a_cabinet_is_not_an_arm() -> None:
     assert whole_person(scene, thing, ALL) is thing
 
 
+@pytest.mark.parametrize(("height_m", "alone"), [(0.4, True), (0.9, False)])
+def test_a_robot_passing_something_as_high_as_a_person_is_not_its_limb(
+    height_m: float, alone: bool
+) -> None:
+    """Seen at the same depth. A leg that steps forward is narrower, or higher."""
+    robot = on_floor(0.35, 4.0, (0.4, height_m, 0.3))
+    post = on_floor(0.0, 4.0, (0.5, 1.9, 0.3))
+    scene = seen([*ROOM, post, robot])
+    evidence = np.where(scene.standing, STATIC, 0).astype(np.uint8)
+    mask = cells(scene, robot)
+    evidence[mask] = ARRIVED
+    scene = seen([*ROOM, post, robot], HERE, evidence)
+    part = segment_of(scene, mask)
+    assert (whole_person(scene, part, ALL) is part) is alone
+
+
 # --- head and shoulders ----------------------------------------------------------------------
 
 # Walks in plain clothes past a plain wall, so that only the part below the shoulders moves.
