@@ -31,6 +31,9 @@ _FOUND_SIGMAS = 2.5
 _STRIDE_M = 0.35
 # Metres beyond half their mean width that a limb seen by itself may be away from its body.
 _LIMB_APART_M = 0.3
+# Squared significance of a velocity that is no noise; metres from a box beyond which something is
+# beside it.
+_PASSING_CHI2, _BESIDE_M = 25.0, 0.1
 # Least distance between the middles of two people, metres; and most by which the velocities of one
 # person's parts differ, m/s.
 _PARTS_M, _PARTS_MPS = 0.3, 0.4
@@ -76,6 +79,8 @@ def are_one(
     """
     if older.box is None or younger.box is None:
         return False
+    if _passes(older, younger):
+        return False
     if _is_leg(older, older.box, younger, younger.box):
         return True
     if _are_parts(older, younger):
@@ -89,6 +94,20 @@ def are_one(
     velocity, cov = younger.centre_velocity()
     expected = older.velocity_at(younger.centre)
     return _moves_with(velocity, cov, expected, older_cov, _PARTS_DIFFER)
+
+
+def _passes(older: BodyTrack, younger: BodyTrack) -> bool:
+    """Return whether points move beside something that is seen at rest, and never moved for sure.
+
+    Its velocity may still be so uncertain that it could be theirs.
+    """
+    outline = older.seen_outline
+    rests = older.state is TrackState.TENTATIVE and outline is not None and outline.is_static
+    if not rests or younger.outline is not None:
+        return False
+    velocity, cov = younger.centre_velocity()
+    moves = float(velocity @ np.linalg.solve(cov, velocity)) > _PASSING_CHI2
+    return moves and not older.contains(younger.centre[None], _BESIDE_M)[0]
 
 
 def _are_parts(a: BodyTrack, b: BodyTrack) -> bool:

@@ -13,6 +13,7 @@ from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.groups import Group, group_of
 from observer.methods.rigid.bodies.identity import are_one, body_of, goes_with
 from observer.methods.rigid.bodies.shape import Box
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.parameters import ObstacleParameters
 from observer.types import TrackState
 
@@ -194,6 +195,27 @@ def test_a_person_walking_behind_another_stays_separate(
     # What hangs there, such as a bag, is none.
     other.outline = outline_of(Solid((0.25, -0.2, 3.0 + behind_m), (0.3, 0.4, 0.2)))
     assert are_one(one, other, REACH_M, P)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "place", "same"),
+    [
+        (STATIC, (0.7, 0.3, 2.6), False),
+        (ARRIVED, (0.7, 0.3, 2.6), True),
+        # On it: changing light and edges move points a little.
+        (STATIC, (0.1, 0.0, 3.0), True),
+    ],
+)
+def test_points_passing_something_at_rest_stay_separate(
+    make_track: MakeTrack, evidence: int, place: tuple[float, float, float], same: bool
+) -> None:
+    """A robot beside part of a wall, which is not reported, and whose velocity is uncertain."""
+    wall = make_track(
+        velocity=(0, 0, 0), box=Box(np.zeros(3), np.array([0.45, 1.6, 0.3]), 0.0), sigma=1.0
+    )
+    wall.outline = outline_of(person(0.0, 3.0), evidence)
+    passing = make_track(place, (0, 0, -0.6), number=2)
+    assert are_one(wall, passing, 0.5, P) is same
 
 
 @pytest.mark.parametrize(("apart_m", "same"), [(1.1, False), (0.5, True)])
