@@ -1,4 +1,4 @@
-"""Files sent compressed to browsers that accept gzip."""
+"""Files and answers sent compressed to clients that accept gzip."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import anyio.to_thread
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import FileResponse, Response
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 # Pictures and fonts are compressed already.
 _SHRINKING = ("text/", "image/svg+xml", "application/json", "application/xml")
@@ -20,6 +20,55 @@ _LEAST_BYTES = 500
 _OF_PLAIN_BYTES = ("accept-ranges", "content-length", "etag")
 # Compressed files kept in the cache; the panel has about 170.
 _KEPT_FILES = 512
+
+
+class CompressedAnswers:
+    """Middleware that compresses whole JSON answers; files are not: downloads may be resumed."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or not takes_gzip(Headers(scope=scope)):
+            await self._app(scope, receive, send)
+            return
+        held: Message | None = None
+
+        async def compressed(message: Message) -> None:
+            nonlocal held
+            if message["type"] == "http.response.start" and _is_json(message):
+                held = message
+                return
+            if held is not None:
+                message = await _shrunk(held, message)
+                await send(held)
+                held = None
+            await send(message)
+
+        await self._app(scope, receive, compressed)
+
+
+def _is_json(start: Message) -> bool:
+    headers = Headers(raw=start["headers"])
+    encoded = "content-encoding" in headers or "accept-ranges" in headers
+    return headers.get("content-type") == "application/json" and not encoded
+
+
+async def _shrunk(start: Message, body: Message) -> Message:
+    """Return the message with the whole body compressed, as ``start`` then says."""
+    plain = body.get("body", b"")
+    if body.get("more_body") or len(plain) < _LEAST_BYTES:
+        return body
+    shrunk = await anyio.to_thread.run_sync(_gzipped, plain)
+    headers = MutableHeaders(raw=start["headers"])
+    headers["content-encoding"], headers["content-length"] = "gzip", str(len(shrunk))
+    headers.add_vary_header("Accept-Encoding")
+    return {**body, "body": shrunk}
+
+
+def _gzipped(content: bytes) -> bytes:
+    """Return the content compressed, the same bytes each time (``mtime`` 0)."""
+    return gzip.compress(content, 6, mtime=0)
 
 
 def takes_gzip(headers: Headers) -> bool:
@@ -58,5 +107,4 @@ class CompressedFile(FileResponse):
 
 @lru_cache(maxsize=_KEPT_FILES)
 def _compressed(path: Path, changed_ns: int, size: int) -> bytes:  # noqa: ARG001 - the key
-    """Return a file compressed, the same bytes each time (``mtime`` 0)."""
-    return gzip.compress(path.read_bytes(), 6, mtime=0)
+    return _gzipped(path.read_bytes())

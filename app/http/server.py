@@ -46,6 +46,7 @@ from app.http.api import (
 )
 from app.http.api.common import TheServer
 from app.http.api.refusals import BODY_RESPONSES, GATE_RESPONSES, refusal_schemas
+from app.http.compressed import CompressedAnswers
 from app.http.errors import install_error_handlers
 from app.http.gate.admission import COOKIE_NAME, Admission
 from app.http.gate.origins import names_of
@@ -170,6 +171,7 @@ def create_app(
     policy = _policy(settings, admission, folder)
     add_pages(app, server, policy, folder, help_folder())
     _complete_description(app)
+    app.add_middleware(CompressedAnswers)
     app.add_middleware(Gate, policy=policy)
     return app
 

@@ -1,4 +1,4 @@
-"""Text is compressed for clients that accept it, and revalidated in either form."""
+"""Text and JSON are compressed for clients that accept it; text is revalidated in either form."""
 
 from __future__ import annotations
 
@@ -78,3 +78,19 @@ async def test_both_encodings_are_revalidated_and_changed_files_resent(
         changed, body = await sent(served.http, "/static/long.js", **{"if-none-match": tags[1]})
         assert changed.status_code == 200
         assert gzip.decompress(body).endswith(b"// more")
+
+
+async def test_long_answers_are_compressed_for_clients_that_accept_it(serve: Any) -> None:
+    async with serve() as served:
+        path = "/api/parameters/schema"
+        plain, whole = await sent(served.http, path, **{"accept-encoding": "identity"})
+        assert "content-encoding" not in plain.headers
+        answer, body = await sent(served.http, path, **{"accept-encoding": "gzip"})
+        assert answer.headers["content-encoding"] == "gzip"
+        assert "Accept-Encoding" in answer.headers["vary"]
+        assert int(answer.headers["content-length"]) == len(body) < len(whole) / 3
+        assert gzip.decompress(body) == whole
+        short, body = await sent(served.http, "/api/nothing", **{"accept-encoding": "gzip"})
+        assert short.status_code == 404
+        assert "content-encoding" not in short.headers
+        assert int(short.headers["content-length"]) == len(body)
