@@ -125,7 +125,7 @@ def test_robots_of_a_silent_server_are_not_shown_as_if_known(
     server.process.suspend()
     try:
         # Before the connection counts as lost.
-        expect(robots).to_contain_text("The server is not responding: the values", timeout=6_000)
+        expect(robots).to_contain_text("The server is not responding. The values", timeout=6_000)
         expect(robots).to_have_attribute("data-old", "")
     finally:
         server.process.resume()

@@ -2,6 +2,7 @@
 
 import { FARTHEST_GOAL_M } from "../elements/facts.js";
 import { fixed, sentence } from "../elements/words.js";
+import { outdatedReason } from "./robot-words.js";
 import { isArmed } from "./roles.js";
 
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
@@ -39,10 +40,7 @@ export function riskChoices(usual) {
 export function missingForGoal({ connection, robots: facts, robotsOutdated }, ours, programme) {
   if (connection !== "open") return "No connection to the server.";
   if (!facts) return "Waiting for robot status.";
-  if (robotsOutdated)
-    return facts.process?.alive === false
-      ? sentence(facts.process.trouble ?? "the drive process is restarting")
-      : "The server is not responding.";
+  if (robotsOutdated) return outdatedReason({ connection, robots: facts });
   const robot = facts.robots?.observer;
   if (facts.stopped) return "All robots are stopped: reset the stop first.";
   if (!robot) return "Connect the observer first.";

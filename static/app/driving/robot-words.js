@@ -4,6 +4,7 @@ import { fixed, sentence } from "../elements/words.js";
 import { ROLE_WORDS } from "./roles.js";
 
 /** @import { RobotIncident, RobotNow, RobotReport, RobotsMessage, SentMessage, StopMeasured } from "../contract" */
+/** @import { Hub } from "../shell/hub.js" */
 /** @import { Role } from "./roles.js" */
 
 /** @type {Record<RobotNow["state"], string>} */
@@ -19,6 +20,20 @@ const STATES = {
 /** @param {RobotNow | null} robot */
 export function stateInWords(robot) {
   return robot ? (STATES[robot.state] ?? robot.state) : "No robot";
+}
+
+/**
+ * Say why what is known of the robots is outdated.
+ *
+ * @param {Pick<Hub, "connection" | "robots">} hub
+ */
+export function outdatedReason({ connection, robots }) {
+  if (connection !== "open") return "No connection to the server.";
+  if (robots?.process?.alive !== false) return "The server is not responding.";
+  return sentence(
+    robots.process.trouble ??
+      "the drive process is restarting; until then, only the robots' own firmware can stop them",
+  );
 }
 
 /**

@@ -25,6 +25,7 @@ import {
   driverInWords,
   figuresOf,
   incidentInWords,
+  outdatedReason,
   standstillReason,
   stateInWords,
 } from "./robot-words.js";
@@ -134,7 +135,7 @@ class RobotsPanel extends Part {
 
   #render() {
     if (this.offsetParent === null) return;
-    const { driver, robots, connection, robotsOutdated: outdated } = this.hub;
+    const { driver, robots, robotsOutdated: outdated } = this.hub;
     for (const [role, card] of this.#cards) {
       const robot = driver.robot(role);
       card.input.checked = role === driver.role;
@@ -152,17 +153,7 @@ class RobotsPanel extends Part {
     const ours = driver.link.leases.has(driver.role);
     const others = Boolean(robot?.operator) && !ours;
     const armed = isArmed(robot);
-    setText(
-      this.#trouble,
-      connection !== "open"
-        ? "No connection to the server: the values shown here are stale."
-        : robots?.process?.alive !== false
-          ? "The server is not responding: the values shown here are stale."
-          : sentence(
-              robots?.process?.trouble ??
-                "the drive process is restarting; until then, only the robots' own firmware can stop them",
-            ),
-    );
+    setText(this.#trouble, `${outdatedReason(this.hub)} The values shown here are stale.`);
     this.#trouble.hidden = !outdated || !robots;
     // Stale data do not tell whether or why it is standing still.
     setAttribute(this, "data-old", outdated ? "" : null);

@@ -49,7 +49,10 @@ test("no goal is sent while nothing is heard of the robots", () => {
   assert.equal(missing({ robotsOutdated: true }), "The server is not responding.");
   const process = { alive: false, pid: null, restarts: 1, trouble: null };
   const dead = robots({ process });
-  assert.equal(missing({ robotsOutdated: true, robots: dead }), "The drive process is restarting.");
+  assert.equal(
+    missing({ robotsOutdated: true, robots: dead }),
+    "The drive process is restarting; until then, only the robots' own firmware can stop them.",
+  );
 });
 
 test("a place that was typed is read, or refused in a sentence", () => {
