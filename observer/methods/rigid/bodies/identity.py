@@ -111,12 +111,12 @@ def _passes(older: BodyTrack, younger: BodyTrack) -> bool:
 
 
 def _are_parts(a: BodyTrack, b: BodyTrack) -> bool:
-    """Return whether two bodies with limbs are parts of one person, such as trunk and legs.
+    """Return whether two bodies are parts of one: trunk and legs, or a robot's base and its mast.
 
     They are nearer to each other than two people could be, and move alike. Somebody who was hidden
     for a while may be seen again in two parts.
     """
-    if a.seen_outline is None or b.seen_outline is None or a.rigid or b.rigid:
+    if a.seen_outline is None or b.seen_outline is None or a.rigid != b.rigid:
         return False
     across, _, along = (a.centre - b.centre).tolist()
     if np.hypot(across, along) > _PARTS_M:

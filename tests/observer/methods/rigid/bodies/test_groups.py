@@ -280,10 +280,20 @@ def test_a_part_that_is_out_of_sight_or_no_persons_stays_a_track(make_track: Mak
     assert legs.outline is not None
     legs.outline.seen = False
     assert not are_one(trunk, legs, REACH_M, P)
-    for rigid in ((True, True), (False, True), (True, False)):
+    for rigid in ((False, True), (True, False)):
         person, robot = parts(make_track, 0.1, 0.1)
         person.rigid, robot.rigid = rigid
         assert not are_one(person, robot, REACH_M, P), "a robot at somebody's feet"
+
+
+def test_the_base_and_the_top_of_a_robot_with_a_mast_are_one(make_track: MakeTrack) -> None:
+    """Nothing is tracked on the mast between them."""
+    base, top = parts(make_track, 0.1, 0.0)
+    base.rigid = top.rigid = True
+    assert are_one(base, top, REACH_M, P)
+    beside, robot = parts(make_track, 0.5, 0.0)
+    beside.rigid = robot.rigid = True
+    assert not are_one(beside, robot, REACH_M, P)
 
 
 def test_the_end_of_a_turning_body_may_move_in_the_opposite_direction(
