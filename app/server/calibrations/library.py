@@ -24,6 +24,7 @@ from app.storage import CalibrationRecord, RunRecord, Storage, utc_now
 from app.workers.calibration.messages import Refined, RefineRows
 from app.workers.calibration.process import work
 from observer.calibration.ageing.row_refinement import RowRefinement
+from observer.calibration.fitting.lens import horizontal_field_of_view
 from observer.calibration.formats.exporting import ExportKind, export_calibration
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.formats.recognition import read_any
@@ -42,12 +43,11 @@ _MOST_CHECKS = 50
 
 def calibration_facts(calibration: StereoCalibration) -> JsonObject:
     """Return the facts of a calibration for a list."""
-    half_width = calibration.width / 2
     return {
         "width": calibration.width,
         "height": calibration.height,
         "baseline_m": round(calibration.baseline, 6),
-        "hfov_deg": round(math.degrees(2 * math.atan(half_width / calibration.K1[0, 0])), 2),
+        "hfov_deg": round(math.degrees(horizontal_field_of_view(calibration)), 2),
         "rectified": calibration.is_rectified,
     }
 

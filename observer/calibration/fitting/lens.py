@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from observer.camera import DistortionModel
+from observer.camera import DistortionModel, StereoCalibration
 from observer.geometry import Float64Array
 
 # Number of distortion coefficients: k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye lens.
@@ -105,3 +106,18 @@ def directions(
     # OpenCV marks what a fisheye lens cannot see with -1e6.
     out[~(np.abs(out[:, :2]) < 1e5).all(axis=1)] = np.nan
     return out
+
+
+def horizontal_field_of_view(calibration: StereoCalibration) -> float:
+    """Return the angle, radians, that the left image spans along its middle row.
+
+    Where the lens model is not valid up to both borders, its distortion is left out.
+    """
+    c = calibration
+    row = (c.height - 1) / 2
+    ends = np.array([[-0.5, row], [c.width - 0.5, row]])
+    left, right = directions(c.distortion_model, c.K1, c.D1, ends)[:, 0].tolist()
+    if left < right:
+        return math.atan(right) - math.atan(left)
+    share = c.width / float(c.K1[0, 0])
+    return share if c.distortion_model == "equidistant" else 2 * math.atan(share / 2)
