@@ -32,6 +32,8 @@ from observer.types import BoxPx, MotionState, TrackState
 # Seconds out of sight after which a body's motion counts as unknown.
 _FORGOTTEN_S = 0.4
 _NOWHERE = np.zeros(3)
+# Squared significance of a velocity from which its direction is known.
+_HEADING_CHI2 = 4.0
 # (m/s)^2: by how much a limb's velocity differs from that of its body.
 _LIMB_COV = np.diag([0.5, 0.05, 0.5]) ** 2
 
@@ -160,6 +162,14 @@ class BodyTrack:
             width, _, length = self.box.size.tolist()
             doubt_m = self.shape.centre_doubt * max(width, length)
         return velocity_at_centre(self.mean, self.filter.covariance, arm, self.lasting_cov, doubt_m)
+
+    @property
+    def heading(self) -> Float64Array | None:
+        """(3,) unit vector, world, in which it moves; None while that is not known."""
+        velocity = self.mean[VELOCITY]
+        cov = self.filter.covariance[VELOCITY, VELOCITY]
+        known = float(velocity @ np.linalg.solve(cov, velocity)) > _HEADING_CHI2
+        return velocity / float(np.linalg.norm(velocity)) if known else None
 
     @property
     def forgotten(self) -> bool:

@@ -16,8 +16,9 @@ from observer.methods.rigid.dense.segments import Segment, segment_of
 
 # Metres above the ground up to which legs reach.
 _LEGS_M = 0.85
-# Most metres between the outer edges of two striding legs, feet included; and in depth.
-_STRIDE_M, _AHEAD_M = 1.3, 0.7
+# Most metres between the outer edges of two striding legs, feet included; and in depth, of
+# somebody who walks along the camera's axis and across it.
+_STRIDE_M, _AHEAD_M, _BESIDE_M = 1.3, 0.7, 0.3
 # Upper share of the rows of legs that tells where the hips are.
 _HIPS_SHARE = 0.2
 # Quantiles of the cells' disparities that stand for the farther leg and for the nearer one.
@@ -34,11 +35,20 @@ def shows_only_legs(segment: Segment, scene: DenseScene) -> bool:
     return top_height(segment, scene, scene.ground) < _LEGS_M
 
 
-def is_other_leg(scene: DenseScene, part: Segment, leg: Segment) -> bool:
-    """Return whether a segment is the other leg of a person, one leg of whom is known."""
+def is_other_leg(
+    scene: DenseScene, part: Segment, leg: Segment, heading: Float64Array | None
+) -> bool:
+    """Return whether a segment is the other leg of a person, one leg of whom is known.
+
+    Args:
+        heading: (3,) unit vector, world, in which the person walks, and the legs stride; None if
+            unknown.
+    """
     camera = scene.grid.camera
     one, other = (camera.fb / each.disparity for each in (part, leg))
-    if not (part.cut[2] and leg.cut[2]) or abs(one - other) > _AHEAD_M:
+    along = 1.0 if heading is None else abs(float(scene.T_camera_world.rotation[2] @ heading))
+    most_m = _BESIDE_M + along * (_AHEAD_M - _BESIDE_M)
+    if not (part.cut[2] and leg.cut[2]) or abs(one - other) > most_m:
         return False
     left, right = min(part.box[0], leg.box[0]), max(part.box[2], leg.box[2])
     return right - left < _STRIDE_M * scene.grid.per_metre(leg.disparity)

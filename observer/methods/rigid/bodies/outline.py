@@ -242,9 +242,13 @@ class Outline:
             self.box_px = box_px(self.grid, self.segment)
             self.middle = self.middle + dt * velocity
 
-    def take(self, limb: Segment, scene: DenseScene) -> bool:
-        """Take a segment as a limb of the body, if it is one; returns whether it is."""
-        leg = self.only_legs and is_other_leg(scene, limb, self.segment)
+    def take(self, limb: Segment, scene: DenseScene, heading: Float64Array | None) -> bool:
+        """Take a segment as a limb of the body, if it is one; returns whether it is.
+
+        Args:
+            heading: (3,) unit vector, world, in which the body moves; None if unknown.
+        """
+        leg = self.only_legs and is_other_leg(scene, limb, self.segment, heading)
         if not leg and not is_limb(scene, limb, self.segment):
             return False
         self.segment = with_limb(scene, self.segment, limb)

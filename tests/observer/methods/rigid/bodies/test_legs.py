@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,21 +70,37 @@ def test_the_other_leg_is_included_regardless_of_its_size() -> None:
     scene, (one, other) = legs((-0.25, 1.2), (0.2, 1.3))
     outline = outlined(one, scene)
     assert outline.only_legs
-    assert outline.take(other, scene)
+    assert outline.take(other, scene, None)
     np.testing.assert_array_equal(outline.segment.mask, one.mask | other.mask)
 
 
 def test_an_object_beside_a_fully_visible_person_is_not_a_leg() -> None:
     scene, (one, other) = legs((-0.25, 3.0), (0.2, 3.0))
     outline = outlined(one, scene)
-    assert not outline.take(other, scene)
+    assert not outline.take(other, scene, None)
 
 
 @pytest.mark.parametrize("place", [(0.35, 2.2), (0.75, 1.35)], ids=["behind", "aside"])
 def test_the_leg_of_another_person_is_not_included(place: tuple[float, float]) -> None:
     scene, (one, other) = legs((-0.7, 1.35), place)
-    assert not is_other_leg(scene, other, one)
-    assert not outlined(one, scene).take(other, scene)
+    assert not is_other_leg(scene, other, one, None)
+    assert not outlined(one, scene).take(other, scene, None)
+
+
+@pytest.mark.parametrize(
+    ("heading", "same"), [((0, 0, -1), True), ((1, 0, 0), False), (None, True)]
+)
+def test_legs_stride_the_way_a_person_walks(heading: Any, same: bool) -> None:
+    """Somebody who comes the other way is farther behind than the legs of one who crosses."""
+    scene, (one, other) = legs((-0.2, 1.0), (0.25, 1.5))
+    way = None if heading is None else np.array(heading, float)
+    assert outlined(one, scene).take(other, scene, way) is same
+
+
+def test_a_track_heads_somewhere_once_its_velocity_is_significant(make_track: Any) -> None:
+    np.testing.assert_allclose(make_track(velocity=(0.6, 0, 0.8)).heading, [0.6, 0, 0.8])
+    assert make_track(velocity=(0.6, 0, 0.8), sigma=1.0).heading is None
+    assert make_track(velocity=(0, 0, 0)).heading is None
 
 
 @quick

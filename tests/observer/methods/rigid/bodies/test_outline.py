@@ -326,8 +326,8 @@ def test_a_limb_is_included_and_another_body_is_not() -> None:
     outline.note(segment, np.array([0.0, -0.2, 4.0]), scene, 0.0)
     limb = segment_of(scene, cells_of(leg, [*ROOM, trunk, leg]))
     _, far = view(body(1.5, 5.0))
-    assert not outline.take(far, scene)
-    assert outline.take(limb, scene)
+    assert not outline.take(far, scene, None)
+    assert outline.take(limb, scene, None)
     np.testing.assert_array_equal(outline.segment.mask, segment.mask | limb.mask)
     where = outline.expected(np.array([0.0, -0.2, 4.0]), HERE, GRID)
     assert overlap(where.mask, outline.segment.mask) > 0.99
@@ -339,7 +339,7 @@ def test_the_larger_rest_of_a_partly_seen_body_is_included() -> None:
     limb = segment_of(scene, cells_of(leg, [*ROOM, trunk, leg]))
     outline = Outline.of(limb, scene)
     outline.note(limb, np.array([0.1, 0.5, 4.0]), scene, 0.0)
-    assert outline.take(whole, scene)
+    assert outline.take(whole, scene, None)
     np.testing.assert_array_equal(outline.segment.mask, whole.mask | limb.mask)
 
 
