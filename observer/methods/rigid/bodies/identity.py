@@ -154,8 +154,8 @@ def _one_behind_other(a: Outline | None, b: Outline | None) -> bool:
     """Return whether two outlines are as high as people, and one is seen well behind the other."""
     if a is None or b is None or not all(each.is_high and each.upright for each in (a, b)):
         return False
-    near, far = (each.grid.camera.fb / each.segment.disparity for each in (a, b))
-    return abs(near - far) > _BEHIND_M
+    one, other = (each.grid.camera.fb / each.segment.disparity for each in (a, b))
+    return abs(one - other) > _BEHIND_M
 
 
 def _is_leg(body: BodyTrack, whole: Box, part: BodyTrack, box: Box) -> bool:
