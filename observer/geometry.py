@@ -252,6 +252,12 @@ def largest_sigma(covariance: Float64Array) -> float:
     return float(np.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance)[-1]))))
 
 
+def mahalanobis(vector: Float64Array, covariance: Float64Array) -> float:
+    """Return the Mahalanobis length of a vector (N,) under a covariance (N, N)."""
+    # Rounding may leave the square of a short vector just below zero.
+    return float(np.sqrt(max(0.0, float(vector @ np.linalg.solve(covariance, vector)))))
+
+
 def cross_matrix(vectors: ArrayLike) -> Float64Array:
     """(..., 3, 3) matrices [v]x with [v]x w = v x w."""
     v = np.asarray(vectors, dtype=np.float64)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, mahalanobis
 from observer.types import BoxPx, MotionState, TrackState
 
 
@@ -73,4 +73,4 @@ class GroundTrack:
         """Return the Mahalanobis distance from its predicted place to a place (2,)."""
         gap = place - self.mean[:2]
         S = self.covariance[:2, :2] + noise
-        return float(np.sqrt(max(0.0, float(gap @ np.linalg.solve(S, gap)))))
+        return mahalanobis(gap, S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, mahalanobis
 from observer.methods.monocular.ground import GroundView
 from observer.methods.monocular.ground_contact import (
     box_around,
@@ -218,7 +218,7 @@ class GroundTracker:
         self, track: GroundTrack, share: float, p: MonocularParameters, q: ObstacleParameters
     ) -> None:
         cov = track.covariance[2:, 2:]
-        track.significance = float(np.sqrt(track.velocity @ np.linalg.solve(cov, track.velocity)))
+        track.significance = mahalanobis(track.velocity, cov)
         speed = float(np.linalg.norm(track.velocity))
         clear = track.significance > p.confirm_sigmas
         supported = share > 0.5 and track.significance > _SUPPORT_SIGMAS

@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, mahalanobis
 from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters
 from observer.robust import MAD_TO_SIGMA
@@ -119,7 +119,7 @@ def _describe(
         velocity_time=time,
         size=size,
         points=count,
-        significance=float(np.sqrt(velocity @ np.linalg.solve(against, velocity))),
+        significance=mahalanobis(velocity, against),
         box_px=(box[0], box[1], box[2], box[3]),
     )
 

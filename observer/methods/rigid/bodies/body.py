@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
-from observer.geometry import BOX_CORNERS, Float64Array, Pose
+from observer.geometry import BOX_CORNERS, Float64Array, Pose, mahalanobis
 from observer.kernels.body_filter import velocity_at_centre
 from observer.kernels.sight import view_of
 from observer.methods.rigid.bodies.changes import Changes
@@ -32,8 +32,8 @@ from observer.types import BoxPx, MotionState, TrackState
 # Seconds out of sight after which a body's motion counts as unknown.
 _FORGOTTEN_S = 0.4
 _NOWHERE = np.zeros(3)
-# Squared significance of a velocity from which its direction is known.
-_HEADING_CHI2 = 4.0
+# Standard deviations of a velocity from which its direction is known.
+_HEADING_SIGMAS = 2.0
 # (m/s)^2: by how much a limb's velocity differs from that of its body.
 _LIMB_COV = np.diag([0.5, 0.05, 0.5]) ** 2
 
@@ -168,7 +168,7 @@ class BodyTrack:
         """(3,) unit vector, world, in which it moves; None while that is not known."""
         velocity = self.mean[VELOCITY]
         cov = self.filter.covariance[VELOCITY, VELOCITY]
-        known = float(velocity @ np.linalg.solve(cov, velocity)) > _HEADING_CHI2
+        known = mahalanobis(velocity, cov) > _HEADING_SIGMAS
         return velocity / float(np.linalg.norm(velocity)) if known else None
 
     @property

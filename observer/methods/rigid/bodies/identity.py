@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from observer.chi_square import quantile
-from observer.geometry import Float64Array, largest_sigma
+from observer.geometry import Float64Array, largest_sigma, mahalanobis
 from observer.kernels.membership import moves_along
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION
@@ -13,7 +13,7 @@ from observer.methods.rigid.bodies.groups import Group
 from observer.methods.rigid.bodies.membership import SURE_RATIO
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.shape import Box
-from observer.methods.rigid.dense.segments import TRUNK_SHARE
+from observer.methods.rigid.dense.segments import TRUNK_SHARE, depth_gap_m
 from observer.parameters import ObstacleParameters
 from observer.types import TrackState
 
@@ -31,9 +31,9 @@ _FOUND_SIGMAS = 2.5
 _STRIDE_M = 0.35
 # Metres beyond half their mean width that a limb seen by itself may be away from its body.
 _LIMB_APART_M = 0.3
-# Squared significance of a velocity that is no noise; metres from a box beyond which something is
+# Standard deviations of a velocity that is no noise; metres from a box beyond which something is
 # beside it.
-_PASSING_CHI2, _BESIDE_M = 25.0, 0.1
+_PASSING_SIGMAS, _BESIDE_M = 5.0, 0.1
 # Least distance between the middles of two people, metres; and most by which the velocities of one
 # person's parts differ, m/s.
 _PARTS_M, _PARTS_MPS = 0.3, 0.4
@@ -105,8 +105,7 @@ def _passes(older: BodyTrack, younger: BodyTrack) -> bool:
     rests = older.state is TrackState.TENTATIVE and outline is not None and outline.is_static
     if not rests or younger.outline is not None:
         return False
-    velocity, cov = younger.centre_velocity()
-    moves = float(velocity @ np.linalg.solve(cov, velocity)) > _PASSING_CHI2
+    moves = mahalanobis(*younger.centre_velocity()) > _PASSING_SIGMAS
     return moves and not older.contains(younger.centre[None], _BESIDE_M)[0]
 
 
@@ -154,8 +153,7 @@ def _one_behind_other(a: Outline | None, b: Outline | None) -> bool:
     """Return whether two outlines are as high as people, and one is seen well behind the other."""
     if a is None or b is None or not all(each.is_high and each.upright for each in (a, b)):
         return False
-    one, other = (each.grid.camera.fb / each.segment.disparity for each in (a, b))
-    return abs(one - other) > _BEHIND_M
+    return depth_gap_m(a.segment, b.segment, a.grid) > _BEHIND_M
 
 
 def _is_leg(body: BodyTrack, whole: Box, part: BodyTrack, box: Box) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.methods.rigid.dense.height import top_height
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import Segment, segment_of
+from observer.methods.rigid.dense.segments import Segment, depth_gap_m, segment_of
 
 # Metres above the ground up to which legs reach.
 _LEGS_M = 0.85
@@ -44,11 +44,9 @@ def is_other_leg(
         heading: (3,) unit vector, world, in which the person walks, and the legs stride; None if
             unknown.
     """
-    camera = scene.grid.camera
-    one, other = (camera.fb / each.disparity for each in (part, leg))
     along = 1.0 if heading is None else abs(float(scene.T_camera_world.rotation[2] @ heading))
     most_m = _BESIDE_M + along * (_AHEAD_M - _BESIDE_M)
-    if not (part.cut[2] and leg.cut[2]) or abs(one - other) > most_m:
+    if not (part.cut[2] and leg.cut[2]) or depth_gap_m(part, leg, scene.grid) > most_m:
         return False
     left, right = min(part.box[0], leg.box[0]), max(part.box[2], leg.box[2])
     return right - left < _STRIDE_M * scene.grid.per_metre(leg.disparity)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from observer.geometry import Float64Array, largest_sigma
+from observer.geometry import Float64Array, largest_sigma, mahalanobis
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY
 from observer.methods.rigid.dense.grey_change import Light
@@ -81,7 +81,7 @@ def judge(
             changes.
     """
     velocity, cov = track.centre_velocity()
-    track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
+    track.significance = mahalanobis(velocity, cov)
     speed = float(np.linalg.norm(velocity))
     sigma = _sigma_along(velocity, cov)
     track.unsure_s = 0.0 if track.significance >= _STILL_SIGMAS else track.unsure_s + dt

@@ -19,6 +19,7 @@ from observer.methods.rigid.dense.height import bottom_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     SEGMENT_M2,
+    UPRIGHT,
     Expected,
     Mask,
     Segment,
@@ -55,8 +56,6 @@ _WHOLE_S = 1.0
 _LOST_SHARE = 0.9
 # An outline is looked for while its scale, relative to the last silhouette, is between these.
 _SCALES = (0.4, 2.5)
-# Height over width of an upright body: a walking person is taller than wide, a robot is not.
-_UPRIGHT = 1.2
 # Factor by which a body's extent may shrink per frame, as arms and legs swing.
 _SHRINK = 0.97
 # Shares of moved and of static cells that are evidence of motion, and of rest, in a frame.
@@ -154,7 +153,7 @@ class Outline:
 
         A body that is cut off at the top may be a person.
         """
-        return self.height > _UPRIGHT * self.width or self.segment.cut[2]
+        return self.height > UPRIGHT * self.width or self.segment.cut[2]
 
     @property
     def is_small(self) -> bool:

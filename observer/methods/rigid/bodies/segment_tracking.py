@@ -96,7 +96,11 @@ def track_segments(
         small = is_small(scene, segment)
         if small and not stands_alone(segment, tracks, scene):
             continue
-        if _is_taken(segment, tracks, scene):
+        if any(
+            track.seen_outline.take(segment, scene, track.heading)
+            for track in tracks
+            if track.seen_outline is not None
+        ):
             continue
         inside = segment.mask[cells]
         # A small segment is no larger body that comes back.
@@ -124,15 +128,6 @@ def track_segments(
         if track.seen_outline is None:
             _note_merged(track, points, scene, now.dt)
     return _absorbed(tracks, noted_within(points.but(obstacle=obstacle), tracks))
-
-
-def _is_taken(segment: Segment, tracks: list[BodyTrack], scene: DenseScene) -> bool:
-    """Let the first body of which a segment is a limb take it; returns whether one does."""
-    for track in tracks:
-        outline = track.seen_outline
-        if outline is not None and outline.take(segment, scene, track.heading):
-            return True
-    return False
 
 
 def without_segments(

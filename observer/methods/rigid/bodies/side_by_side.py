@@ -9,7 +9,7 @@ from observer.methods.rigid.bodies.beginning import start_track
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
 from observer.methods.rigid.dense.ground import GroundPlane
-from observer.methods.rigid.dense.height import bottom_height, top_height
+from observer.methods.rigid.dense.height import stands, top_height
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, extent_m, is_high, segment_of
 from observer.vision.lifecycle import TrackIds
@@ -18,8 +18,6 @@ from observer.vision.lifecycle import TrackIds
 _LEAST_TOP_M = 1.0
 # A gap at least this wide, up to at least this height, metres, is not one between somebody's legs.
 _WIDE_GAP_M, _LEAST_TOP_BESIDE_IT_M = 0.35, 0.6
-# Metres above the ground: what begins higher, such as an arm, does not stand on it.
-_STANDS_M = 0.35
 # Metres, least width of a person seen from any side, and of one who leaves the view.
 _LEAST_WIDTH_M, _LEAST_PART_M = 0.2, 0.1
 # Points of a body on another segment from which the two may be two people.
@@ -173,8 +171,8 @@ def _may_be_person(
     width_m, _ = extent_m(segment, scene.grid)
     top_m = top_height(segment, scene, ground)
     if beside_wide_gap:
-        stands = bottom_height(segment, scene, ground) <= _STANDS_M
-        return stands and width_m >= _LEAST_PART_M and top_m >= _LEAST_TOP_BESIDE_IT_M
+        large = width_m >= _LEAST_PART_M and top_m >= _LEAST_TOP_BESIDE_IT_M
+        return large and stands(segment, scene, ground)
     large = width_m >= _LEAST_WIDTH_M and is_high(segment, scene.grid)
     return large and top_m >= _LEAST_TOP_M
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from observer.geometry import Float64Array
-from observer.methods.rigid.dense.height import bottom_height
+from observer.methods.rigid.dense.height import stands
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     LEAST_CELLS,
     SEGMENT_M2,
+    UPRIGHT,
     Mask,
     Segment,
     extent_m,
@@ -25,9 +26,6 @@ _BESIDE_M, _BODY_M = 0.75, 1.8
 _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
 # An arm is at most this share of a person, who stands while more than this share of them is static.
 _ARM_SHARE, _STATIC_SHARE = 0.35, 0.6
-# What begins lower than so many metres stands on the ground; a limb is more than so many times as
-# high as wide.
-_ON_GROUND_M, _LIMB_ASPECT = 0.35, 1.2
 # Head and shoulders are in this upper share of the rows: arms swing below it.
 SHOULDERS_SHARE = 0.35
 # Cosine of a camera's tilt up to which what is above in the image is above in the world.
@@ -63,8 +61,7 @@ def _is_low_and_broad(segment: Segment, scene: DenseScene) -> bool:
     if scene.ground is None or segment.cut[3]:
         return False
     width, height = extent_m(segment, scene.grid)
-    on_ground = bottom_height(segment, scene, scene.ground) < _ON_GROUND_M
-    return on_ground and height <= _LIMB_ASPECT * width
+    return height <= UPRIGHT * width and stands(segment, scene, scene.ground)
 
 
 def standing_segment(scene: DenseScene, place: Float64Array, free: Mask) -> Segment | None:

@@ -21,6 +21,8 @@ Window = tuple[slice, slice]
 
 # The trunk is in this upper share of the rows; legs swing below it.
 TRUNK_SHARE = 0.6
+# Height over width of what is upright: a walking person is taller than wide, a robot is not.
+UPRIGHT = 1.2
 # Least area of a seed, of a segment and of one that is clear-cut, m^2, and of all three, cells.
 _SEED_M2, SEGMENT_M2, _SMALL_M2, LEAST_CELLS = 0.03, 0.08, 0.03, 12
 _MOST_SEEDS = 12
@@ -348,6 +350,12 @@ def extent_m(segment: Segment, grid: Grid) -> tuple[float, float]:
     left, top, right, bottom = segment.box
     per_metre = grid.per_metre(segment.disparity)
     return (right - left) / per_metre, (bottom - top) / per_metre
+
+
+def depth_gap_m(one: Segment, other: Segment, grid: Grid) -> float:
+    """Return by how much one of two segments is farther away than the other, metres."""
+    fb = grid.camera.fb
+    return abs(fb / one.disparity - fb / other.disparity)
 
 
 def is_high(segment: Segment, grid: Grid) -> bool:
