@@ -38,9 +38,9 @@ export function riskChoices(usual) {
  * @returns {string} a sentence; empty if nothing is missing
  */
 export function missingForGoal({ connection, robots: facts, robotsOutdated }, ours, programme) {
-  if (connection !== "open") return "No connection to the server.";
+  if (connection !== "open" || (facts && robotsOutdated))
+    return outdatedReason({ connection, robots: facts });
   if (!facts) return "Waiting for robot status.";
-  if (robotsOutdated) return outdatedReason({ connection, robots: facts });
   const robot = facts.robots?.observer;
   if (facts.stopped) return "All robots are stopped: reset the stop first.";
   if (!robot) return "Connect the observer first.";
